@@ -174,13 +174,7 @@ def measure(
     paths: tuple[DrivenPath, ...],
     rest: float = 60.0,
 ) -> Report:
-    """Drive ``paths``, each from the robot's start, then measure its drift at rest.
-
-    Args:
-        description: of the robot.
-        config: of its controller.
-        paths: the paths to drive.
-        rest: duration of the rest, s.
+    """Drive ``paths``, each from the robot's start, then measure its drift in ``rest`` seconds.
 
     Raises:
         OneBotError: robot and config do not match, or cannot be simulated.
@@ -274,9 +268,7 @@ def missed(report: Report) -> list[str]:
 def robots_table(files: Sequence[str], config: ControlConfig) -> str:
     """Drive 2 m and turn once with each robot, and return the results as Markdown.
 
-    Args:
-        files: URDF or xacro files; the row of one that cannot be driven has the reason.
-        config: of the controller.
+    The row of a robot that cannot be driven has the reason.
     """
     rows = [_ROBOTS_HEAD, ("---",) * len(_ROBOTS_HEAD), *(_robot(file, config) for file in files)]
     return "".join(f"| {' | '.join(row)} |\n" for row in rows)

@@ -36,12 +36,7 @@ class CommandLock:
     """
 
     def __init__(self, node: Node, brake: Callable[[], None]) -> None:
-        """Start unlocked.
-
-        Args:
-            node: of which the topics are.
-            brake: called when it is locked.
-        """
+        """Start unlocked; ``brake`` is called when it is locked."""
         self._node, self._brake = node, brake
         self.locked = False
         commands = node.resolve_topic_name(_TOPIC)
@@ -53,7 +48,7 @@ class CommandLock:
     def __str__(self) -> str:
         return (
             f"the robot is locked until false is published on {self._topic}, or until somebody "
-            "presses a key or control that drives in onebot steer or onebot teleop"
+            "presses a control that drives in onebot steer, or r in onebot teleop"
         )
 
     def _on_lock(self, message: Bool) -> None:
@@ -86,8 +81,8 @@ class CommandSubscription:
             node: of which ~/cmd_vel is.
             choice: "Twist", "TwistStamped", or "auto" to follow the publishers.
             received: called with linear.x in m/s, angular.z in rad/s, and the stamp in ns (None
-                for a Twist, which has none).
-            warn: called with a key and a text to warn of.
+                for a Twist).
+            warn: called with a key and a text.
         """
         self._node, self._received, self._warn = node, received, warn
         self._topic = node.resolve_topic_name(_TOPIC)

@@ -49,22 +49,16 @@ class Pacer:
         factor: float = 1.0,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Make the first cycle due now.
-
-        Args:
-            period: s of simulated time between cycles.
-            factor: simulated seconds a second; 0 is as fast as possible.
-            clock: the monotonic clock, s.
-        """
+        """Make the first cycle due now; see ``set``."""
         self._clock = clock
         self.due = clock()
         self.lag, self.missed = 0.0, 0
         self.set(period, factor)
 
     def set(self, period: float, factor: float) -> None:
-        """Change period and factor (see the constructor) from the next cycle on.
+        """Change the period, and the simulated seconds a second; 0 is as fast as possible.
 
-        It is due no later than a new period from now.
+        The next cycle is due no later than a new period from now.
         """
         self._interval = period / factor if factor else 0.0
         self.due = min(self.due, self._clock() + self._interval)
@@ -77,9 +71,7 @@ class Pacer:
     def next(self, wait: Callable[[float], object]) -> None:
         """Wait for the next cycle.
 
-        Args:
-            wait: called with the seconds to wait; it may return early, to stop, or where the
-                pace has changed.
+        ``wait`` gets the seconds; it may return early, to stop, or where the pace has changed.
         """
         self.due += self._interval
         self.lag, self.missed = 0.0, 0
@@ -177,21 +169,15 @@ class ControlLoop:
     ) -> None:
         """Get ready; ``start`` starts.
 
-        Args:
-            fleet: the robots.
-            publish: called in each cycle with the robots' states and their stamp in ns, before
-                the robots move on.
-            simulated: whether stamps are simulated time.
-            meter: measures the pace.
-            failed: called with what ended the loop, if it was not ``stop``.
+        ``publish`` is called in each cycle with the robots' states and their stamp in ns, before
+        the robots move on; ``failed`` with the error that ends the loop.
         """
         self.fleet, self.simulated, self.paused = fleet, simulated, False
         self._publish, self._failed = publish, failed
         self._meter = meter or PaceMeter()
         self._inbox: SimpleQueue[Callable[[], Any]] = SimpleQueue()
         self._stopped = False
-        # Held as long as the loop runs. To wait for it is one call, and so much cheaper than
-        # waiting for an Event, most of all with the processor's caches cold, as they are then.
+        # Held as long as the loop runs: waiting for a lock is much cheaper than for an Event.
         self._running = threading.Lock()
         self._running.acquire()
         self._thread = threading.Thread(target=self._run, name="control", daemon=True)

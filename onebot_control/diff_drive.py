@@ -103,13 +103,8 @@ class DiffDriveController:
         return None
 
     def update(self, wheels: WheelStates, dt: float) -> DriveCommand:
-        """Do one control cycle.
-
-        Args:
-            wheels: their states now.
-            dt: seconds since the last cycle.
-        """
-        # A command's first cycle comes less than dt after it; it is not older for that.
+        """Do one control cycle, ``dt`` seconds after the last one."""
+        # A command's first cycle comes less than dt after it, so do not age it yet.
         self._age += 0.0 if self._fresh else dt
         self._fresh = False
         self._unsure -= dt

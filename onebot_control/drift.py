@@ -42,12 +42,9 @@ class DriftCheck:
     def update(
         self, odometry: PlanarPose, truth: PlanarPose, obstructed: Callable[[], bool]
     ) -> None:
-        """Follow the robot, several times a second.
+        """Follow the robot, several times a second; the poses may be in any frames.
 
-        Args:
-            odometry: by the wheels, in any frame.
-            truth: in any frame.
-            obstructed: returns whether something holds the robot back; then wheels slip, rightly.
+        Where something holds the robot back (``obstructed``), wheels slip rightly.
         """
         if self.warning:
             return

@@ -130,7 +130,7 @@ class Side:
         return {name: direction * speed for name, direction in self._directions}
 
 
-class Part(NamedTuple):
+class DrivenSpawn(NamedTuple):
     """A robot, ready to enter a world."""
 
     wheels: Wheels
@@ -138,7 +138,7 @@ class Part(NamedTuple):
     held: Mapping[str, float]  # joints that do not move, to their positions
 
     @classmethod
-    def of(cls, description: Description, config: ControlConfig, name: str = "") -> "Part":
+    def of(cls, description: Description, config: ControlConfig, name: str = "") -> "DrivenSpawn":
         """Return the robot that ``config`` drives, at its start; ``name`` is for errors.
 
         Raises:
@@ -201,7 +201,7 @@ class DrivenRobot:
         Raises:
             OneBotError: config and description do not suit each other, or cannot be simulated.
         """
-        part = Part.of(description, config)
+        part = DrivenSpawn.of(description, config)
         world = World([part.spawn], Settings().fitted(config.update_rate))
         try:
             return cls(part.wheels, config, world.robots[0], part.held)
@@ -329,14 +329,14 @@ class DrivenRobot:
 
         It changes with what sets the odometry; in a scene, where wheels slip, all the time.
         """
-        if self.plant.scene is None:
+        if self.plant.world.scene is None:
             return self._odom_placed
         return self.true_pose.compose(self.controller.odometry.pose.inverse())
 
     @property
     def world_frame(self) -> str:
         """The frame of the truth; "" if that is the odometry's."""
-        return self.config.world_frame(in_scene=self.plant.scene is not None)
+        return self.config.world_frame(in_scene=self.plant.world.scene is not None)
 
     def continue_from(self, other: "DrivenRobot") -> None:
         """Continue another robot's odometry and count of cycles, where that one is."""

@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped
@@ -23,9 +24,9 @@ from onebot_control.parameters import ControlConfig, ControlParameters
 from onebot_control.poses import PlanarPose, yaw_of
 from onebot_control.publishing import Frames, Publishers, ScenePublisher
 from onebot_control.real_time import Pace, PaceMeter
-from onebot_control.sensing.publishing import RobotSensors
-from onebot_control.sensing.scene import SensedRobot
-from onebot_control.sensing.sensors import Instrument, Sensing
+from onebot_control.sensing.instruments import Instrument, Sensing
+from onebot_control.sensing.robot_sensors import RobotSensors
+from onebot_control.sensing.surroundings import SensedRobot
 from onebot_control.simulation.engine import logger as simulation_log
 from onebot_control.simulation.scene import load_scene
 from onebot_description.description import Description, load_description, parse_description
@@ -273,8 +274,7 @@ class RobotDriving:
         # Before the commands: of an unlock and a command at once it is received first.
         self.lock = CommandLock(node, self._brake)
         self.commands = CommandSubscription(node, choice, self._on_command, self._warn)
-        PoseTopics(node, lambda: driving.loop, row, lambda: self.publishing.odom_frame, self._warn)
-        Services(node, lambda: driving.loop, row)
+        Requests(node, lambda: driving.loop, row, lambda: self.publishing.odom_frame, self._warn)
         refuse_undeclared(node, ControlConfig)
         node.add_on_set_parameters_callback(self._validate)
         node.add_post_set_parameters_callback(self._apply)
@@ -303,15 +303,20 @@ class RobotDriving:
         All robots must be described.
 
         Raises:
-            ConfigError: two frames have one name.
+            ConfigError: two frames have one name, or the frame of a scene would change.
         """
         others = {
             _full_name(robot._node): robot._frames()
             for robot in self._driving.robots
             if robot is not self
         }
-        frames = self._frames(config, description)
-        if problems := [*frames.problems(others, self._driving.scene)]:
+        frames, world = self._frames(config, description), self._frames().world
+        problems = [*frames.problems(others, self._driving.scene)]
+        if self._driving.scene is not None and frames.world != world:
+            # The frames of the scene are published once.
+            text = f'the frames of the world are in "{world}"; restart the node to change it'
+            problems.append(Problem("world_frame_id", text))
+        if problems:
             raise ConfigError(problems)
 
     def _frames(
@@ -443,20 +448,12 @@ class RobotDriving:
             if loop is not None:
                 robot = loop.fleet.robots[self._row]
                 robot.fitted(config)
-                self._check_world_frame(config)
                 if config.sensors and config.sensors != self._settings.config.sensors:
-                    load_sensors(config.sensors, robot.description.link_names)
+                    load_sensors(config.sensors, robot.description)
                 self.check_frames(config)
         except OneBotError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
-
-    def _check_world_frame(self, config: ControlConfig) -> None:
-        """Raise ConfigError if a scene's frames, which are published once, are in another one."""
-        before = self._settings.config.world_frame(in_scene=True)
-        if self._driving.scene is not None and config.world_frame(in_scene=True) != before:
-            text = f'the frames of the world are in "{before}"; restart the node to change it'
-            raise ConfigError([Problem("world_frame_id", text)])
 
     def _apply(self, parameters: Sequence[Parameter]) -> None:
         before, warned = self._settings.config, self._settings.warnings
@@ -488,30 +485,37 @@ class RobotDriving:
         self.publishing.use(robot)
 
 
-class PoseTopics:
-    """~/teleport and ~/set_odometry: put the robot, or its odometry, somewhere else."""
+class Requests:
+    """Puts a robot and its odometry somewhere else, and stops its world.
+
+    The topics ~/teleport and ~/set_odometry and the services ~/reset and ~/reset_odometry are the
+    robot's, the services ~/pause and ~/step are its world's.
+    """
 
     def __init__(
-        self,
-        node: Node,
-        loop: GetLoop,
-        row: int,
-        odom_frame: Callable[[], str],
-        warn: Warn,
+        self, node: Node, loop: GetLoop, row: int, odom_frame: Callable[[], str], warn: Warn
     ) -> None:
         self._loop, self._row = loop, row
         self._odom_frame, self._warn = odom_frame, warn
-        node.create_subscription(PoseStamped, "~/teleport", self._on_teleport, _DEPTH)
-        node.create_subscription(PoseStamped, "~/set_odometry", self._on_set_odometry, _DEPTH)
+        for topic, use in (("teleport", self._teleport), ("set_odometry", self._place_odometry)):
+            received = partial(self._on_pose, topic, use)
+            node.create_subscription(PoseStamped, f"~/{topic}", received, _DEPTH)
+        for service, action in (
+            ("reset", lambda loop: self._robot(loop).reset()),
+            ("reset_odometry", lambda loop: self._robot(loop).place_odometry(PlanarPose())),
+            ("step", ControlLoop.step),
+        ):
+            node.create_service(Trigger, f"~/{service}", partial(self._on_trigger, action))
+        node.create_service(SetBool, "~/pause", self._on_pause)
 
-    def _on_teleport(self, message: PoseStamped) -> None:
-        self._with_pose("teleport", message, self._teleport)
+    def _robot(self, loop: ControlLoop) -> DrivenRobot:
+        return loop.fleet.robots[self._row]
 
-    def _on_set_odometry(self, message: PoseStamped) -> None:
-        self._with_pose("set_odometry", message, self._place_odometry)
-
-    def _with_pose(
-        self, topic: str, message: PoseStamped, use: Callable[[DrivenRobot, str, PlanarPose], None]
+    def _on_pose(
+        self,
+        topic: str,
+        use: Callable[[DrivenRobot, str, PlanarPose], None],
+        message: PoseStamped,
     ) -> None:
         loop, pose = self._loop(), planar_pose(message)
         if loop is None:
@@ -521,8 +525,7 @@ class PoseTopics:
             self._warn(topic, f"~/{topic} is ignored: {text}")
         else:
             try:
-                robots = loop.fleet.robots
-                loop.call(lambda: use(robots[self._row], message.header.frame_id, pose))
+                loop.call(lambda: use(self._robot(loop), message.header.frame_id, pose))
             except (OneBotError, ValueError) as error:
                 self._warn(topic, f"~/{topic} is ignored: {error}")
 
@@ -540,44 +543,14 @@ class PoseTopics:
             raise OneBotError(f'the odometry\'s frame is "{odom}", not "{frame}"')
         robot.place_odometry(pose)
 
-
-def planar_pose(message: PoseStamped) -> PlanarPose:
-    """Return a pose as seen from above; NaN where its quaternion is not of unit length."""
-    p, q = message.pose.position, message.pose.orientation
-    norm = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w
-    yaw = yaw_of(q.x, q.y, q.z, q.w) if 0.98 < norm < 1.02 else math.nan
-    return PlanarPose(p.x, p.y, yaw)
-
-
-class Services:
-    """~/reset and ~/reset_odometry of a robot, ~/pause and ~/step of its world."""
-
-    def __init__(self, node: Node, loop: GetLoop, row: int) -> None:
-        self._loop, self._row = loop, row
-        node.create_service(Trigger, "~/reset", self._on_reset)
-        node.create_service(Trigger, "~/reset_odometry", self._on_reset_odometry)
-        node.create_service(SetBool, "~/pause", self._on_pause)
-        node.create_service(Trigger, "~/step", self._on_step)
-
-    def _on_reset(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
-        return self._answer(answer, lambda loop: self._robot(loop).reset())
-
-    def _on_reset_odometry(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
-        return self._answer(answer, lambda loop: self._robot(loop).place_odometry(PlanarPose()))
-
     def _on_pause(self, request: SetBool.Request, answer: SetBool.Response) -> SetBool.Response:
-        return self._answer(answer, lambda loop: setattr(loop, "paused", request.data))
+        return self._on_trigger(lambda loop: setattr(loop, "paused", request.data), request, answer)
 
-    def _on_step(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
-        return self._answer(answer, lambda loop: loop.step())
-
-    def _robot(self, loop: ControlLoop) -> DrivenRobot:
-        return loop.fleet.robots[self._row]
-
-    def _answer(
+    def _on_trigger(
         self,
-        answer: Trigger.Response | SetBool.Response,
         action: Callable[[ControlLoop], object],
+        _: Trigger.Request | SetBool.Request,
+        answer: Trigger.Response | SetBool.Response,
     ) -> Trigger.Response | SetBool.Response:
         loop = self._loop()
         try:
@@ -588,3 +561,11 @@ class Services:
         except OneBotError as error:
             answer.success, answer.message = False, str(error)
         return answer
+
+
+def planar_pose(message: PoseStamped) -> PlanarPose:
+    """Return a pose as seen from above; NaN where its quaternion is not of unit length."""
+    p, q = message.pose.position, message.pose.orientation
+    norm = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w
+    yaw = yaw_of(q.x, q.y, q.z, q.w) if 0.98 < norm < 1.02 else math.nan
+    return PlanarPose(p.x, p.y, yaw)

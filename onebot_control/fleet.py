@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from types import MappingProxyType
 from typing import NamedTuple
 
-from onebot_control.driven_robot import DrivenRobot, Part, Snapshot
+from onebot_control.driven_robot import DrivenRobot, DrivenSpawn, Snapshot
 from onebot_control.parameters import ControlConfig
 from onebot_control.simulation import Robot, Settings, World
 from onebot_description.description import Description
@@ -45,10 +45,7 @@ class Fleet:
     ) -> "Fleet":
         """Return robots in a world of their own.
 
-        Args:
-            members: the robots.
-            settings: of the simulation; their rate is fitted to the robots' update_rate.
-            scene: what stands around them; see ``World``.
+        The rate of ``settings`` is fitted to the robots' update_rate.
 
         Raises:
             OneBotError: config and description of a robot do not suit each other, it cannot be
@@ -129,12 +126,12 @@ class Fleet:
         self.close()
 
 
-def _part(member: Member) -> Part:
+def _part(member: Member) -> DrivenSpawn:
     with located(member):
-        return Part.of(member.description, member.config, member.name)
+        return DrivenSpawn.of(member.description, member.config, member.name)
 
 
-def _driven(member: Member, part: Part, plant: Robot) -> DrivenRobot:
+def _driven(member: Member, part: DrivenSpawn, plant: Robot) -> DrivenRobot:
     with located(member):
         return DrivenRobot(part.wheels, member.config, plant, part.held)
 

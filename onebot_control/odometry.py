@@ -37,21 +37,14 @@ class DiffDriveKinematics:
                 raise ValueError(f"{name} must be at least {_LEAST:g} m, not {value:g} m")
 
     def wheel_velocities(self, linear: float, angular: float) -> tuple[float, float]:
-        """Return the velocities of the left and the right wheels, rad/s.
-
-        Args:
-            linear: the body's velocity forward, m/s.
-            angular: the body's turning to the left, rad/s.
-        """
+        """Return the velocities of the left and the right wheels, rad/s, for a twist."""
         across = angular * self.separation / 2.0
         return (linear - across) / self.left_radius, (linear + across) / self.right_radius
 
     def body_motion(self, left: float, right: float) -> tuple[float, float]:
-        """Return how far the body moves forward, m, and turns to the left, rad.
+        """Return how far the body moves forward, m, and turns to the left, rad, by the wheels' rad.
 
-        Args:
-            left: how far the left wheels have turned, rad (or rad/s, for velocities).
-            right: how far the right wheels have turned.
+        For velocities of wheels, rad/s, these are the body's velocities.
         """
         way_left, way_right = left * self.left_radius, right * self.right_radius
         return (way_left + way_right) / 2.0, (way_right - way_left) / self.separation

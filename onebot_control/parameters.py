@@ -232,21 +232,20 @@ def default_control_file() -> Path:
 def read_control_files(files: Sequence[Path], namespace: str, controller: str) -> Parameters:
     """Read the parameters of controller_manager, joint_state_broadcaster and the controller.
 
+    Later files override. The names of the broadcaster's begin with ``joint_state_broadcaster.``.
+
     Args:
-        files: later ones override.
+        files: in ros2_control's form.
         namespace: of the nodes, such as "/".
         controller: name of the controller's node.
-
-    Returns:
-        The controller's parameters; the broadcaster's begin with ``joint_state_broadcaster.``.
 
     Raises:
         ConfigError: with all that is wrong in the file, each with its line.
     """
-    found = Parameters()
+    parameters = Parameters()
     for file in files:
-        found.update(_File(file, namespace).read(controller))
-    return found
+        parameters.update(_File(file, namespace).read(controller))
+    return parameters
 
 
 class _File:
@@ -346,11 +345,7 @@ class ControlParameters:
         return [problem.message(self.places) for problem in self.config.surprises()]
 
     def changed(self, parameters: Sequence["Parameter"], simulated: bool) -> ControlConfig:
-        """Return the configuration there would be with these parameters set.
-
-        Args:
-            parameters: to be set together.
-            simulated: whether the node's time is simulated.
+        """Return the configuration with these parameters set.
 
         Raises:
             ConfigError: they cannot be set, and why.

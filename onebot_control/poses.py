@@ -69,11 +69,7 @@ def about_z(yaw: float) -> Quaternion:
 def prefixed(frame: str, enabled: bool, prefix: str, namespace: str) -> str:
     """Return ``frame`` as diff_drive_controller names it.
 
-    Args:
-        frame: such as "odom".
-        enabled: parameter tf_frame_prefix_enable.
-        prefix: parameter tf_frame_prefix; the namespace when empty.
-        namespace: of the node, such as "/" or "/robot1".
+    By the parameters tf_frame_prefix_enable and tf_frame_prefix, which is the namespace if empty.
     """
     if not enabled:
         return frame

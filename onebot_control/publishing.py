@@ -119,7 +119,7 @@ class Publishers:
     def use(self, robot: DrivenRobot) -> None:
         """Publish this robot from now on, with its parameters as they are now."""
         self._robot, config = robot, robot.config
-        self._in_scene = robot.plant.scene is not None  # which stops and tilts the robot
+        self._in_scene = robot.plant.world.scene is not None  # which stops and tilts the robot
         frames = Frames.of(config, robot.description, self._namespace, in_scene=self._in_scene)
         self._world, odom, base, _ = frames
         self.odom_frame = odom

@@ -29,7 +29,6 @@ class Pace:
         self.missed += missed
 
     def __str__(self) -> str:
-        """Return it in words."""
         all_cycles = self.cycles + self.missed
         return (
             f"real-time factor {self.factor:.2g} in the last {self.seconds:.0f} s, "
@@ -60,12 +59,7 @@ class PaceMeter:
         self._is_slow = False
 
     def set(self, due: float, wanted: float) -> None:
-        """Measure anew, from the cycle due at ``due`` (monotonic, s) on.
-
-        Args:
-            due: s.
-            wanted: as the attribute.
-        """
+        """Measure anew, from the cycle due at ``due`` (monotonic, s) on."""
         self._due, self.wanted = due, wanted
         self._second, self._minute = Pace(), Pace()
 
@@ -74,12 +68,9 @@ class PaceMeter:
         self._due = due
 
     def cycle(self, due: float, simulated: float, missed: int) -> None:
-        """Count a control cycle.
+        """Count a cycle of ``simulated`` s, after which ``missed`` ones were left out.
 
-        Args:
-            due: when the next one is, s.
-            simulated: s of simulated time.
-            missed: cycles that were left out after it.
+        ``due`` is when the next one is.
         """
         seconds, self._due = due - self._due, due
         self._second.add(seconds, simulated, missed)

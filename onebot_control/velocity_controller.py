@@ -105,8 +105,8 @@ def velocity_controllers(
     """Return a node for each robot of a world, which start driving when all are described.
 
     Args:
-        robots: the ROS arguments of each; none for a single robot, which needs none.
-        file: as ``Driving``'s.
+        robots: the ROS arguments of each; none for a single robot.
+        file: URDF or xacro file.
         arguments: of all nodes.
 
     Raises:

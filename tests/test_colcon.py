@@ -69,7 +69,7 @@ DOCTOR = """
 from importlib import metadata
 known = metadata.distribution
 def other(name):
-    if name == "onebot":
+    if name == "onebot-robots":
         raise metadata.PackageNotFoundError(name)
     return known(name)
 metadata.distribution = other

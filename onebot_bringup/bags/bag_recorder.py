@@ -10,15 +10,6 @@ Subscribes:
     /tf, /tf_static, joint_states, robot_description, velocity_controller/odom: from the start.
     every other topic that appears, but hidden ones, /rosout and /parameter_events; its QoS is
         adapted to what its publishers offer.
-
-Parameters:
-    folder (string): the recording, a new folder; required.
-    topics (string[], []): record only these, absolute or relative names.
-    regex (string, ""): record only topics with this regular expression in their name, and topics.
-    exclude_regex (string, ""): and of all that, none with this one in their name.
-    compression (string, "zstd"): of the chunks of messages; or none.
-    use_sim_time (bool, false): stamp the messages with simulated time; recording begins with the
-        first message on /clock.
 """
 
 import math

@@ -21,7 +21,7 @@ OFFERED = "offered_qos_profiles"  # of a topic, in both formats
 # What mcap, the decompressors and sqlite3 raise for damaged files.
 DAMAGE = (
     McapError, OSError, struct.error, zstandard.ZstdError, sqlite3.Error, ValueError, KeyError,
-    EOFError, RuntimeError, OverflowError, MemoryError,
+    EOFError, RuntimeError, TypeError, OverflowError, MemoryError,
 )  # fmt: skip
 _INFINITE_S = 2**31 - 1  # s: this or more stands for an infinite duration; in Foxy it is this
 

@@ -121,7 +121,6 @@ class McapFile:
         self._declared = index or _Declared(max_size)
 
     def close(self) -> None:
-        """Close it."""
         self._file.close()
 
     def describe(self, contents: Contents) -> None:

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import rerun as rr
 
-from onebot_bringup.bags.contents import BagMessage
 from onebot_bringup.bags.reader import Bag
 from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
 from onebot_bringup.viewer.displays.tf import TF
-from onebot_bringup.viewer.robot_view import DESCRIPTION, WORLD_DESCRIPTION, RobotView
-from onebot_bringup.viewer.shown_robot import MOST_PLOTTED, RobotToShow
+from onebot_bringup.viewer.inbox import DESCRIPTION
+from onebot_bringup.viewer.robot_view import RobotView
+from onebot_bringup.viewer.shown_robot import MOST_PLOTTED, WORLD_DESCRIPTION, RobotToShow
 from onebot_bringup.viewer.view_source import ViewSource
 from onebot_description.description import Description, parse_description
 from onebot_description.errors import OneBotError, did_you_mean, listing, printable
@@ -70,24 +70,25 @@ def log_bag(
     Raises:
         OneBotError: there is nothing to show in it or in the namespace, or the view is wrong.
     """
-    recorded = robots_of(bag, namespace)
-    names = recorded[0]
-    if len(recorded) > 1:
-        there = listing([each.space or "/" for each in recorded])
+    robots = robots_of(bag, namespace)
+    first = robots[0]
+    if len(robots) > 1:
+        spaces = listing([robot.space or "/" for robot in robots])
         if frame_prefix:
             raise OneBotError(
                 f"frame_prefix:={frame_prefix} is one robot's, and several are recorded, in "
-                f"{there}: choose one by namespace:="
+                f"{spaces}: choose one by namespace:="
             )
-        progress(f"showing the robots in {there}; namespace:= chooses one")
-    elif not names.descriptions:
+        progress(f"showing the robots in {spaces}; namespace:= chooses one")
+    elif not first.description:
         warn(f"{bag.source} holds no {_DESCRIPTION_NAME}: showing the rest without the robot")
-    if names.tf_elsewhere and not namespace:
-        warn(f"not shown: the transforms in {listing(names.tf_elsewhere)}; namespace:= chooses one")
-    known = descriptions_in(bag, [topic for each in recorded for topic in each.descriptions[:1]])
+    others = sorted({*_tf_spaces(bag)} - {"", first.tf_space})
+    if others and not namespace:
+        warn(f"not shown: the transforms in {listing(others)}; namespace:= chooses one")
+    descriptions = descriptions_in(bag, [robot.description for robot in robots])
     source = ViewSource("" if view is None else str(view), warn)
-    if known:
-        name = next(iter(known.values())).robot_name
+    if descriptions:
+        name = next(iter(descriptions.values())).robot_name
         source.set_robot(name, in_world=WORLD_DESCRIPTION in bag.topics)
     config = replace(source.view, fixed_frame=fixed_frame or source.view.fixed_frame)
     for warning in bag.warnings:
@@ -98,14 +99,14 @@ def log_bag(
         stream,
         config,
         blueprint=source.blueprint_file,
-        robots=_named_robots(bag, recorded, known, frame_prefix),
-        resolve=names.resolved,
+        robots=_robots_to_show(bag, robots, descriptions, frame_prefix),
+        resolve=first.resolved,
         clock=lambda: player.now_ns / 1e9,
         report=player.report,
         from_start=from_start,
         definitions=bag.definition,
     )
-    for warning in robot_view.offer(_with_messages(bag, names, namespace)):
+    for warning in robot_view.offer(_with_messages(bag, first, namespace)):
         warn(warning)
     shown = player.play(robot_view, progress)
     for warning in bag.warnings[warned:]:
@@ -116,11 +117,10 @@ def log_bag(
     return shown
 
 
-def _with_messages(bag: Bag, names: "RobotTopics", namespace: str) -> dict[str, str]:
+def _with_messages(bag: Bag, robot: "RecordedRobot", namespace: str) -> dict[str, str]:
     """The types of the topics that have messages, without the robots' that are not shown."""
-    others = tuple(
-        f"{space}/" for space in names.spaces if namespace and space not in ("", names.space)
-    )
+    spaces = {*_spaces(bag, _DESCRIPTION_NAME, DESCRIPTION.name)} if namespace else set()
+    others = tuple(f"{space}/" for space in spaces - {"", robot.space})
     return {
         topic: kind
         for topic, kind in bag.topics.items()
@@ -181,142 +181,133 @@ class _Player:
             self._warn(sentence)
 
 
-# --- which robot ----------------------------------------------------------------------------
+@dataclass(frozen=True)
+class RecordedRobot:
+    """Where a robot's topics are in a recording."""
 
-
-class RobotTopics:
-    """Which topics of a recording are of the robot, and its namespace."""
-
-    def __init__(self, bag: Bag, namespace: str = "") -> None:
-        """Choose the robot in ``namespace``, or the first one.
-
-        Raises:
-            OneBotError: there is none.
-        """
-        found = _named(bag, _DESCRIPTION_NAME, DESCRIPTION.name)
-        self.descriptions = sorted(found, key=lambda topic: (topic.count("/"), topic))
-        joints = _named(bag, _JOINTS_NAME, JOINT_STATE.name)
-        with_tf = [_space(each) for name in _TF_NAMES for each in _named(bag, name[1:], TF.name)]
-        self.spaces = [_space(topic) for topic in self.descriptions]  # of every robot
-        self.space = self.spaces[0] if self.spaces else ""  # of the robot: "" or "/name"
-        if namespace:
-            self.space = f"/{namespace.strip('/')}".rstrip("/")
-            known = [*self.spaces, *map(_space, joints), *filter(None, with_tf)]
-            if self.space not in known:
-                there = did_you_mean(namespace, {space or "/" for space in known}, "robots")
-                raise OneBotError(f"namespace:={namespace}: {bag.source} has no robot there{there}")
-            self.descriptions = [t for t in self.descriptions if _space(t) == self.space]
-        self.joints = f"{self.space}/{_JOINTS_NAME}"
-        if not self.descriptions and not namespace and joints and self.joints not in joints:
-            self.joints = joints[0]
-        # Some robots publish their transforms below their namespace.
-        spaces = ["", self.space, *([] if namespace else with_tf)]
-        self._tf_space = next((space for space in spaces if space in with_tf), "")
-        self.tf = [f"{self._tf_space}{name}" for name in _TF_NAMES]
-        self.tf_elsewhere = sorted({*with_tf} - {"", self._tf_space})  # not shown
+    space: str  # its namespace: "" or "/name"
+    description: str  # the topic; "" for none
+    joints: str  # the topic of its joint states
+    tf_space: str  # the namespace of its transforms, below which some robots publish them
 
     def resolved(self, name: str) -> str:
         """Return the full name of a topic that the view names."""
         if name == _JOINTS_NAME:
             return self.joints
         if name in _TF_NAMES:
-            return f"{self._tf_space}{name}"
+            return f"{self.tf_space}{name}"
         return name if name.startswith("/") else f"{self.space}/{name}"
 
 
-def robots_of(bag: Bag, namespace: str = "") -> list[RobotTopics]:
-    """Return the robot in ``namespace``, or all, the first one of none if there is no description.
+def robots_of(bag: Bag, namespace: str = "") -> list[RecordedRobot]:
+    """Return the robot in ``namespace``, or all; without any description what may be of one.
 
     Raises:
         OneBotError: there is none in the namespace.
     """
-    first = RobotTopics(bag, namespace)
-    if namespace or len(first.spaces) < 2:
-        return [first]
-    return [RobotTopics(bag, space or "/") for space in first.spaces]
+    described = _spaces(bag, _DESCRIPTION_NAME, DESCRIPTION.name)
+    joints = _spaces(bag, _JOINTS_NAME, JOINT_STATE.name)
+    transforms = _tf_spaces(bag)
+    spaces = described or [""]
+    if namespace:
+        spaces = [f"/{namespace.strip('/')}".rstrip("/")]
+        known = {*described, *joints, *filter(None, transforms)}
+        if spaces[0] not in known:
+            hint = did_you_mean(namespace, {space or "/" for space in known}, "robots")
+            raise OneBotError(f"namespace:={namespace}: {bag.source} has no robot there{hint}")
+    robots = []
+    for space in spaces:
+        with_joints, with_tf = space, [t for t in ("", space) if t in transforms]
+        if not described and not namespace:
+            with_joints = next((one for one in (space, *joints) if one in joints), space)
+        if not namespace and len(spaces) == 1:
+            with_tf += transforms
+        description = f"{space}/{_DESCRIPTION_NAME}" if space in described else ""
+        robots.append(
+            RecordedRobot(
+                space, description, f"{with_joints}/{_JOINTS_NAME}", next(iter(with_tf), "")
+            )
+        )
+    return robots
 
 
-def _named_robots(
+def _robots_to_show(
     bag: Bag,
-    recorded: Sequence[RobotTopics],
-    known: Mapping[str, Description],
+    robots: Sequence[RecordedRobot],
+    descriptions: Mapping[str, Description],
     frame_prefix: str,
 ) -> list[RobotToShow]:
-    """Return the names of the robots; the prefixes of their frames are found out, if not given."""
-    frames = set() if frame_prefix or not known else frames_of(bag, recorded[0])
-    found: list[RobotToShow] = []
-    for each in recorded:
-        robot = known.get(each.descriptions[0]) if each.descriptions else None
-        prefix = frame_prefix
-        if robot is not None and not prefix:
-            prefix = frame_prefix_of(robot.root_link, robot.link_names, frames, each.space)
-        # Of one alone, names.resolved knows where its joint states are.
-        space = each.space if len(recorded) > 1 else ""
-        found.append(RobotToShow(space, prefix, plotted=len(found) < MOST_PLOTTED))
-    return found
+    """The robots with the prefixes of their frames, which are found out if none is given."""
+    frames = set() if frame_prefix or not descriptions else frames_of(bag, robots[0])
+    shown: list[RobotToShow] = []
+    for robot in robots:
+        description, prefix = descriptions.get(robot.description), frame_prefix
+        if description is not None and not prefix:
+            prefix = frame_prefix_of(
+                description.root_link, description.link_names, frames, robot.space
+            )
+        # Of one robot alone, ``resolved`` has its topics.
+        space = robot.space if len(robots) > 1 else ""
+        shown.append(RobotToShow(space, prefix, plotted=len(shown) < MOST_PLOTTED))
+    return shown
 
 
 def descriptions_in(bag: Bag, topics: Collection[str]) -> dict[str, Description]:
     """Return the first description on each of these topics that can be read."""
-    found: dict[str, Description] = {}
-    for message in bag.messages(topics) if topics else ():
-        if message.topic not in found:
+    wanted = [topic for topic in topics if topic]
+    descriptions: dict[str, Description] = {}
+    for message in bag.messages(wanted) if wanted else ():
+        if message.topic not in descriptions:
             with suppress(OneBotError, ValueError):  # it is reported when it is shown
-                found[message.topic] = parse_description(_text(message), _DESCRIPTION_NAME)
-        if len(found) == len(topics):
+                [text] = DESCRIPTION.decode([message.data], lambda _: None)
+                descriptions[message.topic] = parse_description(text or "", _DESCRIPTION_NAME)
+        if len(descriptions) == len(wanted):
             break
-    return {topic: found[topic] for topic in topics if topic in found}
+    return {topic: descriptions[topic] for topic in wanted if topic in descriptions}
 
 
-def frames_of(bag: Bag, names: RobotTopics) -> set[str]:
+def frames_of(bag: Bag, robot: RecordedRobot) -> set[str]:
     """Return the frames that are named at the beginning."""
     frames: set[str] = set()
-    for message in islice(bag.messages(names.tf), _FIRST):
+    topics = [robot.resolved(name) for name in _TF_NAMES]
+    for message in islice(bag.messages(topics), _FIRST):
         with suppress(ValueError, IndexError):
             transforms = tf_arrays(message.data)
             frames.update(transforms.parents, transforms.children)
     return frames
 
 
-def _text(message: BagMessage) -> str:
-    [text] = DESCRIPTION.decode([message.data], lambda _: None)
-    return text or ""
-
-
-def _space(topic: str) -> str:
-    return topic.rpartition("/")[0]
-
-
-def _named(bag: Bag, name: str, kind: str) -> list[str]:
-    """The topics of that name and type, in any namespace."""
-    return [
+def _spaces(bag: Bag, name: str, kind: str) -> list[str]:
+    """The namespaces with a topic of that name and type, the outer ones first."""
+    topics = [
         topic
         for topic, recorded in bag.topics.items()
         if recorded == kind and topic.rpartition("/")[2] == name
     ]
+    return [topic.rpartition("/")[0] for topic in sorted(topics, key=lambda t: (t.count("/"), t))]
+
+
+def _tf_spaces(bag: Bag) -> list[str]:
+    return [space for name in _TF_NAMES for space in _spaces(bag, name[1:], TF.name)]
 
 
 def frame_prefix_of(
     root: str, links: Collection[str], frames: Collection[str], namespace: str
 ) -> str:
-    """Return what is before the links' names in ``frames``.
+    """Return the prefix that most links have in ``frames``; "" for none.
 
     Args:
         root: the root link.
         links: all links, the root among them.
-        frames: those that were recorded, of other robots too.
-        namespace: the robot's; of several robots' prefixes that fit as well, the one named like it
-            is taken.
-
-    Returns:
-        The prefix; "" where there is none, or no frame of the root link.
+        frames: the recorded ones, of other robots too.
+        namespace: the robot's; of prefixes that fit equally well, the one named like it is taken.
     """
-    known = set(frames)
-    found = {frame[: len(frame) - len(root)] for frame in known if frame.endswith(root)}
+    names = set(frames)
+    prefixes = {frame[: len(frame) - len(root)] for frame in names if frame.endswith(root)}
 
     def fit(prefix: str) -> tuple[int, bool, bool, int, str]:
-        links_known = sum(prefix + link in known for link in links)
-        named_so = prefix.strip("/_") == namespace.strip("/")
-        return links_known, named_so, not prefix, -len(prefix), prefix
+        count = sum(prefix + link in names for link in links)
+        is_namespace = prefix.strip("/_") == namespace.strip("/")
+        return count, is_namespace, not prefix, -len(prefix), prefix
 
-    return max(found, key=fit, default="")
+    return max(prefixes, key=fit, default="")

@@ -23,39 +23,22 @@ _TABLES = """
     WHERE type = 'table' AND rootpage > 0 AND name IN ('topics', 'messages', 'message_definitions')
         AND NOT EXISTS (SELECT 1 FROM pragma_table_xinfo(sqlite_master.name) WHERE hidden)
 """
-_TOPICS = """
-    SELECT * FROM topics
-    WHERE serialization_format = 'cdr' AND typeof(name) = 'text' AND typeof(type) = 'text'
-"""
+_TOPICS = "SELECT * FROM topics WHERE serialization_format = 'cdr'"
 _DEFINITIONS = """
     SELECT topic_type, encoded_message_definition FROM message_definitions
-    WHERE encoding = 'ros2msg' AND encoded_message_definition NOTNULL
+    WHERE encoding = 'ros2msg'
 """  # from Iron on
-_EXTENTS = """
-    SELECT topic_id, count(*), CAST(min(timestamp) AS INTEGER), CAST(max(timestamp) AS INTEGER)
-    FROM messages WHERE timestamp NOTNULL GROUP BY topic_id
-"""
+_EXTENTS = "SELECT topic_id, count(*), min(timestamp), max(timestamp) FROM messages GROUP BY 1"
 _MESSAGES = """
-    SELECT topic_id, CAST(timestamp AS INTEGER), length(data),
-        CASE WHEN length(data) <= ? THEN CAST(data AS BLOB) END
-    FROM messages WHERE topic_id IN ({}) AND data NOTNULL AND timestamp NOTNULL
-    ORDER BY timestamp, id
+    SELECT topic_id, timestamp, length(data), CASE WHEN length(data) <= ? THEN data END
+    FROM messages WHERE topic_id IN ({}) ORDER BY timestamp, id
 """
 
 
 class SqliteFile:
-    """A SQLite file that is open."""
+    """A SQLite file that is open, as ``McapFile``; ``max_size`` is that of a message."""
 
     def __init__(self, path: Path, max_size: int) -> None:
-        """Open it.
-
-        Args:
-            path: the file.
-            max_size: bytes of a message, at most.
-
-        Raises:
-            OneBotError: it cannot be opened, or is none.
-        """
         self._path, self._max_size = path, max_size
         options = "mode=ro"  # or a file that is missing would be made
         with open_file(path) as file:
@@ -68,15 +51,10 @@ class SqliteFile:
         self._database.set_progress_handler(lambda: 0, _STEPS)
 
     def close(self) -> None:
-        """Close it."""
         self._database.close()
 
     def describe(self, contents: Contents) -> None:
-        """Add what is in it.
-
-        Raises:
-            OneBotError: it is damaged, or no recording.
-        """
+        """Add what is in it, or raise an OneBotError: it is damaged, or no recording."""
         try:
             topics = self._topics()
             for topic in topics.values():
@@ -91,11 +69,7 @@ class SqliteFile:
             raise OneBotError(f"{self._path} is no recording of rosbag2: {error}") from error
 
     def messages(self, topics: Collection[str]) -> Iterator[BagMessage]:
-        """Yield messages by time.
-
-        Raises:
-            DAMAGE: after the last one before the damage.
-        """
+        """Yield messages by time; damage raises one of ``DAMAGE``."""
         chosen = {n: topic for n, topic in self._topics().items() if topic["name"] in topics}
         query = _MESSAGES.format(", ".join("?" * len(chosen)))
         for number, stamp, size, data in self._rows(query, self._max_size, *chosen):

@@ -11,10 +11,17 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from onebot_bringup.cli.options import Parser, Subcommand, dispatch, not_negative, positive
+from onebot_bringup.cli.options import (
+    Subcommand,
+    flag,
+    not_negative,
+    option,
+    positional,
+    positive,
+)
 from onebot_bringup.cli.session import Session
 from onebot_description.discovery import use_local_discovery
-from onebot_description.errors import OneBotError, did_you_mean
+from onebot_description.errors import OneBotError, UsageError, did_you_mean
 from onebot_description.signals import KeyboardInterrupts
 
 if TYPE_CHECKING:
@@ -22,38 +29,35 @@ if TYPE_CHECKING:
     from onebot_bringup.bags.writer import Qos
 
 _NANO = 1_000_000_000
-_DEPTH = 1000  # of a publisher: what is kept for late subscribers of a latched topic
+_DEPTH = 1000  # messages that a publisher keeps for late subscribers of a latched topic
 _CLOCK = "/clock"
 _CLOCK_RATE = 40.0  # Hz, ros2 bag play's
-_MOST_CLOCK_RATE = 10_000.0  # Hz: more than can be published
 _LEAST_ROUND = 0.1  # s of a loop
 
 
-def info(parser: Parser, argv: Sequence[str]) -> int:
-    """Show what a recording holds; return the exit code."""
-    _add_source(parser)
-    parser.add_argument(
-        "-t", "--topic-name", action="store_true", help="show only the names of the topics"
-    )
-    args = parser.parse(argv)
+_SOURCE = (
+    positional("BAG", "a folder of rosbag2, or its .mcap or .db3 file"),
+    option(
+        "--max-size",
+        "MB",
+        "of a message or a chunk of messages, unpacked; what comes after a larger one is not "
+        "read (256)",
+        positive,
+        256.0,
+    ),
+)
+
+
+def info(args: Namespace) -> None:
+    """Show what a recording holds."""
     bag = _open(args)
     print("\n".join(sorted(bag.topics)) if args.topic_name else _information(bag))
-    return 0
-
-
-def _add_source(parser: Parser) -> None:
-    parser.add_argument("bag", metavar="BAG", help="a folder of rosbag2, or its .mcap or .db3 file")
-    parser.add_argument(
-        "--max-size", type=positive, default=256.0, metavar="MB",
-        help="of a message or a chunk of messages, unpacked; what comes after a larger one is not "
-        "read (256)",
-    )  # fmt: skip
 
 
 def _open(args: Namespace) -> "Bag":
     from onebot_bringup.bags.reader import Bag
 
-    with KeyboardInterrupts():  # or temporary files would be left
+    with KeyboardInterrupts():  # Ctrl-C leaves no temporary files
         bag = Bag(Path(args.bag).expanduser(), int(args.max_size * 1e6))
     _warn_of(bag)
     return bag
@@ -110,27 +114,15 @@ def _date(nanoseconds: int) -> str:
     return f"{moment:%b %e %Y %H:%M:%S}.{nanoseconds % _NANO:09d} ({_seconds(nanoseconds)})"
 
 
-def record(parser: Parser, argv: Sequence[str]) -> int:
+def record(args: Namespace) -> int:
     """Record topics until Ctrl-C; return the exit code."""
-    parser.add_argument("names", nargs="*", metavar="TOPIC", help="such as /tf")
-    parser.add_argument("--topics", nargs="+", default=[], metavar="TOPIC", help="the same")
-    parser.add_argument("-a", "--all", action="store_true", help="all topics but hidden ones")
-    parser.add_argument("-e", "--regex", default="", help="topics with this in their name")
-    parser.add_argument("-x", "--exclude-regex", default="", help="but not those with this in it")
-    parser.add_argument("-o", "--output", metavar="FOLDER", help="a new folder (rosbag2_DATE-TIME)")
-    parser.add_argument(
-        "--compression-format", choices=("zstd", "none"), default="zstd", help="of the messages"
-    )
-    parser.add_argument(
-        "--use-sim-time", action="store_true",
-        help="stamp messages with the time of /clock; recording begins with it",
-    )  # fmt: skip
-    args = parser.parse(argv)
-    topics = [*args.names, *args.topics]
+    topics = [*args.topic, *args.topics]
     if not (topics or args.regex or args.all):
-        parser.error("name the topics, or -a for all")
+        raise UsageError("onebot bag record: name the topics, or -a for all")
     if args.all and (topics or args.regex):
-        parser.error("-a records all topics: leave out their names and --regex")
+        raise UsageError(
+            "onebot bag record: -a records all topics: leave out their names and --regex"
+        )
     use_local_discovery()
     from onebot_bringup.bags import bag_recorder  # slow to import
 
@@ -142,71 +134,37 @@ def record(parser: Parser, argv: Sequence[str]) -> int:
         "compression": args.compression_format,
         "use_sim_time": args.use_sim_time,
     }
-    given = [
+    words = [
         word
         for name, value in parameters.items()
         if value
-        for word in ("-p", f"{name}:={json.dumps(value)}")  # which is YAML, too
+        for word in ("-p", f"{name}:={json.dumps(value)}")  # JSON is YAML
     ]
-    return bag_recorder.main(["onebot", *(args.ros_args or ["--ros-args"]), *given])
+    return bag_recorder.main(["onebot", *(args.ros_args or ["--ros-args"]), *words])
 
 
-def play(parser: Parser, argv: Sequence[str]) -> int:
-    """Publish the messages of a recording; return the exit code.
+_RECORD = (
+    positional("TOPIC", "such as /tf", nargs="*"),
+    option("--topics", "TOPIC", "the same", default=[], nargs="+"),
+    flag("-a --all", "all topics but hidden ones"),
+    option("-e --regex", "REGEX", "topics with this in their name", default=""),
+    option("-x --exclude-regex", "REGEX", "but not those with this in it", default=""),
+    option("-o --output", "FOLDER", "a new folder (rosbag2_DATE-TIME)"),
+    option(
+        "--compression-format", None, "of the messages", default="zstd", choices=("zstd", "none")
+    ),
+    flag("--use-sim-time", "stamp messages with the time of /clock; recording begins with it"),
+)
 
-    Raises:
-        OneBotError: it cannot be read, or has no such topic.
-    """
-    _add_play_arguments(parser)
-    args = parser.parse(argv)
+
+def play(args: Namespace) -> None:
+    """Publish the messages of a recording."""
     bag = _open(args)
     ros_args = args.ros_args or ["--ros-args"]
     for rule in args.remap:
         ros_args += ["-r", rule]
     with Session(ros_args, "rosbag2_player") as session:
         _Player(session, bag, args).run()
-    return 0
-
-
-def _add_play_arguments(parser: Parser) -> None:
-    _add_source(parser)
-    parser.add_argument(
-        "-r", "--rate", type=positive, default=1.0, help="2 plays twice as fast (1)"
-    )
-    parser.add_argument("--topics", nargs="+", default=[], metavar="TOPIC", help="play only these")
-    parser.add_argument(
-        "--exclude-topics", nargs="+", default=[], metavar="TOPIC", help="play all but these"
-    )
-    parser.add_argument(
-        "-e", "--regex", type=_regex, help="play topics whose whole name this matches: .*/scan"
-    )
-    parser.add_argument(
-        "-x", "--exclude-regex", type=_regex, help="play no topics whose whole name this matches"
-    )
-    parser.add_argument("-l", "--loop", action="store_true", help="begin again at the end")
-    parser.add_argument(
-        "-m", "--remap", nargs="+", default=[], metavar="OLD:=NEW", help="publish by other names"
-    )
-    parser.add_argument(
-        "--start-offset", type=not_negative, default=0.0, metavar="S",
-        help="begin S seconds after the start; latched topics have their messages before it, too",
-    )  # fmt: skip
-    parser.add_argument("--playback-duration", type=positive, metavar="S", help="end after S s")
-    parser.add_argument(
-        "-d", "--delay", type=not_negative, default=0.0, metavar="S",
-        help="wait S s first, in a loop each time",
-    )  # fmt: skip
-    parser.add_argument(
-        "--clock", nargs="?", type=_clock_rate, const=_CLOCK_RATE, metavar="HZ",
-        help=f"publish the recording's time on {_CLOCK}, HZ times a second ({_CLOCK_RATE:g})",
-    )  # fmt: skip
-
-
-def _clock_rate(text: str) -> float:
-    rate = positive(text)
-    if rate > _MOST_CLOCK_RATE:
-        raise argparse.ArgumentTypeError(f"{text} is above {_MOST_CLOCK_RATE:g} Hz")
-    return rate
 
 
 def _regex(text: str) -> re.Pattern[str]:
@@ -214,6 +172,35 @@ def _regex(text: str) -> re.Pattern[str]:
         return re.compile(text)
     except re.error as error:
         raise argparse.ArgumentTypeError(f"{text} is no regular expression: {error}") from None
+
+
+_PLAY = (
+    *_SOURCE,
+    option("-r --rate", "RATE", "2 plays twice as fast (1)", positive, 1.0),
+    option("--topics", "TOPIC", "play only these", default=[], nargs="+"),
+    option("--exclude-topics", "TOPIC", "play all but these", default=[], nargs="+"),
+    option("-e --regex", "REGEX", "play topics whose whole name this matches: .*/scan", _regex),
+    option("-x --exclude-regex", "REGEX", "play no topics whose whole name this matches", _regex),
+    flag("-l --loop", "begin again at the end"),
+    option("-m --remap", "OLD:=NEW", "publish by other names", default=[], nargs="+"),
+    option(
+        "--start-offset",
+        "S",
+        "begin S seconds after the start; latched topics have their messages before it, too",
+        not_negative,
+        0.0,
+    ),
+    option("--playback-duration", "S", "end after S s", positive),
+    option("-d --delay", "S", "wait S s first, in a loop each time", not_negative, 0.0),
+    option(
+        "--clock",
+        "HZ",
+        f"publish the recording's time on {_CLOCK}, HZ times a second ({_CLOCK_RATE:g})",
+        positive,
+        nargs="?",
+        const=_CLOCK_RATE,
+    ),
+)
 
 
 class _Player:
@@ -231,11 +218,7 @@ class _Player:
         self._next_tick = self._begin
 
     def run(self) -> None:
-        """Play it once, or with ``--loop`` until Ctrl-C.
-
-        Raises:
-            OneBotError: there is nothing to play.
-        """
+        """Play it once, or with ``--loop`` until Ctrl-C."""
         self._advertise()
         self._session.discover()  # those who are there already get the first message
         seconds = max(0, self._end - self._begin) / _NANO
@@ -268,12 +251,12 @@ class _Player:
             self._clock = self._session.node.create_publisher(Clock, _CLOCK, 10)
 
     def _chosen(self) -> list[str]:
-        args, known = self._args, self._bag.topics
+        args, topics = self._args, self._bag.topics
         for name in (*args.topics, *args.exclude_topics):
-            if name not in known:
-                hint = did_you_mean(name, known, "topics")
+            if name not in topics:
+                hint = did_you_mean(name, topics, "topics")
                 raise OneBotError(f"{self._bag.source} has no topic {name}{hint}")
-        return [topic for topic in known if self._is_chosen(topic)]
+        return [topic for topic in topics if self._is_chosen(topic)]
 
     def _is_chosen(self, topic: str) -> bool:
         args = self._args
@@ -366,8 +349,8 @@ def played_qos(offered: Sequence["Qos"]) -> Any:
     from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
 
     def duration(values: Iterable[int | None]) -> Duration:
-        known = set(values)
-        limit = known.pop() if len(known) == 1 else None
+        limits = set(values)
+        limit = limits.pop() if len(limits) == 1 else None
         return Infinite if limit is None else Duration(nanoseconds=limit)
 
     reliable = not offered or any(qos.reliability == "reliable" for qos in offered)
@@ -386,16 +369,12 @@ def played_qos(offered: Sequence["Qos"]) -> Any:
 
 
 COMMANDS = {
-    "info": Subcommand("show what a recording holds", info),
-    "record": Subcommand("record topics into a new folder", record),
-    "play": Subcommand("publish the messages of a recording", play),
+    "info": Subcommand(
+        "show what a recording holds",
+        info,
+        *_SOURCE,
+        flag("-t --topic-name", "show only the names of the topics"),
+    ),
+    "record": Subcommand("record topics into a new folder", record, *_RECORD),
+    "play": Subcommand("publish the messages of a recording", play, *_PLAY),
 }
-
-
-def run(argv: Sequence[str]) -> int:
-    """Run the command and return its exit code.
-
-    Raises:
-        OneBotError: the recording is wrong, or the command line is.
-    """
-    return dispatch("bag", COMMANDS, argv)

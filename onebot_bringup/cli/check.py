@@ -25,11 +25,7 @@ this environment, and the source tree around FILE."""
 
 
 def run(argv: Sequence[str]) -> int:
-    """Run the command and return its exit code.
-
-    Raises:
-        OneBotError: the description has problems, or the command line is wrong.
-    """
+    """Run the command and return its exit code."""
     arguments = split(argv)
     if arguments.help:
         print(HELP)
@@ -37,9 +33,9 @@ def run(argv: Sequence[str]) -> int:
     files = arguments.positional
     if len(files) != 1 and not (arguments.show and not files):
         raise UsageError(f"onebot check takes one file, not {len(files)}")
-    given = take_package_path(arguments.given)
+    xacro_values = take_package_path(arguments.given)
     if arguments.show:
-        declared = [Argument(*each) for file in files for each in xacro_arguments(file).arguments]
+        declared = [Argument(*entry) for file in files for entry in xacro_arguments(file).arguments]
         print(table([PACKAGES, *declared]))
         return 0
     file = files[0]
@@ -49,7 +45,7 @@ def run(argv: Sequence[str]) -> int:
     from onebot_description.description.meshes import mesh_faults
     from onebot_description.description.sizes import shape_sizes, size_warnings
 
-    description = load_description(file, given)
+    description = load_description(file, xacro_values)
     problems = (*description.problems, *mesh_faults(description))
     replace(description, problems=problems).raise_problems()
     sizes = shape_sizes(description)

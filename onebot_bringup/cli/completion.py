@@ -16,7 +16,7 @@ from pathlib import PurePath
 from typing import Any, NoReturn
 
 from onebot_bringup.cli import main
-from onebot_bringup.cli.options import Parser
+from onebot_bringup.cli.options import Parser, positional
 from onebot_bringup.cli.run import EXECUTABLES
 from onebot_bringup.cli.session import Session
 from onebot_bringup.launch.arguments import listed
@@ -30,17 +30,11 @@ _SCRIPTS = {
 
 
 def run(argv: Sequence[str]) -> int:
-    """Print what the shell evaluates to complete our commands; return the exit code.
-
-    Raises:
-        OneBotError: argcomplete is not installed.
-    """
-    parser = Parser("onebot completion", "print the tab completion of a shell")
-    parser.add_argument(
-        "shell", choices=_SHELLS, metavar="SHELL",
-        help='bash, zsh: eval "$(onebot completion bash)"; fish: onebot completion fish | source',
-    )  # fmt: skip
-    args = parser.parse(argv)
+    """Print what the shell evaluates to complete our commands; return the exit code."""
+    text = 'bash, zsh: eval "$(onebot completion bash)"; fish: onebot completion fish | source'
+    shell = positional("SHELL", text, choices=_SHELLS)
+    summary = "print the tab completion of a shell"
+    args = Parser("onebot completion", summary, [shell]).parse(argv)
     try:
         from argcomplete.shell_integration import shellcode
     except ImportError:
@@ -56,16 +50,16 @@ def complete() -> NoReturn:
     from argcomplete.lexers import split_line
 
     _, _, _, words, _ = split_line(os.environ["COMP_LINE"], int(os.environ["COMP_POINT"]))
-    program, *given = words
+    program, *arguments = words
     script = _SCRIPTS.get(PurePath(program).name)
     with suppress(OneBotError), redirect_stdout(io.StringIO()):  # there is no such command
         if script:
             from onebot_bringup.launch.bringup import bring_up
 
-            _complete_command(partial(bring_up, import_module(script).command()), given, 1)
+            _complete_command(partial(bring_up, import_module(script).command()), arguments, 1)
         else:
-            command = main.take_settings(list(given))
-            _complete_verb(1 + len(given) - len(command), *command)
+            command = main.take_settings(list(arguments))
+            _complete_verb(1 + len(arguments) - len(command), *command)
     os._exit(1)
 
 
@@ -73,15 +67,16 @@ def _complete_verb(position: int, verb: str = "", *rest: str) -> None:
     """Complete with a verb that follows the ``position``-th word of the line."""
     if not verb:
         _choose(main.VERBS, position)
-    elif verb in main.GROUPS and not rest:
-        commands = import_module(f"{main.PACKAGE}.{verb}").COMMANDS
-        _choose({name: command.summary for name, command in commands.items()}, position + 1)
-    elif verb == "run" and not rest:
-        _choose(dict.fromkeys(EXECUTABLES, ""), position + 1)
-    elif verb == "run" and len(rest) == 1:
-        _choose(dict.fromkeys(EXECUTABLES.get(rest[0], ()), ""), position + 2)
+    if verb not in main.VERBS:
+        return
+    commands = {name: entry.summary for name, entry in main.subcommands(verb).items()}
+    if commands and not rest:
+        _choose(commands, position + 1)
     elif verb != "run":
-        _complete_command(main.run_verb, [verb, *rest], position + 1 + (verb in main.GROUPS))
+        _complete_command(main.run_verb, [verb, *rest], position + 1 + bool(commands))
+    elif len(rest) < 2:
+        names = EXECUTABLES.get(rest[0], ()) if rest else EXECUTABLES
+        _choose(dict.fromkeys(names, ""), position + 1 + len(rest))
 
 
 def _complete_command(
@@ -124,7 +119,7 @@ def _launch_words(prefix: str, **_: object) -> dict[str, str]:
     """Return each ``name:=`` that a command has listed, with its choices; and files."""
     from argcomplete.completers import FilesCompleter
 
-    words = {f"{each.name}:={value}": each.help for each in listed for value in each.suggested}
+    words = {f"{a.name}:={value}": a.help for a in listed for value in a.suggested}
     name, assigned, value = prefix.rpartition(":=")
     if not assigned or not any(word.startswith(prefix) and word != prefix for word in words):
         words.update({f"{name}{assigned}{file}": "" for file in FilesCompleter()(value)})

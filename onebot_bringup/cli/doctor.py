@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from onebot_bringup.cli.main import version
-from onebot_bringup.cli.options import Parser, positive
+from onebot_bringup.cli.options import Parser, flag, option, positive
 from onebot_description.description.packages import package_share
 from onebot_description.discovery import RANGE, SERVER, use_local_discovery
 from onebot_description.errors import OneBotError, did_you_mean, listing
@@ -23,12 +23,11 @@ OK, NOTE, PROBLEM = "ok", "note", "problem"
 
 _RANGES = ("LOCALHOST", "SUBNET", "OFF", "SYSTEM_DEFAULT")
 _MOST_DOMAIN = 232
-_EPHEMERAL_DOMAINS = range(102, 216)  # whose ports Linux hands out to anyone
+_EPHEMERAL_DOMAINS = range(102, 216)  # Linux hands their ports out to anyone
 _MULTICAST = "239.255.0.1", 7400  # DDS's group; any port does to try it
 _LEAST_MEMORY = 16 * 2**20  # bytes free in /dev/shm for a bringup
-_PORTS = {8080: "steering page", 9090: "viewer", 9876: "viewer's recording"}
-_FONTS = ("/usr/share/fonts", "/usr/local/share/fonts", "~/.fonts", "~/.local/share/fonts")
-_REQUIREMENT = re.compile(r"([\w.-]+)(?:\[[\w,]+\])?\s*([^;]*)(?:;\s*(.*))?")
+_NAME = "onebot-robots"
+_REQUIREMENT = re.compile(r"([\w.-]+)[^;]*")  # a marker names an extra or a platform
 _PROJECT = "pyproject.toml"
 _TEXT = "onebot doctor"
 _ONEBOT = (sys.executable, "-m", "onebot_bringup.cli.main")
@@ -39,40 +38,31 @@ class Verdict(NamedTuple):
 
     level: str  # OK; NOTE: works, but something could be better; PROBLEM: something is broken
     text: str
-    remedy: str = ""  # what to do
+    remedy: str = ""  # the command or change that helps
 
 
 def run(argv: Sequence[str]) -> int:
-    """Print the report; return 1 if something is broken.
-
-    Raises:
-        UsageError: the command line is wrong.
-    """
-    parser = Parser("onebot doctor", "check what ROS and this project need of this computer")
-    parser.add_argument(
-        "--clean", action="store_true", help="remove shared memory that killed processes left"
+    """Print the report; return 1 if something is broken."""
+    options = (
+        flag("--clean", "remove shared memory that killed processes left"),
+        option("--timeout", "S", "for a message between two processes (20 s)", positive, 20.0),
     )
-    parser.add_argument(
-        "--timeout", type=positive, default=20.0, metavar="S",
-        help="for a message between two processes (20 s)",
-    )  # fmt: skip
-    args = parser.parse(argv)
+    summary = "check what ROS and this project need of this computer"
+    args = Parser("onebot doctor", summary, options).parse(argv)
     use_local_discovery()
     print(f"onebot {version()}, Python {platform.python_version()} on {platform.platform()}")
     checks: dict[str, Callable[[], Verdict]] = {
-        "dependencies": lambda: dependencies(_required(), _installed),
+        "dependencies": lambda: dependencies(_required()),
         "compiled library": _library,
         "rclpy": lambda: rclpy_of(os.environ),
         "domain": lambda: domain(os.environ),
         "multicast": lambda: multicast(os.environ),
         "messages": lambda: _messages(args.timeout),
         "shared memory": lambda: shared_memory(FOLDER, args.clean),
-        "ports": lambda: ports(_PORTS),
-        "fonts": lambda: fonts(_FONTS),
         "renderer": _renderer,
     }
-    found = [_print(name, check) for name, check in checks.items()]
-    return 1 if PROBLEM in found else 0
+    levels = [_print(name, check) for name, check in checks.items()]
+    return 1 if PROBLEM in levels else 0
 
 
 def _print(name: str, check: Callable[[], Verdict]) -> str:
@@ -84,7 +74,7 @@ def _print(name: str, check: Callable[[], Verdict]) -> str:
 def _required() -> list[str]:
     """Return what pip installs; in a colcon workspace or a checkout as pyproject.toml has it."""
     with suppress(metadata.PackageNotFoundError):
-        return metadata.requires("onebot-robots") or []
+        return metadata.requires(_NAME) or []
     if sys.version_info >= (3, 11):
         import tomllib
 
@@ -95,54 +85,31 @@ def _required() -> list[str]:
     return []
 
 
-def _installed(name: str) -> str | None:
-    try:
-        return metadata.version(name)
-    except metadata.PackageNotFoundError:
-        return None
-
-
-def dependencies(required: Iterable[str], installed: Callable[[str], str | None]) -> Verdict:
-    """Compare the required versions with those that ``installed`` gives; extras are left out."""
-    wrong: dict[str, str] = {}  # by problem the requirement
-    count = 0
-    for requirement in required:
-        match = _REQUIREMENT.fullmatch(requirement)
-        if match is None or match[3]:  # of an extra, or of another platform
-            continue
-        name, wanted = match[1], match[2].strip()
-        count += 1
-        found = installed(name)
-        if found is None:
-            wrong[f"{name} is missing"] = f"'{name}{wanted}'"
-        elif not all(_fits(found, part) for part in filter(None, wanted.split(","))):
-            wrong[f"{name} is {found} instead of {wanted}"] = f"'{name}{wanted}'"
-    if wrong:
-        return Verdict(PROBLEM, listing(wrong), f"pip install {' '.join(wrong.values())}")
-    if not count:
+def dependencies(required: Iterable[str]) -> Verdict:
+    """Look for what is ``required``, without extras; ``pip check`` compares the versions."""
+    matches = map(_REQUIREMENT.fullmatch, required)
+    names = [match[1] for match in matches if match]
+    if missing := [name for name in names if not _is_installed(name)]:
+        return Verdict(PROBLEM, f"missing: {listing(missing)}", f"pip install {' '.join(missing)}")
+    if not names:
         return Verdict(NOTE, "not checked: not installed by pip, nor beside a pyproject.toml")
-    return Verdict(OK, f"{count} as required")
+    done = _python("-m", "pip", "check")
+    problems = done.stdout.splitlines() if done.returncode else []
+    if lines := [line for line in problems if line.startswith(f"{_NAME} ")]:
+        return Verdict(PROBLEM, "; ".join(lines), f"pip install --upgrade {_NAME}")
+    if problems:
+        return Verdict(NOTE, f"pip check: {'; '.join(problems)}")
+    if done.returncode:
+        return Verdict(NOTE, f"{len(names)} found; without pip, their versions are not checked")
+    return Verdict(OK, f"{len(names)} as required")
 
 
-def _fits(found: str, part: str) -> bool:
-    """Whether a version fits ``>=1``, ``<2``, ``==1.2.*`` and the like."""
-    match = re.fullmatch(r"\s*(>=|<=|==|<|>)\s*([\d.]+?)(\.\*)?\s*", part)
-    if match is None:
-        return True
-    here, there = _numbers(found), _numbers(match[2])
-    if match[3]:
-        here = here[: len(there)]
-    length = max(len(here), len(there))
-    here, there = (numbers + (0,) * (length - len(numbers)) for numbers in (here, there))
-    return {
-        ">=": here >= there, "<=": here <= there, "==": here == there,
-        "<": here < there, ">": here > there,
-    }[match[1]]  # fmt: skip
-
-
-def _numbers(text: str) -> tuple[int, ...]:
-    release = re.match(r"[\d.]*\d", text)
-    return tuple(map(int, release[0].split("."))) if release else ()
+def _is_installed(name: str) -> bool:
+    try:
+        metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return False
+    return True
 
 
 def _library() -> Verdict:
@@ -157,11 +124,11 @@ def _library() -> Verdict:
 
 def rclpy_of(environment: Mapping[str, str]) -> Verdict:
     """Import rclpy, with the middleware that the environment names."""
-    done = _python(
+    code = (
         "import rclpy, rclpy.utilities as u; "
-        "print(u.get_rmw_implementation_identifier(), 'of', rclpy.__path__[0])",
-        environment,
+        "print(u.get_rmw_implementation_identifier(), 'of', rclpy.__path__[0])"
     )
+    done = _python("-c", code, environment=environment)
     if not done.returncode:
         return Verdict(OK, done.stdout.strip())
     if name := environment.get("RMW_IMPLEMENTATION"):
@@ -179,8 +146,8 @@ def domain(environment: Mapping[str, str]) -> Verdict:
     text = environment.get("ROS_DOMAIN_ID", "") or "0"
     scope = (environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "") or "SUBNET").upper()
     if not text.isdecimal() or int(text) > _MOST_DOMAIN:
-        wanted = f"a number from 0 to {_MOST_DOMAIN}"
-        return Verdict(PROBLEM, f"ROS_DOMAIN_ID={text} is not {wanted}", "export ROS_DOMAIN_ID=0")
+        problem = f"ROS_DOMAIN_ID={text} is not a number from 0 to {_MOST_DOMAIN}"
+        return Verdict(PROBLEM, problem, "export ROS_DOMAIN_ID=0")
     if scope not in _RANGES:
         hint = did_you_mean(scope, _RANGES, "ranges").strip()
         return Verdict(PROBLEM, f"ROS_AUTOMATIC_DISCOVERY_RANGE={scope} is none {hint}")
@@ -288,55 +255,22 @@ def shared_memory(folder: Path, clean: bool) -> Verdict:
     return Verdict(OK, text)
 
 
-def ports(wanted: Mapping[int, str]) -> Verdict:
-    """Check that the default ports of the pages are free on loopback."""
-    taken = [f"{port} ({what})" for port, what in wanted.items() if not _is_free(port)]
-    if taken:
-        return Verdict(
-            NOTE,
-            f"in use: {listing(taken)}",
-            "another one is taken, and printed; or stop who has it",
-        )
-    return Verdict(OK, f"{', '.join(map(str, wanted))} are free")
-
-
-def _is_free(port: int) -> bool:
-    from onebot_bringup.serving.ports import LOOPBACK
-
-    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((LOOPBACK, port))
-        except OSError:
-            return False
-    return True
-
-
-def fonts(folders: Iterable[str]) -> Verdict:
-    """Look for any font: a browser here shows the pages' text with the system's."""
-    for folder in folders:
-        for pattern in ("*.ttf", "*.otf", "*.ttc", "*.pfb"):
-            if next(Path(folder).expanduser().rglob(pattern), None) is not None:
-                return Verdict(OK, f"in {folder}")
-    return Verdict(
-        NOTE, "none: a browser on this computer shows no text", "apt install fonts-dejavu-core"
-    )
-
-
 def _renderer() -> Verdict:
     code = "from onebot_bringup.viewer import pictures; print(pictures.renderer_problem())"
-    done = _python(code, {n: v for n, v in os.environ.items() if n != "RMW_IMPLEMENTATION"})
+    environment = {n: v for n, v in os.environ.items() if n != "RMW_IMPLEMENTATION"}
+    done = _python("-c", code, environment=environment)
     problem = _last_line(done) if done.returncode else done.stdout.strip()
     if problem:
         return Verdict(NOTE, f"onebot snapshot does not work: {problem}")
     return Verdict(OK, "draws pictures")
 
 
-def _python(code: str, environment: Mapping[str, str]) -> "subprocess.CompletedProcess[str]":
+def _python(
+    *words: str, environment: Mapping[str, str] | None = None
+) -> "subprocess.CompletedProcess[str]":
     """Run what may end its process, as rcl does when the middleware is wrong."""
-    return subprocess.run(
-        [sys.executable, "-c", code], env=dict(environment), capture_output=True, text=True
-    )
+    command = [sys.executable, *words]
+    return subprocess.run(command, env=environment, capture_output=True, text=True)
 
 
 def _last_line(done: "subprocess.CompletedProcess[str]") -> str:

@@ -1,9 +1,10 @@
 """``onebot interface ...``: lists the installed types and shows their fields."""
 
 import re
-from collections.abc import Iterator, Sequence
+from argparse import Namespace
+from collections.abc import Iterator
 
-from onebot_bringup.cli.options import Parser, Subcommand, dispatch
+from onebot_bringup.cli.options import Exclusive, Subcommand, flag, positional
 from onebot_bringup.introspection.interfaces import definition, full_name, installed
 from onebot_description.errors import OneBotError, did_you_mean
 
@@ -11,29 +12,18 @@ _TITLES = (("Messages", "msg"), ("Services", "srv"), ("Actions", "action"))
 _FIELD = re.compile(r"^\s*([A-Za-z]\w*(?:/[A-Za-z]\w*)*)")
 
 
-def types(parser: Parser, argv: Sequence[str]) -> int:
-    """List the types; return the exit code."""
-    parser.add_argument("-m", "--only-msgs", dest="msg", action="store_true", help="messages only")
-    parser.add_argument("-s", "--only-srvs", dest="srv", action="store_true", help="services only")
-    args = parser.parse(argv)
+def list_types(args: Namespace) -> None:
+    """List the types."""
     for title, kind in _TITLES:
-        if (args.msg or args.srv) and not getattr(args, kind, False):
-            continue
-        print(f"{title}:")
-        print("".join(f"    {name}\n" for name in installed(kind)), end="")
-    return 0
+        if not (args.msg or args.srv) or getattr(args, kind, False):
+            print(f"{title}:")
+            print("".join(f"    {name}\n" for name in installed(kind)), end="")
 
 
-def show(parser: Parser, argv: Sequence[str]) -> int:
-    """Show the fields of a type; return the exit code."""
-    parser.add_argument("type", metavar="TYPE", help="such as geometry_msgs/msg/Twist")
-    comments = parser.add_mutually_exclusive_group()
-    comments.add_argument("--all-comments", action="store_true", help="of nested types too")
-    comments.add_argument("--no-comments", action="store_true", help="none at all")
-    args = parser.parse(argv)
+def show(args: Namespace) -> None:
+    """Show the fields of a type."""
     for line in _lines(_find(args.type), not args.no_comments, args.all_comments, ""):
         print(line)
-    return 0
 
 
 def _find(name: str) -> str:
@@ -42,8 +32,8 @@ def _find(name: str) -> str:
             return full_name(name, kind)
         except OneBotError:
             continue
-    known = [full for _, kind in _TITLES for full in installed(kind)]
-    raise OneBotError(f'no type "{name}"{did_you_mean(name, known, "installed")}')
+    types = [full for _, kind in _TITLES for full in installed(kind)]
+    raise OneBotError(f'no type "{name}"{did_you_mean(name, types, "installed")}')
 
 
 def _lines(name: str, comments: bool, nested_comments: bool, indent: str) -> Iterator[str]:
@@ -73,15 +63,21 @@ def _nested(line: str, package: str) -> str | None:
 
 
 COMMANDS = {
-    "show": Subcommand("show the fields of a type", show),
-    "list": Subcommand("list the installed types", types),
+    "show": Subcommand(
+        "show the fields of a type",
+        show,
+        positional("TYPE", "such as geometry_msgs/msg/Twist"),
+        Exclusive(
+            (
+                flag("--all-comments", "of nested types too"),
+                flag("--no-comments", "none at all"),
+            )
+        ),
+    ),
+    "list": Subcommand(
+        "list the installed types",
+        list_types,
+        flag("-m --only-msgs", "messages only", dest="msg"),
+        flag("-s --only-srvs", "services only", dest="srv"),
+    ),
 }
-
-
-def run(argv: Sequence[str]) -> int:
-    """Run the command and return its exit code.
-
-    Raises:
-        OneBotError: the type is not installed, or the command line is wrong.
-    """
-    return dispatch("interface", COMMANDS, argv)

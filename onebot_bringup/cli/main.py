@@ -9,21 +9,24 @@ This module imports nothing slow: before ``start_process`` runs, Ctrl-C prints a
 
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from onebot_description.errors import DescriptionError, OneBotError, UsageError, did_you_mean
 
-TYPE_CHECKING = False  # as in typing, which is slow to import
+TYPE_CHECKING = False  # that of typing, which is slow to import
 if TYPE_CHECKING:
+    from onebot_bringup.cli.options import Subcommand
     from onebot_bringup.launch.bringup import Bringup
 
 USAGE = 2
-INTERRUPTED = 128 + 2  # as shells report SIGINT
-PIPE_CLOSED = 128 + 13  # as shells report SIGPIPE
+# Shells report SIGINT and SIGPIPE so.
+INTERRUPTED = 128 + 2
+PIPE_CLOSED = 128 + 13
 
 
-# The verbs, with one line each for ``onebot --help``. Each is a module of this package with
-# ``run(argv) -> int``, imported only when it is used; ``argv`` is what follows the verb.
+# The verbs, with one line each for ``onebot --help``. Each is a module of this package, imported
+# only when it is used. It has a table ``COMMANDS`` of subcommands, or ``run(argv) -> int``, where
+# ``argv`` is what follows the verb.
 PACKAGE = "onebot_bringup.cli"
 VERBS = {
     "check": "check a URDF or xacro file and show its tree",
@@ -60,8 +63,6 @@ _FORMER = {
     **dict.fromkeys(("teleop_twist_keyboard", "rqt_robot_steering"), "teleop"),
 }
 _LAUNCH = ("launch", "roslaunch")
-# Verbs with subcommands, the module's ``COMMANDS``.
-GROUPS = ("topic", "node", "param", "service", "interface", "tf", "bag")
 # Verbs that run until Ctrl-C, which is a success for them.
 _UNTIL_CTRL_C = ("view", "topic", "tf", "run", "bag", "replay", "steer", "teleop")
 
@@ -152,21 +153,19 @@ def help_command(words: list[str]) -> str:
     """Return the command that prints the help of the command in ``words``."""
     if not words or words[0] not in VERBS:
         return "onebot --help"
-    count = 1
-    if words[0] in GROUPS and len(words) > 1:
-        from importlib import import_module
-
-        count += words[1] in import_module(f"{PACKAGE}.{words[0]}").COMMANDS
+    count = 2 if len(words) > 1 and words[1] in subcommands(words[0]) else 1
     return f"onebot {' '.join(words[:count])} --help"
 
 
-def run_verb(words: list[str]) -> int:
-    """Run ``onebot`` with these words and return its exit code.
+def subcommands(verb: str) -> "Mapping[str, Subcommand]":
+    """Return the subcommands of a verb; none for most."""
+    from importlib import import_module
 
-    Raises:
-        UsageError: the command line is wrong.
-        OneBotError: the command fails for a reason that the user can fix.
-    """
+    return getattr(import_module(f"{PACKAGE}.{verb}"), "COMMANDS", {})
+
+
+def run_verb(words: list[str]) -> int:
+    """Run ``onebot`` with these words and return its exit code."""
     words = take_settings(words)
     if not words:
         print(usage(), file=sys.stderr)
@@ -184,6 +183,10 @@ def run_verb(words: list[str]) -> int:
         raise UsageError(f'onebot has no command "{first}"{_instead(first, rest)}')
     from importlib import import_module
 
+    if table := subcommands(first):
+        from onebot_bringup.cli.options import dispatch
+
+        return dispatch(first, table, rest)
     return int(import_module(f"{PACKAGE}.{first}").run(rest))
 
 
@@ -194,9 +197,9 @@ def take_settings(words: list[str]) -> list[str]:
         from onebot_bringup.launch.arguments import complete, discovery_settings, split
         from onebot_description.discovery import discovery_variables
 
-        given = split(words[:count]).given
-        values = complete(discovery_settings(), given)
-        os.environ.update(discovery_variables(values, forced="discovery" in given))
+        settings = split(words[:count]).given
+        values = complete(discovery_settings(), settings)
+        os.environ.update(discovery_variables(values, forced="discovery" in settings))
     return words[count:]
 
 

@@ -1,48 +1,114 @@
 """Command line options, and commands with subcommands such as ``onebot topic pub``."""
 
 import argparse
-import os
-import sys
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import CodeType
-from typing import NoReturn
+from typing import Any, NoReturn
 
-from onebot_description.errors import OneBotError, UsageError, did_you_mean
+from onebot_description.errors import UsageError, did_you_mean
 
 
 @dataclass(frozen=True)
+class Option:
+    """An option or a positional argument of a command."""
+
+    names: str  # such as "-r --rate"; a positional argument has its attribute here
+    settings: Mapping[str, Any]  # keyword arguments for argparse's add_argument
+
+    def add_to(self, parser: Any) -> None:
+        """Add it to a parser, or to a group of one."""
+        parser.add_argument(*self.names.split(), **self.settings)
+
+
+@dataclass(frozen=True)
+class Exclusive:
+    """Options of which one at most may be given."""
+
+    options: Sequence[Option]
+
+    def add_to(self, parser: argparse.ArgumentParser) -> None:
+        """Add them to a parser."""
+        group = parser.add_mutually_exclusive_group()
+        for entry in self.options:
+            entry.add_to(group)
+
+
+@dataclass(frozen=True)
+class Titled:
+    """Options that ``--help`` shows below a title of their own."""
+
+    title: str
+    description: str
+    options: Sequence[Option]
+
+    def add_to(self, parser: argparse.ArgumentParser) -> None:
+        """Add them to a parser."""
+        group = parser.add_argument_group(self.title, self.description)
+        for entry in self.options:
+            entry.add_to(group)
+
+
+Options = Sequence[Option | Exclusive | Titled]
+
+
+def flag(names: str, help: str, **settings: Any) -> Option:
+    """Return an option without a value."""
+    return Option(names, {"action": "store_true", "help": help, **settings})
+
+
+def option(
+    names: str,
+    metavar: str | None,
+    help: str | None,
+    type: Callable[[str], Any] = str,
+    default: Any = None,
+    **settings: Any,
+) -> Option:
+    """Return an option with a value; ``type`` parses it."""
+    common = {"metavar": metavar, "help": help, "type": type, "default": default}
+    return Option(names, {**common, **settings})
+
+
+def positional(metavar: str, help: str | None = None, **settings: Any) -> Option:
+    """Return a positional argument, whose attribute is ``metavar`` in small letters."""
+    return Option(metavar.lower(), {"metavar": metavar, "help": help, **settings})
+
+
+# A word that is a value, not an option; argparse itself does not know -1e-3.
+_NEGATIVE = re.compile(r"-(\d|\.|inf|nan)")
+
+ALLOW_NON_FINITE = flag("--allow-non-finite", "accept .nan and .inf")
+
+
 class Subcommand:
     """The second word of a command, such as ``pub`` in ``onebot topic pub``."""
 
-    summary: str  # one line for the group's ``--help``
-    # Adds its options to the parser, parses ``argv``, runs and returns the exit code.
-    run: "Callable[[Parser, Sequence[str]], int]"
+    def __init__(
+        self,
+        summary: str,
+        run: Callable[[argparse.Namespace], int | None],
+        *options: Option | Exclusive | Titled,
+    ) -> None:
+        """Declare it: ``summary`` is one line for ``--help``; ``run`` may return the exit code."""
+        self.summary, self.run, self.options = summary, run, options
 
 
 def dispatch(group: str, table: Mapping[str, Subcommand], argv: Sequence[str]) -> int:
-    """Run the subcommand ``argv[0]``.
-
-    Args:
-        group: the first word of the command, such as ``topic``.
-        table: the subcommands by name.
-        argv: the subcommand and its arguments.
-
-    Raises:
-        UsageError: the subcommand is missing or unknown.
-    """
+    """Run the subcommand ``argv[0]`` of a group such as ``topic``; return the exit code."""
     if argv and argv[0] in ("-h", "--help", "help"):
         print(_usage(group, table))
         return 0
-    if not argv or argv[0] not in table:
-        names = ", ".join(table)
-        if not argv:
-            raise UsageError(f"onebot {group} what? ({names})")
-        raise UsageError(
-            f'onebot {group} has no command "{argv[0]}"{did_you_mean(argv[0], table, "commands")}'
-        )
-    subcommand = table[argv[0]]
-    return subcommand.run(Parser(f"onebot {group} {argv[0]}", subcommand.summary), argv[1:])
+    if not argv:
+        raise UsageError(f"onebot {group} what? ({', '.join(table)})")
+    name, *words = argv
+    if name not in table:
+        hint = did_you_mean(name, table, "commands")
+        raise UsageError(f'onebot {group} has no command "{name}"{hint}')
+    subcommand = table[name]
+    parser = Parser(f"onebot {group} {name}", subcommand.summary, subcommand.options)
+    return subcommand.run(parser.parse(words)) or 0
 
 
 def _usage(group: str, table: Mapping[str, Subcommand]) -> str:
@@ -57,69 +123,34 @@ def _usage(group: str, table: Mapping[str, Subcommand]) -> str:
 class Parser(argparse.ArgumentParser):
     """argparse's parser, whose errors are ``UsageError``."""
 
-    def __init__(self, program: str, summary: str) -> None:
-        """Make a parser without arguments.
-
-        Args:
-            program: the command, such as ``onebot topic pub``.
-            summary: one line for ``--help``.
-        """
+    def __init__(self, program: str, summary: str, options: Options = ()) -> None:
+        """Make the parser of a command such as ``onebot topic pub``."""
         super().__init__(
             prog=program,
             description=f"{summary[:1].upper()}{summary[1:]}.",
             epilog="--ros-args and what follows is passed to ROS, as with every node.",
         )
+        self._negative_number_matcher = _NEGATIVE
+        for entry in options:
+            entry.add_to(self)
 
     def error(self, message: str) -> NoReturn:
         """Raise a UsageError."""
         raise UsageError(f"{self.prog}: {message}")
 
     def parse(self, argv: Sequence[str]) -> argparse.Namespace:
-        """Return the parsed options, with everything from ``--ros-args`` on as ``ros_args``.
-
-        Raises:
-            UsageError: the command line is wrong.
-        """
+        """Return the parsed options, with everything from ``--ros-args`` on as ``ros_args``."""
         words = list(argv)
-        for word in words:
-            if not _is_unicode(word):
-                self.error(f"{str(os.fsencode(word))[1:]} is not UTF-8")
         start = words.index("--ros-args") if "--ros-args" in words else len(words)
         parsed = self.parse_args(words[:start])
         parsed.ros_args = words[start:]
         return parsed
 
 
-def _is_unicode(word: str) -> bool:
-    """Whether an argument of the command line was UTF-8, the only encoding of ROS."""
-    return not any("\ud800" <= character <= "\udfff" for character in word)
-
-
-def add_allow_non_finite(parser: Parser) -> None:
-    """Add the option that infinities and NaN are advised to be given with."""
-    parser.add_argument("--allow-non-finite", action="store_true", help="accept .nan and .inf")
-
-
-def listed(found: Iterable[tuple[str, Sequence[str]]], types: bool) -> list[str]:
-    """Return the names of topics or services, with their types if asked for."""
-    return [f"{name} [{', '.join(kinds)}]" if types else name for name, kinds in found]
-
-
-def print_rows(rows: Sequence[str], *, count: bool) -> None:
+def print_rows(rows: Iterable[str], *, count: bool) -> None:
     """Print these lines, or only their number."""
-    print(len(rows) if count else "\n".join(rows), end="\n" if count or rows else "")
-
-
-def read_stdin() -> str:
-    """Return what stdin has.
-
-    Raises:
-        OneBotError: it is not UTF-8.
-    """
-    try:
-        return sys.stdin.read()
-    except UnicodeDecodeError:
-        raise OneBotError("standard input is not UTF-8") from None
+    lines = list(rows)
+    print(len(lines) if count else "\n".join(lines), end="\n" if count or lines else "")
 
 
 def positive(text: str) -> float:
@@ -140,19 +171,17 @@ def not_negative(text: str) -> float:
 
 def count(text: str) -> int:
     """Parse an integer above zero, for ``type=``."""
-    value = natural(text)
+    value = int(text)
     if value < 1:
         raise argparse.ArgumentTypeError(f"{text} is not above zero")
     return value
 
 
-def natural(text: str, most: int = 2**31 - 1) -> int:
-    """Parse an integer that is zero or more, for ``type=``; by default one that C can take."""
+def natural(text: str) -> int:
+    """Parse an integer that is zero or more, for ``type=``."""
     value = int(text)
     if value < 0:
         raise argparse.ArgumentTypeError(f"{text} is less than zero")
-    if value > most:
-        raise argparse.ArgumentTypeError(f"{text} is above {most}")
     return value
 
 

@@ -4,7 +4,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING, Any
 
-from onebot_bringup.cli.options import natural, not_negative
+from onebot_bringup.cli.options import Titled, natural, not_negative, option
 
 if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
@@ -18,26 +18,27 @@ PRESETS = (
     "parameter_events",
     "best_available",
 )
-_RELIABILITY = ("reliable", "best_effort", "system_default", "best_available")
-_DURABILITY = ("transient_local", "volatile", "system_default", "best_available")
-_HISTORY = ("keep_last", "keep_all", "system_default")
-_LIVELINESS = ("automatic", "manual_by_topic", "system_default", "best_available")
+_OTHERS = ("system_default", "best_available")
+_LEASE = "--qos-liveliness-lease-duration-seconds"
 
 
-def add_arguments(parser: argparse.ArgumentParser, default: str) -> None:
-    """Add the options; ``default`` describes the profile without them in the help."""
-    group = parser.add_argument_group("quality of service", f"Without these: {default}.")
-    group.add_argument("--qos-profile", choices=PRESETS, help="a preset to start from")
-    group.add_argument("--qos-depth", type=natural, metavar="N", help="queue size")
-    group.add_argument("--qos-history", choices=_HISTORY)
-    group.add_argument("--qos-reliability", choices=_RELIABILITY)
-    group.add_argument("--qos-durability", choices=_DURABILITY)
-    group.add_argument("--qos-liveliness", choices=_LIVELINESS)
-    group.add_argument(
-        "--qos-liveliness-lease-duration-seconds",
-        dest="qos_lease",
-        type=not_negative,
-        metavar="SECONDS",
+def options(default: str) -> Titled:
+    """Return the options; ``default`` describes the profile without them in the help."""
+    policies = {
+        "history": ("keep_last", "keep_all", "system_default"),
+        "reliability": ("reliable", "best_effort", *_OTHERS),
+        "durability": ("transient_local", "volatile", *_OTHERS),
+        "liveliness": ("automatic", "manual_by_topic", *_OTHERS),
+    }
+    return Titled(
+        "quality of service",
+        f"Without these: {default}.",
+        (
+            option("--qos-profile", None, "a preset to start from", choices=PRESETS),
+            option("--qos-depth", "N", "queue size", natural),
+            *(option(f"--qos-{name}", None, None, choices=policies[name]) for name in policies),
+            option(_LEASE, "SECONDS", None, not_negative, dest="qos_lease"),
+        ),
     )
 
 
@@ -48,31 +49,21 @@ def given(args: argparse.Namespace) -> bool:
 
 def profile(args: argparse.Namespace, preset: str) -> "QoSProfile":
     """Return the profile that the options define, starting from a preset."""
+    from rclpy import qos
     from rclpy.duration import Duration
-    from rclpy.qos import (
-        DurabilityPolicy,
-        HistoryPolicy,
-        LivelinessPolicy,
-        QoSPresetProfiles,
-        ReliabilityPolicy,
-    )
 
-    found = QoSPresetProfiles.get_from_short_key(args.qos_profile or preset)
-    if args.qos_history:
-        found.history = HistoryPolicy.get_from_short_key(args.qos_history)
+    chosen = qos.QoSPresetProfiles.get_from_short_key(args.qos_profile or preset)
+    for name in ("history", "reliability", "durability", "liveliness"):
+        if key := getattr(args, f"qos_{name}"):
+            policy = getattr(qos, f"{name.capitalize()}Policy")
+            setattr(chosen, name, policy.get_from_short_key(key))
     if args.qos_depth is not None:
-        found.depth = args.qos_depth
-    if args.qos_reliability:
-        found.reliability = ReliabilityPolicy.get_from_short_key(args.qos_reliability)
-    if args.qos_durability:
-        found.durability = DurabilityPolicy.get_from_short_key(args.qos_durability)
-        if found.durability == DurabilityPolicy.TRANSIENT_LOCAL and found.depth == 0:
-            found.depth = 1  # depth 0 would keep nothing for late subscribers
-    if args.qos_liveliness:
-        found.liveliness = LivelinessPolicy.get_from_short_key(args.qos_liveliness)
+        chosen.depth = args.qos_depth
+    if args.qos_durability == "transient_local" and chosen.depth == 0:
+        chosen.depth = 1  # depth 0 would keep nothing for late subscribers
     if args.qos_lease is not None:
-        found.liveliness_lease_duration = Duration(seconds=args.qos_lease)
-    return found
+        chosen.liveliness_lease_duration = Duration(seconds=args.qos_lease)
+    return chosen
 
 
 def matching(node: Any, topic: str, args: argparse.Namespace) -> "QoSProfile":
@@ -86,11 +77,11 @@ def matching(node: Any, topic: str, args: argparse.Namespace) -> "QoSProfile":
         is_transient_local,
     )
 
-    found = profile(args, "sensor_data")
+    chosen = profile(args, "sensor_data")
     offered = [info.qos_profile for info in node.get_publishers_info_by_topic(topic)]
     if given(args) or not offered:
-        return found
-    suited = compatible_qos(offered, found.depth)
+        return chosen
+    suited = compatible_qos(offered, chosen.depth)
     if any(map(is_reliable, offered)) and not is_reliable(suited):
         _warn_fallback("QoSReliabilityPolicy.RELIABLE", "QoSReliabilityPolicy.BEST_EFFORT")
     if any(map(is_transient_local, offered)) and not is_transient_local(suited):

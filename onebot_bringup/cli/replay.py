@@ -3,8 +3,8 @@
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -47,74 +47,67 @@ ARGUMENTS = (
     Argument("open_browser", "true", "open the page, if there is a display", ("true", "false")),
 )
 _RRD = ".rrd"
-_ALL = "100%"  # of the memory: everything must be there for a page that is opened later
+_ALL = "100%"  # memory limit: everything must be there for a page that is opened later
 _WATCH_EVERY = 0.1  # s
 
 
 def run(argv: Sequence[str]) -> int:
-    """Run the command and return its exit code.
-
-    Raises:
-        UsageError: the command line is wrong.
-        OneBotError: the recording cannot be read, or not be shown.
-    """
-    given = split(argv)
-    if given.help or given.show:
-        print(HELP if given.help else "", end="\n" if given.help else "")
-        print(table(ARGUMENTS))
+    """Run the command and return its exit code."""
+    arguments = split(argv)
+    if arguments.help or arguments.show:
+        print(f"{HELP}\n" * arguments.help + table(ARGUMENTS))
         return 0
-    if len(given.positional) != 1:
-        raise UsageError(f"onebot replay takes one recording, not {len(given.positional)}")
-    values = _values(given.given)
-    source = Path(given.positional[0]).expanduser()
-    if not os.path.exists(source):  # also where it may not be looked for
-        raise OneBotError(f"there is no recording {source}")
-    use_environment_prefix()  # where meshes and views are found
-    with KeyboardInterrupts() as interrupts:
-        return _replay(source, values, interrupts)
-
-
-def _values(given: Mapping[str, str]) -> dict[str, str]:
-    values = complete(ARGUMENTS, given)
+    if len(arguments.positional) != 1:
+        raise UsageError(f"onebot replay takes one recording, not {len(arguments.positional)}")
+    values = complete(ARGUMENTS, arguments.given)
     if values["viewer"] == "none" and not values["save"]:
         raise UsageError("viewer:=none needs save:=FILE.rrd, or nothing would be shown")
-    return values
+    source = Path(arguments.positional[0]).expanduser()
+    if not os.path.exists(source):  # also where it may not be looked for
+        raise OneBotError(f"there is no recording {source}")
+    use_environment_prefix()  # meshes and views are found there
+    with KeyboardInterrupts() as interrupts:
+        _replay(source, values, interrupts)
+    return 0
 
 
-def _replay(source: Path, values: Mapping[str, str], interrupts: KeyboardInterrupts) -> int:
-    rrd = source.suffix == _RRD and not source.is_dir()  # record:=run.rrd makes a folder
+def _replay(source: Path, values: Mapping[str, str], interrupts: KeyboardInterrupts) -> None:
+    is_rrd = source.suffix == _RRD and not source.is_dir()  # record:=run.rrd makes a folder
     view = _view(values["view"])
-    if rrd:
+    if is_rrd:
         _check_rrd(source, view, values)
     else:
         from onebot_bringup.bags.reader import Bag
 
         bag = Bag(source, int(float(values["max_size"]) * 1e6))
     with _server(values) as server:
-        if rrd:
+        if is_rrd:
             for file in filter(None, (source, view)):
                 server.stream.log_file_from_path(file)
-            print(f"showing {source}", flush=True)
+            _Log().info(f"showing {source}")
         else:
             from onebot_bringup.bags.replay import log_bag
 
-            shown = log_bag(
+            def progress(text: str) -> None:
+                interrupts.check()
+                _Log().info(text)
+
+            replayed = log_bag(
                 bag,
                 server.stream,
                 view=view,
                 fixed_frame=values["fixed_frame"],
                 frame_prefix=values["frame_prefix"],
                 namespace=values["namespace"],
-                progress=_checked(interrupts, _Log().info),
+                progress=progress,
                 warn=_Log().warning,
             )
-            robot = f' of "{shown.robot}"' if shown.robot else ""
-            print(f"showing {shown.seconds:.1f} s{robot}: {shown.messages} messages", flush=True)
+            robot = f' of "{replayed.robot}"' if replayed.robot else ""
+            _Log().info(f"showing {replayed.seconds:.1f} s{robot}: {replayed.messages} messages")
         while values["viewer"] != "none":
             interrupts.check()
             server.watch()
             time.sleep(_WATCH_EVERY)
-    return 0
 
 
 def _view(text: str) -> Path | None:
@@ -150,31 +143,18 @@ class _Log:
         print(f"warning: {message}", file=sys.stderr, flush=True)
 
 
-@contextmanager
-def _server(values: Mapping[str, str]) -> "Iterator[DisplayServer]":
+def _server(values: Mapping[str, str]) -> "closing[DisplayServer]":
     from onebot_bringup.viewer.display_server import DisplayServer  # slower to import
 
     save = Path(values["save"]).expanduser().absolute() if values["save"] else None
-    server = DisplayServer(
-        values["viewer"],
-        save,
-        grpc_port=int(values["grpc_port"]),
-        web_port=int(values["web_port"]),
-        memory_limit=_ALL,
-        open_browser=values["open_browser"] == "true",
-        log=_Log(),
+    return closing(
+        DisplayServer(
+            values["viewer"],
+            save,
+            grpc_port=int(values["grpc_port"]),
+            web_port=int(values["web_port"]),
+            memory_limit=_ALL,
+            open_browser=values["open_browser"] == "true",
+            log=_Log(),
+        )
     )
-    try:
-        yield server
-    finally:
-        server.close()
-
-
-def _checked(
-    interrupts: KeyboardInterrupts, report: Callable[[str], None]
-) -> Callable[[str], None]:
-    def both(text: str) -> None:
-        interrupts.check()
-        report(text)
-
-    return both

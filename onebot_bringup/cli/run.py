@@ -25,11 +25,7 @@ EXECUTABLES = {
 
 
 def run(argv: Sequence[str]) -> int:
-    """Run the executable and return its exit code.
-
-    Raises:
-        UsageError: there is no such package or executable.
-    """
+    """Run the executable and return its exit code."""
     if argv and argv[0] in ("-h", "--help"):
         print(_usage())
         return 0
@@ -51,8 +47,8 @@ def run(argv: Sequence[str]) -> int:
 def _usage() -> str:
     rows = (
         f"  {package} {executable}"
-        for package, found in EXECUTABLES.items()
-        for executable in found
+        for package, executables in EXECUTABLES.items()
+        for executable in executables
     )
     return "\n".join(
         (

@@ -4,11 +4,11 @@ import re
 import sys
 import time
 from argparse import Namespace
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 from urllib.parse import unquote
 
 import numpy as np
@@ -21,16 +21,19 @@ from onebot_bringup.cli.param import frame_prefix
 from onebot_bringup.cli.robots import description_topics
 from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.cli.snapshot import NAMESPACE, kind_of
-from onebot_bringup.introspection.publishers import publishers
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.displays.display import OTHER_CLOCK_NS
 from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
 from onebot_bringup.viewer.displays.tf import TF
+from onebot_bringup.viewer.inbox import DESCRIPTION, OTHER_CLOCK_NS
 from onebot_bringup.viewer.pictures import Framing, render
-from onebot_bringup.viewer.robot_view import DESCRIPTION, WORLD_DESCRIPTION, RobotView
+from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.rrd import check_rrd, has_content
-from onebot_bringup.viewer.shown_robot import ROBOT_DESCRIPTION, RobotToShow
-from onebot_bringup.viewer.topics import TopicSubscriptions, published_topics
+from onebot_bringup.viewer.shown_robot import (
+    ROBOT_DESCRIPTION,
+    WORLD_DESCRIPTION,
+    RobotToShow,
+)
+from onebot_bringup.viewer.topics import ViewFeed
 from onebot_bringup.viewer.view_source import ViewSource
 from onebot_control.poses import prefixed
 from onebot_description.description import Description
@@ -64,56 +67,42 @@ def draw(args: Namespace, scene: Path) -> None:
         OneBotError: what is to be drawn is not there, or nothing can draw.
     """
     kind = kind_of(args.source)
-    if kind == "running":
-        _draw_running(args, scene)
-    elif kind == "rrd":
+    if kind == "rrd":
         source = Path(args.source)
         check_rrd(source)
         if has_content(source) is False:
             raise OneBotError(f"{source} holds nothing to draw")
         _render(args, source)
-    else:
-        recording = open_recording(save=scene)
-        try:
-            _RECORDERS[kind](args, recording.stream)
-        finally:
-            recording.close()
-        _render(args, scene)
-
-
-def _render(args: Namespace, source: Path | str, **more: Any) -> None:
-    eye, target = args.camera or (None, None)
-    # A viewer at work goes on: only the time panel shows it.
-    framing = Framing(args.dashboard, eye, target, time_panel=isinstance(source, Path))
-    size = args.width, args.height
-    render(source, args.file, *size, framing=framing, progress=_progress, **more)
-
-
-def _draw_running(args: Namespace, scene: Path) -> None:
-    with Session(args.ros_args) as session:
-        viewer = (
-            running_viewer(session) if args.dashboard else _record_running(args, session, scene)
-        )
+        return
+    viewer = None
+    recording = open_recording(save=scene)
+    try:
+        if kind == "running":
+            viewer = _record_running(args, recording.stream)
+        elif kind == "bag":
+            _record_bag(args, recording.stream)
+        else:
+            _record_description(args, recording.stream)
+    finally:
+        recording.close()
     if viewer is None:
         _render(args, scene)
     else:
-        _render(args, viewer.server, not_before_ns=viewer.stamp_ns)
+        _render(args, viewer.server, viewer.stamp_ns)
 
 
-def _record_running(args: Namespace, session: Session, scene: Path) -> "RunningViewer | None":
-    """Record the robots as they are now; or return a viewer, which has their trails as well."""
-    recording = open_recording(save=scene)
-    try:
-        shown = RunningRobots(
-            session, args.view, recording.stream, running_robots(session, args.frame_prefix)
-        )
-        shown.await_descriptions()
-        viewer = None if args.view or args.frame_prefix else find_viewer(session)
-        if viewer is None:
-            _warn_of(shown.record())
-        return viewer
-    finally:
-        recording.close()
+def _render(args: Namespace, source: Path | str, not_before_ns: int = 0) -> None:
+    eye, target = args.camera or (None, None)
+    render(
+        source,
+        args.file,
+        args.width,
+        args.height,
+        # A viewer at work goes on: only the time panel shows it.
+        framing=Framing(args.dashboard, eye, target, time_panel=isinstance(source, Path)),
+        not_before_ns=not_before_ns,
+        progress=_progress,
+    )
 
 
 def _progress(message: str) -> None:
@@ -124,19 +113,36 @@ def _warn(message: str) -> None:
     _progress(f"warning: {message}")
 
 
-def _warn_of(messages: Sequence[str]) -> None:
-    for message in messages:
-        _warn(message)
-
-
 # --- the running robot --------------------------------------------------------------------------
 
 # Nothing of a robot is slower than this, even on a busy machine (seconds).
 _FRAMES = 6.0
 _TICK = 0.05  # seconds between two
-_OFFER = 0.25  # seconds between two looks at what is published
 _MESSAGES = 1.0  # seconds for what is published seldom
 _LISTED = 5
+
+
+def _record_running(args: Namespace, recording: "rr.RecordingStream") -> "RunningViewer | None":
+    """Record the robots as they are now; or return a viewer, which has their trails as well."""
+    with Session(args.ros_args) as session:
+        if args.dashboard:
+            viewer = running_viewer(session, _FRAMES)
+            if viewer is None:
+                raise OneBotError(
+                    f"no viewer's page on {session.full_name(_PAGE)}, and so no curves to draw; "
+                    "start the robot with viewer:=web, or draw a recording (save:=FILE.rrd). "
+                    "Without --dashboard, none is needed"
+                )
+            return viewer
+        robots = RunningRobots(
+            session, args.view, recording, running_robots(session, args.frame_prefix)
+        )
+        robots.await_descriptions()
+        viewer = None if args.view or args.frame_prefix else running_viewer(session)
+        if viewer is None:
+            for warning in robots.record():
+                _warn(warning)
+        return viewer
 
 
 class RunningRobots:
@@ -172,11 +178,44 @@ class RunningRobots:
             resolve=session.node.resolve_topic_name,
             report=self._report,
         )
-        self._received: set[str] = set()  # topics
+        self._feed = ViewFeed(session.node, self._view)
         self._broken: OneBotError | None = None  # what is wrong with the description
-        self._next_tick = self._next_offer = 0.0
-        self._topics = TopicSubscriptions(session.node, self._take)
-        self._topics.set_topics(self._view.topics)
+        self._next_tick = 0.0
+
+    def _report(self, _: str, error: Exception) -> None:
+        if isinstance(error, OneBotError):
+            self._broken = error  # another bad message is no reason to give up
+
+    def _wait(self, done: Callable[[], bool], timeout: float) -> bool:
+        """Show what comes until ``done()``."""
+
+        def is_done() -> bool:
+            # It is called with every message, of which many robots have thousands a second.
+            if time.monotonic() >= self._next_tick:
+                self._warnings += self._feed.update()
+                warnings = self._feed.tick()
+                self._warnings += warnings if self._view.robot is not None else []
+                self._next_tick = time.monotonic() + _TICK
+            return done()
+
+        return bool(self._session.spin(is_done, timeout))
+
+    def await_descriptions(self) -> Description:
+        """Return the first robot's description, once those of all have come.
+
+        Raises:
+            OneBotError: one is missing or broken.
+        """
+        count = len(self._robots)
+        self._wait(lambda: len(self._view.robots) >= count or self._broken is not None, _FRAMES)
+        lacking = [str(robot) for robot in self._robots if str(robot) not in self._view.robots]
+        if self._broken is not None and lacking:
+            raise self._broken
+        if self._view.robot is None or lacking:
+            raise OneBotError(
+                f"no description within {_FRAMES:.0f} s of the robots in {listing(lacking)}"
+            )
+        return self._view.robot
 
     def record(self) -> list[str]:
         """Log the robots as they are now.
@@ -190,94 +229,33 @@ class RunningRobots:
         robot = self.await_descriptions()
         if self._source.set_robot(robot.robot_name):
             self._warnings += self._view.set_view(self._source.view)
-            self._topics.set_topics(self._view.topics)
         self._next_tick = 0.0  # it is laid out anew, also where nothing is missing any more
         self._await_frames(robot)
-        self._await_messages()
-        return self._warnings + self._view.finish()
-
-    def _take(self, topic: str, kind: str, data: bytes, time_ns: int) -> None:
-        self._received.add(topic)
-        self._view.take(topic, kind, data, time_ns)
-
-    def _report(self, _: str, error: Exception) -> None:
-        if isinstance(error, OneBotError):
-            self._broken = error  # another bad message is no reason to give up
-
-    def _tick(self) -> None:
-        if time.monotonic() < self._next_tick:
-            return  # it is called with every message, of which many robots have thousands a second
-        self._subscribe()
-        now_ns = int(self._session.node.get_clock().now().nanoseconds)
-        warnings = self._view.tick(now_ns)
-        self._warnings += warnings if self._view.robot is not None else []
-        self._next_tick = time.monotonic() + _TICK
-
-    def _subscribe(self) -> None:
-        """Follow the publishers, also of what has a display of its own."""
-        now = time.monotonic()
-        if now >= self._next_offer:
-            self._next_offer = now + _OFFER
-            self._warnings += self._view.offer(published_topics(self._session.node))
-        try:
-            self._topics.set_topics(self._view.topics)
-        except OneBotError as error:
-            self._warnings.append(str(error))
-
-    def _await_messages(self) -> None:
-        """Wait for a message of each topic that is shown, but not for long."""
-
-        def complete() -> bool:
-            self._tick()
-            return self._received.issuperset(
-                each.topic for each in self._view.offered if each.visible
-            )
-
-        self._session.spin(complete, _MESSAGES)
-
-    def await_descriptions(self) -> Description:
-        """Return the first robot's description, once those of all have come.
-
-        Raises:
-            OneBotError: there is none, or one is broken.
-        """
-
-        def found(count: int) -> bool:
-            self._tick()
-            return len(self._view.robots) >= count or self._broken is not None
-
-        _look_for_robot(self._session, lambda: found(1))
-        self._session.spin(lambda: found(len(self._robots)), _FRAMES)
-        lacking = [str(one) for one in self._robots if str(one) not in self._view.robots]
-        if self._broken is not None and lacking:
-            raise self._broken
-        if self._view.robot is None or lacking:
-            raise OneBotError(
-                f"no description within {_FRAMES:.0f} s of the robots in {listing(lacking)}"
-            )
-        return self._view.robot
+        # Not for long: some topics are published once in a while.
+        self._wait(
+            lambda: self._feed.received.issuperset(
+                topic.topic for topic in self._view.offered if topic.visible
+            ),
+            _MESSAGES,
+        )
+        return [*dict.fromkeys(self._warnings), *self._view.finish()]
 
     def _await_frames(self, robot: Description) -> None:
         def complete() -> bool:
-            self._tick()
-            lacking = self._lacks_world() or self._view.missing
-            return not lacking and self._view.has_fixed_frame
+            world = self._session.node.count_publishers(WORLD_DESCRIPTION)
+            lacking = world and WORLD_DESCRIPTION not in self._feed.received
+            return not (lacking or self._view.stage.missing) and self._view.stage.has_fixed_frame
 
-        if not self._session.spin(complete, PATIENCE):
-            missing = self._view.missing or [self._source.view.fixed_frame]
+        if not self._wait(complete, PATIENCE):
+            missing = self._view.stage.missing or [self._source.view.fixed_frame]
             _progress(f"waiting for the frames of {listing(missing, _LISTED)} ...")
-            self._session.spin(complete, _FRAMES - PATIENCE)
-        if self._view.missing:
-            raise OneBotError(self._hint(robot, self._view.missing))
-
-    def _lacks_world(self) -> bool:
-        """Whether the description of the world around the robots is published, but has not come."""
-        published = self._session.node.count_publishers(WORLD_DESCRIPTION)
-        return bool(published) and WORLD_DESCRIPTION not in self._received
+            self._wait(complete, _FRAMES - PATIENCE)
+        if self._view.stage.missing:
+            raise OneBotError(self._hint(robot, self._view.stage.missing))
 
     def _hint(self, robot: Description, missing: Sequence[str]) -> str:
         text = f"no transform of {listing(missing, _LISTED)} within {_FRAMES:.0f} s"
-        frames = self._view.frames.names
+        frames = self._view.stage.frames.names
         if len(self._robots) > 1:
             return f"{text} (frames received: {listing(frames)})"
         [names] = self._robots
@@ -294,7 +272,7 @@ class RunningRobots:
         if prefixes and len(missing) >= len(robot.link_names) - 1:
             return f"{text}; try --frame-prefix {listing(prefixes)}"
         joints = self._session.full_name(names.topic("joint_states"))
-        if joints not in self._received:
+        if joints not in self._feed.received:
             return f"{text}: nothing on {joints}, so the joints' positions are not known"
         return f"{text} (frames received: {listing(frames)})"
 
@@ -310,7 +288,13 @@ def running_robots(session: Session, prefix: str = "") -> list[RobotToShow]:
         OneBotError: there is none; or there are several, and one prefix.
     """
     own = session.node.get_namespace().rstrip("/")
-    topics = _look_for_robot(session, lambda: description_topics(session, own))
+    topic = session.full_name(ROBOT_DESCRIPTION)
+    topics = session.look_for(lambda: description_topics(session, own), f"a robot on {topic}")
+    if not topics:
+        raise OneBotError(
+            f"no robot is running: nothing on {topic}{_elsewhere(session)}; start one "
+            "(onebot_bringup), or name its URDF or xacro file"
+        )
     session.discover()
     topics = description_topics(session, own) or topics
     if prefix and len(topics) > 1:
@@ -323,27 +307,11 @@ def running_robots(session: Session, prefix: str = "") -> list[RobotToShow]:
     for topic in topics:
         space, of_robot = topic.rpartition("/")[0], prefix
         if not prefix:
-            published = frame_prefix(session, publishers(session.node, topic).values())
+            published = frame_prefix(session, session.publishers(topic))
             # Of several robots each has another one.
             of_robot = prefixed("", len(topics) > 1, "", space) if published is None else published
         found.append(RobotToShow(space, of_robot, plotted=len(topics) == 1))
     return found
-
-
-def _look_for_robot(session: Session, found: Callable[[], Any]) -> Any:
-    """Return ``found()`` once it is true.
-
-    Raises:
-        OneBotError: it is not; the message has where there are robots.
-    """
-    topic = session.full_name(ROBOT_DESCRIPTION)
-    value = session.look_for(found, f"a robot on {topic}")
-    if not value:
-        raise OneBotError(
-            f"no robot is running: nothing on {topic}{_elsewhere(session)}; start one "
-            "(onebot_bringup), or name its URDF or xacro file"
-        )
-    return value
 
 
 def _elsewhere(session: Session) -> str:
@@ -407,11 +375,15 @@ def _tf_message(joints: JointArrays, values: Floats) -> bytes:
 def _record_description(args: Namespace, recording: "rr.RecordingStream") -> None:
     description = args.description
     lacking = _mesh_problems(description)  # of which the view warns
-    _warn_of([text for text in description.notices if not text.endswith(lacking)])
+    for text in description.notices:
+        if not text.endswith(lacking):
+            _warn(text)
     positions = pose_of(RobotModel.from_description(description), description, args.joints)
     warnings = record_pose(description, positions, args.view, recording)
-    # What is wrong with the text itself was reported with the lines of its file.
-    _warn_of([text for text in warnings if not text.startswith(f"{ROBOT_DESCRIPTION}:")])
+    for text in warnings:
+        # What is wrong with the text itself was reported with the lines of its file.
+        if not text.startswith(f"{ROBOT_DESCRIPTION}:"):
+            _warn(text)
 
 
 def _mesh_problems(description: Description) -> tuple[str, ...]:
@@ -443,12 +415,6 @@ def _record_bag(args: Namespace, recording: "rr.RecordingStream") -> None:
     )
 
 
-_RECORDERS: Mapping[str, Callable[[Namespace, "rr.RecordingStream"], None]] = {
-    "description": _record_description,
-    "bag": _record_bag,
-}
-
-
 # --- the viewer of a running robot: it has the curves and trails of before ----------------------
 
 _PAGE = "rerun_viewer/page"
@@ -476,26 +442,12 @@ class RunningViewer:
     stamp_ns: int
 
 
-def find_viewer(session: Session) -> RunningViewer | None:
-    """Return the running viewer; None if there is none, or none with a page."""
-    session.discover()
-    topic = session.full_name(_PAGE)
-    if not session.node.count_publishers(topic):
-        return None
-    with suppress(OneBotError):
-        return running_viewer(session, PATIENCE)
-    return None
-
-
-def running_viewer(session: Session, patience: float | None = None) -> RunningViewer:
-    """Return the running viewer.
+def running_viewer(session: Session, patience: float = PATIENCE) -> RunningViewer | None:
+    """Return the running viewer; None if there is none, or none with a page.
 
     Args:
         session: that subscribes to what it publishes.
-        patience: seconds for its page; None for as long as discovery can take.
-
-    Raises:
-        OneBotError: no viewer with a page is running.
+        patience: seconds for the page of one that is starting.
     """
     pages: list[str] = []
     stamps: list[int] = []
@@ -510,18 +462,13 @@ def running_viewer(session: Session, patience: float | None = None) -> RunningVi
             if newest < time.time_ns() + OTHER_CLOCK_NS:  # the viewer shows no other
                 stamps.append(newest)
 
-    subscribe = session.node.create_subscription
     topic = session.full_name(_PAGE)
-    subscribe(String, topic, on_page, LATCHED, raw=True)
-    subscribe(TFMessage, "/tf", on_tf, 100, raw=True)
-    if patience is None:
-        session.look_for(lambda: pages and pages[-1], "the viewer")
-    else:
+    session.node.create_subscription(String, topic, on_page, LATCHED, raw=True)
+    session.node.create_subscription(TFMessage, "/tf", on_tf, 100, raw=True)
+    session.discover()
+    if session.node.count_publishers(topic):
         session.spin(lambda: pages and pages[-1], patience)
-    if not (pages and pages[-1]):
-        raise OneBotError(
-            f"no viewer's page on {topic}, and so no curves to draw; start the robot with "
-            "viewer:=web, or draw a recording (save:=FILE.rrd). Without --dashboard, none is needed"
-        )
+    if not pages or not pages[-1]:
+        return None
     session.spin(lambda: stamps, PATIENCE)
     return RunningViewer(pages[-1], max(stamps, default=0))

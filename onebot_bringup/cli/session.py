@@ -5,13 +5,14 @@ command waits until the entity that it needs is discovered; lists wait until the
 """
 
 import argparse
+import functools
 import os
 import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
-from onebot_bringup.introspection.interfaces import message_class
+from onebot_bringup.cli.options import not_negative, option
 from onebot_description.description.packages import use_environment_prefix
 from onebot_description.discovery import (
     configure_discovery,
@@ -19,7 +20,7 @@ from onebot_description.discovery import (
     server,
     use_local_discovery,
 )
-from onebot_description.errors import OneBotError, did_you_mean, nearest
+from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.signals import KeyboardInterrupts
 
 _QUIET = 0.5  # s without changes, over two announcements: discovery is taken as complete
@@ -28,6 +29,7 @@ _MOST = 2.0  # s of discovery
 _LOOKUP = 3.5  # s to discover a name: all participants announce themselves every 3 s
 PATIENCE = 1.0  # s until a waiting command prints what it waits for
 _POLL = 0.02  # s
+_UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"  # as rcl has it
 
 
 class Session:
@@ -115,6 +117,10 @@ class Session:
             # Signals are handled between two waits only.
             self._executor.spin_once(timeout_sec=min(left, 0.1))
 
+    def spin_for(self, seconds: float) -> None:
+        """Run callbacks for some time."""
+        self.spin_until(time.monotonic() + seconds)
+
     def discover(self) -> None:
         """Wait until discovery is complete: no change for some time, or ``spin_time``."""
         if self._spin_time is not None:
@@ -122,13 +128,14 @@ class Session:
             return
         if not self.look_for(self._sees_other_nodes, "other nodes"):
             return
-        known, since, started = self._graph(), time.monotonic(), time.monotonic()
+        graph, started = self._graph(), time.monotonic()
+        changed = started
         while True:
-            self.spin_until(time.monotonic() + _POLL)
-            now, found = time.monotonic(), self._graph()
-            if found != known:
-                known, since = found, now
-            if now - self._began > _LEAST and now - since > _QUIET or now - started > _MOST:
+            self.spin_for(_POLL)
+            now, graph_now = time.monotonic(), self._graph()
+            if graph_now != graph:
+                graph, changed = graph_now, now
+            if now - self._began > _LEAST and now - changed > _QUIET or now - started > _MOST:
                 return
 
     def _sees_other_nodes(self) -> bool:
@@ -170,11 +177,23 @@ class Session:
 
     def nodes(self, hidden: bool = False) -> list[str]:
         """Return the full names of all nodes discovered so far, sorted, with duplicates."""
-        found = self.node.get_node_names_and_namespaces()
-        names = [f"{space.rstrip('/')}/{name}" for name, space in found]
-        return sorted(
-            name for name in names if hidden or not name.rpartition("/")[2].startswith("_")
-        )
+        names = [
+            f"{space.rstrip('/')}/{name}"
+            for name, space in self.node.get_node_names_and_namespaces()
+            if hidden or not name.startswith("_")
+        ]
+        return sorted(names)
+
+    def publishers(self, topic: str) -> list[str]:
+        """Return the full names of the nodes that publish a topic, one for each publisher.
+
+        A node's name is discovered after its publishers; until then they are left out.
+        """
+        return [
+            f"{end.node_namespace.rstrip('/')}/{end.node_name}"
+            for end in self.node.get_publishers_info_by_topic(topic)
+            if end.node_name != _UNKNOWN_NODE
+        ]
 
     def find_node(self, name: str) -> str:
         """Return the full name of a running node.
@@ -189,38 +208,36 @@ class Session:
 
     def look_for(self, condition: Callable[[], Any], what: str) -> Any:
         """Wait for a condition as long as discovery can take; return its last value."""
-        found = self.spin(condition, PATIENCE)
-        if not found:
-            print(f"looking for {what} ...{self._hint()}", file=sys.stderr)
-            found = self.spin(condition, _LOOKUP - PATIENCE)
-        return found
+        return self.await_or_report(condition, lambda: f"looking for {what} ...", _LOOKUP)
 
     def await_or_report(
         self,
         condition: Callable[[], Any],
         notice: Callable[[], str],
         timeout: float | None = None,
+        patience: float = PATIENCE,
     ) -> Any:
-        """Wait for a condition; print ``notice()`` if it takes long.
+        """Wait for a condition; return its last value.
 
         Args:
             condition: returns what is waited for, or what is false.
-            notice: returns what to print.
+            notice: returns what to print after ``patience`` seconds.
             timeout: seconds; None for no end.
+            patience: seconds.
         """
-        first = PATIENCE if timeout is None else min(PATIENCE, timeout)
-        found = self.spin(condition, first)
-        if not found and first != timeout:
+        first = patience if timeout is None else min(patience, timeout)
+        value = self.spin(condition, first)
+        if not value and first != timeout:
             print(f"{notice()}{self._hint()}", file=sys.stderr)
-            found = self.spin(condition, None if timeout is None else timeout - first)
-        return found
+            value = self.spin(condition, None if timeout is None else timeout - first)
+        return value
 
     def _hint(self) -> str:
         return f" ({question()})" if server() and not self._sees_other_nodes() else ""
 
 
-def _visible(found: Iterable[tuple[str, list[str]]], hidden: bool) -> list[tuple[str, list[str]]]:
-    return sorted((name, types) for name, types in found if hidden or not is_hidden(name))
+def _visible(names: Iterable[tuple[str, list[str]]], hidden: bool) -> list[tuple[str, list[str]]]:
+    return sorted((name, types) for name, types in names if hidden or not is_hidden(name))
 
 
 def is_hidden(name: str) -> bool:
@@ -228,76 +245,22 @@ def is_hidden(name: str) -> bool:
     return any(part.startswith("_") for part in name.split("/"))
 
 
-def add_spin_time(parser: argparse.ArgumentParser) -> None:
-    """Add the option for the time of discovery."""
-    from onebot_bringup.cli.options import not_negative
-
-    parser.add_argument(
-        "--spin-time",
-        type=not_negative,
-        metavar="SECONDS",
-        help="time for discovery (default: until nothing new is discovered, at most 2 s)",
-    )
+SPIN_TIME = option(
+    "--spin-time",
+    "SECONDS",
+    "time for discovery (default: until nothing new is discovered, at most 2 s)",
+    not_negative,
+)
 
 
-def await_class(
-    session: Session, name: str, type_name: str | None = None, timeout: float | None = None
-) -> tuple[str, Any]:
-    """Return a topic's full name and its message class; wait until the topic exists.
+def in_session(
+    body: Callable[[Session, argparse.Namespace], int | None],
+) -> Callable[[argparse.Namespace], int | None]:
+    """Have a subcommand called within a session, as its first argument."""
 
-    Args:
-        session: its node discovers the topic.
-        name: of the topic, absolute or relative.
-        type_name: of the messages; None for the type of the topic.
-        timeout: seconds; None for no end.
+    @functools.wraps(body)
+    def run(args: argparse.Namespace) -> int | None:
+        with Session(args.ros_args, spin_time=getattr(args, "spin_time", None)) as session:
+            return body(session, args)
 
-    Raises:
-        OneBotError: the type is not installed, or the topic has several, or does not come in time.
-    """
-    topic = session.full_name(name)
-    if type_name is not None:
-        kind = message_class(type_name)
-        # The QoS depends on the publishers: give them time to be discovered.
-        session.spin(lambda: session.node.count_publishers(topic), 1.0)
-        session.spin(lambda: False, 0.1)
-        return topic, kind
-    types = session.await_or_report(
-        lambda: _types(session, topic), lambda: _missing(session, topic), timeout
-    )
-    if not types:
-        raise OneBotError(f"no topic {topic} within {timeout:g} s")
-    # Other publishers may have another QoS or even another type.
-    session.spin(lambda: False, 0.1)
-    types = _types(session, topic) or types
-    if len(types) > 1:
-        raise OneBotError(
-            f"Cannot echo topic '{topic}', as it contains more than one type: "
-            f"[{', '.join(types)}]; name the one you want"
-        )
-    return topic, message_class(types[0])
-
-
-def _types(session: Session, topic: str) -> list[str]:
-    return list(dict(session.node.get_topic_names_and_types()).get(topic, []))
-
-
-def _missing(session: Session, topic: str) -> str:
-    guess = nearest(topic, (name for name, _ in session.topics()))
-    meant = f' (did you mean "{guess}"?)' if guess else ""
-    return f"WARNING: topic [{topic}] does not appear to be published yet{meant}; waiting for it"
-
-
-def types_of(session: Session, name: str) -> tuple[str, list[str]]:
-    """Return the full name and the types of an existing topic.
-
-    Raises:
-        OneBotError: it was not discovered; the message lists similar names.
-    """
-    topic = session.full_name(name)
-    types = session.look_for(lambda: _types(session, topic), f"the topic {topic}")
-    if not types:
-        raise OneBotError(
-            f"Unknown topic '{topic}'"
-            f"{did_you_mean(topic, (known for known, _ in session.topics()), 'topics')}"
-        )
-    return topic, list(types)
+    return run

@@ -14,14 +14,14 @@ from onebot_bringup.launch.arguments import (
     complete,
     number,
     port,
-    refuse_positional,
     ros_settings,
     split,
     switch,
     table,
+    with_positional,
 )
 from onebot_bringup.launch.bringup import environment
-from onebot_bringup.launch.nodes import AWAIT_VIEW, NICE_VIEWER, RosNodes
+from onebot_bringup.launch.nodes import AWAIT_VIEW, STEERING_PAGE, VIEWER, RosNodes
 from onebot_bringup.launcher.launcher import Launcher
 from onebot_bringup.steering.access import BindAddress, choose_bind_address
 from onebot_control.poses import prefixed
@@ -66,21 +66,12 @@ Arguments and their defaults:
 
 
 def run(argv: Sequence[str]) -> int:
-    """Run the command and return its exit code.
-
-    Raises:
-        UsageError: the command line is wrong.
-        OneBotError: a file or a name is wrong.
-    """
+    """Run the command and return its exit code."""
     arguments = split(argv)
-    refuse_positional(arguments.positional[1:])
-    if arguments.positional and "topic" in arguments.given:
-        raise UsageError("write the topic or topic:=, not both, for onebot steer")
+    given = with_positional(arguments, "topic", "topic", "onebot steer")
     if arguments.help or arguments.show:
         print(_HELP if arguments.help else table(_ARGUMENTS))
         return 0
-    topic = dict(zip(["topic"], arguments.positional, strict=False))
-    given = {**topic, **arguments.given}
     values = complete(_ARGUMENTS, given)
     _check(values)
     bind_address = choose_bind_address(values["host"], int(values["port"]), values["token"])
@@ -95,21 +86,21 @@ def _launch(
     folder: Path, values: Mapping[str, str], bind_address: BindAddress, ros_args: Sequence[str]
 ) -> int:
     topic, view = _found(values, ros_args)
-    own = view is not None
-    page: dict[str, object] = {"topic": topic, "odom_topic": values["odom_topic"]}
-    page |= {name: float(values[name]) for name in _NUMBERS}
-    page |= {**bind_address.parameters, "open_browser": values["open_browser"] == "true"}
-    page["viewer_page"] = f"{_VIEWER if own else 'rerun_viewer'}/page"
-    make, nodes = RosNodes(folder, values["namespace"], ros_args), []
+    page: dict[str, object] = {
+        "topic": topic,
+        "odom_topic": values["odom_topic"],
+        **{name: float(values[name]) for name in _NUMBERS},
+        **bind_address.parameters,
+        "open_browser": values["open_browser"] == "true",
+        "viewer_page": f"{VIEWER.name if view is None else _VIEWER}/page",
+    }
+    ros_nodes, viewers = RosNodes(folder, values["namespace"], ros_args), []
     if view is not None:
-        view |= {"viewer": "web", "view": values["view"], "embedded": True}
         page["await_view"] = AWAIT_VIEW
+        view |= {"viewer": "web", "view": values["view"], "embedded": True}
         view |= {"grpc_port": 0, "web_port": 0}
-        module = "onebot_bringup.viewer.rerun_viewer"
-        nodes.append(
-            make.node(_VIEWER, module, view, on_exit="ignore", renamed=True, nice=NICE_VIEWER)
-        )
-    nodes.insert(0, make.node("steering_page", "onebot_bringup.steering.steering_page", page))
+        viewers = [ros_nodes.process(VIEWER._replace(name=_VIEWER), view)]
+    nodes = [ros_nodes.process(STEERING_PAGE._replace(on_exit="shutdown"), page), *viewers]
     hint = "steering_page prints the page's address; Ctrl-C stops everything"
     with Launcher("onebot steer") as launcher:
         return launcher.run(nodes, started_message=hint, temporary=[folder])
@@ -139,7 +130,6 @@ def _robots(session: Session, namespace: str) -> dict[str, object]:
     The frames of one that is started later are named as a bringup names them.
     """
     from onebot_bringup.cli.param import frame_prefix
-    from onebot_bringup.introspection.publishers import publishers
 
     own = f"/{namespace}".rstrip("/")
     topics = session.spin(lambda: description_topics(session, own), PATIENCE)
@@ -147,7 +137,7 @@ def _robots(session: Session, namespace: str) -> dict[str, object]:
         return {"robots": [topic.rpartition("/")[0] for topic in topics]}
     if not topics:
         return {"frame_prefix": prefixed("", True, "", namespace)}
-    prefix = frame_prefix(session, publishers(session.node, topics[0]).values())
+    prefix = frame_prefix(session, session.publishers(topics[0]))
     return {"frame_prefix": prefix or ""}
 
 
@@ -178,12 +168,7 @@ def _answers(address: str) -> bool:
 
 
 def _check(values: Mapping[str, str]) -> None:
-    """Check values that depend on each other or on files.
-
-    Raises:
-        UsageError: two values contradict each other.
-        OneBotError: the view's file does not exist.
-    """
+    """Check values that depend on each other or on files."""
     if values["view"] not in ("", "none") and not Path(values["view"]).is_file():
         raise OneBotError(f"view:={values['view']}: no such file")
     if values["view"] and values["viewer"] == "none":

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from onebot_bringup.cli.options import Parser, not_negative, positive
+from onebot_bringup.cli.options import Parser, flag, not_negative, option, positive
 from onebot_bringup.cli.robots import chosen_commands
 from onebot_bringup.cli.session import Session
 from onebot_description.errors import OneBotError
@@ -58,12 +58,12 @@ _SHORTEST_HOLD = 0.2  # s; over a network repeats arrive in bursts
 _REPEATS_MISSED = 4
 ESCAPE = "\x1b"
 _ARROWS = {"A": "up", "B": "down", "C": "right", "D": "left"}
-_LOCK = " "
+_LOCK, _UNLOCK = " ", "r"
 _QUIT = (ESCAPE, "\x03", "\x04")
 _ZEROS = 3  # published when a key is released, in case one gets lost
 _SUBSCRIBER_PERIOD = 1.0  # s between polls for subscribers
 _SPIN = 0.002  # s of callbacks between two reads of the keyboard
-_LOCKED = "\t(locked: a key that drives unlocks)"
+_LOCKED = f"\t(locked: {_UNLOCK} unlocks)"
 
 HELP = """\
 Reading from the keyboard and publishing {kind} on {topic}
@@ -81,7 +81,8 @@ Sideways (for robots that can), with Shift:
 t : up (+z)
 b : down (-z)
 
-space : stop, and lock the robot for everybody until a key drives it again
+space : stop, and lock the robot for everybody
+r : unlock it (a key that drives does not)
 anything else : stop
 
 q/z : increase/decrease max speeds by 10%
@@ -97,9 +98,9 @@ class TeleopTwist:
     """The velocity to publish."""
 
     x: float = 0.0  # forward, m/s
-    y: float = 0.0  # to the left, m/s
+    y: float = 0.0  # left, m/s
     z: float = 0.0  # up, m/s
-    turn: float = 0.0  # to the left, rad/s
+    turn: float = 0.0  # counterclockwise, rad/s
 
 
 class Driver:
@@ -116,8 +117,8 @@ class Driver:
         """
         self.speed, self.turn = speed, turn  # m/s and rad/s while a key is held
         self._hold = hold
+        self.locked = False  # no key moves the robot
         self._key: str | None = None
-        self._blocked = False  # the key has to be released before it moves the robot
         self._pressed = 0.0  # time of the last press or repeat
         self._until = 0.0  # time from which it counts as released
 
@@ -126,29 +127,31 @@ class Driver:
         if key in _SPEEDS:
             self.speed *= _SPEEDS[key][0]
             self.turn *= _SPEEDS[key][1]
-        elif key not in _MOVES:
+        elif key not in _MOVES or self.locked:
             self._key = None
         else:
             repeated = key == self._key and now < self._until
-            self._blocked = self._blocked and repeated
             interval = now - self._pressed
             self._key, self._pressed = key, now
-            short = repeated and not self._blocked
-            self._until = now + (self._hold_after(interval) if short else self._hold)
+            self._until = now + (self._hold_after(interval) if repeated else self._hold)
 
     def _hold_after(self, interval: float) -> float:
         """How long a repeat counts, s; the first one, after the long delay, like a press."""
         return min(self._hold, max(_SHORTEST_HOLD, _REPEATS_MISSED * interval))
 
-    def block(self) -> None:
-        """Ignore the key that is held until it is pressed anew: a hitch of its repeats is not."""
-        self._blocked, self._until = True, self._pressed + self._hold
+    def lock(self) -> None:
+        """Stop, and ignore the keys that move the robot while ``locked``.
+
+        A press that unlocks would not do: it looks like the first repeat of a held key after the
+        process or its connection stood still.
+        """
+        self.locked, self._key = True, None
 
     def moving(self, now: float) -> bool:
         """Whether a key that moves the robot is held."""
         if self._key is not None and now >= self._until:
             self._key = None
-        return self._key is not None and not self._blocked
+        return self._key is not None
 
     def velocity(self, now: float) -> TeleopTwist:
         """Return the velocity at ``now``: zero when no key is held."""
@@ -174,7 +177,7 @@ def single_keys() -> Iterator["Keys"]:
     if sys.stdin is None or not sys.stdin.isatty():
         raise OneBotError("this reads keys from a terminal, but standard input is not a terminal")
     fd = sys.stdin.fileno()
-    before = termios.tcgetattr(fd)
+    old_mode = termios.tcgetattr(fd)
     mode = termios.tcgetattr(fd)
     mode[3] &= ~(termios.ICANON | termios.ECHO)
     # Ctrl-S would block the output, and with it the loop that publishes.
@@ -187,7 +190,7 @@ def single_keys() -> Iterator["Keys"]:
         yield Keys(fd)
     finally:
         with contextlib.suppress(termios.error):  # the terminal's window is closed
-            termios.tcsetattr(fd, termios.TCSADRAIN, before)
+            termios.tcsetattr(fd, termios.TCSADRAIN, old_mode)
 
 
 class Keys:
@@ -227,12 +230,7 @@ def split_keys(text: str) -> list[str]:
 
 
 def run(argv: Sequence[str]) -> int:
-    """Run the command and return its exit code.
-
-    Raises:
-        OneBotError: stdin is not a terminal, the command line is wrong, or it is not clear which of
-            several robots is meant.
-    """
+    """Run the command and return its exit code."""
     args = _parse(argv)
     with single_keys() as keys, Session(args.ros_args, "teleop") as session:
         teleop = _Teleop(session, args)
@@ -246,39 +244,29 @@ def run(argv: Sequence[str]) -> int:
 
 
 def _parse(argv: Sequence[str]) -> Namespace:
-    parser = Parser("onebot teleop", "drive a robot from the keyboard, while a key is held")
-    parser.add_argument(
-        "robot",
-        nargs="?",
-        default="",
-        metavar="ROBOT|TOPIC",
-        help="the robot, such as robot2, or the topic to publish on (the only robot's)",
+    options = (
+        option(
+            "robot",
+            "ROBOT|TOPIC",
+            "the robot, such as robot2, or the topic to publish on (the only robot's)",
+            default="",
+            nargs="?",
+        ),
+        flag("--stamped", "publish TwistStamped instead of Twist"),
+        option("--speed", "M/S", "initial speed (0.5 m/s)", positive, 0.5),
+        option("--turn", "RAD/S", "initial turn rate (1 rad/s)", positive, 1.0),
+        option("--frame-id", "FRAME", "of TwistStamped", default=""),
+        option("--rate", "HZ", "messages per second (20)", positive, 20.0),
+        option(
+            "--hold",
+            "S",
+            "how long one press counts as held; longer than the keyboard's repeat delay (0.7)",
+            not_negative,
+            0.7,
+        ),
     )
-    parser.add_argument(
-        "--stamped", action="store_true", help="publish TwistStamped instead of Twist"
-    )
-    parser.add_argument(
-        "--speed", type=positive, default=0.5, metavar="M/S", help="initial speed (0.5 m/s)"
-    )
-    parser.add_argument(
-        "--turn",
-        type=positive,
-        default=1.0,
-        metavar="RAD/S",
-        help="initial turn rate (1 rad/s)",
-    )
-    parser.add_argument("--frame-id", default="", metavar="FRAME", help="of TwistStamped")
-    parser.add_argument(
-        "--rate", type=positive, default=20.0, metavar="HZ", help="messages per second (20)"
-    )
-    parser.add_argument(
-        "--hold",
-        type=not_negative,
-        default=0.7,
-        metavar="S",
-        help="how long one press counts as held; longer than the keyboard's repeat delay (0.7)",
-    )
-    return parser.parse(argv)
+    summary = "drive a robot from the keyboard, while a key is held"
+    return Parser("onebot teleop", summary, options).parse(argv)
 
 
 class _Teleop:
@@ -302,7 +290,7 @@ class _Teleop:
         zeros, due = 0, time.monotonic()
         while True:
             self._show()
-            self._session.spin(lambda: False, _SPIN)
+            self._session.spin_for(_SPIN)
             pressed = keys.read(due - time.monotonic())
             now = time.monotonic()
             if pressed is None or any(key in _QUIT for key in pressed):
@@ -323,16 +311,17 @@ class _Teleop:
                 self._publish(self._driver.velocity(now))
 
     def _press(self, key: str, now: float) -> None:
-        was_moving = self._driver.moving(now)
         self._driver.press(key, now)
         if key == _LOCK:
             self._lock.set(True)
-        elif self._driver.moving(now) and not was_moving:
+            self._on_lock(self._lock.locked)
+        elif key == _UNLOCK:
             self._lock.set(False)
+            self._driver.locked = False
 
     def _on_lock(self, locked: bool) -> None:
         if locked:
-            self._driver.block()
+            self._driver.lock()
 
     def stop(self) -> None:
         """Publish zero and wait for acknowledgements."""
@@ -360,7 +349,7 @@ class _Teleop:
         if time.monotonic() > self._next_poll:
             self._next_poll = time.monotonic() + _SUBSCRIBER_PERIOD
             self._note = self._subscriber_note()
-        note = _LOCKED if self._lock.locked else self._note
+        note = _LOCKED if self._driver.locked else self._note
         text = f"{self._driver.status()}{note}"
         if text != self._shown:
             self._shown = text
@@ -370,8 +359,8 @@ class _Teleop:
     def _subscriber_note(self) -> str:
         if self._publisher.get_subscription_count():
             return ""
-        found = self._session.node.get_subscriptions_info_by_topic(self._topic)
-        types = sorted({info.topic_type for info in found})
+        ends = self._session.node.get_subscriptions_info_by_topic(self._topic)
+        types = sorted({end.topic_type for end in ends})
         if any(name.endswith("/TwistStamped") for name in types) and not self._args.stamped:
             return "\t(the robot subscribes to TwistStamped: use --stamped)"
         if any(name.endswith("/Twist") for name in types) and self._args.stamped:

@@ -5,13 +5,12 @@ import sys
 import time
 from argparse import Namespace
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable
 from typing import Any
 
-from onebot_bringup.cli.options import Parser, Subcommand, dispatch, natural, positive
-from onebot_bringup.cli.session import PATIENCE, Session
-from onebot_bringup.introspection.rates import Window
+from onebot_bringup.cli.options import Subcommand, flag, natural, option, positional, positive
+from onebot_bringup.cli.session import PATIENCE, Session, in_session
+from onebot_bringup.introspection.rates import Intervals
 from onebot_description.description.tree_text import aligned, branches, cell
 from onebot_description.errors import OneBotError
 
@@ -21,59 +20,55 @@ _WINDOW = 1000  # samples of a rate
 _NANO = 1e-9
 
 
-def tree(parser: Parser, argv: Sequence[str]) -> int:
-    """Print the tree of frames, with rate and age; return the exit code."""
-    parser.add_argument(
-        "-w", "--wait-time", type=positive, default=2.0, metavar="S",
-        help="how long transforms are collected (2 s)",
-    )  # fmt: skip
-    args = parser.parse(argv)
-    with Session(args.ros_args) as session:
-        transforms = _Transforms(session)
-        transforms.await_first()
-        transforms.spin(lambda: False, args.wait_time)
-        print("\n".join(_drawn(transforms)))
-        for warning in _faults(transforms):
-            transforms.warn(warning)
-    return 0
+@in_session
+def tree(session: Session, args: Namespace) -> None:
+    """Print the tree of frames, with rate and age."""
+    transforms = _Transforms(session)
+    transforms.await_first()
+    session.spin_for(args.wait_time)
+    print("\n".join(_drawn(transforms)))
+    for warning in _faults(transforms):
+        transforms.warn(warning)
 
 
 def received_frames(session: Session) -> list[str]:
     """Return the names of the frames that are received within a second of the first."""
     transforms = _Transforms(session)
     transforms.await_first()
-    transforms.spin(lambda: False, 1.0)
-    return sorted(transforms.buffer.names)
+    session.spin_for(1.0)
+    return sorted(transforms.frames.names)
 
 
 def _drawn(transforms: "_Transforms") -> list[str]:
-    buffer, now = transforms.buffer, transforms.now_ns()
-    roots = buffer.roots
-    below = {name: [c for c in buffer.children(name) if c not in roots] for name in buffer.names}
+    frames, now = transforms.frames, transforms.now_ns()
+    roots = frames.roots
+    edges = frames.edges
+    below: dict[str, list[str]] = {name: [] for name in frames.names}
+    for child in sorted(edges.keys() - roots):
+        below[edges[child].parent].append(child)
     rows = [("frame", "rate", "age")]
     for branch, name in branches(roots, lambda frame: below[frame]):
-        rows.append((branch + cell(name), *_rate_and_age(transforms, name, now)))
+        columns = _rate_and_age(transforms, name, now) if name in edges else ("", "")
+        rows.append((branch + cell(name), *columns))
     return aligned(rows)
 
 
 def _rate_and_age(transforms: "_Transforms", name: str, now: int) -> tuple[str, str]:
-    history = transforms.buffer.frames.get(name)
-    if history is None:
-        return "", ""
-    if history.static:
+    span = transforms.frames.span(name)
+    if span is None:
         return "static", ""
-    rate = transforms.frames[name].rate()
-    return f"{rate:.1f} Hz" if rate else "once", f"{(now - history.newest_ns) * _NANO:.3f} s"
+    rate = transforms.arrivals[name].rate()
+    return f"{rate:.1f} Hz" if rate else "once", f"{(now - span[1]) * _NANO:.3f} s"
 
 
 def _faults(transforms: "_Transforms") -> list[str]:
     """What is wrong with the tree as a whole."""
-    roots, frames = transforms.buffer.roots, transforms.buffer.frames
+    roots, children = transforms.frames.roots, transforms.frames.edges
     found = []
     if len(roots) > 1:
         found.append(f"{len(roots)} unconnected trees, of {', '.join(map(cell, roots))}")
     for root in roots:
-        if root in frames:
+        if root in children:
             found.append(f"{cell(root)} is in a loop: it is below itself")
     for name, count in Counter(transforms.publishers("/tf")).items():
         if count > 1:
@@ -84,47 +79,24 @@ def _faults(transforms: "_Transforms") -> list[str]:
     return found
 
 
-def echo(parser: Parser, argv: Sequence[str]) -> int:
-    """Print the pose of one frame in another; return the exit code.
+@in_session
+def echo(session: Session, args: Namespace) -> None:
+    """Print the pose of one frame in another.
 
     Raises:
         OneBotError: there is no transform within ``--timeout``.
     """
-    parser.add_argument("target", metavar="A", help="a frame, such as odom")
-    parser.add_argument("source", metavar="B", help="the frame whose pose in A is shown")
-    parser.add_argument(
-        "echo_rate",
-        nargs="?",
-        type=positive,
-        metavar="RATE",
-        help="the same as --rate HZ",
-    )
-    parser.add_argument(
-        "-r", "--rate", type=positive, default=1.0, metavar="HZ", help="prints per second (1)"
-    )
-    parser.add_argument("-1", "-o", "--once", action="store_true", help="print it once and exit")
-    parser.add_argument("-t", "--timeout", type=positive, metavar="S", help="give up after S s")
-    parser.add_argument(
-        "-p", "--precision", type=digits, default=3, metavar="N", help="digits after the point (3)"
-    )
-    args = parser.parse(argv)
-    with Session(args.ros_args) as session:
-        transforms = _Transforms(session)
-        _await_transform(transforms, args, args.timeout)
-        due, period = time.monotonic(), 1.0 / (args.echo_rate or args.rate)
-        while True:
-            found = transforms.buffer.lookup(args.target, args.source)
-            print(_shown(found.stamp_ns, found.transform, args.precision))
-            if args.once:
-                return 0
-            due = max(due + period, time.monotonic())
-            transforms.spin(lambda: False, due - time.monotonic())
-            _await_transform(transforms, args, None)
-
-
-def digits(text: str) -> int:
-    """Parse a number of digits, for ``type=``."""
-    return natural(text, most=100)
+    transforms = _Transforms(session)
+    _await_transform(transforms, args, args.timeout)
+    due, period = time.monotonic(), 1.0 / (args.echo_rate or args.rate)
+    while True:
+        found = transforms.frames.lookup(args.a, args.b)
+        print(_shown(found.stamp_ns, found.transform, args.precision))
+        if args.once:
+            return
+        due = max(due + period, time.monotonic())
+        session.spin_until(due)
+        _await_transform(transforms, args, None)
 
 
 def _await_transform(transforms: "_Transforms", args: Namespace, timeout: float | None) -> None:
@@ -132,7 +104,7 @@ def _await_transform(transforms: "_Transforms", args: Namespace, timeout: float 
 
     def problem() -> str:
         try:
-            transforms.buffer.lookup(args.target, args.source)
+            transforms.frames.lookup(args.a, args.b)
         except OneBotError as error:
             return str(error)
         return ""
@@ -141,10 +113,10 @@ def _await_transform(transforms: "_Transforms", args: Namespace, timeout: float 
     transforms.spin(lambda: not problem(), min(PATIENCE, timeout or PATIENCE))
     while why := problem():
         if timeout is not None and time.monotonic() - began >= timeout:
-            raise OneBotError(f"no transform {args.target} -> {args.source}: {why}")
+            raise OneBotError(f"no transform {args.a} -> {args.b}: {why}")
         if why != printed:
             printed = why
-            text = f"Waiting for transform {args.target} ->  {args.source}: {why}"
+            text = f"Waiting for transform {args.a} ->  {args.b}: {why}"
             print(text, file=sys.stderr)
         transforms.spin(lambda: not problem(), 0.1)
 
@@ -181,40 +153,22 @@ def _shown(stamp_ns: int, transform: Any, precision: int) -> str:
     )
 
 
-@dataclass
-class _Arrivals:
-    """When messages with a frame were received."""
-
-    intervals: Window = field(default_factory=lambda: Window(_WINDOW))  # s
-    last: float | None = None
-
-    def add(self, now: float) -> None:
-        if self.last is not None:
-            self.intervals.add(now - self.last)
-        self.last = now
-
-    def rate(self) -> float:
-        """Hz; 0 if that is not known, or nothing came since the last call."""
-        found = self.intervals.statistics()
-        return 1.0 / found.mean if found is not None and found.mean > 0.0 else 0.0
-
-
 class _Transforms:
     """What a session receives on /tf and /tf_static.
 
     Attributes:
-        buffer: the transforms.
-        frames: how each child frame arrives.
+        frames: the transforms.
+        arrivals: how each child frame arrives.
     """
 
     def __init__(self, session: Session) -> None:
         from rclpy.qos import DurabilityPolicy, QoSProfile
 
-        from onebot_bringup.introspection.transforms import TransformBuffer
+        from onebot_bringup.introspection.transforms import FrameTree
         from onebot_description.wire.tf_message import TFMessage
 
-        self.buffer = TransformBuffer()
-        self.frames: dict[str, _Arrivals] = {}
+        self.frames = FrameTree()
+        self.arrivals: dict[str, Intervals] = {}
         self._session = session
         self._warned: set[str] = set()
         for topic, durability in zip(
@@ -237,11 +191,12 @@ class _Transforms:
             except BAD_MESSAGE as error:
                 self.warn(f"a message of {topic} is ignored: {error}")
                 return
-            for sentence in self.buffer.add(message, static=topic == _TOPICS[1]):
+            for sentence in self.frames.add(message, static=topic == _TOPICS[1]):
                 self.warn(sentence)
             now = time.monotonic()
             for child in message.children:
-                self.frames.setdefault(child.removeprefix("/"), _Arrivals()).add(now)
+                name = child.removeprefix("/")
+                self.arrivals.setdefault(name, Intervals(_WINDOW)).arrived(now)
 
         return received
 
@@ -259,33 +214,32 @@ class _Transforms:
         return int(self._session.node.get_clock().now().nanoseconds)
 
     def await_first(self) -> None:
-        """Wait for the first transform.
-
-        Raises:
-            OneBotError: nobody publishes one.
-        """
-        if not self._session.look_for(lambda: self.buffer.frames, "transforms"):
+        """Wait for the first transform."""
+        if not self._session.look_for(lambda: self.frames.names, "transforms"):
             found = ((topic, sorted(set(self.publishers(topic)))) for topic in _TOPICS)
             named = "; ".join(f"publishers of {t}: {' or '.join(n) or 'none'}" for t, n in found)
             raise OneBotError(f"no transform was received on /tf and /tf_static ({named})")
 
     def publishers(self, topic: str) -> list[str]:
         """The names of the nodes that publish a topic, of each publisher one."""
-        from onebot_bringup.introspection.publishers import publishers
-
-        return list(publishers(self._session.node, topic).values())
+        return self._session.publishers(topic)
 
 
 COMMANDS = {
-    "tree": Subcommand("show the tree of frames, with rates and ages", tree),
-    "echo": Subcommand("print the pose of one frame in another, like tf2_echo", echo),
+    "tree": Subcommand(
+        "show the tree of frames, with rates and ages",
+        tree,
+        option("-w --wait-time", "S", "how long transforms are collected (2 s)", positive, 2.0),
+    ),
+    "echo": Subcommand(
+        "print the pose of one frame in another, like tf2_echo",
+        echo,
+        positional("A", "a frame, such as odom"),
+        positional("B", "the frame whose pose in A is shown"),
+        option("echo_rate", "RATE", "the same as --rate HZ", positive, nargs="?"),
+        option("-r --rate", "HZ", "prints per second (1)", positive, 1.0),
+        flag("-1 -o --once", "print it once and exit"),
+        option("-t --timeout", "S", "give up after S s", positive),
+        option("-p --precision", "N", "digits after the point (3)", natural, 3),
+    ),
 }
-
-
-def run(argv: Sequence[str]) -> int:
-    """Run the command and return its exit code.
-
-    Raises:
-        OneBotError: there are no such transforms, or the command line is wrong.
-    """
-    return dispatch("tf", COMMANDS, argv)

@@ -3,25 +3,27 @@
 import sys
 import time
 from argparse import Namespace
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from functools import partial
 from typing import Any, NoReturn
 
 from onebot_bringup.cli import qos
+from onebot_bringup.cli.names import TOPICS
 from onebot_bringup.cli.options import (
-    Parser,
+    ALLOW_NON_FINITE,
+    Exclusive,
     Subcommand,
-    add_allow_non_finite,
     count,
-    dispatch,
     expression,
-    listed,
+    flag,
     natural,
     not_negative,
+    option,
+    positional,
     positive,
-    print_rows,
-    read_stdin,
 )
-from onebot_bringup.cli.session import Session, add_spin_time, await_class, types_of
+from onebot_bringup.cli.session import SPIN_TIME, Session, in_session
+from onebot_bringup.introspection.interfaces import message_class
 from onebot_bringup.introspection.rates import Bandwidth, Intervals
 from onebot_description.errors import OneBotError
 
@@ -29,58 +31,80 @@ _NO_MESSAGE = 2.0  # s without a message until echo prints a note
 _NO_SUBSCRIBER = 2.0  # s without a subscriber until pub prints a note
 _REPORT = 1.0  # s between reports of hz and bw
 _SILENT_REPORTS = 2  # reports without any message until a note is printed
+_SETTLE = 0.1  # s for further publishers to be discovered
 
-_Row = tuple[str, list[str], int]
+_TOPIC = positional("TOPIC", "such as /joint_states")
 
 
-def echo(parser: Parser, argv: Sequence[str]) -> int:
-    """Print the messages of a topic; return the exit code.
+def _await_class(
+    session: Session, name: str, type_name: str | None = None, timeout: float | None = None
+) -> tuple[str, Any]:
+    """Return a topic's full name and its message class; wait until the topic exists.
+
+    Args:
+        session: its node discovers the topic.
+        name: of the topic, absolute or relative.
+        type_name: of the messages; None for the type of the topic.
+        timeout: seconds; None for no end.
 
     Raises:
-        OneBotError: the type is not installed, or the field does not exist.
+        OneBotError: the type is not installed, or the topic has several, or does not come in time.
     """
-    _add_echo_arguments(parser)
-    args = parser.parse(argv)
-    with Session(args.ros_args, spin_time=args.spin_time) as session:
-        return _Echo(session, args).run()
+    topic = session.full_name(name)
+    if type_name is not None:
+        kind = message_class(type_name)
+        # The QoS depends on the publishers: give them time to be discovered.
+        session.spin(lambda: session.node.count_publishers(topic), 1.0)
+        session.spin_for(_SETTLE)
+        return topic, kind
+
+    def notice() -> str:
+        text = f"WARNING: topic [{topic}] does not appear to be published yet"
+        return f"{text}{TOPICS.question(session, topic)}; waiting for it"
+
+    if not session.await_or_report(lambda: TOPICS.types(session, topic), notice, timeout):
+        raise OneBotError(f"no topic {topic} within {timeout:g} s")
+    # Other publishers may have another QoS or even another type.
+    session.spin_for(_SETTLE)
+    _, types = TOPICS.find_types(session, topic)
+    if len(types) > 1:
+        raise OneBotError(
+            f"Cannot echo topic '{topic}', as it contains more than one type: "
+            f"[{', '.join(types)}]; name the one you want"
+        )
+    return topic, message_class(types[0])
 
 
-def _add_echo_arguments(parser: Parser) -> None:
-    parser.add_argument("topic", metavar="TOPIC", help="such as /joint_states")
-    parser.add_argument(
-        "type", nargs="?", metavar="TYPE", help="such as sensor_msgs/msg/JointState (discovered)"
-    )
-    parser.add_argument("--once", action="store_true", help="print one message and exit")
-    parser.add_argument("--timeout", type=positive, metavar="S", help="give up after S seconds")
-    parser.add_argument(
-        "--field", metavar="FIELD", help="print only a part: pose.pose.position, position[0]"
-    )
-    parser.add_argument(
-        "--filter", type=expression, metavar="EXPR",
-        help="print only messages for which this Python expression of m, the message (or its "
-        "FIELD), is true, such as 'm.linear.x > 0.1'",
-    )  # fmt: skip
-    parser.add_argument("--csv", action="store_true", help="print values separated by commas")
-    parser.add_argument("--raw", action="store_true", help="print the bytes on the wire")
-    parser.add_argument("--flow-style", action="store_true", help="one line per message")
-    parser.add_argument(
-        "-f", "--full-length", action="store_true", help="print lists and strings in full"
-    )
-    parser.add_argument(
-        "-l",
-        "--truncate-length",
-        type=natural,
-        default=128,
-        metavar="N",
-        help="cut lists and strings after N items (128)",
-    )
-    parser.add_argument("--no-arr", action="store_true", help="print no list's items")
-    parser.add_argument("--no-str", action="store_true", help="print no strings")
-    parser.add_argument(
-        "--no-lost-messages", action="store_true", help="do not report lost messages"
-    )
-    add_spin_time(parser)
-    qos.add_arguments(parser, "compatible with the publishers")
+@in_session
+def echo(session: Session, args: Namespace) -> None:
+    """Print the messages of a topic."""
+    _Echo(session, args).run()
+
+
+_ECHO = (
+    _TOPIC,
+    positional("TYPE", "such as sensor_msgs/msg/JointState (discovered)", nargs="?"),
+    flag("--once", "print one message and exit"),
+    option("--timeout", "S", "give up after S seconds", positive),
+    option("--field", "FIELD", "print only a part: pose.pose.position, position[0]"),
+    option(
+        "--filter",
+        "EXPR",
+        "print only messages for which this Python expression of m, the message (or its FIELD), "
+        "is true, such as 'm.linear.x > 0.1'",
+        expression,
+    ),
+    flag("--csv", "print values separated by commas"),
+    flag("--raw", "print the bytes on the wire"),
+    flag("--flow-style", "one line per message"),
+    flag("-f --full-length", "print lists and strings in full"),
+    option("-l --truncate-length", "N", "cut lists and strings after N items (128)", natural, 128),
+    flag("--no-arr", "print no list's items"),
+    flag("--no-str", "print no strings"),
+    flag("--no-lost-messages", "do not report lost messages"),
+    SPIN_TIME,
+    qos.options("compatible with the publishers"),
+)
 
 
 class _Echo:
@@ -98,10 +122,10 @@ class _Echo:
         self._received = False  # such a message
         self._error: OneBotError | None = None
 
-    def run(self) -> int:
+    def run(self) -> None:
         args = self._args
         began = time.monotonic()
-        topic, kind = await_class(self._session, args.topic, args.type, args.timeout)
+        topic, kind = _await_class(self._session, args.topic, args.type, args.timeout)
         self._session.node.create_subscription(
             kind,
             topic,
@@ -112,25 +136,17 @@ class _Echo:
         )
         # What it took to find the topic counts, too.
         left = args.timeout and max(0.0, args.timeout - (time.monotonic() - began))
-        first = _NO_MESSAGE if left is None else min(_NO_MESSAGE, left)
-        if not self._session.spin(self._first, first):
-            if left is None or left > _NO_MESSAGE:
-                self._report_no_message(topic)
-            left = None if left is None else left - first
-            if not self._session.spin(self._first, left):
-                raise OneBotError(f"no {self._message} on {topic} within {args.timeout:g} s")
-        if not args.once:
-            self._session.spin(lambda: self._check() and False)
-        return 0
+        notice = partial(_no_message, self._session, topic, self._message)
+        if not self._session.await_or_report(self._first, notice, left, _NO_MESSAGE):
+            raise OneBotError(f"no {self._message} on {topic} within {args.timeout:g} s")
+        while not args.once:
+            self._session.spin(lambda: self._error is not None)
+            self._first()
 
     def _first(self) -> bool:
-        self._check()
-        return self._received
-
-    def _check(self) -> bool:
         if self._error is not None:
             raise self._error
-        return True
+        return self._received
 
     def _events(self) -> Any:
         from rclpy.event_handler import SubscriptionEventCallbacks
@@ -138,11 +154,6 @@ class _Echo:
         # The default callback that logs incompatible QoS stays.
         lost = None if self._args.no_lost_messages else _on_lost
         return SubscriptionEventCallbacks(message_lost=lost)
-
-    def _report_no_message(self, topic: str) -> None:
-        publishers = self._session.node.count_publishers(topic)
-        who = f"{publishers} publisher(s)" if publishers else "no publisher"
-        print(f"note: no {self._message} on {topic} yet; {who}", file=sys.stderr)
 
     def _on_message(self, message: Any) -> None:
         if self._error is not None or (self._received and self._args.once):
@@ -154,7 +165,7 @@ class _Echo:
             if self._passes(part):
                 self._print(part)
                 self._received = True
-        except OneBotError as error:  # to be raised outside of the callback
+        except OneBotError as error:  # it is raised outside of the callback
             self._error = error
 
     def _passes(self, part: Any) -> bool:
@@ -185,45 +196,45 @@ def _on_lost(status: Any) -> None:
     )
 
 
-def hz(parser: Parser, argv: Sequence[str]) -> int:
-    """Print the rate of a topic each second; return the exit code."""
-    parser.add_argument(
-        "--wall-time", action="store_true", help="by this computer's time, not a simulated one"
-    )
-    args = _parse_measurement(parser, argv, 10000)
-    meter = Intervals(args.window)
-    with Session(args.ros_args, spin_time=args.spin_time) as session:
-        clock = session.node.get_clock()
-
-        def now() -> float:
-            return time.monotonic() if args.wall_time else clock.now().nanoseconds * 1e-9
-
-        _measure(session, args, lambda _: meter.arrived(now()), meter.report)
+def _no_message(session: Session, topic: str, message: str = "message") -> str:
+    publishers = session.node.count_publishers(topic)
+    who = f"{publishers} publisher(s)" if publishers else "no publisher"
+    return f"note: no {message} on {topic} yet; {who}"
 
 
-def bw(parser: Parser, argv: Sequence[str]) -> int:
-    """Print the bandwidth of a topic each second; return the exit code."""
-    args = _parse_measurement(parser, argv, 100)
+@in_session
+def hz(session: Session, args: Namespace) -> NoReturn:
+    """Print the rate of a topic each second."""
+    meter, clock = Intervals(args.window), session.node.get_clock()
+
+    def now() -> float:
+        return time.monotonic() if args.wall_time else float(clock.now().nanoseconds * 1e-9)
+
+    _measure(session, args, lambda _: meter.arrived(now()), meter.report)
+
+
+@in_session
+def bw(session: Session, args: Namespace) -> NoReturn:
+    """Print the bandwidth of a topic each second."""
     meter = Bandwidth(args.window)
-    with Session(args.ros_args, spin_time=args.spin_time) as session:
-        _measure(
-            session,
-            args,
-            lambda data: meter.arrived(time.monotonic(), len(data)),
-            lambda: meter.report(time.monotonic()),
-            announce=True,
-        )
+    _measure(
+        session,
+        args,
+        lambda data: meter.arrived(time.monotonic(), len(data)),
+        lambda: meter.report(time.monotonic()),
+        announce=True,
+    )
 
 
-def _parse_measurement(parser: Parser, argv: Sequence[str], window: int) -> Namespace:
-    parser.add_argument("topic", metavar="TOPIC", help="such as /joint_states")
-    parser.add_argument(
-        "-w", "--window", type=count, default=window, metavar="N",
-        help=f"measure over the last N messages ({window})",
-    )  # fmt: skip
-    add_spin_time(parser)
-    qos.add_arguments(parser, "compatible with the publishers")
-    return parser.parse(argv)
+def _measurement(window: int) -> tuple[Any, ...]:
+    """Return the options of a command that measures over so many messages."""
+    text = f"measure over the last N messages ({window})"
+    return (
+        _TOPIC,
+        option("-w --window", "N", text, count, window),
+        SPIN_TIME,
+        qos.options("compatible with the publishers"),
+    )
 
 
 def _measure(
@@ -234,7 +245,7 @@ def _measure(
     *,
     announce: bool = False,
 ) -> NoReturn:
-    topic, kind = await_class(session, args.topic)
+    topic, kind = _await_class(session, args.topic)
     received = 0
 
     def on_message(data: bytes) -> None:
@@ -255,179 +266,97 @@ def _measure(
         if text is not None:
             print(text)
         elif rounds == _SILENT_REPORTS and not received:
-            publishers = session.node.count_publishers(topic)
-            print(f"note: no message on {topic} yet; publishers: {publishers}", file=sys.stderr)
+            print(_no_message(session, topic), file=sys.stderr)
 
 
-def topics(parser: Parser, argv: Sequence[str]) -> int:
-    """List the topics; return the exit code."""
-    parser.add_argument("-t", "--show-types", action="store_true", help="show the types too")
-    parser.add_argument(
-        "-c", "--count-topics", "--count", action="store_true", help="show their number only"
-    )
-    _add_hidden(parser)
-    parser.add_argument(
-        "-v", "--verbose", action="store_true", help="show the number of publishers and subscribers"
-    )
-    add_spin_time(parser)
-    args = parser.parse(argv)
-    with Session(args.ros_args, spin_time=args.spin_time) as session:
-        session.discover()
-        found = session.topics(args.include_hidden_topics)
-        if args.verbose and not args.count_topics:
-            node = session.node
-            published = [(name, types, node.count_publishers(name)) for name, types in found]
-            subscribed = [(name, types, node.count_subscribers(name)) for name, types in found]
-            print(_verbose("Published", "publisher", published))
-            print(_verbose("Subscribed", "subscriber", subscribed))
-        else:
-            print_rows(listed(found, args.show_types), count=args.count_topics)
-    return 0
+@in_session
+def topics(session: Session, args: Namespace) -> None:
+    """List the topics."""
+    if not args.verbose or args.count:
+        TOPICS.print_names(session, args)
+        return
+    session.discover()
+    for title, role, number_of in (
+        ("Published", "publisher", session.node.count_publishers),
+        ("Subscribed", "subscriber", session.node.count_subscribers),
+    ):
+        print(f"{title} topics:")
+        for name, types in session.topics(args.hidden):
+            if number := number_of(name):
+                plural = "s" if number > 1 else ""
+                print(f" * {name} [{', '.join(types)}] {number} {role}{plural}")
+        print()
 
 
-def _add_hidden(parser: Parser) -> None:
-    parser.add_argument(
-        "-a", "--all", "--include-hidden-topics",
-        dest="include_hidden_topics", action="store_true", help="hidden topics too",
-    )  # fmt: skip
-
-
-def _verbose(title: str, role: str, rows: list[_Row]) -> str:
-    text = f"{title} topics:\n"
-    for name, types, number in rows:
-        if number:
-            plural = "s" if number > 1 else ""
-            text += f" * {name} [{', '.join(types)}] {number} {role}{plural}\n"
-    return text
-
-
-def info(parser: Parser, argv: Sequence[str]) -> int:
-    """Show the publishers and subscribers of a topic; return the exit code."""
-    parser.add_argument("topic", metavar="TOPIC", help="such as /joint_states")
-    parser.add_argument(
-        "-v", "--verbose", action="store_true", help="show each node and its quality of service"
-    )
-    add_spin_time(parser)
-    args = parser.parse(argv)
-    with Session(args.ros_args, spin_time=args.spin_time) as session:
-        topic, _ = types_of(session, args.topic)
-        session.discover()  # all endpoints, not only the first
-        topic, types = types_of(session, args.topic)
-        end = "\n\n" if args.verbose else "\n"
-        node = session.node
-        if args.verbose:
-            session.spin(lambda: _all_named(node, topic), 1.0)
-        print(f"Type: {types[0] if len(types) == 1 else types}", end=end)
-        print(f"Publisher count: {node.count_publishers(topic)}", end=end)
-        if args.verbose:
-            for endpoint in node.get_publishers_info_by_topic(topic):
-                print(endpoint, end=end)
-        print(f"Subscription count: {node.count_subscribers(topic)}", end=end)
-        if args.verbose:
-            for endpoint in node.get_subscriptions_info_by_topic(topic):
-                print(endpoint, end=end)
-    return 0
+@in_session
+def info(session: Session, args: Namespace) -> None:
+    """Show the publishers and subscribers of a topic."""
+    TOPICS.find_types(session, args.topic)
+    session.discover()  # all endpoints, not only the first
+    topic, types = TOPICS.find_types(session, args.topic)
+    end, node = "\n\n" if args.verbose else "\n", session.node
+    if args.verbose:
+        session.spin(lambda: _all_named(node, topic), 1.0)
+    print(f"Type: {types[0] if len(types) == 1 else types}", end=end)
+    for title, number, endpoints in (
+        ("Publisher", node.count_publishers(topic), node.get_publishers_info_by_topic),
+        ("Subscription", node.count_subscribers(topic), node.get_subscriptions_info_by_topic),
+    ):
+        print(f"{title} count: {number}", end=end)
+        for endpoint in endpoints(topic) if args.verbose else ():
+            print(endpoint, end=end)
 
 
 def _all_named(node: Any, topic: str) -> bool:
     """Whether the node of each endpoint is known; it is discovered after the endpoint."""
-    found = node.get_publishers_info_by_topic(topic) + node.get_subscriptions_info_by_topic(topic)
-    return all("UNKNOWN" not in endpoint.node_name for endpoint in found)
+    ends = node.get_publishers_info_by_topic(topic) + node.get_subscriptions_info_by_topic(topic)
+    return all("UNKNOWN" not in endpoint.node_name for endpoint in ends)
 
 
-def type_of(parser: Parser, argv: Sequence[str]) -> int:
-    """Show a topic's type; return the exit code."""
-    parser.add_argument("topic", metavar="TOPIC", help="such as /joint_states")
-    args = parser.parse(argv)
-    with Session(args.ros_args) as session:
-        print("\n".join(types_of(session, args.topic)[1]))
-    return 0
-
-
-def find(parser: Parser, argv: Sequence[str]) -> int:
-    """List the topics of a type; return the exit code."""
-    parser.add_argument("type", metavar="TYPE", help="such as geometry_msgs/msg/Twist")
-    parser.add_argument("-c", "--count-topics", action="store_true", help="show their number only")
-    _add_hidden(parser)
-    add_spin_time(parser)
-    args = parser.parse(argv)
-    from onebot_bringup.introspection.interfaces import full_name
-
-    wanted = full_name(args.type, "msg")
-    with Session(args.ros_args, spin_time=args.spin_time) as session:
-        session.discover()
-        rows = session.topics(args.include_hidden_topics)
-        names = [name for name, types in rows if wanted in types]
-        print_rows(names, count=args.count_topics)
-    return 0
-
-
-def pub(parser: Parser, argv: Sequence[str]) -> int:
-    """Publish messages given as YAML; return the exit code.
-
-    Raises:
-        OneBotError: the type is not installed, or a value is wrong.
-    """
-    _add_pub_arguments(parser)
-    args = parser.parse(argv)
-    from onebot_bringup.introspection.interfaces import message_class
+def pub(args: Namespace) -> None:
+    """Publish messages given as YAML."""
     from onebot_bringup.introspection.message_text import fill
 
     kind = message_class(args.type)
     message = kind()
-    times = fill(message, _values(args), finite=not args.allow_non_finite)
+    values = sys.stdin.read() if args.stdin else args.values
+    times = fill(message, values, finite=not args.allow_non_finite)
     with Session(args.ros_args, args.node_name) as session:
         _Publisher(session, args, kind).run(message, times)
-    return 0
 
 
-def _add_pub_arguments(parser: Parser) -> None:
-    parser.add_argument("topic", metavar="TOPIC", help="such as /velocity_controller/cmd_vel")
-    parser.add_argument("type", metavar="TYPE", help="such as geometry_msgs/msg/Twist")
-    parser.add_argument(
-        "values",
-        nargs="?",
-        metavar="VALUES",
-        help='in YAML, such as "{linear: {x: 0.2}}"; other fields keep their defaults. '
+_PUB = (
+    positional("TOPIC", "such as /velocity_controller/cmd_vel"),
+    positional("TYPE", "such as geometry_msgs/msg/Twist"),
+    positional(
+        "VALUES",
+        'in YAML, such as "{linear: {x: 0.2}}"; other fields keep their defaults. '
         "A header may be auto, a time now",
-    )
-    parser.add_argument("--stdin", action="store_true", help="read the values from stdin")
-    parser.add_argument(
-        "-r", "--rate", type=positive, default=1.0, metavar="HZ", help="messages per second (1)"
-    )
-    parser.add_argument(
-        "-p", "--print", type=natural, default=1, metavar="N", help="print every N-th message (1)"
-    )
-    number = parser.add_mutually_exclusive_group()
-    number.add_argument("-1", "--once", action="store_true", help="publish one message and exit")
-    number.add_argument("-t", "--times", type=count, metavar="N", help="publish N and exit")
-    parser.add_argument(
-        "-w",
-        "--wait-matching-subscriptions",
+        nargs="?",
+        default="",
+    ),
+    flag("--stdin", "read the values from stdin"),
+    option("-r --rate", "HZ", "messages per second (1)", positive, 1.0),
+    option("-p --print", "N", "print every N-th message (1)", natural, 1),
+    Exclusive(
+        (
+            flag("-1 --once", "publish one message and exit"),
+            option("-t --times", "N", "publish N and exit", count),
+        )
+    ),
+    option(
+        "-w --wait-matching-subscriptions",
+        "N",
+        "wait for N subscribers first (1 with --once or --times, else 0)",
+        natural,
         dest="wait",
-        type=natural,
-        metavar="N",
-        help="wait for N subscribers first (1 with --once or --times, else 0)",
-    )
-    parser.add_argument(
-        "--max-wait-time-secs", type=positive, metavar="S", help="wait no longer than S seconds"
-    )
-    parser.add_argument(
-        "--keep-alive",
-        type=not_negative,
-        default=0.1,
-        metavar="S",
-        help="wait before exit (0.1 s)",
-    )
-    parser.add_argument("-n", "--node-name", metavar="NAME", help="name of the publishing node")
-    add_allow_non_finite(parser)
-    qos.add_arguments(parser, "default (reliable, volatile, depth 10)")
-
-
-def _values(args: Namespace) -> str:
-    if args.stdin:
-        return read_stdin()
-    return args.values or ""
+    ),
+    option("--max-wait-time-secs", "S", "wait no longer than S seconds", positive),
+    option("--keep-alive", "S", "wait before exit (0.1 s)", not_negative, 0.1),
+    option("-n --node-name", "NAME", "name of the publishing node"),
+    ALLOW_NON_FINITE,
+    qos.options("default (reliable, volatile, depth 10)"),
+)
 
 
 class _Publisher:
@@ -488,8 +417,8 @@ class _Publisher:
 
     def _others(self) -> str:
         """The subscribers with another type or an incompatible QoS, as text."""
-        found = self._session.node.get_subscriptions_info_by_topic(self._topic)
-        types = sorted({info.topic_type for info in found})
+        ends = self._session.node.get_subscriptions_info_by_topic(self._topic)
+        types = sorted({end.topic_type for end in ends})
         if not types:
             return ""
         return f" (subscribers of {', '.join(types)} found; type and QoS have to match)"
@@ -499,25 +428,35 @@ class _Publisher:
 
         if self._publisher.get_subscription_count():
             self._publisher.wait_for_all_acked(Duration(seconds=1.0))
-        self._session.spin_until(time.monotonic() + self._args.keep_alive)
+        self._session.spin_for(self._args.keep_alive)
 
+
+_NAMES = TOPICS.commands()
+_VERBOSE = "-v --verbose"
 
 COMMANDS = {
-    "pub": Subcommand("publish messages", pub),
-    "echo": Subcommand("print messages as they are received", echo),
-    "list": Subcommand("list the topics", topics),
-    "info": Subcommand("show the publishers and subscribers", info),
-    "type": Subcommand("show a topic's type", type_of),
-    "find": Subcommand("list the topics of a type", find),
-    "hz": Subcommand("measure the rate of messages", hz),
-    "bw": Subcommand("measure the bandwidth", bw),
+    "pub": Subcommand("publish messages", pub, *_PUB),
+    "echo": Subcommand("print messages as they are received", echo, *_ECHO),
+    "list": Subcommand(
+        "list the topics",
+        topics,
+        flag(_VERBOSE, "show the number of publishers and subscribers"),
+        *_NAMES["list"].options,
+    ),
+    "info": Subcommand(
+        "show the publishers and subscribers",
+        info,
+        _TOPIC,
+        flag(_VERBOSE, "show each node and its quality of service"),
+        SPIN_TIME,
+    ),
+    "type": _NAMES["type"],
+    "find": _NAMES["find"],
+    "hz": Subcommand(
+        "measure the rate of messages",
+        hz,
+        flag("--wall-time", "by this computer's time, not a simulated one"),
+        *_measurement(10000),
+    ),
+    "bw": Subcommand("measure the bandwidth", bw, *_measurement(100)),
 }
-
-
-def run(argv: Sequence[str]) -> int:
-    """Run the command and return its exit code.
-
-    Raises:
-        OneBotError: a name or a value is wrong, or the command line is.
-    """
-    return dispatch("topic", COMMANDS, argv)

@@ -6,11 +6,7 @@ from onebot_bringup.launch.bringup import Bringup, bring_up
 
 
 def run(argv: Sequence[str]) -> int:
-    """Run the command and return its exit code.
-
-    Raises:
-        OneBotError: the description has problems, or the command line is wrong.
-    """
+    """Run the command and return its exit code."""
     command = Bringup(
         program="onebot view",
         summary="Brings up any robot from its URDF or xacro file, with its joints moving.",

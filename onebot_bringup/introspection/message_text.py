@@ -8,7 +8,7 @@ import array
 import math
 import re
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, cast
 
@@ -65,7 +65,15 @@ def to_csv(message: Any, style: Style | None = None) -> str:
 
     An empty list is one empty value, so that what follows it stays in its column.
     """
-    return ",".join(_flat(message, None, style or Style()))
+    return ",".join(_flat(_plain(message, None, style or Style())))
+
+
+def _flat(value: Any) -> Iterator[str]:
+    if isinstance(value, (dict, list)):
+        for item in value.values() if isinstance(value, dict) else value or [""]:
+            yield from _flat(item)
+    else:
+        yield str(value)
 
 
 def is_message(value: Any) -> bool:
@@ -79,6 +87,10 @@ class _Dumper(yaml.SafeDumper):
         return True
 
 
+# A byte is printed as a character.
+_Dumper.add_representer(bytes, lambda dumper, data: dumper.represent_str(data.decode("latin-1")))
+
+
 def _plain_fields(message: Any, style: Style) -> dict[str, Any]:
     """A message as a dictionary of plain values, fields in their order."""
     fields = message.get_fields_and_field_types()
@@ -89,41 +101,20 @@ def _plain_fields(message: Any, style: Style) -> dict[str, Any]:
 
 
 def _plain(value: Any, slot: Any, style: Style) -> Any:
-    if isinstance(value, bytes):
-        return _cut("".join(map(chr, value)), style)
     if isinstance(value, str):
         return _cut(value, style) if style.strings else _length(value)
     if isinstance(value, _LISTS):
         if not style.arrays and isinstance(slot, AbstractNestedType):
             return _summary(value, slot)
-        return _plain_list(value, lambda item: _plain(item, None, style), style)
+        return _plain_list(value, style)
     if isinstance(value, np.generic):
         return value.item()
     return _plain_fields(value, style) if is_message(value) else value
 
 
-def _plain_list(values: Any, plain: Callable[[Any], Any], style: Style) -> list[Any]:
-    if style.longest is None or len(values) <= style.longest:
-        return [plain(value) for value in values]
-    return [*(plain(value) for value in values[: style.longest]), "..."]
-
-
-def _flat(value: Any, slot: Any, style: Style) -> list[str]:
-    if isinstance(value, _LISTS):
-        if not style.arrays and isinstance(slot, AbstractNestedType):
-            return [_summary(value, slot)]
-        printed = value if style.longest is None else value[: style.longest]
-        items = [text for item in printed for text in _flat(item, None, style)] or [""]
-        return items if len(printed) == len(value) else [*items, "..."]
-    if is_message(value):
-        names = value.get_fields_and_field_types()
-        slots = zip(names, value.SLOT_TYPES, strict=True)
-        return [text for name, kind in slots for text in _flat(getattr(value, name), kind, style)]
-    if isinstance(value, str):
-        return [_cut(value, style) if style.strings else _length(value)]
-    if isinstance(value, bytes):
-        return [str(value)]
-    return [str(value.item() if isinstance(value, np.generic) else value)]
+def _plain_list(values: Any, style: Style) -> list[Any]:
+    items = [_plain(value, None, style) for value in values[: style.longest]]
+    return items if len(items) == len(values) else [*items, "..."]
 
 
 def _cut(text: str, style: Style) -> str:
@@ -311,22 +302,19 @@ def read_scalar(kind: str, text: str, finite: bool = True) -> Any:
     """
     if kind == "octet" and len(text) == 1 and not text.isdigit() and ord(text) < 256:
         return bytes([ord(text)])  # as it is printed
-    return _scalar_reader(kind)(kind, text.strip(), finite)
-
-
-def _scalar_reader(kind: str) -> Callable[[str, str, bool], Any]:
+    text = text.strip()
     if kind == "boolean":
-        return _boolean
+        return _boolean(text)
     if kind in ("float", "double", "long double"):
-        return _floating
+        return _floating(kind, text, finite)
     if kind == "octet":
-        return _octet
+        return bytes([_integer("uint8", text)])
     if kind in ("char", "wchar"):
-        return _character
-    return _integer
+        return _character(text)
+    return _integer(kind, text)
 
 
-def _boolean(_: str, text: str, __: bool) -> bool:
+def _boolean(text: str) -> bool:
     if text.lower() in _TRUE:
         return True
     if text.lower() in _FALSE:
@@ -350,14 +338,15 @@ def _floating(kind: str, text: str, finite: bool) -> float:
     return value
 
 
-def _integer(kind: str, text: str, _: bool) -> int:
+def _integer(kind: str, text: str) -> int:
     try:
         value = int(text, 0) if not text.lstrip("+-").isdigit() else int(text)
     except ValueError:
         value = _whole(kind, text)
     bits = int(kind.lstrip("uint"))
-    low, high = (0, 2**bits - 1) if kind.startswith("u") else (-(2 ** (bits - 1)), 2 ** (bits - 1))
-    high = high if kind.startswith("u") else high - 1
+    low, high = (0, 2**bits - 1)
+    if not kind.startswith("u"):
+        low, high = -(2 ** (bits - 1)), 2 ** (bits - 1) - 1
     if not low <= value <= high:
         raise ValueError(f"is an {kind} from {low} to {high}, not {text}")
     return value
@@ -374,11 +363,7 @@ def _whole(kind: str, text: str) -> int:
     return int(number)
 
 
-def _octet(_: str, text: str, __: bool) -> bytes:
-    return bytes([_integer("uint8", text, True)])
-
-
-def _character(kind: str, text: str, _: bool) -> str:
+def _character(text: str) -> str:
     if len(text) != 1:
         raise ValueError(f'is one character, not "{text}"')
     return text

@@ -1,104 +1,70 @@
 """Rate and bandwidth of messages, printed like ``ros2 topic hz`` and ``bw``."""
 
-import math
+import statistics
 from collections import deque
-from dataclasses import dataclass
-
-
-@dataclass(frozen=True)
-class Statistics:
-    """Statistics of samples, in their unit."""
-
-    mean: float
-    low: float  # minimum
-    high: float  # maximum
-    deviation: float  # standard deviation of the samples themselves (divided by n)
-    count: int  # of samples
-
-
-class Window:
-    """The last samples of a measurement."""
-
-    def __init__(self, size: int | None) -> None:
-        self._samples: deque[float] = deque(maxlen=size)
-        self._new = False
-
-    def add(self, sample: float) -> None:
-        """Add one sample."""
-        self._samples.append(sample)
-        self._new = True
-
-    def clear(self) -> None:
-        """Drop all samples."""
-        self._samples.clear()
-
-    def statistics(self) -> Statistics | None:
-        """Return the statistics; None without new samples since the last call."""
-        count = len(self._samples)
-        if not count or not self._new:
-            return None
-        self._new = False
-        mean = math.fsum(self._samples) / count
-        variance = math.fsum((sample - mean) ** 2 for sample in self._samples) / count
-        return Statistics(mean, min(self._samples), max(self._samples), math.sqrt(variance), count)
 
 
 class Intervals:
     """The time between messages, for ``topic hz``."""
 
-    def __init__(self, size: int | None) -> None:
-        self._window = Window(size)
+    def __init__(self, size: int) -> None:
+        self._intervals: deque[float] = deque(maxlen=size)  # s
         self._last: float | None = None
+        self._reported = True
 
     def arrived(self, seconds: float) -> None:
         """Add a message by its time of reception; restart if the clock goes backwards."""
         if self._last is not None and seconds >= self._last:
-            self._window.add(seconds - self._last)
+            self._intervals.append(seconds - self._last)
+            self._reported = False
         elif self._last is not None:
-            self._window.clear()
+            self._intervals.clear()
         self._last = seconds
+
+    def rate(self) -> float | None:
+        """Return the rate, Hz; None without messages since the last call."""
+        if self._reported or not self._intervals:
+            return None
+        self._reported = True
+        mean = statistics.fmean(self._intervals)
+        return 1.0 / mean if mean > 0.0 else 0.0
 
     def report(self) -> str | None:
         """Return the report of the rate; None without messages since the last report."""
-        found = self._window.statistics()
-        if found is None:
+        rate, samples = self.rate(), self._intervals
+        if rate is None:
             return None
-        rate = 1.0 / found.mean if found.mean > 0.0 else 0.0
-        return f"average rate: {rate:.3f}\n{_details(found)}"
+        return (
+            f"average rate: {rate:.3f}\n"
+            f"\tmin: {min(samples):.3f}s max: {max(samples):.3f}s "
+            f"std dev: {statistics.pstdev(samples):.5f}s window: {len(samples)}"
+        )
 
 
 class Bandwidth:
     """Bytes received per second, for ``topic bw``."""
 
-    def __init__(self, size: int | None) -> None:
-        self._sizes = Window(size)
-        self._times: deque[float] = deque(maxlen=size)
+    def __init__(self, size: int) -> None:
+        self._messages: deque[tuple[float, int]] = deque(maxlen=size)  # time (s) and bytes
+        self._reported = True
 
     def arrived(self, seconds: float, size: int) -> None:
         """Add a message of ``size`` bytes by its time of reception."""
-        self._times.append(seconds)
-        self._sizes.add(size)
+        self._messages.append((seconds, size))
+        self._reported = False
 
     def report(self, now: float) -> str | None:
         """Return the report of the bandwidth; None without two messages or new ones."""
-        if len(self._times) < 2 or now <= self._times[0]:
+        count = len(self._messages)
+        if count < 2 or self._reported or now <= self._messages[0][0]:
             return None
-        found = self._sizes.statistics()
-        if found is None:
-            return None
-        rate = found.mean * found.count / (now - self._times[0])
+        self._reported = True
+        sizes = [size for _, size in self._messages]
         return (
-            f"{_bytes(rate)}/s from {found.count} messages\n"
-            f"\tMessage size mean: {_bytes(found.mean)} "
-            f"min: {_bytes(found.low)} max: {_bytes(found.high)}"
+            f"{_bytes(sum(sizes) / (now - self._messages[0][0]))}/s from {count} messages\n"
+            f"\tMessage size mean: {_bytes(sum(sizes) / count)} "
+            f"min: {_bytes(min(sizes))} max: {_bytes(max(sizes))}"
         )
-
-
-def _details(found: Statistics) -> str:
-    return (
-        f"\tmin: {found.low:.3f}s max: {found.high:.3f}s "
-        f"std dev: {found.deviation:.5f}s window: {found.count}"
-    )
 
 
 def _bytes(number: float) -> str:

@@ -1,20 +1,26 @@
-"""Transforms over time, and lookups between any two frames at one moment, as tf2's buffer does.
+"""The TF tree: the transforms of each frame over time, and the pose of any frame in another.
 
-Its errors are in tf2's words. The viewer's ``FrameTree`` is for drawing: it has the latest
-transform of each frame only, whatever their times.
+Errors and rules are tf2's.
 """
 
 import math
 from bisect import bisect_right
 from collections import deque
-from itertools import islice
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
-from onebot_control.poses import Quaternion, Transform, compose, inverse
+import numpy as np
+from numpy.typing import NDArray
+
+from onebot_control.poses import Transform, compose, inverse
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.wire.messages import TfArrays
 
-_KEPT = 10_000_000_000  # ns, as tf2 keeps transforms
+Floats = NDArray[np.float64]
+_MOST_ROWS = 100_000  # of all blocks: messages may come with ever other sets of frames
+_HISTORY_NS, _HISTORY_ROWS = 10_000_000_000, 1_000_000  # tf2 keeps ten seconds
+_FOR_EVER = np.iinfo(np.int64).max
+_LATE_NS = 1_000_000_000  # a message that is older than the latest by more is of another clock
 _UNIT = 0.01  # that the square of a quaternion's length may be off, as in tf2
 _IDENTITY: Transform = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 _NANO = 1e-9
@@ -24,6 +30,14 @@ class TransformError(OneBotError):
     """There is no transform between two frames (yet)."""
 
 
+class Edge(NamedTuple):
+    """The transform of a frame in its parent: (3,) metres and (4,) x y z w."""
+
+    parent: str
+    translation: Floats
+    rotation: Floats
+
+
 class StampedTransform(NamedTuple):
     """A transform at a time."""
 
@@ -31,101 +45,274 @@ class StampedTransform(NamedTuple):
     transform: Transform
 
 
-class History:
-    """The transforms of one frame in its parent, of the last ten seconds."""
-
-    def __init__(self, parent: str, static: bool) -> None:
-        self.parent, self.static = parent, static
-        self._stamps: deque[int] = deque()
-        self._transforms: deque[Transform] = deque()
-
-    def add(self, stamp_ns: int, transform: Transform) -> None:
-        """Add a transform; time that jumps back by over ten seconds begins anew."""
-        stamps, transforms = self._stamps, self._transforms
-        if self.static or (stamps and stamp_ns < stamps[-1] - _KEPT):
-            stamps.clear()
-            transforms.clear()
-        place = bisect_right(stamps, stamp_ns)
-        stamps.insert(place, stamp_ns)
-        transforms.insert(place, transform)
-        while stamps[0] < stamps[-1] - _KEPT:
-            stamps.popleft()
-            transforms.popleft()
-
-    @property
-    def newest_ns(self) -> int:
-        """The stamp of the newest transform."""
-        return self._stamps[-1]
-
-    @property
-    def oldest_ns(self) -> int:
-        """The stamp of the oldest transform that is kept."""
-        return self._stamps[0]
-
-    def at(self, stamp_ns: int) -> Transform:
-        """Return the transform at a time between the oldest and the newest, interpolated."""
-        if self.static:
-            return self._transforms[0]
-        after = bisect_right(self._stamps, stamp_ns)
-        if after == len(self._stamps):
-            return self._transforms[-1]
-        (start, first), (end, second) = islice(
-            zip(self._stamps, self._transforms, strict=True), after - 1, after + 1
-        )
-        return _between(first, second, (stamp_ns - start) / (end - start))
+def _stamp_ns(message: TfArrays) -> int:
+    return int(message.stamps_ns[0])
 
 
-class TransformBuffer:
-    """What /tf and /tf_static have brought.
+class _Block:
+    """Frames that came in one message, and are likely to come together again."""
 
-    Attributes:
-        frames: the history of each child frame, by its name.
-    """
+    def __init__(self, parents: Iterable[str], children: Iterable[str]) -> None:
+        self.parents, self.children = list(parents), list(children)
+        self.whole = True  # the latest transform of each of them is here
+        self.translations: Floats  # the latest
+        self.rotations: Floats
+        # Empty for static transforms.
+        self.history: deque[TfArrays] = deque(maxlen=_HISTORY_ROWS // max(1, len(self.children)))
+
+    def record(self, messages: Iterable[TfArrays]) -> None:
+        """Keep messages, in the order of their stamps."""
+        history = self.history
+        for message in messages:
+            late_ns = _stamp_ns(history[-1]) - _stamp_ns(message) if history else 0
+            if late_ns > _LATE_NS:
+                history.clear()  # the clock was set back
+            history.append(message)
+            if 0 < late_ns <= _LATE_NS:
+                self.history = history = deque(sorted(history, key=_stamp_ns), history.maxlen)
+        while _stamp_ns(history[-1]) - _stamp_ns(history[0]) > _HISTORY_NS:
+            history.popleft()
+        self.translations, self.rotations = history[-1].translations, history[-1].rotations
+
+    def span(self, row: int) -> tuple[int, int]:
+        """Return the first and the last stamp of a frame that moves, nanoseconds."""
+        return int(self.history[0].stamps_ns[row]), int(self.history[-1].stamps_ns[row])
+
+    def at(self, row: int, time_ns: int) -> tuple[Floats, Floats]:
+        """Return translation and rotation at a time, interpolated.
+
+        Before the history they are its first, unless that is of another clock; after it the latest.
+
+        Args:
+            row: of the frame.
+            time_ns: nanoseconds.
+        """
+        history = self.history
+        first, last = self.span(row) if history else (0, 0)
+        if not first - _HISTORY_NS < time_ns < last:
+            return self.translations[row], self.rotations[row]
+        number = bisect_right(history, time_ns, key=lambda message: message.stamps_ns[row])
+        before, after = history[max(0, number - 1)], history[number]
+        start, end = before.stamps_ns[row], after.stamps_ns[row]
+        part = min(1.0, max(0.0, (time_ns - start) / max(1, end - start)))
+        shift = before.translations[row]
+        shift = shift + part * (after.translations[row] - shift)
+        return shift, _slerp(before.rotations[row], after.rotations[row], part)
+
+
+def _slerp(first: Floats, second: Floats, part: float) -> Floats:
+    """Spherical interpolation along the shorter arc."""
+    product = float(first @ second)
+    angle = math.acos(min(1.0, abs(product)))
+    if angle < 1e-9:
+        return first
+    left = math.sin((1.0 - part) * angle) / math.sin(angle)
+    right = math.copysign(math.sin(part * angle) / math.sin(angle), product)
+    return left * first + right * second
+
+
+class FrameTree:
+    """Every frame received so far, by name."""
 
     def __init__(self) -> None:
-        self.frames: dict[str, History] = {}
+        self.version = 0  # another number after every change of a frame's parent
+        self._places: dict[str, tuple[_Block, int]] = {}
+        # By the identity of the lists that were given, which are kept for that.
+        self._blocks: dict[tuple[int, int], tuple[object, object, _Block]] = {}
+        self._rows = 0  # of the blocks
+        self._lists: dict[tuple[str, str], tuple[list[str], list[str]]] = {}  # of one frame each
+        self._tops: dict[str, str] = {}
+        self._names: frozenset[str] | None = None
 
-    def add(self, transforms: TfArrays, *, static: bool) -> list[str]:
-        """Add a message; return why some of its transforms are ignored, a sentence each."""
+    # --- what is received -----------------------------------------------------------------------
+
+    def add(self, message: TfArrays, *, static: bool) -> list[str]:
+        """Add a message frame by frame, with each frame's history its own.
+
+        Returns:
+            Why some of its transforms are ignored, a sentence each.
+        """
         ignored = []
-        rows = zip(
-            transforms.parents,
-            transforms.children,
-            transforms.stamps_ns.tolist(),
-            transforms.translations.tolist(),
-            transforms.rotations.tolist(),
-            strict=True,
-        )
-        for parent, child, stamp_ns, translation, rotation in rows:
+        for row, (parent, child) in enumerate(zip(message.parents, message.children, strict=True)):
             parent, child = parent.removeprefix("/"), child.removeprefix("/")
-            problem = _problem(parent, child, translation, rotation)
+            rows = slice(row, row + 1)
+            values = message.translations[rows], message.rotations[rows]
+            problem = _problem(parent, child, *values)
             if problem:
                 ignored.append(problem)
                 continue
-            history = self.frames.get(child)
-            if history is None or (history.parent, history.static) != (parent, static):
-                history = self.frames[child] = History(parent, static)
-            history.add(stamp_ns, (tuple(translation), tuple(rotation)))
+            names = self._lists.setdefault((parent, child), ([parent], [child]))
+            single = TfArrays(*names, message.stamps_ns[rows], *values)
+            self.update(*names, *values, history=() if static else (single,))
         return ignored
 
+    def update(
+        self,
+        parents: Iterable[str],
+        children: Iterable[str],
+        translations: Floats,
+        rotations: Floats,
+        history: Sequence[TfArrays] = (),
+    ) -> None:
+        """Add transforms, one row each; a later row of the same child wins.
+
+        If the very same lists of names come again, it takes no longer for many than for few.
+
+        Args:
+            parents: of each row.
+            children: the frames.
+            translations: (N, 3), metres.
+            rotations: (N, 4), x y z w.
+            history: messages of these names with their times, of which the last is this one; none
+                if they are static.
+        """
+        known = self._blocks.get((id(parents), id(children)))
+        block = known[2] if known is not None and known[2].whole else None
+        if block is None:
+            block = self._remember(parents, children)
+            if known is not None:
+                block.history = known[2].history
+        if history:
+            block.record(history)
+        else:
+            block.history.clear()
+            block.translations, block.rotations = translations, rotations
+
+    def _remember(self, parents: Iterable[str], children: Iterable[str]) -> _Block:
+        block = _Block(parents, children)
+        for row, child in enumerate(block.children):
+            before = self._places.get(child)
+            if before is None or before[0].parents[before[1]] != block.parents[row]:
+                self._changed()
+            if before is not None and before[0] is not block:
+                before[0].whole = False
+            self._places[child] = (block, row)
+        self._rows += len(block.children)
+        if self._rows > _MOST_ROWS:
+            self._blocks.clear()
+            self._rows = len(block.children)
+        self._blocks[id(parents), id(children)] = (parents, children, block)
+        return block
+
+    def forget(self, frames: Iterable[str]) -> None:
+        """Drop ``frames`` until they are received again."""
+        for frame in frames:
+            place = self._places.pop(frame, None)
+            if place is not None:
+                place[0].whole = False
+                self._changed()
+
+    def _changed(self) -> None:
+        self.version += 1
+        self._tops.clear()
+        self._names = None
+
+    # --- the tree -------------------------------------------------------------------------------
+
     @property
-    def names(self) -> set[str]:
+    def names(self) -> frozenset[str]:
         """Every frame, children and parents alike."""
-        return {*self.frames, *(history.parent for history in self.frames.values())}
+        if self._names is None:
+            parents = (block.parents[row] for block, row in self._places.values())
+            self._names = frozenset(self._places).union(parents)
+        return self._names
+
+    @property
+    def edges(self) -> Mapping[str, Edge]:
+        """The last transform of each child frame."""
+        return {
+            child: Edge(block.parents[row], block.translations[row], block.rotations[row])
+            for child, (block, row) in self._places.items()
+        }
 
     @property
     def roots(self) -> list[str]:
-        """The frames without a parent, and the first one of each loop; sorted."""
-        return sorted({self._top(name) for name in self.names})
+        """The frames without a parent, and the first one of each circle; sorted."""
+        return sorted({min(self.above(top)) for top in map(self.top, self.names)})
 
-    def _top(self, frame: str) -> str:
-        way = self.above(frame)
-        loop = self.frames.get(way[-1])
-        return way[-1] if loop is None else min(way[way.index(loop.parent) :])
+    def above(self, frame: str) -> list[str]:
+        """Return ``frame`` and those above it, to the root or once around a circle."""
+        way: dict[str, None] = {}
+        while frame not in way:
+            way[frame] = None
+            place = self._places.get(frame)
+            if place is not None:
+                frame = place[0].parents[place[1]]
+        return list(way)
 
-    def children(self, frame: str) -> list[str]:
-        """Return the frames right below one, sorted."""
-        return sorted(name for name, history in self.frames.items() if history.parent == frame)
+    def top(self, frame: str) -> str:
+        """Return the root of the tree that ``frame`` is in (itself if it has no parent).
+
+        Each frame of a circle is a root.
+        """
+        way: dict[str, int] = {}  # frames in order, and their numbers
+        name = frame
+        while name not in self._tops:
+            if name in way:
+                circle = list(way)[way[name] :]
+                self._tops.update(zip(circle, circle, strict=True))
+                break
+            way[name] = len(way)
+            place = self._places.get(name)
+            if place is None:
+                self._tops[name] = name
+            else:
+                name = place[0].parents[place[1]]
+        top = self._tops[name]
+        for below in way:
+            self._tops.setdefault(below, top)
+        return self._tops[frame]
+
+    # --- poses ----------------------------------------------------------------------------------
+
+    def pose(self, frame: str, fixed: str, time_ns: int = 0) -> Floats | None:
+        """Return the (4, 4) pose of ``frame`` in ``fixed``; None when they are not connected.
+
+        Args:
+            frame: whose.
+            fixed: in which.
+            time_ns: nanoseconds; 0 for the latest.
+        """
+        top = self.top(fixed)
+        if self.top(frame) != top:
+            return None
+        if fixed == top:
+            return self._from_top(frame, time_ns)
+        ways = self._from_top(fixed, time_ns), self._from_top(frame, time_ns)
+        pose: Floats = np.linalg.solve(*ways).astype(float)
+        return pose
+
+    def poses(self, frames: Iterable[str], fixed: str) -> dict[str, Floats]:
+        """Return the (4, 4) poses in ``fixed`` of those ``frames`` that are connected to it."""
+        poses = {frame: self.pose(frame, fixed) for frame in frames}
+        return {frame: pose for frame, pose in poses.items() if pose is not None}
+
+    def known_until(self, frame: str) -> int:
+        """Return the time (ns) up to which all transforms above ``frame`` have come.
+
+        Static ones are known for ever.
+        """
+        until, top = _FOR_EVER, self.top(frame)
+        while frame != top:
+            block, row = self._places[frame]
+            if block.history:
+                until = min(until, block.span(row)[1])
+            frame = block.parents[row]
+        return until
+
+    def _from_top(self, frame: str, time_ns: int) -> Floats:
+        pose, top = np.eye(4), self.top(frame)
+        while frame != top:
+            block, row = self._places[frame]
+            latest = block.translations[row], block.rotations[row]
+            translation, rotation = block.at(row, time_ns) if time_ns else latest
+            pose, frame = _matrix(translation, rotation) @ pose, block.parents[row]
+        return pose
+
+    def span(self, frame: str) -> tuple[int, int] | None:
+        """Return the first and the last stamp (ns) of a frame that moves; None if static."""
+        block, row = self._places.get(frame, (None, 0))
+        return block.span(row) if block is not None and block.history else None
 
     def chain(self, target: str, source: str) -> list[str]:
         """Return the frames from one to the other, through their common ancestor.
@@ -134,7 +321,11 @@ class TransformBuffer:
             TransformError: a frame does not exist, or they are not connected.
         """
         for name, role in ((target, "target_frame"), (source, "source_frame")):
-            self._check(name, role)
+            if name not in self.names:
+                raise TransformError(
+                    f'Invalid frame ID "{name}" passed to lookupTransform argument {role} - '
+                    f"frame does not exist{did_you_mean(name, self.names, 'frames')}"
+                )
         up, down = self.above(target), self.above(source)
         shared = set(down)
         common = next((name for name in up if name in shared), None)
@@ -145,92 +336,65 @@ class TransformBuffer:
             )
         return [*up[: up.index(common) + 1], *reversed(down[: down.index(common)])]
 
-    def lookup(self, target: str, source: str, at_ns: int | None = None) -> StampedTransform:
-        """Return the pose of ``source`` in ``target``.
-
-        Args:
-            target: a frame.
-            source: another one.
-            at_ns: when; None for the latest time that all have in common.
+    def lookup(self, target: str, source: str) -> StampedTransform:
+        """Return the pose of ``source`` in ``target`` at the latest time that all between have.
 
         Raises:
-            TransformError: a frame does not exist, they are not connected, or not at that time.
+            TransformError: a frame does not exist, they are not connected, or not at one time.
         """
         chain = self.chain(target, source)
-        edges = [self._edge(*pair) for pair in zip(chain, chain[1:], strict=False)]
-        moving = [history for history, _ in edges if not history.static]
-        newest = min((history.newest_ns for history in moving), default=at_ns or 0)
-        oldest = max((history.oldest_ns for history in moving), default=0)
-        time = newest if at_ns is None else at_ns
-        if not oldest <= time <= newest:
-            way, end, limit = ("past", "earliest", oldest)
-            if time > newest:
-                way, end, limit = ("future", "latest", newest)
+        # Of each pair of neighbours the child, and whether it is the second one.
+        steps = []
+        for frame, other in zip(chain, chain[1:], strict=False):
+            block, row = self._places.get(other, (None, 0))
+            down = block is not None and block.parents[row] == frame
+            steps.append((other if down else frame, down))
+        spans = [span for child, _ in steps if (span := self.span(child)) is not None]
+        time_ns = min((newest for _, newest in spans), default=0)
+        oldest = max((oldest for oldest, _ in spans), default=0)
+        if oldest > time_ns:
             raise TransformError(
-                f"Lookup would require extrapolation into the {way}.  Requested time "
-                f"{time * _NANO:.6f} but the {end} data is at time {limit * _NANO:.6f}, when "
-                f"looking up transform from frame [{source}] to frame [{target}]"
+                f"Lookup would require extrapolation into the past.  Requested time "
+                f"{time_ns * _NANO:.6f} but the earliest data is at time {oldest * _NANO:.6f}, "
+                f"when looking up transform from frame [{source}] to frame [{target}]"
             )
-        found = _IDENTITY
-        for history, downwards in edges:
-            step = history.at(time)
-            found = compose(found, step if downwards else inverse(step))
-        return StampedTransform(time, found)
-
-    def _edge(self, frame: str, other: str) -> tuple[History, bool]:
-        """The transforms between neighbours, and whether ``other`` is the child."""
-        history = self.frames.get(other)
-        if history is not None and history.parent == frame:
-            return history, True
-        return self.frames[frame], False
-
-    def _check(self, name: str, role: str) -> None:
-        names = self.names
-        if name not in names:
-            raise TransformError(
-                f'Invalid frame ID "{name}" passed to lookupTransform argument {role} - '
-                f"frame does not exist{did_you_mean(name, names, 'frames')}"
-            )
-
-    def above(self, frame: str) -> list[str]:
-        """Return ``frame`` and those above it, to the root or once around a loop."""
-        way: dict[str, None] = {}
-        name = frame
-        while name not in way:
-            way[name] = None
-            if name in self.frames:
-                name = self.frames[name].parent
-        return list(way)
+        transform = _IDENTITY
+        for child, down in steps:
+            block, row = self._places[child]
+            (x, y, z), (a, b, c, w) = (values.tolist() for values in block.at(row, time_ns))
+            step = (x, y, z), (a, b, c, w)
+            transform = compose(transform, step if down else inverse(step))
+        return StampedTransform(time_ns, transform)
 
 
-def _problem(parent: str, child: str, translation: list[float], rotation: list[float]) -> str:
-    """Why tf2 ignores a transform; "" if it does not."""
+def _matrix(translation: Floats, rotation: Floats) -> Floats:
+    """Return the (4, 4) matrix of one transform; a tenth of the time that arrays would take.
+
+    A rotation of no length is none.
+    """
+    (x, y, z, w), (at_x, at_y, at_z) = np.asarray(rotation).tolist(), translation.tolist()
+    length = math.hypot(x, y, z, w) or 1.0
+    x, y, z, w = x / length, y / length, z / length, w / length
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w), at_x],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w), at_y],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y), at_z],
+            [0.0, 0.0, 0.0, 1.0],
+        ]
+    )
+
+
+def _problem(parent: str, child: str, translation: Floats, rotation: Floats) -> str:
+    """Why tf2 ignores a transform, (1, 3) and (1, 4); "" if it does not."""
     if not child or not parent:
         return f'a transform from "{parent}" to "{child}" is ignored: a frame_id is not set'
     if child == parent:
         return f'a transform is ignored: frame_id and child_frame_id are both "{child}"'
-    length = sum(number * number for number in rotation)
-    if not all(map(math.isfinite, translation)) or not abs(length - 1.0) <= _UNIT:
+    length = float(np.sum(rotation**2))
+    if not np.isfinite(translation).all() or not abs(length - 1.0) <= _UNIT:
         return (
             f'a transform of "{child}" is ignored: it has a nan or inf, or its quaternion is not '
             "normalized"
         )
     return ""
-
-
-def _between(first: Transform, second: Transform, part: float) -> Transform:
-    """The transform ``part`` of the way from the first to the second."""
-    x, y, z = (a + (b - a) * part for a, b in zip(first[0], second[0], strict=True))
-    return (x, y, z), _slerp(first[1], second[1], part)
-
-
-def _slerp(first: Quaternion, second: Quaternion, part: float) -> Quaternion:
-    """Spherical interpolation along the shorter arc."""
-    product = sum(a * b for a, b in zip(first, second, strict=True))
-    angle = math.acos(min(1.0, abs(product)))
-    if angle < 1e-9:
-        return first
-    left = math.sin((1.0 - part) * angle) / math.sin(angle)
-    right = math.copysign(math.sin(part * angle) / math.sin(angle), product)
-    x, y, z, w = (left * a + right * b for a, b in zip(first, second, strict=True))
-    return x, y, z, w

@@ -1,1 +1,1 @@
-"""The scripts that stand where the original had launch files."""
+"""Bringup scripts, in place of the launch files of the original."""

@@ -41,12 +41,12 @@ _SHOW = ("--show-args", "-s")
 class Argument:
     """One launch argument."""
 
-    name: str  # as written before :=
-    default: str  # as it would be written; if it is empty, the argument may be
+    name: str  # the word before :=
+    default: str  # the text after :=; if it is empty, the argument may be
     description: str  # one line; for choices these are added to it
     choices: tuple[str, ...] = ()  # the only values allowed; none means any
-    type: ValueType = ValueType(str)  # what its text must stand for
-    examples: tuple[str, ...] = ()  # of other values, for tab completion
+    type: ValueType = ValueType(str)  # its text must stand for such a value
+    examples: tuple[str, ...] = ()  # other values, for tab completion
 
     @property
     def help(self) -> str:
@@ -119,17 +119,13 @@ class Arguments:
 
     given: Mapping[str, str] = field(default_factory=dict)  # name to value, of all name:=value
     positional: tuple[str, ...] = ()  # words of any other form
-    ros_args: tuple[str, ...] = ()  # what follows --ros-args
+    ros_args: tuple[str, ...] = ()  # the words after --ros-args
     help: bool = False  # --help was given
     show: bool = False  # --show-args was given
 
 
 def split(argv: Sequence[str]) -> Arguments:
-    """Split a command line into its parts.
-
-    Raises:
-        UsageError: an option that does not exist, or no name before ``:=``.
-    """
+    """Split a command line into its parts."""
     words, ros_args = _split_ros_args(argv)
     given: dict[str, str] = {}
     positional: list[str] = []
@@ -172,24 +168,28 @@ def _option(word: str) -> str:
 
 
 def refuse_positional(words: Sequence[str]) -> None:
-    """Refuse words that are no ``name:=value``, where a command takes none.
-
-    Raises:
-        UsageError: there is one.
-    """
+    """Refuse words that are no ``name:=value``, where a command takes none."""
     if words:
         name, equals, value = words[0].partition("=")
         meant = f"{name}:={value}" if equals else "name:=value"
         raise UsageError(f'unexpected "{words[0]}"; arguments are written {meant}')
 
 
+def with_positional(arguments: Arguments, name: str, what: str, program: str) -> dict[str, str]:
+    """Return the arguments given, the one word without ``:=`` as the argument ``name``.
+
+    The error of a ``program`` that gets both says ``what`` it is, such as "file".
+    """
+    refuse_positional(arguments.positional[1:])
+    if arguments.positional and name in arguments.given:
+        raise UsageError(f"write the {what} or {name}:=, not both, for {program}")
+    return {**dict(zip([name], arguments.positional, strict=False)), **arguments.given}
+
+
 def complete(declared: Iterable[Argument], given: Mapping[str, str]) -> dict[str, str]:
     """Return a value for each declared argument: the given one, or its default.
 
     Switches come out as ``true`` or ``false``, however they were written.
-
-    Raises:
-        UsageError: with all problems: unknown names, values that are not allowed.
     """
     arguments = {argument.name: argument for argument in declared}
     problems = [unknown(name, arguments) for name in given if name not in arguments]
@@ -217,7 +217,7 @@ def _switch_value(value: str) -> str:
     return "true" if lower in _TRUE else "false" if lower in _FALSE else value
 
 
-listed: list[Argument] = []  # by this process, for tab completion
+listed: list[Argument] = []  # printed by this process, for tab completion
 
 
 def table(arguments: Sequence[Argument]) -> str:
@@ -240,15 +240,11 @@ PACKAGES = Argument(
     PACKAGE_PATH, "", "folders in which ROS packages lie, joined by :; they are searched first"
 )
 
-# Topics and services have up to 247 characters (rmw), those of our nodes 48 behind the namespace.
-_MAX_NAMESPACE = 150
-_NAMESPACE = re.compile(
-    rf"(?=.{{0,{_MAX_NAMESPACE}}}$)(/?|/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*/?)"
-)
+_NAMESPACE = re.compile(r"/?|/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*/?")
 _MAX_DOMAIN = 232  # beyond it the ports of DDS (RTPS 2.2, section 9.6.1.1) exceed 65535
 _LEVELS = ("debug", "info", "warn", "error", "fatal")
 _MAX_FREQUENCY = 1000  # Hz
-_CYCLES = 0.001, 1000.0  # of the controller, Hz
+_CYCLES = 0.001, 1000.0  # control cycles, Hz
 _AS_IN_FILE = "empty: as params_file has it"
 _FOUND = "empty: as in params_file, or found in the URDF"
 _LOOPBACK = "127.0.0.1"
@@ -265,30 +261,17 @@ _NOT_OF_SEVERAL = {
 
 
 def take_package_path(given: Mapping[str, str]) -> dict[str, str]:
-    """Look for packages where ``package_path:=`` says; return the other arguments.
-
-    Raises:
-        OneBotError: there is no such folder.
-    """
+    """Look for packages where ``package_path:=`` says; return the other arguments."""
     use_package_path(given.get(PACKAGE_PATH, ""))
     return {name: value for name, value in given.items() if name != PACKAGE_PATH}
 
 
 def ros_settings() -> list[Argument]:
     """Return the arguments about names and discovery."""
-    words = (
-        "words of letters, digits and _ that do not start with a digit, joined by /, "
-        f"{_MAX_NAMESPACE} characters at most"
-    )
-    return [
-        Argument(
-            "namespace",
-            "",
-            "the namespace of all nodes",
-            type=ValueType(str, Rule(pattern=_NAMESPACE, write=f"a ROS name: {words}")),
-        ),
-        *discovery_settings(),
-    ]
+    words = "words of letters, digits and _ that do not start with a digit, joined by /"
+    name = ValueType(str, Rule(pattern=_NAMESPACE, write=f"a ROS name: {words}"))
+    namespace = Argument("namespace", "", "the namespace of all nodes", type=name)
+    return [namespace, *discovery_settings()]
 
 
 def discovery_settings() -> list[Argument]:
@@ -384,9 +367,6 @@ def checked_values(declared: list[Argument], given: Mapping[str, str]) -> dict[s
 
     Two robots publish to one /tf: the frames have the namespace in front, as diff_drive_controller
     does it, unless ``frame_prefix`` is given, be it empty.
-
-    Raises:
-        UsageError: a name or a value that is not possible.
     """
     values = complete(declared, given)
     if "frame_prefix" not in given:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from onebot_bringup.cli.main import run_bringup
 
-TYPE_CHECKING = False  # as in typing, which is slow to import
+TYPE_CHECKING = False  # that of typing, which is slow to import
 if TYPE_CHECKING:
     from onebot_bringup.launch.bringup import Bringup
 
@@ -16,7 +16,7 @@ def command() -> "Bringup":
     from onebot_bringup.launch.bringup import Bringup
     from onebot_description.description.packages import package_share
 
-    description = package_share("onebot_description").resolve()  # where edits are made
+    description = package_share("onebot_description").resolve()  # edits are made there
     return Bringup(
         program="onebot_bringup",
         summary="Brings OneBot up on ROS 2, simulated; a Twist on velocity_controller/cmd_vel "

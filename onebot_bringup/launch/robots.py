@@ -36,12 +36,12 @@ _SAME = 1e-3  # m
 class PlacedRobot(NamedTuple):
     """One of several robots in one world."""
 
-    name: str  # and its namespace, within that of the bringup
+    name: str  # its namespace within that of the bringup
     x: float  # m, where it starts
     y: float  # m
     yaw: float  # rad
     description: Description
-    params_file: Path | None = None  # of its controller, overrides that of all
+    params_file: Path | None = None  # its controller's, overrides that of all
 
 
 @dataclass(frozen=True)
@@ -106,20 +106,20 @@ def read_robots(file: Path, description: Description) -> list[PlacedRobot]:
         number = f"; write how many, 1 to {MOST_ROBOTS}, or a YAML file"
         hint = did_you_mean(file.name, near, "there") if near else number
         raise OneBotError(f"robots:={file}: no such file{hint}")
-    found = read_map(read_text(file), str(file))
-    entries = read(RobotsFile, found.values, found.places).robots
+    written = read_map(read_text(file), str(file))
+    entries = read(RobotsFile, written.values, written.places).robots
     models: dict[str, Description] = {"": description}
     robots = []
     for name, entry in entries.items():
         try:
             if entry.model not in models:
                 models[entry.model] = _model(file, entry.model)
-            own = _params_file(file, entry.params_file)
+            params_file = _params_file(file, entry.params_file)
         except OneBotError as error:
             problem = Problem(f"robots.{name}", str(error))
-            raise OneBotError(problem.message(found.places)) from None
+            raise OneBotError(problem.message(written.places)) from None
         place = entry.x, entry.y, entry.yaw
-        robots.append(PlacedRobot(name, *place, models[entry.model], own))
+        robots.append(PlacedRobot(name, *place, models[entry.model], params_file))
     return robots
 
 
@@ -179,6 +179,6 @@ def _half(geometry: Geometry) -> float:
         return shape.radius + shape.length / 2.0
     if isinstance(shape, Sphere):
         return shape.radius
-    from onebot_description.description.mesh_scene import mesh_corners  # which takes long to import
+    from onebot_description.description.mesh_scene import mesh_corners  # it takes long to import
 
     return float(np.linalg.norm(mesh_corners(shape) * np.array(shape.scale), axis=1).max())

@@ -53,8 +53,8 @@ def launch_description(script: ModuleType) -> Any:
         [
             OpaqueFunction(function=start),  # first: so far only what was given has a value
             *(
-                DeclareLaunchArgument(each.name, default_value=each.default, description=each.help)
-                for each in arguments
+                DeclareLaunchArgument(a.name, default_value=a.default, description=a.help)
+                for a in arguments
             ),
             # A launch file may include this one twice, or others with arguments of these names.
             OpaqueFunction(function=forget_defaults),

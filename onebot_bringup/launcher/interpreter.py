@@ -26,7 +26,7 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     del sys.argv[0]
-    codes = [1]  # of an error that nobody catches
+    codes = [1]  # the code of an error that nobody catches
     # What is registered first is called last.
     atexit.register(lambda: _leave(codes[-1]))
     try:
@@ -48,7 +48,7 @@ def _leave(code: int) -> NoReturn:
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError, ValueError, AttributeError):  # closed, or never open
             stream.flush()
-    ctypes.CDLL(None).fflush(None)  # what libraries have printed
+    ctypes.CDLL(None).fflush(None)  # libraries may have printed
     os._exit(code)
 
 

@@ -5,6 +5,7 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -46,17 +47,17 @@ class Restarts:
         self.count = 0  # restarts in a row, the one planned last included
 
     def next_wait(self, lived: float) -> float | None:
-        """Return the seconds until the next restart; None if the limit is reached.
+        """Return the seconds until the next restart of a node that ``lived`` so long, s.
 
-        Args:
-            lived: seconds that the node ran.
+        None if the limit is reached.
         """
         if lived > self._policy.healthy_after:
             self.count = 0
         if self.count >= self._policy.limit:
             return None
         self.count += 1
-        return self._policy.wait(self.count - 1)
+        policy = self._policy
+        return float(min(policy.first_wait * 2.0 ** (self.count - 1), policy.longest_wait))
 
 
 class Launcher:
@@ -110,16 +111,13 @@ class Launcher:
             when a node failed: it could not be started, ended with an error, also while stopping,
             had to be killed to stop in time, or ended at all although the others need it. Which one
             is the last line printed.
-
-        Raises:
-            ValueError: two nodes have the same name.
         """
         names = [node.name for node in nodes]
         if len(set(names)) < len(names):
             raise ValueError("two nodes have the same name")
         for folder in temporary:
             self._guard.remove_later(folder)
-        self._console = Console(sys.stdout, sys.stderr, names, self._stop)
+        self._console = Console(sys.stdout, sys.stderr, names, self._on_reader_left)
         self._loop.run_until_complete(self._run(nodes, started_message))
         return 1 if self._failed else 0
 
@@ -163,27 +161,19 @@ class Launcher:
         if self._failed:
             nodes = ", ".join(f"{name} ({how})" for name, how in self._failed.items())
             self._warn(f"failed: {nodes}")
-        await self._console.flush(timeout=0.3)
+        self._console.close(timeout=0.2)
 
     # One node
 
     async def _start(self, node: NodeProcess) -> RunningProcess | None:
+        console = self._console
+        out, err = (partial(console.line, node.name, s) for s in (console.out, console.err))
         try:
-            process = await spawn(
-                node.command,
-                {**os.environ, **node.environment},
-                self._guard,
-                hold_interrupt=node.hold_interrupt,
-            )
+            process = await spawn(node, self._guard, out, err)
         except OSError as error:
             self._warn(f"{node.name} cannot be started: {error}")
             return None
         self._running[process] = node
-        console = self._console
-        out, err = (partial(console.line, node.name, s) for s in (console.out, console.err))
-        process.connect(out, err)
-        if node.nice:
-            process.set_nice(node.nice)
         if self._stopping.is_set():
             process.interrupt()
         return process
@@ -217,7 +207,7 @@ class Launcher:
                 self._warn(f"{node.name} stopped with an error: {describe_exit(code)}")
                 self._failed[node.name] = describe_exit(code)
         else:
-            process.signal_all(signal.SIGKILL)  # what it started has no owner any more
+            process.signal_all(signal.SIGKILL)  # its children have no owner any more
             await self._forget(process)
             self._warn(f"{node.name} exited unexpectedly: {describe_exit(code)}")
         return lived, code
@@ -280,6 +270,11 @@ class Launcher:
             os.close(file)
         self._info("what has started it is gone: stopping")
         self._stop()
+
+    def _on_reader_left(self) -> None:
+        """Stop; the console's thread calls it."""
+        with suppress(RuntimeError):  # the event loop is closed: everything has stopped
+            self._loop.call_soon_threadsafe(self._stop)
 
     def _stop(self) -> None:
         """Ask all nodes to stop, unless that was done."""

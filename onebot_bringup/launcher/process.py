@@ -6,7 +6,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Literal
@@ -18,7 +18,6 @@ OnExit = Literal["shutdown", "restart", "ignore"]
 _INTERPRETER = "onebot_bringup.launcher.interpreter"
 _BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")  # the first is OpenBLAS's own
 _LONGEST_LINE = 65536  # bytes; a longer one is shown in pieces
-_LONGEST_NUMBER = 32  # bytes
 _LAST_OUTPUT = 0.25  # seconds to wait for it; another process may hold the pipe for ever
 _POLL = 0.05  # seconds; nothing reports the end of a process that is no child
 
@@ -31,10 +30,6 @@ class Restart:
     first_wait: float = 1.0  # s before the first new start; doubled for each further one
     longest_wait: float = 10.0  # s, the cap of that doubling
     healthy_after: float = 30.0  # s; a node that lived this long starts counting from zero again
-
-    def wait(self, restarts: int) -> float:
-        """Seconds to wait before a start when there were ``restarts`` in a row already."""
-        return float(min(self.first_wait * 2.0**restarts, self.longest_wait))
 
 
 @dataclass(frozen=True)
@@ -58,28 +53,16 @@ def python_node(
     arguments: Iterable[str] = (),
     *,
     on_exit: OnExit = "shutdown",
-    environment: Mapping[str, str] | None = None,
     nice: int = 0,
 ) -> NodeProcess:
     """Return a node that is a Python module, run by the interpreter that runs the launcher."""
-    command = (*module_command(module), *arguments)
-    variables = {**python_environment(), **(environment or {})}
-    return NodeProcess(name, command, on_exit, variables, hold_interrupt=True, nice=nice)
-
-
-def module_command(module: str) -> tuple[str, ...]:
-    """Return what runs a Python module as a node, without its arguments."""
-    return (sys.executable, "-m", _INTERPRETER, module)
-
-
-def python_environment() -> dict[str, str]:
-    """Return the variables that the interpreter of a node needs from its start."""
+    command = (sys.executable, "-m", _INTERPRETER, module, *arguments)
     variables = {"PYTHONUNBUFFERED": "1", **_safe_path()}
-    if not any(name in os.environ for name in _BLAS_THREADS):
+    if not any(variable in os.environ for variable in _BLAS_THREADS):
         # No node multiplies matrices so large that it would pay, and to start the threads takes
         # longer than all of numpy's other modules.
         variables[_BLAS_THREADS[0]] = "1"
-    return variables
+    return NodeProcess(name, command, on_exit, variables, hold_interrupt=True, nice=nice)
 
 
 def _safe_path() -> dict[str, str]:
@@ -91,34 +74,30 @@ def _safe_path() -> dict[str, str]:
     return {} if here else {"PYTHONSAFEPATH": "1"}
 
 
+Sink = Callable[[bytes], object]
+"""Takes a line of output, without its newline."""
+
+
 class Lines:
-    """Cuts output into lines, which wait until there is somebody to take them."""
+    """Cuts output into lines."""
 
-    def __init__(self) -> None:
-        self._sink: Callable[[bytes], object] | None = None
-        self._data = b""
-
-    def connect(self, sink: Callable[[bytes], object]) -> None:
-        """Pass each line to ``sink``, without its newline."""
+    def __init__(self, sink: Sink) -> None:
         self._sink = sink
-        self.feed(b"")
+        self._rest = b""
 
     def feed(self, data: bytes) -> None:
-        """Add what was read."""
-        self._data += data
-        if self._sink is None:
-            return
-        *lines, self._data = self._data.split(b"\n")
+        """Pass each line of what was read."""
+        *lines, self._rest = (self._rest + data).split(b"\n")
         for line in lines:
             self._sink(line)
-        if len(self._data) >= _LONGEST_LINE:
+        if len(self._rest) >= _LONGEST_LINE:
             self.close()
 
     def close(self) -> None:
         """Pass a last line that has no newline."""
-        if self._data and self._sink is not None:
-            self._sink(self._data)
-            self._data = b""
+        if self._rest:
+            self._sink(self._rest)
+            self._rest = b""
 
 
 class RunningProcess(asyncio.SubprocessProtocol):
@@ -127,32 +106,28 @@ class RunningProcess(asyncio.SubprocessProtocol):
     A terminal's Ctrl-C reaches only the launcher, which passes it on once.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, out: Sink, err: Sink) -> None:
         self.ended: asyncio.Future[int] = asyncio.get_running_loop().create_future()
         self._output_ended = asyncio.Event()
-        self._output = {1: Lines(), 2: Lines()}
+        self._output = {1: Lines(out), 2: Lines(err)}
 
     # What the event loop calls
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Keep the connection."""
         assert isinstance(transport, asyncio.SubprocessTransport)
         self._transport = transport
 
     def pipe_data_received(self, fd: int, data: bytes) -> None:
-        """Cut its output into lines."""
         self._output[fd].feed(data)
 
     def process_exited(self) -> None:
-        """Keep the exit code: minus the signal's number if one ended it."""
         # Not asyncio's wait(): in some versions it waits for all who hold the pipes.
         code = self._transport.get_returncode()
         if code is not None and not self.ended.done():
             self.ended.set_result(code)
 
     def connection_lost(self, error: Exception | None) -> None:
-        """It has ended, and nobody holds its pipes."""
-        self._output_ended.set()
+        self._output_ended.set()  # it has ended, and nobody holds its pipes
 
     # What the launcher calls
 
@@ -160,17 +135,6 @@ class RunningProcess(asyncio.SubprocessProtocol):
     def group(self) -> int:
         """The id of the process, and of the group that it leads."""
         return self._transport.get_pid()
-
-    def connect(self, out: Callable[[bytes], object], err: Callable[[bytes], object]) -> None:
-        """Pass the lines of its standard output and error to ``out`` and ``err``."""
-        self._output[1].connect(out)
-        self._output[2].connect(err)
-
-    def set_nice(self, nice: int) -> None:
-        """Lower its priority."""
-        niceness = min(os.getpriority(os.PRIO_PROCESS, 0) + nice, 19)
-        with contextlib.suppress(ProcessLookupError):  # it has ended already
-            os.setpriority(os.PRIO_PROCESS, self.group, niceness)
 
     def interrupt(self) -> None:
         """Ask the node itself to stop; it then stops what it started, in its own order."""
@@ -200,55 +164,28 @@ class RunningProcess(asyncio.SubprocessProtocol):
             lines.close()
 
 
-async def spawn(
-    command: Sequence[str],
-    environment: Mapping[str, str],
-    guard: Guard,
-    *,
-    hold_interrupt: bool,
-) -> RunningProcess:
-    """Start a program.
-
-    Args:
-        command: the program and its arguments.
-        environment: all of its variables.
-        guard: ends it if the launcher is killed.
-        hold_interrupt: start it with SIGINT blocked.
-
-    Raises:
-        OSError: the program cannot be run.
-    """
-    read, write = os.pipe()
-    try:
-        _, process = await asyncio.get_running_loop().subprocess_exec(
-            RunningProcess,
-            *command,
-            stdin=subprocess.DEVNULL,
-            env=environment,
-            start_new_session=True,
-            preexec_fn=partial(_set_up_child, guard, write, hold_interrupt),
-        )
-    except OSError:
-        os.set_blocking(read, False)
-        with contextlib.suppress(BlockingIOError):  # there was no child
-            guard.discard(int(os.read(read, _LONGEST_NUMBER)))
-        raise
-    finally:
-        os.close(read)
-        os.close(write)
+async def spawn(node: NodeProcess, guard: Guard, out: Sink, err: Sink) -> RunningProcess:
+    """Start a node, which ``guard`` ends if the launcher is killed."""
+    _, process = await asyncio.get_running_loop().subprocess_exec(
+        partial(RunningProcess, out, err),
+        *node.command,
+        stdin=subprocess.DEVNULL,
+        env={**os.environ, **node.environment},
+        start_new_session=True,
+        preexec_fn=partial(_set_up_child, node, guard),
+    )
     return process
 
 
-def _set_up_child(guard: Guard, write: int, hold_interrupt: bool) -> None:
+def _set_up_child(node: NodeProcess, guard: Guard) -> None:
     """Prepare a child between fork and exec.
 
-    It registers with the guard itself, because the launcher may be killed at any moment; and gives
-    ``write`` its number, should its program not exist.
+    It registers with the guard itself, because the launcher may be killed at any moment.
     """
-    if hold_interrupt:
+    if node.hold_interrupt:
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     guard.add(os.getpid())
-    os.write(write, str(os.getpid()).encode())
+    os.nice(node.nice)
 
 
 def describe_exit(code: int) -> str:

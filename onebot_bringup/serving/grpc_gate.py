@@ -8,14 +8,13 @@ get to the recording, whatever the name that it made lead here (DNS rebinding).
 
 import asyncio
 import socket
-import time
 from contextlib import suppress
 
 from onebot_bringup.serving.event_loop import LoopThread
 
 _PREFACE = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n"  # RFC 9113, 3.4
 _PREFACE_TIMEOUT = 5.0  # s
-_MOST = 32  # connections
+_MOST = 32  # connections; further ones are closed
 _CHUNK = 1 << 16  # bytes
 _REFUSAL = "This port is for native viewers: open the page's address in a browser, not this one.\n"
 _RESPONSE = (
@@ -35,7 +34,7 @@ class GrpcGate(LoopThread):
             backend: address and port of Rerun's server.
         """
         self._listener, self._backend = listener, backend
-        self._clients: dict[asyncio.StreamWriter, float] = {}  # when each last sent something
+        self._clients: set[asyncio.StreamWriter] = set()
         super().__init__("grpc gate")
 
     async def serve(self, end: asyncio.Event) -> None:
@@ -49,11 +48,10 @@ class GrpcGate(LoopThread):
     async def _serve_client(
         self, reader: asyncio.StreamReader, client: asyncio.StreamWriter
     ) -> None:
-        if len(self._clients) >= _MOST:  # the one idle longest makes room
-            idle = min(self._clients, key=self._clients.__getitem__)
-            del self._clients[idle]
-            idle.transport.abort()
-        self._clients[client] = time.monotonic()
+        if len(self._clients) >= _MOST:
+            client.close()
+            return
+        self._clients.add(client)
         try:
             preface = await asyncio.wait_for(reader.readexactly(len(_PREFACE)), _PREFACE_TIMEOUT)
             if preface == _PREFACE:
@@ -63,7 +61,7 @@ class GrpcGate(LoopThread):
         except (OSError, EOFError, asyncio.TimeoutError, asyncio.CancelledError):
             pass  # it left, Rerun's server did, or the gate ends: what is cancelled is logged
         finally:
-            self._clients.pop(client, None)
+            self._clients.discard(client)
             client.close()
 
     async def _pass_through(
@@ -71,8 +69,8 @@ class GrpcGate(LoopThread):
     ) -> None:
         source, server = await asyncio.open_connection(*self._backend)
         server.write(_PREFACE)
-        there = asyncio.ensure_future(self._pump(reader, server, client))
-        back = asyncio.ensure_future(self._pump(source, client))
+        there = asyncio.ensure_future(_pump(reader, server))
+        back = asyncio.ensure_future(_pump(source, client))
         try:
             await asyncio.wait((there, back), return_when=asyncio.FIRST_COMPLETED)
         finally:
@@ -80,15 +78,9 @@ class GrpcGate(LoopThread):
                 pump.cancel()
             server.close()
 
-    async def _pump(
-        self,
-        source: asyncio.StreamReader,
-        sink: asyncio.StreamWriter,
-        client: asyncio.StreamWriter | None = None,
-    ) -> None:
-        with suppress(ConnectionError):
-            while data := await source.read(_CHUNK):
-                if client is not None:
-                    self._clients[client] = time.monotonic()
-                sink.write(data)
-                await sink.drain()
+
+async def _pump(source: asyncio.StreamReader, sink: asyncio.StreamWriter) -> None:
+    with suppress(ConnectionError):
+        while data := await source.read(_CHUNK):
+            sink.write(data)
+            await sink.drain()

@@ -1,17 +1,24 @@
-"""An aiohttp application served in a thread of its own."""
+"""An aiohttp application served in a thread of its own.
+
+Its connections are bounded in number and in time, so that no client exhausts memory or files: one
+without a whole request within a few seconds is closed, which aiohttp does if its timeout of idle
+connections is as short.
+"""
 
 import asyncio
 import logging
 import socket
-from functools import partial
 
 from aiohttp import web
 from aiohttp.http_exceptions import HttpProcessingError
+from aiohttp.typedefs import Handler
 
-from onebot_bringup.serving.connections import IDLE_TIMEOUT, Connections
 from onebot_bringup.serving.event_loop import STOP_TIMEOUT, LoopThread
 
+_IDLE_TIMEOUT = 5.0  # s for the head of a request, and between two requests
+_BODY_TIMEOUT = 5.0  # s for the body of a request
 _LINGERING = 1.0  # s for the rest of a request that has its response
+_MOST = 256  # connections; Linux lets a process have 1024 files, a browser needs about ten
 _LOGGER = logging.getLogger(__name__)
 
 
@@ -23,28 +30,60 @@ def _is_of_the_server(record: logging.LogRecord) -> bool:
 _LOGGER.addFilter(_is_of_the_server)
 
 
+async def body_of(request: web.Request) -> bytes:
+    """Return the body of a request.
+
+    Raises:
+        HTTPRequestTimeout: it was not received in whole within seconds.
+    """
+    try:
+        return await asyncio.wait_for(request.read(), _BODY_TIMEOUT)
+    except asyncio.TimeoutError:
+        raise web.HTTPRequestTimeout from None
+
+
+@web.middleware
+async def _without_traceback(request: web.Request, handler: Handler) -> web.StreamResponse:
+    """Have aiohttp log no traceback where a client leaves before it gets its response."""
+    try:
+        return await handler(request)
+    except ConnectionError:
+        raise web.HTTPBadRequest from None
+
+
+class _Refused(asyncio.Protocol):
+    """The protocol of a connection that is one too many."""
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        transport.close()
+
+
 class ServerThread(LoopThread):
     """Serves an application on a socket, in a thread, until it is stopped."""
 
     def __init__(self, app: web.Application, listener: socket.socket, name: str) -> None:
+        app.middlewares.insert(0, _without_traceback)
         self._app, self._listener = app, listener
         super().__init__(name)
 
     async def serve(self, end: asyncio.Event) -> None:
         """Serve until ``end`` is set, then close all connections and the socket."""
-        connections = Connections(self._app)
         runner = web.AppRunner(
             self._app,
             access_log=None,
             logger=_LOGGER,
             handle_signals=False,
             shutdown_timeout=STOP_TIMEOUT / 4,  # for pending responses
-            keepalive_timeout=IDLE_TIMEOUT,
+            keepalive_timeout=_IDLE_TIMEOUT,
             lingering_time=_LINGERING,
         )
         await runner.setup()
-        assert runner.server is not None
-        accept = partial(connections.accept, runner.server)
+        handlers = runner.server
+        assert handlers is not None
+
+        def accept() -> asyncio.BaseProtocol:
+            return handlers() if len(handlers.connections) < _MOST else _Refused()
+
         server = await asyncio.get_running_loop().create_server(accept, sock=self._listener)
         await end.wait()
         server.close()

@@ -12,7 +12,7 @@ import aiohttp
 from aiohttp import web
 from yarl import URL
 
-from onebot_bringup.serving.connections import body_of
+from onebot_bringup.serving.http_server import body_of
 from onebot_bringup.serving.origin import guard
 from onebot_bringup.serving.ports import LOOPBACK
 

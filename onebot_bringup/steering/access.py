@@ -72,9 +72,7 @@ class Access:
     def view_refusal(self, host: str, origin: str | None) -> str:
         """Return why a request with the view's key is rejected; "" if it is accepted.
 
-        Args:
-            host: the Host header.
-            origin: the Origin header, if any: the view's, or of the page that has it in a frame.
+        Its Origin may be the view's, or that of the page that has it in a frame.
         """
         pages = f"http://{host}", f"http://{other_site(host)}"
         return refusal(self.address, host, origin, ["null", *pages])

@@ -1,7 +1,7 @@
 """Decides which of several steering pages drives the robot, and when it is stopped.
 
-The last page that starts to hold a control drives. `Arbiter` decides; `ThreadSafeArbiter` publishes
-the commands, for a server and a node on different threads.
+The last page that starts to hold a control drives. A page that lost control, for any reason, has to
+release before it can drive again.
 """
 
 import threading
@@ -25,129 +25,6 @@ class _Page:
     late: bool = False  # its commands are too old, or come no more
 
 
-class Arbiter:
-    """Converts the messages of pages to commands. Does not read a clock: times are arguments, in s.
-
-    A page that lost control, for any reason, has to release before it can drive again.
-    """
-
-    def __init__(self, limits: Limits) -> None:
-        self.limits = limits  # of commands
-        self.driver: str | None = None  # the page that drives
-        self.timeouts = 0  # how often a driver timed out
-        self.stops = 0  # how often the stop button was pressed
-        self.starts = 0  # how often a page that took control began to move the robot
-        self.moving = False  # commands are published, even if their velocity is zero
-        self._pages: dict[str, _Page] = {}
-        self._velocity = Velocity()
-        self._deadline = 0.0  # until when the driver's command holds
-        self._zeros = 0
-
-    @property
-    def pages(self) -> int:
-        """The number of open pages."""
-        return len(self._pages)
-
-    @property
-    def command(self) -> Velocity:
-        """The present command, within the limits."""
-        return self.limits.clamp(self._velocity) if self.moving else Velocity()
-
-    @property
-    def busy(self) -> bool:
-        """Whether commands are left to publish."""
-        return self.moving or self._zeros > 0
-
-    def join(self, page: str) -> None:
-        """Add a page that was opened."""
-        self._pages[page] = _Page()
-
-    def leave(self, page: str) -> None:
-        """Remove a page that was closed or lost its connection."""
-        self._drop(page)
-        self._pages.pop(page, None)
-
-    def drive(self, page: str, velocity: Velocity, stamp: float, now: float) -> None:
-        """Handle a held control; the first message in time after a release takes control.
-
-        Args:
-            page: its name.
-            velocity: the command.
-            stamp: when the server sent what the page had received last; it is older than that.
-            now: the time.
-        """
-        known = self._pages[page]
-        deadline = min(now + COMMAND_TIMEOUT, stamp + MAX_AGE)
-        known.late = now > deadline
-        if known.late:
-            return  # what the page drove has met its own deadline before
-        if not known.holding:
-            known.holding = True
-            if self.driver is not None:
-                self._halt()  # discard the last driver's command
-            self._set_driver(page)
-        if self.driver == page:
-            self.starts += not known.moved and velocity != Velocity()
-            known.moved |= velocity != Velocity()
-            self._velocity, self._deadline, self.moving, self._zeros = (
-                velocity,
-                deadline,
-                True,
-                ZEROS,
-            )
-
-    @property
-    def late(self) -> frozenset[str]:
-        """The pages whose connection is too slow to drive."""
-        return frozenset(page for page, known in self._pages.items() if known.late)
-
-    def release(self, page: str) -> None:
-        """Handle the release of a control."""
-        self._drop(page)
-        self._pages[page] = _Page()
-
-    def stop(self) -> None:
-        """Stop the robot, regardless of which page drives, or whether any does."""
-        self.stops += 1
-        self._set_driver(None)
-        self._halt()
-        self._zeros = ZEROS
-
-    def reject(self, page: str) -> None:
-        """Handle an invalid message: the page loses control."""
-        self._drop(page)
-        self._pages[page].holding = True
-
-    def check_timeout(self, now: float) -> None:
-        """Stop the robot if its driver is silent or late; it drives on when it is in time again."""
-        if self.moving and self.driver is not None and now > self._deadline:
-            self._halt()
-            self._pages[self.driver].late = True
-            self.timeouts += 1
-
-    def next_command(self) -> Velocity | None:
-        """Return the command to publish now; None for none."""
-        if self.moving:
-            return self.command
-        if self._zeros > 0:
-            self._zeros -= 1
-            return Velocity()
-        return None
-
-    def _drop(self, page: str) -> None:
-        if self.driver == page:
-            self.driver = None
-            self._halt()
-
-    def _set_driver(self, page: str | None) -> None:
-        self.driver = page
-        for known in self._pages.values():  # who is late took hold before that
-            known.holding |= known.late
-
-    def _halt(self) -> None:
-        self._velocity, self.moving = Velocity(), False
-
-
 @dataclass(frozen=True)
 class DrivingState:
     """A snapshot of the arbiter."""
@@ -159,11 +36,22 @@ class DrivingState:
     command: Velocity  # the present command, within the limits
 
 
-class ThreadSafeArbiter:
-    """An Arbiter with a lock that publishes its commands: stops and new drivers at once."""
+class Arbiter:
+    """Turns the messages of pages into commands; stops and new drivers are published at once.
+
+    A server and a node may call it from different threads.
+
+    Attributes:
+        changed: called when pages need a new state.
+        timeouts: how often a driver was stopped because it was silent or late.
+    """
 
     def __init__(
-        self, limits: Limits, publish: Callable[[Velocity], None], lock: Callable[[bool], None]
+        self,
+        limits: Limits,
+        publish: Callable[[Velocity], None],
+        lock: Callable[[bool], None],
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """Start without pages.
 
@@ -172,11 +60,20 @@ class ThreadSafeArbiter:
             publish: called with each command, from any thread, one call at a time.
             lock: called likewise, with True when a page stops the robot, and with False before the
                 first velocity other than zero of a page that took control.
+            clock: the time, s; that of the stamps of commands.
         """
+        self._publish, self._lock_robot, self._clock = publish, lock, clock
         self._lock = threading.Lock()
-        self._arbiter = Arbiter(limits)
-        self._publish, self._lock_robot = publish, lock
-        self.changed: Callable[[], None] = lambda: None  # called when pages need a new state
+        self.changed: Callable[[], None] = lambda: None
+        self.timeouts = 0
+        self._limits = limits
+        self._pages: dict[str, _Page] = {}
+        self._driver: str | None = None
+        self._velocity = Velocity()
+        self._moving = False  # commands are published, even if their velocity is zero
+        self._deadline = 0.0  # until when the driver's command holds
+        self._zeros = 0  # left to publish
+        self._stops = 0  # presses of the stop button
 
     @property
     def state(self) -> DrivingState:
@@ -187,83 +84,118 @@ class ThreadSafeArbiter:
     def join(self, page: str) -> None:
         """Add a page that was opened."""
         with self._update():
-            self._arbiter.join(page)
+            self._pages[page] = _Page()
 
     def leave(self, page: str) -> bool:
         """Remove a page; if it drove, the robot stops. Return whether it did."""
         with self._update():
-            drove = self._arbiter.driver == page
-            self._arbiter.leave(page)
+            drove = self._drop(page)
+            self._pages.pop(page, None)
         return drove
 
     def handle(self, page: str, message: Drive | Release | Stop | SetLimits) -> None:
         """Handle a message of a page."""
         with self._update():
             if isinstance(message, Drive):
-                self._arbiter.drive(page, message.velocity, message.stamp, time.monotonic())
+                self._drive(page, message)
             elif isinstance(message, Release):
-                self._arbiter.release(page)
+                self._drop(page)
+                self._pages[page] = _Page()
             elif isinstance(message, Stop):
-                self._arbiter.stop()
+                self._stops += 1
+                self._stop()
+                self._lock_robot(True)
             else:
-                self._arbiter.limits = replace(self._arbiter.limits, chosen=message)
+                self._limits = replace(self._limits, chosen=message)
 
     def reject(self, page: str) -> bool:
         """Handle an invalid message; if the page drove, the robot stops. Return whether it did."""
         with self._update():
-            drove = self._arbiter.driver == page
-            self._arbiter.reject(page)
+            drove = self._drop(page)
+            self._pages[page].holding = True
         return drove
 
     def set_limits(self, limits: Limits) -> None:
         """Set what the robot may do; what an operator chose stays."""
         with self._update():
-            self._arbiter.limits = replace(limits, chosen=self._arbiter.limits.chosen)
+            self._limits = replace(limits, chosen=self._limits.chosen)
 
     def check_timeout(self) -> None:
-        """Stop the robot if its driver has timed out; to be called every 50 ms."""
+        """Stop the robot if its driver is silent or late; to be called every 50 ms.
+
+        It drives on when its commands are in time again.
+        """
         with self._update():
-            self._arbiter.check_timeout(time.monotonic())
+            if self._moving and self._driver is not None and self._clock() > self._deadline:
+                self._halt()
+                self._pages[self._driver].late = True
+                self.timeouts += 1
 
     def tick(self) -> None:
-        """Publish the present command, if any; to be called at the fixed rate.
-
-        Not of a driver that has timed out: after a stall, this may come before the check.
-        """
-        self.check_timeout()
+        """Publish the present command, if any; to be called at the fixed rate."""
+        self.check_timeout()  # after a stall, this may come before the timer's check
         with self._lock:
             self._publish_next()
 
     def halt(self) -> None:
         """Take control from the driver and publish all zero commands, if the robot was driven."""
         with self._lock:
-            driven = self._arbiter.busy
-            self._arbiter.stop()
-            while (velocity := self._arbiter.next_command()) is not None:
-                if driven:
-                    self._publish(velocity)
+            driven = self._moving or self._zeros > 0
+            self._stop()
+            while driven and self._zeros:
+                self._publish_next()
+            self._zeros = 0
         self.changed()
 
-    @property
-    def timeouts(self) -> int:
-        """How often a driver timed out."""
-        return self._arbiter.timeouts
+    def _drive(self, page: str, message: Drive) -> None:
+        """Handle a held control; the first message in time after a release takes control."""
+        sender, now = self._pages[page], self._clock()
+        # The page sent it after the server sent that stamp.
+        deadline = min(now + COMMAND_TIMEOUT, message.stamp + MAX_AGE)
+        sender.late = now > deadline
+        if sender.late:
+            return  # a command that it gave before has its own deadline
+        if not sender.holding:
+            sender.holding = True
+            self._halt()  # a driver before it
+            self._set_driver(page)
+        if self._driver != page:
+            return
+        if not sender.moved and message.velocity != Velocity():
+            sender.moved = True
+            self._lock_robot(False)
+        self._velocity, self._deadline = message.velocity, deadline
+        self._moving, self._zeros = True, ZEROS
+
+    def _drop(self, page: str) -> bool:
+        """Take control from a page; return whether it had it."""
+        drove = self._driver == page
+        if drove:
+            self._driver = None
+            self._halt()
+        return drove
+
+    def _stop(self) -> None:
+        self._set_driver(None)
+        self._halt()
+        self._zeros = ZEROS
+
+    def _set_driver(self, page: str | None) -> None:
+        self._driver = page
+        for other in self._pages.values():  # a late page took hold before that
+            other.holding |= other.late
+
+    def _halt(self) -> None:
+        self._velocity, self._moving = Velocity(), False
 
     @contextmanager
     def _update(self) -> Iterator[None]:
         """Lock for a change; publish at once if it matters, and notify pages of a new state."""
         with self._lock:
-            before, moving = self._state(), self._arbiter.moving
-            stops, starts = self._arbiter.stops, self._arbiter.starts
+            before, acts = self._state(), (self._driver, self._moving, self._stops)
             yield
             after = self._state()
-            if stops != self._arbiter.stops:
-                self._lock_robot(True)
-            elif starts != self._arbiter.starts:
-                self._lock_robot(False)
-            if (before.driver, moving) != (after.driver, self._arbiter.moving) or (
-                stops != self._arbiter.stops
-            ):
+            if acts != (self._driver, self._moving, self._stops):
                 self._publish_next()
         if (before.driver, before.pages, before.limits) != (
             after.driver,
@@ -273,12 +205,15 @@ class ThreadSafeArbiter:
             self.changed()
 
     def _publish_next(self) -> None:
-        velocity = self._arbiter.next_command()
-        if velocity is not None:
-            self._publish(velocity)
+        if self._moving:
+            self._publish(self._command())
+        elif self._zeros > 0:
+            self._zeros -= 1
+            self._publish(Velocity())
+
+    def _command(self) -> Velocity:
+        return self._limits.clamp(self._velocity) if self._moving else Velocity()
 
     def _state(self) -> DrivingState:
-        arbiter = self._arbiter
-        return DrivingState(
-            arbiter.driver, arbiter.pages, arbiter.late, arbiter.limits, arbiter.command
-        )
+        late = frozenset(name for name, page in self._pages.items() if page.late)
+        return DrivingState(self._driver, len(self._pages), late, self._limits, self._command())

@@ -60,16 +60,12 @@ def full_name(end: Any) -> str:
 
 def command_topics(node: Node) -> tuple[str, ...]:
     """Return all topics of commands, those with subscribers first."""
-    named = [
-        name
-        for name, kinds in node.get_topic_names_and_types()
-        if any(kind in _TYPES for kind in kinds)
-    ]
 
     def rank(name: str) -> tuple[bool, str]:
         return all(end.observes for end in command_subscribers(node, name)), name
 
-    return tuple(sorted(named, key=rank))
+    topics = node.get_topic_names_and_types()
+    return tuple(sorted((name for name, kinds in topics if _TYPES.keys() & {*kinds}), key=rank))
 
 
 @dataclass(frozen=True)
@@ -81,18 +77,14 @@ class CommandedRobot:
 
 
 def commanded_robots(node: Node, topics: Iterable[str] | None = None) -> tuple[CommandedRobot, ...]:
-    """Return the robots that take commands, by the nodes that subscribe to them.
-
-    Args:
-        node: whose knowledge of the ROS graph is used.
-        topics: of commands, where they are known.
-    """
-    topics = [
-        topic
-        for topic in (command_topics(node) if topics is None else topics)
-        if any(not end.observes for end in command_subscribers(node, topic))
-    ]
-    return named_robots(topics)
+    """Return the robots that take commands on these topics, or on all that ``node`` knows."""
+    return named_robots(
+        [
+            topic
+            for topic in (command_topics(node) if topics is None else topics)
+            if any(not end.observes for end in command_subscribers(node, topic))
+        ]
+    )
 
 
 def namespace_of(topic: str) -> str:
@@ -128,20 +120,12 @@ def foreign_type(node: Node, topic: str) -> str:
 class RobotLock:
     """The lock of a robot's commands: locked, it brakes and ignores them, whoever publishes them.
 
-    Attributes:
-        locked: whether it is, as far as known.
+    ``changed`` is called with ``locked`` when somebody else has changed it.
     """
 
     def __init__(self, node: Node, topic: str, changed: Callable[[bool], None]) -> None:
-        """Start, not knowing whether it is locked.
-
-        Args:
-            node: to publish and subscribe with.
-            topic: of the commands, a full name.
-            changed: called with ``locked`` when somebody else has changed it.
-        """
         self._node, self._changed = node, changed
-        self.locked = False
+        self.locked = False  # as far as known
         self._publisher = node.create_publisher(Bool, f"{topic}_lock", _DEPTH)
         self._state = node.create_subscription(Bool, f"{topic}_locked", self._on_state, LATCHED)
 
@@ -223,7 +207,11 @@ class CommandTopic:
         if foreign:  # do not add a second type to the topic
             self._destroy_publisher()
             if self._driven:
-                self._warn_foreign_type(foreign)
+                self._node.get_logger().warning(
+                    f"{self.topic} has the type {foreign}, not Twist or TwistStamped: nothing is "
+                    "published",
+                    throttle_duration_sec=_WARN_EVERY,
+                )
             return
         robots = [end for end in self.subscribers if end.node in controllers] or self.listeners
         kinds = {robot.kind for robot in robots}
@@ -245,12 +233,6 @@ class CommandTopic:
         if self._publisher is not None and own in names:
             names.remove(own)  # another page's server may have the same name
         return sorted(names)
-
-    def _warn_foreign_type(self, kind: str) -> None:
-        self._node.get_logger().warning(
-            f"{self.topic} has the type {kind}, not Twist or TwistStamped: nothing is published",
-            throttle_duration_sec=_WARN_EVERY,
-        )
 
     def _create_publisher(self) -> None:
         try:

@@ -1,11 +1,12 @@
 """Which of the nodes that subscribe to commands are controllers, and their limits.
 
-Every subscriber is asked for its parameters: one that has limits of velocity is a controller, any
-other an onlooker (a recorder, a viewer, a bridge), which changes nothing.
+Every subscriber is asked for its parameters: a node with limits of velocity is a controller, any
+other an onlooker (a recorder, a viewer, a bridge), which changes nothing. rclpy's
+AsyncParameterClient would make six clients for each subscriber, and cannot destroy them.
 """
 
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any
 
@@ -13,16 +14,13 @@ from rcl_interfaces.msg import ParameterEvent, ParameterType
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.exceptions import InvalidServiceNameException
 from rclpy.node import Node
+from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import qos_profile_parameter_events
 
 from onebot_bringup.steering.limits import ANGULAR, LINEAR, NAMES, TIMEOUT, Controller
 
 _PERIOD = 5.0  # s between two requests to a node, answered or not; sooner if it announces a change
-_GROUPS = [LINEAR, ANGULAR, TIMEOUT]
-_NUMBERS: Mapping[int, Callable[[Any], float]] = {
-    ParameterType.PARAMETER_DOUBLE: lambda value: float(value.double_value),
-    ParameterType.PARAMETER_INTEGER: lambda value: float(value.integer_value),
-}
+_NUMBERS = ParameterType.PARAMETER_INTEGER, ParameterType.PARAMETER_DOUBLE
 
 
 class Controllers:
@@ -42,6 +40,11 @@ class Controllers:
             ParameterEvent, "/parameter_events", self._on_event, qos_profile_parameter_events
         )
 
+    @property
+    def names(self) -> list[str]:
+        """The full names of their nodes."""
+        return [controller.node for controller in self.known]
+
     def update(self, subscribers: Iterable[str]) -> None:
         """Follow the nodes that subscribe to commands; to be called several times per second.
 
@@ -49,8 +52,8 @@ class Controllers:
         restarted may be there before its parameters can be read.
         """
         names = set(subscribers)
-        for gone in self._inquiries.keys() - names:
-            self._inquiries.pop(gone).close()
+        for name in self._inquiries.keys() - names:
+            self._inquiries.pop(name).close()
         for name in sorted(names - self._inquiries.keys()):
             try:
                 self._inquiries[name] = _Inquiry(self._node, name, self._learn)
@@ -68,10 +71,10 @@ class Controllers:
         self._set(())
 
     def _learn(self) -> None:
-        found = [inquiry.controller for inquiry in self._inquiries.values()]
-        known = sorted((one for one in found if one is not None), key=lambda one: one.node)
-        if known:
-            self._set(tuple(known))
+        inquiries = sorted(self._inquiries.items())
+        controllers = [inquiry.controller for _, inquiry in inquiries if inquiry.controller]
+        if controllers:
+            self._set(tuple(controllers))
 
     def _set(self, known: tuple[Controller, ...]) -> None:
         # As text: a limit that is not given is NaN, which equals nothing.
@@ -80,12 +83,9 @@ class Controllers:
             self._changed()
 
     def _on_event(self, event: ParameterEvent) -> None:
-        inquiry = self._inquiries.get(event.node)
-        if inquiry is None:
-            return
         changes = (*event.new_parameters, *event.changed_parameters, *event.deleted_parameters)
-        if any(one.name in NAMES for one in changes):
-            inquiry.renew()
+        if event.node in self._inquiries and any(one.name in NAMES for one in changes):
+            self._inquiries[event.node].due = 0.0
 
 
 class _Inquiry:
@@ -96,22 +96,16 @@ class _Inquiry:
         self._list = node.create_client(ListParameters, f"{name}/list_parameters")
         self._get = node.create_client(GetParameters, f"{name}/get_parameters")
         self._pending: tuple[Any, Any] | None = None  # the client, and the response to come
-        self._next = self._deadline = 0.0
+        self.due = 0.0  # when they are requested again
         self.controller: Controller | None = None
-
-    def renew(self) -> None:
-        """Request them again with the next poll."""
-        self._next = 0.0
 
     def poll(self) -> None:
         """Request them if it is time to."""
         now = time.monotonic()
-        if now < (self._deadline if self._pending is not None else self._next):
-            return
-        self._drop()  # a node may die before it answers
-        if self._list.service_is_ready() and self._get.service_is_ready():
-            self._next = self._deadline = now + _PERIOD
-            self._send(self._list, ListParameters.Request(prefixes=_GROUPS), self._on_names)
+        if now >= self.due and self._list.service_is_ready() and self._get.service_is_ready():
+            self.due = now + _PERIOD
+            request = ListParameters.Request(prefixes=[LINEAR, ANGULAR, TIMEOUT])
+            self._send(self._list, request, self._on_names)
 
     def close(self) -> None:
         """End all requests."""
@@ -120,15 +114,22 @@ class _Inquiry:
         self._node.destroy_client(self._get)
 
     def _send(self, client: Any, request: Any, then: Callable[[Any], None]) -> None:
+        self._drop()
         future = client.call_async(request)
         self._pending = client, future
         future.add_done_callback(partial(self._receive, then))
 
-    def _receive(self, then: Callable[[Any], None], future: Any) -> None:
-        if self._pending is None or self._pending[1] is not future:
-            return
+    def _drop(self) -> None:
+        """Forget the last request, which a node that died never answers."""
+        if self._pending is not None:
+            client, future = self._pending
+            client.remove_pending_request(future)
         self._pending = None
-        then(future.result())
+
+    def _receive(self, then: Callable[[Any], None], future: Any) -> None:
+        if self._pending is not None and self._pending[1] is future:
+            self._pending = None
+            then(future.result())
 
     def _on_names(self, response: Any) -> None:
         # Only those there are: rclcpp warns in the controller's log of a request for others.
@@ -141,13 +142,10 @@ class _Inquiry:
     def _read(self, names: list[str], response: Any) -> None:
         if len(names) != len(response.values):
             return  # one of them has just been undeclared: they are requested again
-        found = zip(names, response.values, strict=True)
-        values = {name: _NUMBERS[v.type](v) for name, v in found if v.type in _NUMBERS}
-        self.controller = Controller.of(self._name, values)
+        numbers = {
+            name: float(parameter_value_to_python(value))
+            for name, value in zip(names, response.values, strict=True)
+            if value.type in _NUMBERS
+        }
+        self.controller = Controller.of(self._name, numbers)
         self._answered()
-
-    def _drop(self) -> None:
-        if self._pending is not None:
-            client, future = self._pending
-            client.remove_pending_request(future)
-        self._pending = None

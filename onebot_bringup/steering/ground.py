@@ -16,15 +16,11 @@ from nav_msgs.msg import OccupancyGrid
 from PIL import Image
 from rclpy.node import Node
 
-from onebot_bringup.introspection.transforms import TransformBuffer, TransformError
+from onebot_bringup.introspection.transforms import FrameTree, TransformError
+from onebot_bringup.steering.followed_topics import FollowedTopics
 from onebot_bringup.steering.odometry import OdometryTopic
 from onebot_control.poses import Transform, compose, yaw_of
-from onebot_description.topic_subscription import (
-    TopicSubscription,
-    TypeConflictError,
-    compatible_qos,
-    offers,
-)
+from onebot_description.topic_subscription import TopicSubscription
 from onebot_description.wire.messages import OdometrySample, tf_arrays
 from onebot_description.wire.tf_message import TFMessage
 
@@ -69,8 +65,8 @@ class Ground:
 
     def __init__(self, node: Node, odometry: OdometryTopic) -> None:
         self._node, self._odometry = node, odometry
-        self._subscriptions: dict[str, tuple[str, TopicSubscription]] = {}  # with their types
-        self._transforms = TransformBuffer()
+        self._topics = FollowedTopics(node, _DEPTH, self._subscription)
+        self._transforms = FrameTree()
         self._used = self._since = -math.inf  # the last request, and the first one of its row
         self.grid: PublishedMap | None = None
 
@@ -80,28 +76,18 @@ class Ground:
         Args:
             namespace: of the robot; its map is below it, or else the map of all robots.
         """
-        wanted: dict[str, str] = {}
+        topics: dict[str, str] = {}
         if time.monotonic() < self._used + _UNUSED:
             own = f"{namespace}/{_MAP}"
             grid = own if self._node.count_publishers(own) else f"/{_MAP}"
-            wanted = {"/tf": _TF, "/tf_static": _TF, grid: _GRID}
-        if self._subscriptions.keys() != wanted.keys():
-            self._close()
-            self._subscriptions = {
-                name: (kind, self._make(name, kind)) for name, kind in wanted.items()
-            }
-        for name, (kind, subscription) in self._subscriptions.items():
-            self._follow(name, kind, subscription)
+            topics = {"/tf": _TF, "/tf_static": _TF, grid: _GRID}
+        left = self._topics.update(topics)
+        if _TF in left:
+            self._transforms = FrameTree()
+        if _GRID in left:
+            self.grid = None
 
-    def _follow(self, name: str, kind: str, subscription: TopicSubscription) -> None:
-        offered = offers(self._node, name, [kind]).get(kind)
-        if offered:
-            try:
-                subscription.update(kind, compatible_qos(offered, _DEPTH))
-            except TypeConflictError:
-                pass  # the page steers a topic of this name
-
-    def _make(self, name: str, kind: str) -> TopicSubscription:
+    def _subscription(self, name: str, kind: str) -> TopicSubscription:
         if kind == _GRID:
             return TopicSubscription(
                 self._node, name, self._on_grid, lambda _: OccupancyGrid, raw=False
@@ -115,11 +101,6 @@ class Ground:
                 pass  # other nodes report it
 
         return TopicSubscription(self._node, name, received, lambda _: TFMessage)
-
-    def _close(self) -> None:
-        for _, subscription in self._subscriptions.values():
-            subscription.close()
-        self._transforms, self.grid = TransformBuffer(), None
 
     def _on_grid(self, _: str, message: OccupancyGrid) -> None:
         grid = PublishedMap(message)

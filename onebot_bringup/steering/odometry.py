@@ -58,25 +58,22 @@ class OdometryTopic:
         self, commands: str, controllers: Collection[str], subscribers: Collection[str]
     ) -> None:
         """Follow the robot, see ``choose_odometry``; to be called several times per second."""
-        wanted = self._fixed or choose_odometry(
+        topic = self._fixed or choose_odometry(
             self._publishers(), commands, controllers, subscribers
         )
-        if wanted != self.topic:
-            self._change(wanted)
+        if topic != self.topic:
+            if self._subscription is not None:
+                self._subscription.close()
+            self._subscription = (
+                TopicSubscription(self._node, topic, self._receive, lambda _: Odometry)
+                if topic
+                else None
+            )
+            self.topic, self._data = topic, None
         if self._subscription is not None:
             # A topic of another type may have the right one later.
             with contextlib.suppress(TypeConflictError):
                 self._subscription.update(_ODOMETRY, _LATEST)
-
-    def _change(self, topic: str) -> None:
-        if self._subscription is not None:
-            self._subscription.close()
-        self.topic, self._data = topic, None
-        self._subscription = (
-            TopicSubscription(self._node, topic, self._receive, lambda _: Odometry)
-            if topic
-            else None
-        )
 
     @property
     def sample(self) -> OdometrySample | None:
@@ -114,9 +111,9 @@ class OdometryTopic:
     def _publishers(self) -> dict[str, list[str]]:
         """The nodes that publish each topic of odometry."""
         find = self._node.get_publishers_info_by_topic
-        found = {
+        publishers = {
             name: [full_name(end) for end in find(name)]
             for name, kinds in self._node.get_topic_names_and_types()
             if _ODOMETRY in kinds
         }
-        return {name: nodes for name, nodes in found.items() if nodes}
+        return {name: nodes for name, nodes in publishers.items() if nodes}

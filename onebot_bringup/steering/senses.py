@@ -3,11 +3,10 @@
 A camera may cost the robot much, so its topic is subscribed to while a page shows the picture.
 """
 
-import contextlib
 import io
 import math
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -19,17 +18,13 @@ from sensor_msgs.msg import Image as ImageMessage
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import String
 
+from onebot_bringup.steering.followed_topics import FollowedTopics
 from onebot_bringup.steering.odometry import OdometryTopic
 from onebot_description.description import parse_description
 from onebot_description.errors import OneBotError
 from onebot_description.model import quaternions
 from onebot_description.model.robot_model import RobotModel
-from onebot_description.topic_subscription import (
-    TopicSubscription,
-    TypeConflictError,
-    compatible_qos,
-    offers,
-)
+from onebot_description.topic_subscription import TopicSubscription
 
 Floats = NDArray[np.float64]
 
@@ -134,7 +129,7 @@ def jpeg(message: ImageMessage) -> bytes | None:
 
 
 class Senses:
-    """Follows the topics of the robot that is steered; all but ``draw`` in the node's thread.
+    """Follows the topics of the robot that is steered; all but ``picture`` in the node's thread.
 
     Attributes:
         camera: the topic of its pictures, "" for none.
@@ -142,7 +137,7 @@ class Senses:
 
     def __init__(self, node: Node, odometry: OdometryTopic) -> None:
         self._node, self._odometry = node, odometry
-        self._subscriptions: dict[str, tuple[str, TopicSubscription]] = {}  # with their types
+        self._topics = FollowedTopics(node, 1, self._subscription)
         self._used = -math.inf  # when a picture was requested
         self._picture: bytes | None = None  # the newest message
         self._drawn: tuple[bytes | None, bytes | None] = None, None  # of which message, a JPEG
@@ -165,44 +160,32 @@ class Senses:
             watched: whether there is a page.
         """
         spaces = tuple(f"{other}/" for other in others if other.startswith(f"{namespace}/"))
-        found: dict[str, list[str]] = {kind: [] for kind in _TYPES}
+        names: dict[str, list[str]] = {kind: [] for kind in _TYPES}
         for name, kinds in self._node.get_topic_names_and_types():
             own = name.startswith(f"{namespace}/") and not name.startswith(spaces)
-            if own and kinds[0] in found and self._node.count_publishers(name):
-                found[kinds[0]].append(name)
+            if own and kinds[0] in names and self._node.count_publishers(name):
+                names[kinds[0]].append(name)
 
         def first(kind: str) -> str:
-            rank = [("depth" in name, name.count("/"), name) for name in found[kind]]
+            rank = [("depth" in name, name.count("/"), name) for name in names[kind]]
             return min(rank)[-1] if rank else ""
 
         self.camera = first(_IMAGE)
-        wanted = {}
+        topics = {}
         if watched:
-            wanted = {first(_SCAN): _SCAN, f"{namespace}/robot_description": _STRING}
+            topics = {first(_SCAN): _SCAN, f"{namespace}/robot_description": _STRING}
         if time.monotonic() < self._used + _UNUSED:
-            wanted[self.camera] = _IMAGE
-        wanted.pop("", None)
-        for name in self._subscriptions.keys() - wanted.keys():
-            kind, subscription = self._subscriptions.pop(name)
-            subscription.close()
-            self._forget(kind)
-        for name, kind in wanted.items():
-            if name not in self._subscriptions:
-                self._subscriptions[name] = kind, self._make(name, kind)
-            with contextlib.suppress(TypeConflictError):
-                offered = offers(self._node, name, [kind]).get(kind)
-                if offered:
-                    self._subscriptions[name][1].update(kind, compatible_qos(offered, 1))
-
-    def _forget(self, kind: str) -> None:
-        if kind == _STRING:
+            topics[self.camera] = _IMAGE
+        topics.pop("", None)
+        left = self._topics.update(topics)
+        if _STRING in left:
             self._body = None
-        elif kind == _IMAGE:
+        if _IMAGE in left:
             self._picture = None
-        else:
+        if _SCAN in left:
             self._seen = math.inf, -math.inf
 
-    def _make(self, name: str, kind: str) -> TopicSubscription:
+    def _subscription(self, name: str, kind: str) -> TopicSubscription:
         received = {_IMAGE: self._on_picture, _SCAN: self._on_scan, _STRING: self._on_robot}[kind]
         return TopicSubscription(self._node, name, received, _TYPES.__getitem__, raw=kind == _IMAGE)
 
@@ -219,12 +202,9 @@ class Senses:
             clearance = self._body.clearance(points, float(now.linear[0]), float(now.angular[2]))
         self._seen = clearance, time.monotonic()
 
-    def picture(self) -> Callable[[], bytes | None]:
-        """Request pictures for a while; return what draws the newest, in any thread."""
+    def picture(self) -> bytes | None:
+        """Return the newest picture as JPEG, in any thread; the camera is followed for a while."""
         self._used = time.monotonic()
-        return self._draw
-
-    def _draw(self) -> bytes | None:
         data, drawn = self._picture, self._drawn
         if data is not None and data is not drawn[0]:
             self._drawn = drawn = data, jpeg(deserialize_message(data, ImageMessage))

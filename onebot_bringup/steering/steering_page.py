@@ -28,43 +28,24 @@ Calls:
     list_parameters and get_parameters of the nodes that subscribe to commands: those that have
         limits are the robot's controllers.
     the parameter services of the viewer, and of the node whose parameters a page shows.
-
-Parameters:
-    host (string, "127.0.0.1"): the address to serve the page on. If other computers can reach it,
-        the page's address has a token.
-    port (int, 8080): another one if it is in use, 0 for any.
-    token (string, ""): required in the page's address; generated where one is needed.
-    topic (string, "velocity_controller/cmd_vel"): the initial command topic; where several robots
-        take commands, the page chooses another robot: the one driven before is stopped first.
-    odom_topic (string, ""): "" for the controller's own, or else the sibling "odom" of the topic,
-        another subscriber's own, or the only Odometry.
-    rate (double, 20.0 Hz): of commands; 5 to 100.
-    max_linear (double, 0.0 m/s), max_angular (double, 0.0 rad/s): the upper bound of commands, as
-        are always the controller's linear.x.max_velocity and angular.z.max_velocity; without either
-        it is 2.0 and 4.0, and the limits are 1.0 and 2.0 until a page sets others.
-    viewer_page (string, "rerun_viewer/page"): the topic with the address of the view.
-    await_view (double, 0.0 s): for so long at most, print the address and open the page only when
-        there is a view.
-    open_browser (bool, true): open the page, if there is a display.
 """
 
 import queue
 import sys
 import threading
 import webbrowser
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 from urllib.parse import quote
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from std_msgs.msg import String
 
 from onebot_bringup.serving.http_server import ServerThread
 from onebot_bringup.serving.ports import is_loopback, listen, reachable_as
 from onebot_bringup.steering.access import Access, new_token
-from onebot_bringup.steering.arbiter import ThreadSafeArbiter
+from onebot_bringup.steering.arbiter import Arbiter
 from onebot_bringup.steering.command_topic import (
     CommandedRobot,
     CommandTopic,
@@ -79,17 +60,13 @@ from onebot_bringup.steering.limits import Braking, Controller, Limits, braking_
 from onebot_bringup.steering.odometry import OdometryTopic
 from onebot_bringup.steering.protocol import Velocity
 from onebot_bringup.steering.senses import Senses
-from onebot_bringup.steering.server import (
-    RobotStatus,
-    ServerContext,
-    SteeringServer,
-)
-from onebot_bringup.steering.tool_requests import OtherThread, ToolRequests, shown_topics
-from onebot_bringup.steering.tools import Click, ToolPublishers
-from onebot_bringup.steering.view_proxy import View, ViewProxy
+from onebot_bringup.steering.server import RobotStatus, ServerContext, SteeringServer
+from onebot_bringup.steering.tool_requests import OtherThread, ToolRequests
+from onebot_bringup.steering.tools import ToolPublishers
+from onebot_bringup.steering.view_proxy import Viewer, ViewProxy
 from onebot_bringup.viewer.display_server import has_display
 from onebot_description.errors import OneBotError
-from onebot_description.node import LATCHED, run_node
+from onebot_description.node import run_node
 from onebot_description.parameters.reader import declare, parameter, read, refuse_undeclared
 from onebot_description.parameters.values import MAX_PORT
 
@@ -97,7 +74,6 @@ _MIN_RATE, _MAX_RATE = 5.0, 100.0  # Hz
 _TIMEOUT_PERIOD = 0.05  # s between checks of the driver's timeout
 _GRAPH_PERIOD = 0.25  # s between polls of the ROS graph
 _WARN_EVERY = 5.0  # s
-_STOPPED = "; it drove, so the robot is stopped"
 _SHORT_TOKEN = 8  # characters; a token shorter than this can be guessed
 
 _TOPICS = ("topic", "odom_topic", "viewer_page")  # parameters that are names of topics
@@ -151,10 +127,10 @@ class SteeringParameters:
         Raises:
             OneBotError: a value is invalid.
         """
-        given = read(cls, declare(node, cls))
+        settings = read(cls, declare(node, cls))
         refuse_undeclared(node, cls)
-        topics: dict[str, Any] = {n: _topic(node, n, getattr(given, n)) for n in _TOPICS}
-        return replace(given, **topics)
+        topics: dict[str, Any] = {n: _topic(node, n, getattr(settings, n)) for n in _TOPICS}
+        return replace(settings, **topics)
 
     def limits(self, controllers: Sequence[Controller]) -> Limits:
         """Return the limits of commands, with these controllers on the topic."""
@@ -180,29 +156,20 @@ class SteeringPage(Node):
         """
         super().__init__("steering_page")
         self._server: ServerThread | None = None
-        self._show_error: Callable[[str, str], None] = lambda page, why: None
         self._settings = settings = SteeringParameters.of(self)
-        self._commands = CommandTopic(self, settings.topic, self._on_lock)
+        self._commands = commands = CommandTopic(self, settings.topic, self._on_lock)
         self._odometry = OdometryTopic(self, settings.odom_topic)
         self._controllers = Controllers(self, self._on_controllers)
         self._braking: Braking | None = None
         self._topics: tuple[str, ...] = ()
         self._robots: tuple[CommandedRobot, ...] = ()
-        self._requests: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()  # page, topic
-        commands = self._commands
-        self._arbiter = ThreadSafeArbiter(settings.limits(()), commands.publish, commands.lock)
-        self._view = ViewProxy()
-        self._rejected = 0
+        self._choices: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()  # page, topic
+        self._arbiter = Arbiter(settings.limits(()), commands.publish, commands.lock)
+        self._viewer = Viewer(self, settings.viewer_page, self._on_view)
         self._timeouts = 0  # of drivers, that were logged
-        self._tools = ToolPublishers(self)
         self._ground = Ground(self, self._odometry)
         self._senses = Senses(self, self._odometry)
         self._thread = OtherThread(self)
-        self._page_topic = settings.viewer_page
-        self._viewer = self._page_topic.rpartition("/")[0]  # the node: the topic is its ~/page
-        self._shown: list[Mapping[str, Any]] = []
-        self.create_subscription(String, self._page_topic, self._on_viewer, LATCHED)
-        self.create_subscription(String, f"{self._viewer}/displays", self._on_displays, LATCHED)
         self._serve()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         if settings.await_view:
@@ -214,27 +181,30 @@ class SteeringPage(Node):
         self.create_timer(_GRAPH_PERIOD, self._poll_graph, clock=steady)
 
     def _serve(self) -> None:
-        wanted, rate = self._settings.port, self._settings.rate
-        listener = listen(self._settings.host, wanted)
-        address, port = listener.getsockname()[:2]
-        if wanted not in (0, port):
-            self.get_logger().warning(f"port {wanted} is in use; using {port} instead")
-        access = Access(self._token(address), address, port)
-        context = ServerContext(
-            self._arbiter,
-            access,
-            self._view,
-            ToolRequests(self._thread, self),
-            self._robot,
-            self._request_topic,
-            self._report_rejected,
-            self._report_ended,
-            rate,
+        port = self._settings.port
+        listener = listen(self._settings.host, port)
+        address, free = listener.getsockname()[:2]
+        if port not in (0, free):
+            self.get_logger().warning(f"port {port} is in use; using {free} instead")
+        access = Access(self._token(address), address, free)
+        publishers = ToolPublishers(self, self._commands)
+        tools = ToolRequests(
+            self._thread, self._commands, self._ground, self._senses, publishers, self._nodes
         )
-        server = SteeringServer(context)
+        self._page_server = server = SteeringServer(
+            ServerContext(
+                arbiter=self._arbiter,
+                access=access,
+                view=ViewProxy(self._viewer),
+                tools=tools,
+                robot=self._robot,
+                choose_topic=lambda page, topic: self._choices.put((page, topic)),
+                logger=self.get_logger(),
+                rate=self._settings.rate,
+            )
+        )
         self._server = thread = ServerThread(server.app, listener, "steering")
         self._arbiter.changed = lambda: thread.call(server.notify)
-        self._show_error = lambda page, why: thread.call(lambda: server.show_topic_error(page, why))
         query = f"/?token={quote(access.token, safe='')}" if access.token else ""
         self._url = f"http://{reachable_as(listener)}{query}"
 
@@ -249,10 +219,10 @@ class SteeringPage(Node):
             threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
 
     def _token(self, address: str) -> str:
-        given = self._settings.token
+        token = self._settings.token
         if is_loopback(address):
-            return given
-        if given and len(given) < _SHORT_TOKEN:
+            return token
+        if token and len(token) < _SHORT_TOKEN:
             self.get_logger().warning(
                 "the token is short: anyone who guesses it can drive the robot"
             )
@@ -260,43 +230,31 @@ class SteeringPage(Node):
             "other computers can reach the page: anyone with its address can drive the robot, and"
             " the address is not encrypted on the network (use an SSH tunnel to keep it private)"
         )
-        return given or new_token()
-
-    def _request_topic(self, page: str, topic: str) -> None:
-        self._requests.put((page, topic))
-
-    def _report_rejected(self, problem: str, drove: bool) -> None:
-        self._rejected += 1
-        self.get_logger().warning(
-            f"rejected a message of a page ({self._rejected} so far): {problem}{_STOPPED * drove}",
-            throttle_duration_sec=_WARN_EVERY,
-        )
-
-    def _report_ended(self, reason: str, drove: bool) -> None:
-        if reason:
-            self.get_logger().warning(
-                f"lost the connection to a page: {reason}{_STOPPED * drove}",
-                throttle_duration_sec=_WARN_EVERY,
-            )
-        else:
-            self.get_logger().info(f"a page was closed{_STOPPED * drove}")
+        return token or new_token()
 
     def _robot(self) -> RobotStatus:
-        commands, controllers = self._commands, self._controllers.known
+        commands = self._commands
         return RobotStatus(
-            commands.topic,
-            commands.kind,
-            self._topics,
-            self._robots,
-            len(commands.listeners),
-            tuple(commands.others),
-            commands.locked,
-            tuple(one.node for one in controllers),
-            self._braking,
-            self._odometry.fields(),
-            self._senses.camera,
-            self._senses.obstacle,
+            topic=commands.topic,
+            topic_type=commands.kind,
+            topics=self._topics,
+            robots=self._robots,
+            listeners=len(commands.listeners),
+            others=tuple(commands.others),
+            locked=commands.locked,
+            controllers=tuple(self._controllers.names),
+            braking=self._braking,
+            odometry=self._odometry.fields(),
+            camera=self._senses.camera,
+            obstacle=self._senses.obstacle,
         )
+
+    def _nodes(self) -> Mapping[str, Any]:
+        """The nodes with parameters, the viewer, and what it shows."""
+        first = self._controllers.names
+        services = (name.rpartition("/") for name, _ in self.get_service_names_and_types())
+        nodes = sorted({node for node, _, service in services if service == "list_parameters"})
+        return {"nodes": sorted(nodes, key=lambda node: node not in first), **self._viewer.fields()}
 
     def _check_driver(self) -> None:
         self._arbiter.check_timeout()
@@ -306,19 +264,18 @@ class SteeringPage(Node):
                 "stopped: no message from the page that drives, or one that is too old",
                 throttle_duration_sec=_WARN_EVERY,
             )
-        while not self._requests.empty():
-            self._choose(*self._requests.get())
+        while not self._choices.empty():
+            self._choose(*self._choices.get())
 
     def _choose(self, page: str, name: str) -> None:
         topic = str(self.resolve_topic_name(name))
         if topic == self._commands.topic:
             return
         kind = foreign_type(self, topic)
-        if kind:
-            self._show_error(
-                page, f"{topic} has the type {kind}, not Twist or TwistStamped: choose another."
-            )
-        else:
+        if kind and self._server is not None:
+            sentence = f"{topic} has the type {kind}, not Twist or TwistStamped: choose another."
+            self._server.call(lambda: self._page_server.show_topic_error(page, sentence))
+        elif not kind:
             self._arbiter.halt()
             self._controllers.forget()
             self._commands.choose(topic)
@@ -328,7 +285,7 @@ class SteeringPage(Node):
         """Update topics, subscribers and limits from the ROS graph."""
         commands = self._commands
         before = commands.kind, commands.topic, len(commands.listeners)
-        robots = [one.node for one in self._controllers.known]
+        robots = self._controllers.names
         commands.update(robots)
         subscribers = [end.node for end in commands.subscribers]
         self._controllers.update(subscribers)
@@ -339,14 +296,12 @@ class SteeringPage(Node):
         self._ground.update(namespace)
         others = {namespace_of(robot.topic) for robot in self._robots} - {namespace}
         self._senses.update(namespace, others, self._arbiter.state.pages > 0)
-        if self._view.view is not None and not self.count_publishers(self._page_topic):
-            self._set_view(None)
-        after = commands.kind, commands.topic, len(commands.listeners)
-        if before != after:
+        self._viewer.update()
+        if before != (commands.kind, commands.topic, len(commands.listeners)):
             self._arbiter.changed()
 
     def _on_lock(self, locked: bool) -> None:
-        """Show it; whoever drove has to release and drive again to unlock it."""
+        """Show it; a page that drove has to release and drive again to unlock it."""
         if locked:
             self._arbiter.halt()
         else:
@@ -354,78 +309,22 @@ class SteeringPage(Node):
 
     def _on_controllers(self) -> None:
         """Apply the limits of the controllers, and report which count where there are several."""
-        known = self._controllers.known
-        limits = self._settings.limits(known)
-        self._braking = braking_of(known)
+        controllers = self._controllers.known
+        limits = self._settings.limits(controllers)
+        self._braking = braking_of(controllers)
         self._arbiter.set_limits(limits)
-        if len(known) > 1:
-            names = ", ".join(one.node for one in known)
+        if len(controllers) > 1:
+            names = ", ".join(self._controllers.names)
             self.get_logger().warning(
-                f"{len(known)} controllers subscribe to {self._commands.topic} ({names}): each gets"
-                " all commands, within the strictest of their limits:"
+                f"{len(controllers)} controllers subscribe to {self._commands.topic} ({names}):"
+                " each gets all commands, within the strictest of their limits:"
                 f" {limits.linear.most:g} m/s, {limits.angular.most:g} rad/s"
             )
 
-    def _on_viewer(self, message: String) -> None:
-        view = View.parse(message.data)
-        if message.data and view is None:
-            self.get_logger().warning(
-                f"{self._page_topic} has no address of a page on this computer",
-                throttle_duration_sec=_WARN_EVERY,
-            )
-        self._set_view(view)
-        if view is not None:
-            self._announce()
-
-    def ground(self, frame: str) -> Mapping[str, Any]:
-        """Return what a page's map shows, and of which robot; prepare for its clicks."""
-        topic = self._commands.topic
-        self._tools.prepare(namespace_of(topic))
-        fields = self._ground.fields(frame)
-        return {**fields, "command_topic": topic} if fields else {}
-
-    def map_picture(self) -> Callable[[], bytes] | None:
-        """Return what makes the picture of the map."""
-        return self._ground.grid.picture if self._ground.grid is not None else None
-
-    def camera_picture(self) -> Callable[[], bytes | None]:
-        """Return what draws the camera's newest picture; it is subscribed to for a while."""
-        return self._senses.picture()
-
-    def reaches_all(self, click: Click) -> bool:
-        """Whether all who subscribe to a click's topic have discovered its publisher."""
-        return self._tools.reaches_all(click, self._namespace(click))
-
-    def click(self, click: Click) -> tuple[str, int]:
-        """Publish a click to the robot that is steered.
-
-        Raises:
-            OneBotError: it is for another one.
-        """
-        return self._tools.publish(click, self._namespace(click))
-
-    def _namespace(self, click: Click) -> str:
-        if click.command_topic != self._commands.topic:
-            raise OneBotError("another robot is steered now")
-        return namespace_of(click.command_topic)
-
-    def nodes(self) -> Mapping[str, Any]:
-        """Return the nodes with parameters, the viewer, and what it shows."""
-        first = [one.node for one in self._controllers.known]
-        served = (name.rpartition("/") for name, _ in self.get_service_names_and_types())
-        found = sorted({node for node, _, service in served if service == "list_parameters"})
-        return {
-            "nodes": sorted(found, key=lambda node: node not in first),
-            "viewer": self._viewer if self._view.view is not None else "",
-            "shown": self._shown if self._view.view is not None else [],
-        }
-
-    def _on_displays(self, message: String) -> None:
-        self._shown = shown_topics(message.data)
-
-    def _set_view(self, view: View | None) -> None:
-        self._view.view = view
+    def _on_view(self) -> None:
         self._arbiter.changed()
+        if self._viewer.view is not None:
+            self._announce()
 
     def destroy_node(self) -> None:
         """Stop the robot, then the server and the node."""

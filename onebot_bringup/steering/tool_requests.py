@@ -14,23 +14,25 @@ A request that fails has ``error``, a sentence, and a status from 400 on.
 """
 
 import asyncio
-import json
 import math
 import threading
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from functools import partial
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from aiohttp import web
 from rclpy.node import Node
 
 from onebot_bringup.introspection.parameter_client import ParameterClient
 from onebot_bringup.introspection.parameter_values import text_of, type_label
-from onebot_bringup.serving.connections import body_of
-from onebot_bringup.steering.protocol import ProtocolError, json_object
-from onebot_bringup.steering.tools import Click, parse_click
+from onebot_bringup.serving.http_server import body_of
+from onebot_bringup.steering.command_topic import CommandTopic
+from onebot_bringup.steering.ground import Ground
+from onebot_bringup.steering.protocol import ProtocolError, read_request, text
+from onebot_bringup.steering.senses import Senses
+from onebot_bringup.steering.tools import ToolPublishers, parse_click
 from onebot_description.errors import OneBotError
 
 T = TypeVar("T")
@@ -106,96 +108,81 @@ def _run(action: Callable[[], T], done: "Future[T]") -> None:
         done.set_exception(error)
 
 
-class ToolNode(Protocol):
-    """What the node does for a tool; called in its thread."""
-
-    def ground(self, frame: str) -> Mapping[str, Any]:
-        """See ``Ground.fields``; with the ``command_topic`` of the robot."""
-
-    def map_picture(self) -> Callable[[], bytes] | None:
-        """Return what makes the picture of the map, in any thread; None without a map."""
-
-    def camera_picture(self) -> Callable[[], bytes | None]:
-        """Return what draws the camera's newest picture, in any thread; None without one."""
-
-    def reaches_all(self, click: Click) -> bool:
-        """Whether all who subscribe to a click's topic have discovered its publisher."""
-
-    def click(self, click: Click) -> tuple[str, int]:
-        """Publish a click; return the topic and the number of its subscribers.
-
-        Raises:
-            OneBotError: it is for another robot than the one that is steered.
-        """
-
-    def nodes(self) -> Mapping[str, Any]:
-        """Return ``nodes``, ``viewer`` and ``shown``."""
-
-
 class ToolRequests:
-    """The routes below /tools/."""
+    """The routes below /tools/, to these parts of the node, in its thread."""
 
-    def __init__(self, thread: OtherThread, node: ToolNode) -> None:
-        self._thread, self._node = thread, node
+    def __init__(
+        self,
+        thread: OtherThread,
+        commands: CommandTopic,
+        ground: Ground,
+        senses: Senses,
+        publishers: ToolPublishers,
+        nodes: Callable[[], Mapping[str, Any]],
+    ) -> None:
+        self._thread, self._commands, self._nodes = thread, commands, nodes
+        self._ground, self._senses, self._publishers = ground, senses, publishers
         self._free = asyncio.Semaphore(_AT_ONCE)
 
     def add_to(self, app: web.Application) -> None:
         """Add the routes."""
         router = app.router
-        router.add_get("/tools/ground", self._ground)
-        router.add_get("/tools/map.png", self._map)
-        router.add_get("/tools/camera.jpg", self._camera)
-        router.add_get("/tools/nodes", self._nodes)
+        router.add_get("/tools/ground", self._get_ground)
+        router.add_get("/tools/map.png", self._get_map)
+        router.add_get("/tools/camera.jpg", self._get_camera)
+        router.add_get("/tools/nodes", self._get_nodes)
         router.add_post("/tools/click", self._click)
-        router.add_get("/tools/parameters", self._parameters)
+        router.add_get("/tools/parameters", self._get_parameters)
         router.add_post("/tools/parameters", self._set_parameters)
 
-    async def _ground(self, request: web.Request) -> web.Response:
-        thread, frame = self._thread, request.query.get("frame", "")
+    async def _get_ground(self, request: web.Request) -> web.Response:
+        frame = request.query.get("frame", "")
 
         def look() -> Mapping[str, Any]:
-            return thread.call(lambda: self._node.ground(frame))
+            self._publishers.prepare()
+            fields = self._ground.fields(frame)
+            return {**fields, "command_topic": self._commands.topic} if fields else {}
 
-        return await _json(lambda: thread.spin(look, _TIMEOUT))
+        return await _json(lambda: self._thread.spin(lambda: self._thread.call(look), _TIMEOUT))
 
-    async def _map(self, request: web.Request) -> web.Response:
-        draw = await asyncio.to_thread(self._thread.call, self._node.map_picture)
-        if draw is None:
+    async def _get_map(self, _: web.Request) -> web.Response:
+        if self._ground.grid is None:
             raise web.HTTPNotFound(text="There is no map.\n")
-        return web.Response(body=await asyncio.to_thread(draw), content_type="image/png")
+        picture = await asyncio.to_thread(self._ground.grid.picture)
+        return web.Response(body=picture, content_type="image/png")
 
-    async def _camera(self, request: web.Request) -> web.Response:
-        draw = await asyncio.to_thread(self._thread.call, self._node.camera_picture)
-        picture = await asyncio.to_thread(draw)
+    async def _get_camera(self, _: web.Request) -> web.Response:
+        picture = await asyncio.to_thread(self._senses.picture)
         if picture is None:
             raise web.HTTPNotFound(text="There is no picture yet.\n")
         return web.Response(body=picture, content_type="image/jpeg")
 
-    async def _nodes(self, request: web.Request) -> web.Response:
-        return await _json(partial(self._thread.call, self._node.nodes))
+    async def _get_nodes(self, _: web.Request) -> web.Response:
+        return await _json(lambda: self._thread.call(self._nodes))
 
     async def _click(self, request: web.Request) -> web.Response:
-        text = await _text(request)
+        data = (await body_of(request)).decode(errors="replace")
 
         def publish() -> Mapping[str, Any]:
-            thread, click = self._thread, parse_click(text)
-            # What is published before the subscribers have discovered the publisher is lost.
-            thread.spin(lambda: thread.call(partial(self._node.reaches_all, click)), _DISCOVERY)
-            topic, subscribers = thread.call(partial(self._node.click, click))
+            thread, click = self._thread, parse_click(data)
+            # A message before the subscribers have discovered the publisher would be lost.
+            reaches_all = partial(self._publishers.reaches_all, click)
+            thread.spin(lambda: thread.call(reaches_all), _DISCOVERY)
+            topic, subscribers = thread.call(partial(self._publishers.publish, click))
             return {"topic": topic, "subscribers": subscribers}
 
         return await _json(publish)
 
-    async def _parameters(self, request: web.Request) -> web.Response:
+    async def _get_parameters(self, request: web.Request) -> web.Response:
         node = request.query.get("node", "")
         async with self._free:
             return await _json(lambda: {"parameters": rows_of(self._client(node))})
 
     async def _set_parameters(self, request: web.Request) -> web.Response:
-        text = await _text(request)
+        data = (await body_of(request)).decode(errors="replace")
 
         def change() -> Mapping[str, Any]:
-            node, values = parse_values(text)
+            node, values = parse_values(data)
             results = self._client(node).set(list(values.items()), same_types=True)
             refused = {
                 name: result.reason or "the node refused it"
@@ -208,14 +195,9 @@ class ToolRequests:
             return await _json(change)
 
     def _client(self, node: str) -> ParameterClient:
-        if node not in self._thread.call(self._node.nodes)["nodes"]:
+        if node not in self._thread.call(self._nodes)["nodes"]:
             raise OneBotError(f'there is no node "{node}"')
         return ParameterClient(self._thread, node)
-
-
-async def _text(request: web.Request) -> str:
-    """Return the body; what is no UTF-8 in it is refused where it is parsed."""
-    return (await body_of(request)).decode(errors="surrogateescape")
 
 
 async def _json(action: Callable[[], Mapping[str, Any]]) -> web.Response:
@@ -227,33 +209,22 @@ async def _json(action: Callable[[], Mapping[str, Any]]) -> web.Response:
         return web.json_response({"error": f"{error}."}, status=409)
 
 
-def parse_values(text: str) -> tuple[str, Mapping[str, str]]:
+def _values(name: str, value: Any) -> Mapping[str, str]:
+    if not isinstance(value, dict) or not all(isinstance(each, str) for each in value.values()):
+        raise ProtocolError(f"{name} must have a text in YAML for each parameter", name)
+    return value
+
+
+def parse_values(data: str) -> tuple[str, Mapping[str, str]]:
     """Return the node and the values in YAML, by name, that a page wants to set.
 
     Raises:
         ProtocolError: the text is no such request.
     """
-    fields = json_object(text, _LONGEST)
-    if set(fields) != {"node", "values"}:
-        raise ProtocolError("a request to set parameters has node and values, no others")
-    node, values = fields["node"], fields["values"]
-    if not isinstance(node, str):
-        raise ProtocolError("node must be the full name of a node", "node")
-    if not isinstance(values, dict) or not all(isinstance(each, str) for each in values.values()):
-        raise ProtocolError("values must have a text in YAML for each parameter", "values")
-    return node, values
-
-
-def shown_topics(text: str) -> list[Mapping[str, Any]]:
-    """Return the topics of a viewer's ~/displays; none for a text that is no such message."""
-    try:
-        found = json.loads(text)["shown"]
-        return [
-            {"topic": str(one["topic"]), "type": str(one["type"]), "visible": bool(one["visible"])}
-            for one in found
-        ]
-    except (ValueError, LookupError, TypeError, RecursionError):
-        return []
+    fields = read_request(
+        "a request to set parameters", data, {"node": text, "values": _values}, _LONGEST
+    )
+    return fields["node"], fields["values"]
 
 
 def rows_of(client: ParameterClient) -> list[Mapping[str, Any]]:

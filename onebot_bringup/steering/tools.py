@@ -8,13 +8,13 @@ import numpy as np
 from geometry_msgs.msg import PointStamped, PoseStamped, PoseWithCovarianceStamped
 from rclpy.node import Node
 
-from onebot_bringup.steering.protocol import ProtocolError, finite_number, json_object
+from onebot_bringup.steering.command_topic import CommandTopic, namespace_of
+from onebot_bringup.steering.protocol import ProtocolError, number, read_request, text
 from onebot_control.poses import about_z
 from onebot_description.errors import OneBotError
 from onebot_description.topic_subscription import RCLError
 
 _DEPTH = 10
-_LONGEST_FRAME = 200  # characters
 
 
 class Tool(NamedTuple):
@@ -47,24 +47,24 @@ class Click:
     command_topic: str  # of the robot that it is for
 
 
-def parse_click(text: str) -> Click:
+def _tool(name: str, value: Any) -> str:
+    if not isinstance(value, str) or value not in TOOLS:
+        raise ProtocolError(f"{name} must be one of {', '.join(TOOLS)}", name)
+    return value
+
+
+_FIELDS = {
+    "tool": _tool, "frame": text, "x": number, "y": number, "yaw": number, "command_topic": text
+}  # fmt: skip
+
+
+def parse_click(data: str) -> Click:
     """Return the click that a page sent: JSON with the fields of ``Click``.
 
     Raises:
         ProtocolError: it is none.
     """
-    fields = json_object(text)
-    if set(fields) != {"tool", "frame", "x", "y", "yaw", "command_topic"}:
-        raise ProtocolError("a click has tool, frame, x, y, yaw and command_topic, no others")
-    tool, frame, topic = fields["tool"], fields["frame"], fields["command_topic"]
-    if not isinstance(tool, str) or tool not in TOOLS:
-        raise ProtocolError(f"tool must be one of {', '.join(TOOLS)}", "tool")
-    if not isinstance(frame, str) or not 0 < len(frame) <= _LONGEST_FRAME:
-        raise ProtocolError("frame must be the name of a frame, such as map", "frame")
-    if not isinstance(topic, str):
-        raise ProtocolError("command_topic must be the name of a topic", "command_topic")
-    x, y, yaw = (finite_number(name, fields) for name in ("x", "y", "yaw"))
-    return Click(tool, frame, x, y, yaw, topic)
+    return Click(**read_request("a click", data, _FIELDS))
 
 
 def message_of(click: Click, stamp: Any) -> Any:
@@ -84,46 +84,47 @@ def message_of(click: Click, stamp: Any) -> Any:
 
 
 class ToolPublishers:
-    """Publishes clicks to one robot."""
+    """Publishes clicks to the robot that is steered."""
 
-    def __init__(self, node: Node) -> None:
-        self._node = node
+    def __init__(self, node: Node, commands: CommandTopic) -> None:
+        self._node, self._commands = node, commands
         self._publishers: dict[str, Any] = {}  # by full name
 
-    def prepare(self, namespace: str) -> None:
-        """Have publishers before the first click: subscribers take a moment to discover one.
-
-        Args:
-            namespace: of the robot, such as "/robot1"; "" for none.
-        """
-        wanted = {f"{namespace}/{tool.topic}": tool.kind for tool in TOOLS.values()}
-        for topic in self._publishers.keys() - wanted.keys():
+    def prepare(self) -> None:
+        """Have publishers before the first click: subscribers take a moment to discover one."""
+        topics = {self._topic(tool): tool.kind for tool in TOOLS.values()}
+        for topic in self._publishers.keys() - topics.keys():
             self._node.destroy_publisher(self._publishers.pop(topic))
-        for topic in wanted.keys() - self._publishers.keys():
+        for topic in topics.keys() - self._publishers.keys():
             try:
-                self._publishers[topic] = self._node.create_publisher(wanted[topic], topic, _DEPTH)
+                self._publishers[topic] = self._node.create_publisher(topics[topic], topic, _DEPTH)
             except RCLError:
                 pass  # of another type in this process; reported when it is clicked
 
-    def reaches_all(self, click: Click, namespace: str) -> bool:
+    def reaches_all(self, click: Click) -> bool:
         """Whether all who subscribe to a click's topic have discovered its publisher."""
-        topic, publisher = self._publisher(click, namespace)
+        topic, publisher = self._publisher(click)
         return bool(publisher.get_subscription_count() >= self._node.count_subscribers(topic))
 
-    def publish(self, click: Click, namespace: str) -> tuple[str, int]:
+    def publish(self, click: Click) -> tuple[str, int]:
         """Publish a click; return the topic's full name and the number of its subscribers.
 
         Raises:
-            OneBotError: the topic has another type.
+            OneBotError: it is for another robot, or the topic has another type.
         """
-        topic, publisher = self._publisher(click, namespace)
+        topic, publisher = self._publisher(click)
         publisher.publish(message_of(click, self._node.get_clock().now().to_msg()))
         return topic, publisher.get_subscription_count()
 
-    def _publisher(self, click: Click, namespace: str) -> tuple[str, Any]:
-        self.prepare(namespace)
+    def _publisher(self, click: Click) -> tuple[str, Any]:
+        if click.command_topic != self._commands.topic:
+            raise OneBotError("another robot is steered now")
+        self.prepare()
         tool = TOOLS[click.tool]
-        topic = f"{namespace}/{tool.topic}"
+        topic = self._topic(tool)
         if topic not in self._publishers:
             raise OneBotError(f"{topic} has another type than {tool.kind.__name__}")
         return topic, self._publishers[topic]
+
+    def _topic(self, tool: Tool) -> str:
+        return f"{namespace_of(self._commands.topic)}/{tool.topic}"

@@ -1,4 +1,4 @@
-"""A proxy of the robot's view: Rerun's page and its data on the steering page's port.
+"""The robot's view, and its proxy: Rerun's page and its data on the steering page's port.
 
 The view is slow where a browser draws without a graphics card, and must not stall the steering
 page. So it is a sandboxed frame: with an opaque origin, which Chromium gives a process of its own.
@@ -12,20 +12,27 @@ its page's ``url=`` parameter.
 """
 
 import hmac
+import json
 import re
 import secrets
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 from urllib.parse import quote
 
 from aiohttp import web
+from rclpy.node import Node
+from std_msgs.msg import String
 
 from onebot_bringup.serving.rerun_proxy import SERVICE, RerunProxy, content_policy, data_url
 from onebot_bringup.steering.access import other_site
+from onebot_description.node import LATCHED
 
 _SANDBOX = "allow-scripts allow-downloads allow-popups allow-popups-to-escape-sandbox"
 _POLICY = f"{content_policy()}; base-uri 'none'; form-action 'none'; sandbox {_SANDBOX}"
 _SCRIPT = Path(__file__).parent / "static" / "view_frame.js"
+_WARN_EVERY = 5.0  # s
 _PAGE = re.compile(r"http://127\.0\.0\.1:(\d{1,5})/\?(\S+)")
 
 
@@ -57,11 +64,74 @@ class View:
         return f"http://{host}/view/{self.key}/?{'&'.join(words)}"
 
 
+class Viewer:
+    """The robot's viewer, as a node publishes it.
+
+    Attributes:
+        view: where its page is; None without one.
+    """
+
+    def __init__(self, node: Node, page_topic: str, changed: Callable[[], None]) -> None:
+        """Subscribe to a viewer's ~/page, and to its ~/displays.
+
+        Args:
+            node: that subscribes.
+            page_topic: the full name.
+            changed: called when ``view`` may have changed.
+        """
+        self._node, self._topic, self._changed = node, page_topic, changed
+        self._name = page_topic.rpartition("/")[0]
+        self._shown: list[Mapping[str, Any]] = []
+        self.view: View | None = None
+        node.create_subscription(String, page_topic, self._on_page, LATCHED)
+        node.create_subscription(String, f"{self._name}/displays", self._on_displays, LATCHED)
+
+    def update(self) -> None:
+        """Notice that it has gone; to be called several times per second."""
+        if self.view is not None and not self._node.count_publishers(self._topic):
+            self.view = None
+            self._changed()
+
+    def fields(self) -> Mapping[str, Any]:
+        """Return its name, "" for none, and the topics that it shows."""
+        if self.view is None:
+            return {"viewer": "", "shown": []}
+        return {"viewer": self._name, "shown": self._shown}
+
+    def _on_page(self, message: String) -> None:
+        self.view = View.parse(message.data)
+        if message.data and self.view is None:
+            self._node.get_logger().warning(
+                f"{self._topic} has no address of a page on this computer",
+                throttle_duration_sec=_WARN_EVERY,
+            )
+        self._changed()
+
+    def _on_displays(self, message: String) -> None:
+        self._shown = shown_topics(message.data)
+
+
+def shown_topics(data: str) -> list[Mapping[str, Any]]:
+    """Return the topics of a viewer's ~/displays; none for a text that is no such message."""
+    try:
+        return [
+            {"topic": str(row["topic"]), "type": str(row["type"]), "visible": bool(row["visible"])}
+            for row in json.loads(data)["shown"]
+        ]
+    except (ValueError, LookupError, TypeError, RecursionError):
+        return []
+
+
 class ViewProxy:
     """The routes of the robot's view."""
 
-    def __init__(self) -> None:
-        self.view: View | None = None  # the viewer, if there is one
+    def __init__(self, viewer: Viewer) -> None:
+        self._viewer = viewer
+
+    @property
+    def view(self) -> View | None:
+        """Where the viewer is, if there is one."""
+        return self._viewer.view
 
     def add_to(self, app: web.Application) -> None:
         """Add the routes."""
@@ -78,16 +148,16 @@ class ViewProxy:
         return self.view is not None and hmac.compare_digest(key, self.view.key.encode())
 
     async def _page(self, request: web.Request) -> web.StreamResponse:
-        view = self._known(request)
+        view = self._view_of(request)
         path = request.rel_url.raw_path_qs.split("/", 3)[3]
         return await self._proxy.forward_page(request, view.port, f"/{path}")
 
     async def _data(self, request: web.Request) -> web.StreamResponse:
-        view, method = self._known(request), request.match_info["method"]
+        view, method = self._view_of(request), request.match_info["method"]
         return await self._proxy.forward_data(request, view.port, f"/{SERVICE}/{method}")
 
     async def _preflight(self, request: web.Request) -> web.StreamResponse:
-        self._known(request)
+        self._view_of(request)
         headers = {"Access-Control-Allow-Headers": "*", "Access-Control-Allow-Methods": "POST"}
         return web.Response(status=204, headers=headers)
 
@@ -103,7 +173,7 @@ class ViewProxy:
         answer.headers["Access-Control-Allow-Origin"] = request.headers.get("Origin", "null")
         answer.headers["Access-Control-Expose-Headers"] = "*"
 
-    def _known(self, request: web.Request) -> View:
+    def _view_of(self, request: web.Request) -> View:
         if self.view is None or not self.has_key(request):
             raise web.HTTPNotFound(text="There is no such view of the robot.\n")
         return self.view

@@ -1,24 +1,23 @@
-"""What is shown without being named: which topics, and how much of what comes on them."""
+"""Chooses which of the available topics to show, beside those that the view names."""
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from typing import Any, NamedTuple, TypeVar
+from collections.abc import Collection, Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from onebot_bringup.viewer.displays import DISPLAYS
-from onebot_bringup.viewer.displays.message_display import MessageDisplay
-from onebot_bringup.viewer.view_config import ViewConfig
+from onebot_bringup.viewer.displays import MESSAGE_DRAWINGS
+from onebot_bringup.viewer.displays.drawing import Drawing
+from onebot_description.errors import OneBotError, listing
 
-T = TypeVar("T")
+if TYPE_CHECKING:
+    from onebot_bringup.viewer.stage import Stage
 
 # Topics that are shown by themselves: more are a wall of curves, and a page that cannot keep up.
 MOST_SHOWN, MOST_HEAVY = 40, 6
+_LISTED = 5  # topics
 
-MESSAGE_DISPLAYS: Mapping[str, type[MessageDisplay[Any]]] = {
-    name: display
-    for display in DISPLAYS
-    if issubclass(display, MessageDisplay)
-    for name in display.message_types
+MESSAGE_DISPLAYS: Mapping[str, type[Drawing[Any]]] = {
+    name: drawing for drawing in MESSAGE_DRAWINGS for name in drawing.message_types
 }
-"""The display of each message type."""
+"""What draws each message type."""
 
 
 class OfferedTopic(NamedTuple):
@@ -30,108 +29,74 @@ class OfferedTopic(NamedTuple):
 
 
 class TopicSelection:
-    """Chooses of the topics that there are those that are shown."""
+    """Keeps the choice of topics."""
 
-    def __init__(self, resolve: Callable[[str], str]) -> None:
+    def __init__(self, stage: "Stage") -> None:
         self.offered: tuple[OfferedTopic, ...] = ()
-        self.crowded: tuple[str, ...] = ()  # topics for which there is no room
-        self._resolve = resolve
+        self.stage = stage
 
-    def choose(
-        self, topics: Mapping[str, str], view: ViewConfig, drawn_otherwise: Collection[str] = ()
-    ) -> None:
-        """Choose of ``topics``; those that are shown stay so, whatever else is published later.
+    def choose(self, published: Mapping[str, str], drawn_otherwise: Collection[str]) -> list[str]:
+        """Choose topics; those that are shown stay so, whatever else is published later.
 
         Args:
-            topics: the type of each by its full name.
-            view: what to show.
+            published: the type of each by its full name.
             drawn_otherwise: topics not shown by themselves, since the view draws them, as a trail.
+
+        Returns:
+            What cannot be shown, a sentence each.
         """
+        topics, problems = self._readable(published)
+        view, resolve = self.stage.view, self.stage.resolve
         kept = {each.topic for each in self.offered if each.visible}
-        known = [name for name, kind in topics.items() if kind in MESSAGE_DISPLAYS]
-        hidden, named = set(map(self._resolve, view.hidden)), set(map(self._resolve, view.shown))
+        hidden, named = set(map(resolve, view.hidden)), set(map(resolve, view.shown))
         visible, crowded = set[str](), list[str]()
         room = {False: MOST_SHOWN, True: MOST_HEAVY}
-        for topic in sorted(known, key=lambda name: (name not in kept, name)):
-            display = MESSAGE_DISPLAYS[topics[topic]]
-            settings = view.of(display)
-            looks = {self._resolve(name): look for name, look in settings.topics.items()}
+        for topic in sorted(topics, key=lambda name: (name not in kept, name)):
+            drawing = MESSAGE_DISPLAYS[topics[topic]]
+            settings = view.of(drawing)
+            of_topics = {resolve(name): one for name, one in settings.topics.items()}
             other = _is_hidden(topic) or topic in drawn_otherwise
-            other = other or display.is_duplicate(topic, topics)
-            chosen = topic in named or topic in looks
-            drawn = topic in named or looks.get(topic, settings).visible
+            other = other or drawing.is_duplicate(topic, topics)
+            chosen = topic in named or topic in of_topics
+            drawn = topic in named or of_topics.get(topic, settings).visible
             wanted = chosen or (view.automatic and not other)
             if topic in hidden or not drawn or not wanted:
                 continue
-            if chosen or room[display.heavy] > 0:
+            if chosen or room[drawing.heavy] > 0:
                 visible.add(topic)
-                room[display.heavy] -= 1
+                room[drawing.heavy] -= 1
             else:
                 crowded.append(topic)
-        self.crowded = tuple(crowded)
         self.offered = tuple(
-            OfferedTopic(topic, topics[topic], topic in visible) for topic in sorted(known)
+            OfferedTopic(topic, topics[topic], topic in visible) for topic in sorted(topics)
         )
+        if crowded:
+            names = listing(crowded, _LISTED)
+            problems.append(f"too many topics to show all: not {names}; shown: in a view adds some")
+        return problems
 
-    def of(self, display: MessageDisplay[Any]) -> dict[str, str]:
-        """Return the topics that a display is to draw, with their types."""
+    def _readable(self, published: Mapping[str, str]) -> tuple[dict[str, str], list[str]]:
+        """Return the topics whose type has a display, and a definition that can be read."""
+        readable, bad = {}, {}
+        for topic, kind in published.items():
+            if kind in MESSAGE_DISPLAYS and kind not in bad:
+                try:
+                    self.stage.message_type(kind)
+                    readable[topic] = kind
+                except (OneBotError, ValueError) as error:
+                    topics = [name for name, each in published.items() if each == kind]
+                    bad[kind] = f"{listing(topics, _LISTED)} cannot be shown: {error}"
+        return readable, list(bad.values())
+
+    def of(self, drawing: type[Drawing[Any]]) -> dict[str, str]:
+        """Return the topics that are to be drawn so, with their types."""
         return {
             each.topic: each.type
             for each in self.offered
-            if each.visible and each.type in display.message_types
+            if each.visible and each.type in drawing.message_types
         }
 
 
 def _is_hidden(topic: str) -> bool:
     """Whether it is hidden by ROS's rule, as what tools use among themselves."""
     return any(part.startswith("_") for part in topic.split("/"))
-
-
-# How much of its time the viewer may spend on one display, and seconds that it may save up.
-_SHARE, _SAVED = 0.25, 0.5
-_FADING, _FEW = 0.7, 0.1  # of the messages whose cost is known: what is left after each call
-_BYTES_PER_SECOND = 400e6  # that Rerun copies, encodes and sends on in threads of its own
-
-
-class LoadLimit:
-    """Drops old messages of a display whose topics bring more than can be shown.
-
-    The display has so many seconds of each second; what a message takes is measured.
-    """
-
-    def __init__(self) -> None:
-        self._left = _SAVED  # seconds
-        self._seconds = self._messages = 0.0  # that were spent on how many, of late
-        self._at: float | None = None
-        self._bytes = 0
-        self._count = 0
-        self.dropped = 0  # messages, in all
-
-    def ready(self, now: float) -> bool:
-        """Whether there is time for a message at ``now``, seconds."""
-        if self._at is not None:
-            self._left = min(_SAVED, self._left + _SHARE * max(0.0, now - self._at))
-        self._at = now
-        return self._left > 0.0
-
-    def admit(self, messages: Sequence[T], sizes: Iterable[int]) -> Sequence[T]:
-        """Return the newest messages that there is time for, one at least."""
-        cost = self._seconds / self._messages if self._messages else 0.0
-        most = max(1, int(self._left / cost)) if cost else len(messages)
-        self.dropped += max(0, len(messages) - most)
-        admitted = messages[-most:]
-        self._count += len(admitted)
-        self._bytes += sum(list(sizes)[-most:])
-        return admitted
-
-    def spent(self, seconds: float) -> None:
-        """Take the time that the messages admitted have taken, or those of a moment ago.
-
-        Some wait for a transform.
-        """
-        seconds += self._bytes / _BYTES_PER_SECOND
-        self._left -= seconds
-        if self._count or self._messages > _FEW:
-            self._seconds = _FADING * self._seconds + seconds
-            self._messages = _FADING * self._messages + self._count
-        self._bytes = self._count = 0

@@ -63,7 +63,7 @@ class Layout:
     ) -> "Layout":
         """Return the layout for a view, and the robots as they are now."""
         whole = view.grid, view.background, view.camera, view.panels
-        known = tuple(str(shown.names) for shown in robots if shown.robot is not None)
+        known = tuple(str(shown.names) for shown in robots if shown.description is not None)
         return cls(*whole, tuple(parts), fixed_frame, complete, known)
 
     def without_plots(self) -> "Layout":
@@ -120,12 +120,10 @@ class BlueprintSender:
         found = [self._fitted(shown, layout.fixed_frame) for shown in self._robots]
         boxes = [box for box in found if box is not None]
         lengths = {
-            frame: length
-            for shown in self._robots
-            for frame, length in shown.context.axes_lengths.items()
+            frame: length for shown in self._robots for frame, length in shown.axes_lengths.items()
         }
         for shown in self._robots:
-            shown.context.axes_lengths = lengths  # of all: one display draws them
+            shown.axes_lengths = lengths  # of all: one display draws them
         bounds = box_around(np.concatenate(boxes)) if boxes else None
         eye = target = None
         size = 0.0
@@ -143,26 +141,27 @@ class BlueprintSender:
 
     def _fitted(self, shown: ShownRobot, fixed_frame: str) -> Floats | None:
         """Return the box around a robot, and note the lengths that fit it."""
-        robot, context = shown.robot, shown.context
+        robot = shown.description
         if robot is None:
             return None
-        links = {context.frame_of(link): link for link in robot.link_names}
-        poses = context.frames.poses(links, fixed_frame)
+        links = {shown.frame_of(link): link for link in robot.link_names}
+        poses = shown.stage.frames.poses(links, fixed_frame)
         bounds = robot_bounds(robot, {links[frame]: pose for frame, pose in poses.items()})
         if bounds is not None:
             longest = fitting_length(diagonal(bounds), len(links))
-            context.fitting_length = longest
+            shown.fitting_length = longest
             lengths = axes_lengths(robot).items()
-            context.axes_lengths = {
-                context.frame_of(link): min(longest, length) for link, length in lengths
+            shown.axes_lengths = {
+                shown.frame_of(link): min(longest, length) for link, length in lengths
             }
         return bounds
 
     def _followed(self, wanted: str) -> str | None:
         """The entity that moves with a link, which is named by its frame among several robots."""
         for shown in self._robots:
-            for link in shown.robot.link_names if wanted and shown.robot is not None else ():
-                if wanted == (link if len(self._robots) == 1 else shown.context.frame_of(link)):
+            robot = shown.description
+            for link in robot.link_names if wanted and robot is not None else ():
+                if wanted == (link if len(self._robots) == 1 else shown.frame_of(link)):
                     return shown.entity_of(link)
         return None
 

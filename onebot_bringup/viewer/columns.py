@@ -133,7 +133,7 @@ def joinable(
     found: list[list[tuple[int, Sequence[ReadyColumn]]]] = []
     before = None
     for row in rows:
-        kinds = [id(column.component_descriptor()) for column in row[1]]
+        kinds = [column.component_descriptor() for column in row[1]]
         if any(column.as_arrow_array().nbytes > _MANY for column in row[1]):
             before = None
         elif kinds == before:

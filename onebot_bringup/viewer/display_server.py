@@ -180,35 +180,19 @@ class WebPage:
         self._child.stop()
 
 
-class NativeWindow:
-    """Rerun's native window."""
+def native_window(recording_uri: str) -> Child:
+    """Open Rerun's native window.
 
-    def __init__(self, recording_uri: str) -> None:
-        """Open it.
-
-        Raises:
-            OneBotError: there is no display.
-        """
-        if not has_display():
-            raise OneBotError(
-                "viewer:=native needs a display (neither DISPLAY nor WAYLAND_DISPLAY is set); "
-                "use viewer:=web and open its address, or viewer:=none save:=FILE.rrd"
-            )
-        port = str(free_port(0))
-        self._child = Child(["--port", port, "--hide-welcome-screen", "--connect", recording_uri])
-
-    @property
-    def running(self) -> bool:
-        """False once it was closed."""
-        return self._child.running
-
-    def last_words(self) -> str:
-        """Return the last line it wrote."""
-        return self._child.last_words()
-
-    def stop(self) -> None:
-        """Close it."""
-        self._child.stop()
+    Raises:
+        OneBotError: there is no display.
+    """
+    if not has_display():
+        raise OneBotError(
+            "viewer:=native needs a display (neither DISPLAY nor WAYLAND_DISPLAY is set); "
+            "use viewer:=web and open its address, or viewer:=none save:=FILE.rrd"
+        )
+    port = str(free_port(0))
+    return Child(["--port", port, "--hide-welcome-screen", "--connect", recording_uri])
 
 
 # The recording: served on loopback, written to a file, or both.
@@ -251,10 +235,6 @@ class RecordingFile:
     def _copy(self, source: int) -> None:
         buffer = memoryview(bytearray(_PIPE_SIZE))
         with open(source, "rb", buffering=0) as pipe:
-            # Without a copy where that is possible; where it is not, or no more, by reading.
-            with suppress(OSError, AttributeError):
-                while os.splice(source, self._file.fileno(), _PIPE_SIZE):
-                    pass
             while size := pipe.readinto(buffer):
                 if self._error is None:
                     self._write(buffer[:size])
@@ -419,7 +399,7 @@ class DisplayServer:
         self._log = log
         self._open_browser, self._embedded = open_browser, embedded
         self._page: WebPage | None = None
-        self._window: NativeWindow | None = None
+        self._window: Child | None = None
         self._announced = False
         self._next_reminder = time.monotonic() + 2.0
         self._next_restart = 0.0
@@ -436,7 +416,7 @@ class DisplayServer:
             self._page = WebPage(web_port, self._recording.uri, self._recording.server)
             self._say_port("web_port", web_port, self._page.port)
         elif viewer == "native":
-            self._window = NativeWindow(self._recording.uri)
+            self._window = native_window(self._recording.uri)
             log.info("opening the viewer's window")
 
     def _say_port(self, name: str, wanted: int | None, got: int | None) -> None:

@@ -1,11 +1,11 @@
 """A picture of a recording, drawn without any display: what the viewer would show, as a PNG."""
 
-import contextlib
 import copy
 import io
 import os
 import tempfile
 import time
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import wait
 from contextlib import contextmanager
@@ -23,6 +23,7 @@ from rerun.experimental import ViewerClient, ViewerState
 from onebot_bringup.serving.ports import LOOPBACK, free_port
 from onebot_bringup.viewer.blueprint import ROBOT_VIEW
 from onebot_bringup.viewer.display_server import Child
+from onebot_bringup.viewer.whole_file import write_whole
 from onebot_description.description.description import Triple
 from onebot_description.errors import OneBotError
 from onebot_description.file_watch import in_background
@@ -114,8 +115,12 @@ def render(
         shot = Image.open(io.BytesIO(still(client, progress, view)))
     # The title bar's height is in logical points, one pixel each without a display.
     left, top = (0, _TITLE_BAR) if view is None else _margins(shot, width, height)
-    with _replacing(png) as file:
-        shot.crop((left, top, left + width, top + height)).save(file, "PNG")
+    data = io.BytesIO()
+    shot.crop((left, top, left + width, top + height)).save(data, "PNG")
+    try:
+        write_whole(png, data.getvalue())
+    except OSError as error:
+        raise OneBotError(f"{png}: {error.strerror}") from error
 
 
 def _frame(client: ViewerClient, framing: Framing) -> str | None:
@@ -149,47 +154,37 @@ def still(client: ViewerClient, progress: Progress = print, view: str | None = N
         progress: called with what it waits for, when that takes over two seconds.
         view: of this view only; None for the whole window.
     """
+    shots: deque[bytes] = deque(maxlen=_ALIKE)
+
+    def is_still() -> bool:
+        shots.append(client.take_screenshot(view))
+        alike = len(shots) == _ALIKE and len(set(shots)) == 1
+        return alike and not client.get_state().loading
+
+    _wait(is_still, progress, lambda: "it still changes")
+    return shots[-1]
+
+
+def _wait(done: Callable[[], T], progress: Progress, what: Callable[[], str]) -> T:
+    """Return the value of ``done()`` once it is true, or after a minute.
+
+    Args:
+        done: called again and again.
+        progress: called with what is waited for, every two seconds.
+        what: returns that.
+    """
     start = reported = time.monotonic()
-    shots: list[bytes] = []
     while True:
-        shots = [*shots[1 - _ALIKE :], client.take_screenshot(view)]
-        if len(shots) == _ALIKE and len(set(shots)) == 1 and not client.get_state().loading:
-            return shots[-1]
-        now = time.monotonic()
-        if now - start > PATIENCE:
-            return shots[-1]
+        value, now = done(), time.monotonic()
+        if value or now - start > PATIENCE:
+            return value
         if now - reported > _REPORT_AFTER:
             reported = now
-            progress(f"waiting for the picture: it still changes ({now - start:.0f} s)")
+            progress(f"waiting for the picture: {what()} ({now - start:.0f} s)")
+        time.sleep(_PAUSE)
 
 
-@contextlib.contextmanager
-def _replacing(path: Path) -> "Iterator[io.BufferedWriter]":
-    """Write a file beside ``path`` that takes its place once it is whole."""
-    try:
-        with tempfile.NamedTemporaryFile(
-            dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix, delete=False
-        ) as file:
-            try:
-                yield file  # type: ignore[misc]
-                file.flush()
-                os.chmod(file.name, 0o666 & ~_umask())
-                os.replace(file.name, path)
-            except BaseException:
-                os.unlink(file.name)
-                raise
-    except OSError as error:
-        raise OneBotError(f"{path}: {error.strerror}") from error
-
-
-def _umask() -> int:
-    """What new files are not: temporary ones are their owner's only."""
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
-
-
-# --- what of the layout is in the picture ---------------------------------------------------------
+# --- the layout of the picture --------------------------------------------------------------------
 
 LayoutValues = Mapping[str, Any]
 
@@ -279,8 +274,11 @@ def headless_viewer(
         },
     )
     try:
-        client = _Loading(child, port, source, progress).client()
-        yield cast(ViewerClient, _PatientClient(client, child, progress))
+        connect = partial(ViewerClient.connect, f"rerun+http://{LOOPBACK}:{port}/proxy")
+        client = _ask(connect, child, progress, "starts", (OSError, RuntimeError))
+        patient = cast(ViewerClient, _PatientClient(client, child, progress))
+        _load(patient, source, progress)
+        yield patient
     finally:
         child.stop()
 
@@ -314,17 +312,16 @@ def freeze(client: ViewerClient, not_before_ns: int = 0, progress: Progress = pr
         not_before_ns: wait until there is something of that time, nanoseconds on the timeline.
         progress: called with what it waits for, when that takes over two seconds.
     """
-    start = reported = time.monotonic()
-    while (found := _timeline(client)) is not None:
-        line, end, kind = found
-        client.set_time(line, play_state="paused", **_moment(kind, end))
-        now = time.monotonic()
-        if end >= not_before_ns or now - start > PATIENCE:
-            return
-        if now - reported > _REPORT_AFTER:
-            reported = now
-            progress(f"waiting for the picture: the history comes in ({now - start:.0f} s)")
-        time.sleep(_PAUSE)
+
+    def is_reached() -> bool:
+        timeline = _timeline(client)
+        if timeline is None:
+            return True
+        name, end, kind = timeline
+        client.set_time(name, play_state="paused", **_moment(kind, end))
+        return end >= not_before_ns
+
+    _wait(is_reached, progress, lambda: "the history comes in")
 
 
 def _timeline(client: ViewerClient) -> tuple[str, int, str] | None:
@@ -348,15 +345,40 @@ def _moment(kind: str, end: int) -> dict[str, Any]:
     return {"sequence": end}
 
 
-def _answer(call: Callable[[], T], progress: Progress) -> T:
-    """Return what a call to the viewer returns; report while it takes, and end after a minute."""
-    start = time.monotonic()
+def _ask(
+    call: Callable[[], T],
+    child: Child,
+    progress: Progress,
+    doing: str = "is busy",
+    passing: tuple[type[Exception], ...] = (OSError,),
+) -> T:
+    """Return what a call to the viewer returns; call again where the viewer was too slow.
+
+    Args:
+        call: to the viewer.
+        child: the viewer.
+        progress: called while it takes.
+        doing: what the viewer does meanwhile.
+        passing: what a viewer raises that is too slow (a TimeoutError is an OSError).
+
+    Raises:
+        OneBotError: the viewer has ended, or does not answer within a minute.
+    """
     answer = in_background(call)
-    while not wait([answer], timeout=_REPORT_AFTER).done:
-        seconds = time.monotonic() - start
-        if seconds > PATIENCE:
-            raise OneBotError(f"the viewer has not answered for {PATIENCE:.0f} s")
-        progress(f"waiting for the picture: the viewer is busy ({seconds:.0f} s)")
+
+    def is_answered() -> bool:
+        nonlocal answer
+        if not wait([answer], timeout=_PAUSE).done:
+            return False
+        if not isinstance(answer.exception(), passing):
+            return True
+        if not child.running:
+            raise OneBotError(_why(child))
+        answer = in_background(call)
+        return False
+
+    if not _wait(is_answered, progress, lambda: f"the viewer {doing}"):
+        raise OneBotError(f"the viewer has not answered for {PATIENCE:.0f} s")
     return answer.result()
 
 
@@ -368,88 +390,55 @@ class _PatientClient:
 
     def __getattr__(self, name: str) -> Any:
         method = getattr(self._client, name)
-
-        def ask(*args: Any, **kwargs: Any) -> Any:
-            start = time.monotonic()
-            while True:
-                try:
-                    return _answer(partial(method, *args, **kwargs), self._progress)
-                except OSError as error:  # a TimeoutError is one, too
-                    if not self._child.running:
-                        raise OneBotError(_why(self._child)) from None
-                    if time.monotonic() - start > PATIENCE:
-                        text = f"the viewer has not answered for {PATIENCE:.0f} s: {error}"
-                        raise OneBotError(text) from None
-                    time.sleep(_PAUSE)
-
-        return ask
+        return lambda *args, **kwargs: _ask(
+            partial(method, *args, **kwargs), self._child, self._progress
+        )
 
 
-class _Loading:
-    """Waits until the viewer shows its views, loaded and free of errors."""
+def _load(client: ViewerClient, source: str, progress: Progress) -> None:
+    """Wait until the viewer shows its views, loaded and free of errors.
 
-    def __init__(self, child: Child, port: int, source: str, progress: Progress) -> None:
-        self._child = child
-        self._address = f"rerun+http://{LOOPBACK}:{port}/proxy"
-        self._source = source
-        self._progress = progress
-        self._client: ViewerClient | None = None
-        self._start = self._reported = time.monotonic()
-        # Errors that views report, since when, and how often they were the same.
-        self._errors: tuple[list[str], float, int] = ([], self._start, 0)
+    Raises:
+        OneBotError: it cannot show ``source``, or shows nothing within a minute.
+    """
+    start = time.monotonic()
+    state = client.get_state()
+    errors = _Errors()
 
-    def client(self) -> ViewerClient:
-        state = None
-        while time.monotonic() - self._start < PATIENCE:
-            if not self._child.running:
-                raise OneBotError(_why(self._child))
-            try:
-                connect = partial(ViewerClient.connect, self._address)
-                self._client = self._client or _answer(connect, self._progress)
-                state = _answer(self._client.get_state, self._progress)
-                if is_complete(state) or self._has_lasting_errors(state):
-                    return self._client
-                self._check_loading(state)
-            except (RuntimeError, OSError):
-                self._client = None  # it does not listen yet
-            self._report(state)
-            time.sleep(_PAUSE)
-        if self._client is not None and state is not None and state.views:
-            return self._client  # with errors in the picture, which is what a user would see, too
+    def is_shown() -> bool:
+        nonlocal state
+        state = client.get_state()
+        if not (state.recordings or state.loading) and time.monotonic() - start > _LOST:
+            _raise_logged(client, source)
+        return is_complete(state) or errors.last(state)
+
+    if not _wait(is_shown, progress, lambda: _unfinished(state)) and not state.views:
         raise OneBotError(f"nothing was shown within {PATIENCE:.0f} s: {_unfinished(state)}")
+    if _reports(state):  # what a user would see, too
+        progress(f"the picture shows an error: {_unfinished(state)}")
 
-    def _has_lasting_errors(self, state: ViewerState) -> bool:
+
+def _raise_logged(client: ViewerClient, source: str) -> None:
+    for entry in client.get_logs():
+        if entry.level == "ERROR":
+            reason = entry.message.splitlines()[0].rpartition(": ")[2]
+            raise OneBotError(f"{source} cannot be shown: {reason}")
+
+
+class _Errors:
+    """Tells errors that views report for a moment, while data come in, from those that last."""
+
+    def __init__(self) -> None:
+        self._reports: list[str] = []
+        self._since, self._polls = time.monotonic(), 0
+
+    def last(self, state: ViewerState) -> bool:
         """Whether views have reported the same errors for long, with everything loaded."""
         reports, now = _reports(state), time.monotonic()
-        known, since, polls = self._errors
-        if reports != known or not _is_loaded(state):
-            self._errors = (reports, now, 0)
-            return False
-        self._errors = (known, since, polls + 1)
-        if now - since < _LASTING or polls < _POLLS:
-            return False
-        self._progress(f"the picture shows an error: {_unfinished(state)}")
-        return True
-
-    def _check_loading(self, state: ViewerState) -> None:
-        if state.recordings or state.loading or time.monotonic() - self._start < _LOST:
-            return
-        assert self._client is not None
-        for entry in _answer(self._client.get_logs, self._progress):
-            if entry.level == "ERROR":
-                reason = entry.message.splitlines()[0].rpartition(": ")[2]
-                raise OneBotError(
-                    f"{self._source} cannot be shown: {reason}; of a .rrd file that was cut short, "
-                    f"rerun rrd merge --continue-on-error -o whole.rrd {self._source} copies what "
-                    "is whole"
-                )
-
-    def _report(self, state: ViewerState | None) -> None:
-        now = time.monotonic()
-        if now - self._reported > _REPORT_AFTER:
-            self._reported = now
-            waited = f"({now - self._start:.0f} s)"
-            self._progress(f"waiting for the picture: {_unfinished(state)} {waited}")
+        if reports != self._reports or not _is_loaded(state):
+            self._reports, self._since, self._polls = reports, now, 0
+        self._polls += 1
+        return self._polls > _POLLS and now - self._since > _LASTING
 
 
 def _is_loaded(state: ViewerState) -> bool:
@@ -460,9 +449,7 @@ def _reports(state: ViewerState) -> list[str]:
     return [f"{view.name}: {report.summary}" for view in state.views for report in view.reports]
 
 
-def _unfinished(state: ViewerState | None) -> str:
-    if state is None:
-        return "the viewer starts"
+def _unfinished(state: ViewerState) -> str:
     loading = [source.status or source.name for source in state.loading]
     return "; ".join([*loading, *_reports(state)][:3]) or "the viewer has no view yet"
 

@@ -47,31 +47,24 @@ Parameters:
 import json
 import re
 import sys
-from collections.abc import Callable, Sequence
-from concurrent.futures import Future
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
-from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from std_msgs.msg import String
-from std_srvs.srv import Trigger
 
 from onebot_bringup.viewer.display_server import DisplayServer
+from onebot_bringup.viewer.live_view import LiveView
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.shown_robot import MOST_PLOTTED, RobotToShow
-from onebot_bringup.viewer.topics import TopicSubscriptions, published_topics
-from onebot_bringup.viewer.view_config import ViewConfig
-from onebot_bringup.viewer.view_source import ViewSource, load_any_view
+from onebot_bringup.viewer.topics import ViewFeed
 from onebot_control.poses import prefixed
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean, listing, printable
-from onebot_description.file_watch import in_background
 from onebot_description.node import (
     LATCHED,
     Throttled,
@@ -79,25 +72,10 @@ from onebot_description.node import (
     run_node,
     warn_of_two_robots,
 )
-from onebot_description.parameters.reader import (
-    ConfigError,
-    Problem,
-    declare,
-    is_parameter,
-    parameter,
-    read,
-    refuse_undeclared,
-    replaced,
-    ros_parameter,
-    values_of,
-)
-from onebot_description.parameters.values import MAX_PORT, plain
-
-# The parameters of the viewer's node: its own, and the settings of its view ---------------------
+from onebot_description.parameters.reader import declare, parameter, read
+from onebot_description.parameters.values import MAX_PORT
 
 VIEWERS = ("web", "native", "none")
-_SAVE_TO = "save_view_to"
-_FIXED_FRAME = "fixed_frame"
 
 
 def _port(default: int, description: str) -> Any:
@@ -184,171 +162,6 @@ class ViewerParameters:
         )
 
 
-class ViewParameters:
-    """Keeps the node's parameters and its view equal, whichever of them changes."""
-
-    def __init__(self, node: Node, source: ViewSource, changed: Callable[[], None]) -> None:
-        """Declare the parameters, with the view's values where none are given.
-
-        Args:
-            node: whose parameters they are; it also serves ``~/save_view``.
-            source: the view.
-            changed: called after the user has changed a parameter.
-
-        Raises:
-            OneBotError: a parameter has a value that a view cannot have.
-        """
-        self._node = node
-        self._source = source
-        self._changed = changed
-        self._mirroring = False
-        self._declare()
-        self.mirror()
-        refuse_undeclared(node, ViewConfig)
-        node.add_on_set_parameters_callback(self._check)
-        node.add_post_set_parameters_callback(self._take)
-        node.create_service(Trigger, "~/save_view", self._save)
-
-    def _declare(self) -> None:
-        usual = values_of(self._source.view)
-        given = declare(self._node, ViewConfig, usual)
-        problems: list[Problem] = []
-        for name, value in given.items():
-            if value == usual[name] or (name == _FIXED_FRAME and value == ""):
-                continue
-            try:
-                self._source.change(name, value)
-            except ConfigError as error:
-                problems += error.problems
-        if problems:
-            raise ConfigError(problems)
-
-    def mirror(self) -> None:
-        """Set the parameters to the settings of the view."""
-        wanted = values_of(self._source.view)
-        stale = [
-            ros_parameter(name, value)
-            for name, value in wanted.items()
-            if plain(self._node.get_parameter(name).value) != value
-        ]
-        self._mirroring = True
-        try:
-            self._node.set_parameters(stale)
-        finally:
-            self._mirroring = False
-
-    def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
-        view, own = self._source.view, ViewerParameters()
-        try:
-            for one in parameters:
-                if one.name == _SAVE_TO:
-                    replaced(own, one.name, one.value)
-                elif is_parameter(ViewConfig, one.name):
-                    view = replaced(view, one.name, plain(one.value))
-        except ConfigError as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
-
-    def _take(self, parameters: Sequence[Parameter]) -> None:
-        ours = [one for one in parameters if is_parameter(ViewConfig, one.name)]
-        if self._mirroring or not ours:
-            return
-        for one in ours:
-            self._source.change(one.name, plain(one.value))
-        self._changed()
-
-    def _save(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        to = str(self._node.get_parameter(_SAVE_TO).value)
-        try:
-            path = self._source.save(Path(to) if to else None)
-        except OneBotError as error:
-            self._node.get_logger().warning(str(error))
-            response.success, response.message = False, str(error)
-            return response
-        response.success, response.message = True, f"saved as {path}"
-        self._node.get_logger().info(f"the view was saved as {path}")
-        return response
-
-
-class ViewUpdates:
-    """Applies each change of the view; a mistake is reported once, and changes nothing."""
-
-    def __init__(
-        self,
-        source: ViewSource,
-        parameters: ViewParameters,
-        view: RobotView,
-        topics: TopicSubscriptions,
-        log: Any,
-    ) -> None:
-        """Begin with what is shown.
-
-        Args:
-            source: the view, from a file or by parameters.
-            parameters: the settings of the view.
-            view: shows it.
-            topics: subscribed for it.
-            log: has ``info`` and ``warning``.
-        """
-        self._source, self._parameters = source, parameters
-        self._view, self._topics = view, topics
-        self._log = log
-        self._refused: set[Path] = set()  # files with a mistake
-        self._reading: tuple[Path, Future[ViewConfig]] | None = None
-
-    def poll(self) -> None:
-        """Apply what was edited; call it now and then."""
-        saved, removed = self._source.poll()
-        for file in removed:
-            self._log.warning(f"{file} was removed: keeping the view shown so far")
-        for file in saved:
-            if file == self._source.blueprint_file:
-                self._use(file, partial(self._view.use_blueprint, file))
-            else:
-                self._reading = file, in_background(partial(load_any_view, file, self._log.warning))
-        if self._reading is not None and self._reading[1].done():
-            (file, reading), self._reading = self._reading, None
-            self._use(file, lambda: self._reload(file, reading.result()))
-
-    def _use(self, file: Path, use: Callable[[], object]) -> None:
-        """Use an edited file by ``use``, which returns true if it has logged that."""
-        mended = file in self._refused
-        self._refused.discard(file)
-        try:
-            if not use() and mended:
-                self._log.info(f"{file} is right again: it is in use")
-        except OneBotError as error:
-            self._refused.add(file)
-            self._log.warning(f"keeping the view shown so far: {error}")
-
-    def _reload(self, file: Path, saved: ViewConfig) -> bool:
-        if not self._source.reload(file, saved):
-            return False
-        self._parameters.mirror()
-        self.apply()
-        self._log.info(f"{file} was edited: the view is up to date")
-        return True
-
-    def apply_view_of(self, robot: str) -> None:
-        """Apply the view of the robot's description, unless the user has given another one."""
-        try:
-            if self._source.set_robot(robot):
-                self._parameters.mirror()
-                self.apply()
-                self._log.info(f"its view is {self._source.file or 'the usual one'}")
-        except OneBotError as error:
-            self._log.warning(f"keeping the view shown so far: {error}")
-
-    def apply(self) -> None:
-        """Show the view as it is now."""
-        for problem in self._view.set_view(self._source.view):
-            self._log.warning(problem)
-        try:
-            self._topics.set_topics(self._view.topics)
-        except OneBotError as error:
-            self._log.warning(str(error))
-
-
 _LISTED = 3  # robots, in a message
 TICK_PERIOD = 0.05  # seconds; one call into Rerun carries what came in meanwhile
 POLL_PERIOD = 0.25  # seconds
@@ -370,13 +183,14 @@ class RerunViewer(Node):
         if parameters.viewer == "none" and parameters.recording is None:
             self.get_logger().warning("viewer:=none and no save:=FILE.rrd: nothing will be shown")
             return
-        source = ViewSource(parameters.view, self.get_logger().warning)
-        settings = ViewParameters(self, source, lambda: self._updates.apply())
+        self._live_view = LiveView(
+            self, parameters, self._apply_view, lambda file: self._view.use_blueprint(file)
+        )
         self._server = parameters.open_server(self.get_logger())
         self._view = RobotView(
             self._server.stream,
-            source.view,
-            blueprint=source.blueprint_file,
+            self._live_view.source.view,
+            blueprint=self._live_view.source.blueprint_file,
             robots=parameters.robots_to_show(self.resolve_topic_name),
             resolve=self.resolve_topic_name,
             report=self._report,
@@ -387,9 +201,8 @@ class RerunViewer(Node):
         self._published_page = ""
         self._displays_publisher = self.create_publisher(String, "~/displays", LATCHED)
         self._published_displays = ""
-        self._topics = TopicSubscriptions(self, self._view.take)
-        self._topics.set_topics(self._view.topics)
-        self._updates = ViewUpdates(source, settings, self._view, self._topics, self.get_logger())
+        self._feed = ViewFeed(self, self._view)
+        self._update_feed()
         # Not ROS time: it may stop or run fast.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(TICK_PERIOD, self._tick, clock=steady)
@@ -397,7 +210,7 @@ class RerunViewer(Node):
         warn_of_two_robots(self, own=False)
 
     def _tick(self) -> None:
-        for warning in self._view.tick(int(self.get_clock().now().nanoseconds)):
+        for warning in self._feed.tick():
             self.get_logger().warning(warning)
         robots = self._view.robots
         new: dict[int, list[str]] = {}  # namespaces by description: those of a fleet share one
@@ -411,7 +224,22 @@ class RerunViewer(Node):
             name, links = printable(robot.robot_name), len(robot.link_names)
             self.get_logger().info(f'showing "{name}" ({links} links){where}')
         if new:
-            self._updates.apply_view_of(next(iter(robots.values())).robot_name)
+            self._live_view.set_robot(next(iter(robots.values())).robot_name)
+
+    def _apply_view(self) -> None:
+        for problem in self._view.set_view(self._live_view.source.view):
+            self.get_logger().warning(problem)
+        self._update_feed()
+
+    def _update_feed(self) -> None:
+        """Show what others publish now, and publish what of it is shown."""
+        for problem in self._feed.update():
+            self._warn(problem, problem, every=60.0)
+        offered = [topic._asdict() for topic in self._view.offered]
+        displays = json.dumps({"shown": offered})
+        if displays != self._published_displays:
+            self._published_displays = displays
+            self._displays_publisher.publish(String(data=displays))
 
     @ends_node
     def _poll(self) -> None:
@@ -421,24 +249,8 @@ class RerunViewer(Node):
         if address != self._published_page:
             self._published_page = address
             self._page_publisher.publish(String(data=address))
-        self._offer_topics()
-        try:
-            self._topics.set_topics(self._view.topics)
-        except OneBotError as error:
-            self._warn("topics", str(error), every=10.0)
-        self._updates.poll()
-
-    def _offer_topics(self) -> None:
-        """Show what others publish now, and publish what of it is shown."""
-        # What was published stays: the last of it is shown.
-        known = {each.topic for each in self._view.offered}
-        for problem in self._view.offer(published_topics(self, known)):
-            self._warn(problem, problem, every=60.0)
-        offered = [each._asdict() for each in self._view.offered]
-        displays = json.dumps({"shown": offered})
-        if displays != self._published_displays:
-            self._published_displays = displays
-            self._displays_publisher.publish(String(data=displays))
+        self._update_feed()
+        self._live_view.poll()
 
     def _report(self, topic: str, error: Exception) -> None:
         """A bad message must not end the viewer."""

@@ -37,9 +37,12 @@ _MISSING_SIZE = 0.1  # m, where the robot gives no measure
 class Scene:
     """Keeps a recording's static part equal to the robot's description."""
 
-    def __init__(self, recording: rr.RecordingStream, frame_prefix: str = "") -> None:
+    def __init__(
+        self, recording: rr.RecordingStream, frame_prefix: str = "", root: str = ""
+    ) -> None:
         self._recording = recording
         self._prefix = frame_prefix
+        self._root = root.split("/") if root else []
         self._drawn: dict[str, object] = {}  # entity to what lies on it, to log only changes
 
     def frame_of(self, link: str) -> str:
@@ -48,7 +51,7 @@ class Scene:
 
     def visual_of(self, link: str) -> str | None:
         """Return the entity of the first visual of ``link``; None if it has none."""
-        start = _path(*VISUAL_ENTITY.split("/"), link) + "/"
+        start = _path(*self._root, *VISUAL_ENTITY.split("/"), link) + "/"
         return min((path for path in self._drawn if path.startswith(start)), default=None)
 
     def set_robot(self, robot: Description) -> list[str]:
@@ -67,7 +70,7 @@ class Scene:
                 (COLLISION_ENTITY, link.collisions),
             ):
                 for number, geometry in enumerate(geometries):
-                    path = _path(*entity.split("/"), link.name, str(number))
+                    path = _path(*self._root, *entity.split("/"), link.name, str(number))
                     color = None if entity == VISUAL_ENTITY else COLLISION_COLOR
                     try:
                         self._draw(path, link.name, geometry, color)

@@ -1,16 +1,21 @@
 """One of the robots of a view: its names, its description, and what is drawn of it."""
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
-from onebot_bringup.viewer.displays.display import Context, Display, LayoutPart, below
+from onebot_bringup.viewer.displays.display import Display, LayoutPart, below
 from onebot_bringup.viewer.displays.tf import axes_entity
 from onebot_bringup.viewer.frames import FrameResolution
 from onebot_bringup.viewer.scene import COLLISION_ENTITY, Scene
+from onebot_bringup.viewer.settings import Color
 from onebot_description.description import Description, parse_description
 
+if TYPE_CHECKING:
+    from onebot_bringup.viewer.stage import Stage
+
 ROBOT_DESCRIPTION = "robot_description"
+WORLD_DESCRIPTION = "/world_description"
 MOST_PLOTTED = 5  # robots, unless they are chosen: there is no room for more tabs
 
 
@@ -39,39 +44,45 @@ class RobotToShow:
 
 
 class ShownRobot:
-    """A robot in a recording, from its description on."""
+    """A robot on a stage, from its description on."""
 
-    def __init__(
-        self,
-        names: RobotToShow,
-        context: Context,
-        displays: Iterable[type[Display[Any]]],
-    ) -> None:
+    def __init__(self, stage: "Stage", names: RobotToShow, root: str) -> None:
         """Show nothing yet: the description follows.
 
         Args:
+            stage: where it is shown.
             names: of the robot.
-            context: of its displays.
-            displays: what is drawn of it beside its shapes.
+            root: the entity below which all of it is logged; "" where it is the only one.
         """
-        self.names = names
-        self.context = context
-        self.scene = Scene(context.recording, names.frame_prefix)
-        self.resolution = FrameResolution(context.frames, context.frame_of)
-        self.displays: Sequence[Display[Any]] = [display(context) for display in displays]
-        self.urdf = ""  # that it is shown by
+        self.stage, self.names, self.root = stage, names, root
+        self.scene = Scene(stage.recording, names.frame_prefix, root)
+        self.resolution = FrameResolution(stage.frames, self.frame_of)
+        self.displays: list[Display[Any]] = []  # what is drawn of it beside its shapes
+        self.description: Description | None = None
+        self.urdf = ""  # the text of the description
+        self.fitting_length = 0.0  # of axes and arcs, metres, by the robot's size; 0: not known yet
+        self.axes_lengths: Mapping[str, float] = {}  # of the frames of links, by the links' sizes
+        self.joint_colors: dict[str, Color] = {}  # of every joint whose state has come
+
+    def frame_of(self, link: str) -> str:
+        """Return the TF frame of ``link``."""
+        return self.names.frame_prefix + link
+
+    def full_name(self, topic: str) -> str:
+        """Return the full name of a topic of the robot."""
+        return self.stage.resolve(self.names.topic(topic))
 
     @property
-    def robot(self) -> Description | None:
-        """Its description; None before it has come."""
-        return self.context.robot
+    def home(self) -> str:
+        """A frame that exists: the root link's."""
+        return "" if self.description is None else self.frame_of(self.description.root_link)
 
-    def set_description(self, urdf: str, known: Description | None = None) -> list[str]:
+    def set_description(self, urdf: str, description: Description | None = None) -> list[str]:
         """Show the robot of this text, in place of the one before.
 
         Args:
             urdf: the text.
-            known: what the text describes, where that is known.
+            description: what the text describes, where that is known.
 
         Returns:
             What could not be drawn, a sentence each.
@@ -79,30 +90,25 @@ class ShownRobot:
         Raises:
             OneBotError: the text is wrong.
         """
-        robot = known or parse_description(urdf, self.names.description.strip("/"))
+        robot = description or parse_description(urdf, self.names.description.strip("/"))
         warnings = self.scene.set_robot(robot)
-        self.urdf, self.context.robot = urdf, robot
+        self.urdf, self.description = urdf, robot
         for display in self.displays:
             display.set_robot()
         return warnings
 
     def is_complete(self, fixed_frame: str) -> bool:
         """Whether its links are known, and each has a transform to this frame ("": any)."""
-        return self.robot is not None and self.resolution.is_complete(self.robot, fixed_frame)
+        return self.description is not None and self.resolution.is_complete(
+            self.description, fixed_frame
+        )
 
     def entity_of(self, link: str) -> str:
         """Return the entity that moves with a link: its first visual, or else its axes."""
-        visual = self.scene.visual_of(link)
-        if visual is None:
-            return axes_entity(self.context.frame_of(link))
-        return below(self.context.root, visual)
+        return self.scene.visual_of(link) or axes_entity(self.frame_of(link))
 
     def layout(self, *, collision: bool) -> list[LayoutPart]:
-        """Return its part of the layout.
-
-        Args:
-            collision: show its collision shapes.
-        """
-        parts = [LayoutPart(visible=((COLLISION_ENTITY, collision),))]
-        parts += [display.layout() for display in self.displays]
-        return [part.below(self.context.root) for part in parts]
+        """Return its part of the layout; ``collision`` shows its collision shapes."""
+        shapes = LayoutPart(visible=((below(self.root, COLLISION_ENTITY), collision),))
+        parts = [shapes, *(display.layout() for display in self.displays)]
+        return [replace(part, robot=self.root) for part in parts]

@@ -1,12 +1,11 @@
 """Subscribes to the topics that a robot view needs, whatever type and QoS their publishers have."""
 
-from collections.abc import Callable, Collection, Mapping
-
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from onebot_bringup.introspection.interfaces import message_class
-from onebot_bringup.viewer.displays.display import WantedTopic
+from onebot_bringup.viewer.inbox import WantedTopic
+from onebot_bringup.viewer.robot_view import RobotView
 from onebot_description.clock_check import StampCheck
 from onebot_description.errors import OneBotError
 from onebot_description.topic_subscription import (
@@ -27,55 +26,39 @@ _STAMPED = {
     "geometry_msgs/msg/TwistStamped": HEADER,
     "tf2_msgs/msg/TFMessage": HEADER + 4,  # of the first transform, after their number
 }
-# Topic (its full name), type, message, and when it was received, nanoseconds.
-Take = Callable[[str, str, bytes, int], None]
 
 
-def published_topics(node: Node, known: Collection[str] = ()) -> dict[str, str]:
-    """Return the topics that have one type, and a publisher, by full names.
+class ViewFeed:
+    """Subscribes a node to the topics that a view wants, and tells the view what is published.
 
-    Args:
-        node: whose knowledge of the ROS graph is used; its own subscriptions do not count.
-        known: topics that need no publisher any more.
+    Attributes:
+        received: topics of which a message has come.
     """
-    return {
-        name: types[0]
-        for name, types in node.get_topic_names_and_types()
-        if len(types) == 1 and (name in known or node.count_publishers(name))
-    }
 
-
-class TopicSubscriptions:
-    """Keeps a node subscribed to the topics wanted, each once, and passes raw messages on."""
-
-    def __init__(self, node: Node, take: Take) -> None:
+    def __init__(self, node: Node, view: RobotView) -> None:
         self._node = node
-        self._take = take
-        self._wanted: Mapping[str, WantedTopic] = {}
+        self._view = view
         self._subscriptions: dict[str, TopicSubscription] = {}
         self._reported: set[str] = set()
+        self.received: set[str] = set()
 
-    def set_topics(self, topics: Mapping[str, WantedTopic]) -> None:
-        """Subscribe to ``topics`` (by full names), and to nothing else.
+    def tick(self) -> list[str]:
+        """Have the view log what was received; return what the user should know, as it does."""
+        return self._view.tick(int(self._node.get_clock().now().nanoseconds))
 
-        Raises:
-            OneBotError: the node has subscribed to one of them as another type; the others work.
+    def update(self) -> list[str]:
+        """Follow publishers, and another view; call it now and then.
+
+        Returns:
+            What cannot be shown or subscribed, a sentence each.
         """
-        self._wanted = topics
-        for name in set(self._subscriptions) - set(topics):
+        problems = self._view.offer(self._published())
+        topics = self._view.topics
+        for name in self._subscriptions.keys() - topics.keys():
             self._subscriptions.pop(name).close()
-        for name in set(topics) - set(self._subscriptions):
-            self._subscriptions[name] = self._make(name)
-        self.update()
-
-    def update(self) -> None:
-        """Follow publishers that come with another type or durability; call it now and then.
-
-        Raises:
-            OneBotError: as ``set_topics``.
-        """
-        problems = []
-        for name, topic in self._wanted.items():
+        for name, topic in topics.items():
+            if name not in self._subscriptions:
+                self._subscriptions[name] = self._make(name, topic)
             try:
                 self._update(name, topic)
             except TypeConflictError as error:
@@ -85,18 +68,27 @@ class TopicSubscriptions:
                 if not topic.optional or str(error) not in self._reported:
                     problems.append(str(error))
                 self._reported.add(str(error))
-        if problems:
-            raise OneBotError("; ".join(problems))
+        return problems
 
-    def _make(self, name: str) -> TopicSubscription:
+    def _published(self) -> dict[str, str]:
+        """The type of each topic that has one type and a publisher, or had one."""
+        node, offered = self._node, {item.topic for item in self._view.offered}
+        return {
+            name: types[0]
+            for name, types in node.get_topic_names_and_types()
+            if len(types) == 1 and (name in offered or node.count_publishers(name))
+        }
+
+    def _make(self, name: str, topic: WantedTopic) -> TopicSubscription:
         check = StampCheck.of(self._node, name)
-        stamped = {} if self._wanted[name].latched else _STAMPED
+        stamped = {} if topic.latched else _STAMPED
 
         def received(kind: str, data: bytes) -> None:
             now_ns = int(self._node.get_clock().now().nanoseconds)
             if kind in stamped:
                 check.take_bytes(data, now_ns, stamped[kind])
-            self._take(name, kind, data, now_ns)
+            self.received.add(name)
+            self._view.take(name, kind, data, now_ns)
 
         return TopicSubscription(self._node, name, received, message_class)
 

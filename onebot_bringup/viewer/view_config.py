@@ -36,7 +36,6 @@ Example (every key may be left out)::
     pose_with_covariance: {covariance: true, sigma: 3.0}
     point_stamped: {radius: 0.2, history_length: 10}
     polygon: {color: [25, 255, 0]}
-    trajectory: {alpha: 0.4}
     laser_scan: {color_transformer: auto, size: 0.05, decay_time: 0.0}   # metres, seconds
     point_cloud2: {color_transformer: Intensity, channel_name: ring}
     image: {normalize_range: false, min_value: 0.0, max_value: 5000.0}   # of 16 or 32 bits
@@ -58,6 +57,7 @@ import yaml
 
 from onebot_bringup.viewer.displays import DISPLAYS
 from onebot_bringup.viewer.displays.display import Display
+from onebot_bringup.viewer.displays.drawing import Drawing
 from onebot_bringup.viewer.settings import Color, color, height, one_of, setting, topic_list, vector
 from onebot_description.description.description import Triple
 from onebot_description.description.packages import package_share
@@ -66,7 +66,6 @@ from onebot_description.parameters.files import read_map, read_text
 from onebot_description.parameters.reader import as_map, group, read, values_of
 
 _PANEL = one_of("hidden", "collapsed", "expanded")
-S = TypeVar("S")
 T = TypeVar("T")
 
 
@@ -129,10 +128,9 @@ class ViewConfig:
     hidden: tuple[str, ...] = setting((), "topics that are not shown", topic_list)
     shown: tuple[str, ...] = setting((), "topics that are shown in any case", topic_list)
 
-    def of(self, display: type[Display[S]]) -> S:
+    def of(self, display: Display[Any] | type[Drawing[Any]]) -> Any:
         """Return the settings of a display."""
-        found: S = getattr(self, display.key)
-        return found
+        return getattr(self, display.key)
 
 
 def load_view(path: Path) -> ViewConfig:
@@ -157,7 +155,14 @@ def parse_view(text: str, name: str = "view") -> ViewConfig:
 
 def view_text(view: ViewConfig) -> str:
     """Return ``view`` as YAML text that ``parse_view`` reads, without what is as by default."""
-    return str(yaml.safe_dump(as_map(view), sort_keys=False, default_flow_style=None))
+    return str(yaml.dump(as_map(view), Dumper=_Dumper, sort_keys=False, default_flow_style=False))
+
+
+class _Dumper(yaml.SafeDumper):
+    """Writes maps as blocks, and lists, such as vectors and colours, on a line."""
+
+    def represent_sequence(self, tag: str, sequence: Any, flow_style: Any = None) -> Any:
+        return super().represent_sequence(tag, sequence, flow_style=True)
 
 
 def changed_settings(before: ViewConfig, after: ViewConfig) -> dict[str, Any]:

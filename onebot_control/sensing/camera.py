@@ -90,12 +90,11 @@ class Painter:
             lit = np.take(self._lit, hits.faces, mode="clip")
             np.copyto(pixels, lit, where=seen == 0)
             _add_textures(pixels, seen == 0, hits, self._still, np.eye(3))
-        for index in range(len(targets.surfaces)) if (seen > 0).any() else ():
+        for index in np.unique(seen[seen > 0]) - 1:
             mask = seen == index + 1
-            if mask.any():
-                surface, turn = targets.surfaces[index], targets.rotations[index]
-                pixels[mask] = _lit(surface, turn)[hits.faces[mask]]
-                _add_textures(pixels, mask, hits, surface, turn)
+            surface, turn = targets.surfaces[index], targets.rotations[index]
+            pixels[mask] = _lit(surface, turn)[hits.faces[mask]]
+            _add_textures(pixels, mask, hits, surface, turn)
         colors = np.empty((camera.height, camera.width, 3), np.uint8)
         for channel in range(3):  # faster than a copy of all at once
             colors[..., channel] = pixels.view(np.uint8)[channel::4].reshape(colors.shape[:2])

@@ -5,21 +5,28 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from onebot_description.description.description import Imu, Noise
+
 Floats = NDArray[np.float64]
 
 
 class Motion(NamedTuple):
-    """How a body moves, in its own axes."""
+    """How a body moves."""
 
-    linear: Floats  # (3,), velocity of its origin, m/s
-    angular: Floats  # (3,), rad/s
+    linear: Floats  # (3,), velocity of its origin in its own axes, m/s
+    angular: Floats  # (3,), likewise, rad/s
+    rotation: Floats  # (3, 3), of the body in the world
+
+
+def noises(sensor: Imu) -> tuple[Noise, ...]:
+    """Return the noise of each value that ``measure`` returns."""
+    return (*sensor.angular_velocity, *sensor.linear_acceleration)
 
 
 def measure(
     before: Motion | None,
     now: Motion,
     period: float,
-    body: Floats,
     mount: tuple[Floats, Floats],
     gravity: float,
 ) -> tuple[Floats, Floats]:
@@ -32,13 +39,18 @@ def measure(
         before: motion a period ago; None if it is not known, which counts as unchanged.
         now: motion.
         period: s.
-        body: rotation (3, 3) of the body in the world.
         mount: rotation (3, 3) and position (3,) of the sensor in the body.
         gravity: downwards, m/s^2.
     """
     turn, arm = mount
-    before = before or now
-    first, last = (each.linear + np.cross(each.angular, arm) for each in (before, now))
-    spin = (before.angular + now.angular) / 2.0
+    spin = now.angular
+    if before is None:
+        before = now
+    else:
+        # What it has turned, which is not by the mean of both velocities where they change.
+        turned = before.rotation.T @ now.rotation
+        skew = (turned - turned.T) / (2.0 * period)
+        spin = np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
+    first, last = (motion.linear + np.cross(motion.angular, arm) for motion in (before, now))
     acceleration = (last - first) / period + np.cross(spin, (first + last) / 2.0)
-    return turn.T @ now.angular, turn.T @ (acceleration + gravity * body[2])
+    return turn.T @ now.angular, turn.T @ (acceleration + gravity * now.rotation[2])

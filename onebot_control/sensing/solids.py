@@ -48,16 +48,16 @@ class Rounds(NamedTuple):
         radii, halves = np.array([shape[1:] for shape in shapes]).reshape(-1, 2).T
         return cls(poses[:, :3, :3].transpose(0, 2, 1), poses[:, :3, 3], radii, halves)
 
-    def distances(self, which: Integers, origin: Floats, directions: Floats) -> Floats:
+    def distances(self, which: Integers, origins: Singles, directions: Floats) -> Floats:
         """Return how far rays go to the surfaces of shapes; infinite where they miss them.
 
         Args:
             which: (N,) shapes.
-            origin: (3,) of all rays, in the solid's frame.
+            origins: (N, 3) of rays, in the solid's frame.
             directions: (N, 3), likewise; their lengths are the unit of distance.
         """
         turn = self.rotations[which]
-        o = np.einsum("nij,nj->ni", turn, origin - self.centers[which])
+        o = np.einsum("nij,nj->ni", turn, origins - self.centers[which])
         d = np.einsum("nij,nj->ni", turn, directions)
         radius, half = self.radii[which], self.halves[which]
         # |o + t d|^2 = r^2, of a cylinder without z.

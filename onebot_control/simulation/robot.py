@@ -13,7 +13,6 @@ from onebot_control.poses import Transform, Triple, conjugate, cross, rotate
 from onebot_control.simulation.engine import engine
 from onebot_control.simulation.loading import LoadedRobot, load_robot
 from onebot_control.simulation.rest_pose import RestPose
-from onebot_control.simulation.scene import SceneBodies
 from onebot_control.simulation.settings import RobotSpawn, checked_spawn_pose
 from onebot_description.description.description import Joint
 from onebot_description.errors import OneBotError, did_you_mean
@@ -100,17 +99,13 @@ class Robot:
         self._read_velocity = partial(engine.getBaseVelocity, body, client)
         self._targets = [0.0] * len(self.driven)
         self._efforts = [0.0] * len(self.joints)  # of the motors
+        self._recorded: list[float] = []  # the same of each physics step
         self._update(self._read_joints())
-
-    @property
-    def scene(self) -> SceneBodies | None:
-        """What stands around the robots."""
-        return self.world.scene
 
     @property
     def obstructed(self) -> bool:
         """Whether something other than the ground touches the robot."""
-        if len(self.world.robots) == 1 and self.scene is None:
+        if len(self.world.robots) == 1 and self.world.scene is None:
             return False
         own = {self.parts.body, self.parts.ground}
         points = engine.getContactPoints(self.parts.body, physicsClientId=self.world.client)
@@ -248,18 +243,14 @@ class Robot:
                 "finite; reset it"
             )
 
-    def begin(self) -> None:
-        """Prepare for physics steps: ``record_efforts`` after all but the last, then ``read``."""
-        self._recorded: list[float] = []
-
     def record_efforts(self) -> None:
-        """Record the efforts of the motors in a physics step."""
+        """Record the motors' efforts after a physics step; ``read`` adds those of the last one."""
         # Floats only: whole states of 100 robots would not fit into the processor's caches.
         for state in self._read_motors():
             self._recorded.append(state[_EFFORT])
 
     def read(self, steps: int) -> None:
-        """Read the state after the last of ``steps`` physics steps since ``begin``."""
+        """Read the state after ``steps`` physics steps."""
         states = self._read_joints()
         for number, row in enumerate(self._driven_rows):
             total = 0.0
@@ -267,6 +258,7 @@ class Robot:
             for effort in self._recorded[number :: len(self._driven_rows)]:
                 total += effort
             self._efforts[row] = (total + states[row][_EFFORT]) / steps
+        self._recorded = []
         self._update(states)
 
     def _drive(self, targets: list[float]) -> None:

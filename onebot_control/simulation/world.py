@@ -79,8 +79,6 @@ class World:
         count = self.settings.steps(duration)
         self.check_usable()
         client, robots = self.client, self.robots
-        for robot in robots:
-            robot.begin()
         for _ in range(count - 1):
             engine.stepSimulation(client)
             for robot in robots:

@@ -109,16 +109,7 @@ def find_wheels(description: Description, turning: Mapping[str, Axle], tyres: Ty
     if len(sets) > 1:
         sets = [alike for alike in sets if not any(map(_is_passive, alike))] or sets
     if len(sets) != 1:
-        if sets:
-            names = " or ".join(", ".join(wheel.name for wheel in alike) for alike in sets)
-            reason = f"it is not clear which of its wheels drive it: {names}"
-        elif rolling and not wheels:
-            names = ", ".join(f'"{swivel.name}"' for swivel in swivels.values() if swivel)
-            reason = f"all of its wheels swivel, by joint {names}"
-        else:
-            text = "no wheel on the left that has its like on the right"
-            reason = f"{text} was found among its joints"
-        raise _not_driven(description, turning, reason)
+        raise _not_driven(description, turning, _why_not_one_set(sets, wheels, swivels))
     [drive] = sets
     if len(drive) > 2 and all(_has_rollers(description, wheel) for wheel in drive):
         reason = "by their names, its wheels are omnidirectional, with rollers around them"
@@ -126,6 +117,18 @@ def find_wheels(description: Description, turning: Mapping[str, Axle], tyres: Ty
     drive.sort(key=lambda wheel: -wheel.x)
     left = tuple(wheel.name for wheel in drive if wheel.y > 0.0)
     return DriveWheels(left, tuple(wheel.name for wheel in drive if wheel.y < 0.0))
+
+
+def _why_not_one_set(
+    sets: Sequence[Sequence[_Wheel]], wheels: Sequence[_Wheel], swivels: Mapping[str, Joint | None]
+) -> str:
+    if sets:
+        names = " or ".join(", ".join(wheel.name for wheel in alike) for alike in sets)
+        return f"it is not clear which of its wheels drive it: {names}"
+    if swivels and not wheels:
+        names = ", ".join(f'"{swivel.name}"' for swivel in swivels.values() if swivel)
+        return f"all of its wheels swivel, by joint {names}"
+    return "no wheel on the left that has its like on the right was found among its joints"
 
 
 def _check_steering(

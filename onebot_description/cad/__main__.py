@@ -30,11 +30,7 @@ _HEADER = """\
 
 
 def make_parts(dimensions: Dimensions) -> tuple[Part, ...]:
-    """Return the robot's parts.
-
-    Raises:
-        OneBotError: the base cannot have the wanted mass and centre of mass.
-    """
+    """Return the robot's parts."""
     makers = (make_base, make_wheel, make_fork, make_caster_wheel)
     return tuple(make(dimensions) for make in makers)
 
@@ -42,15 +38,8 @@ def make_parts(dimensions: Dimensions) -> tuple[Part, ...]:
 def write_robot(source: Path, folder: Path) -> dict[Path, str]:
     """Make the parts and write meshes/<part>.dae and config/inertials.yaml into ``folder``.
 
-    Args:
-        source: the file of dimensions.
-        folder: where meshes/ and config/ are; created if missing.
-
     Returns:
         The written files, with a comment on each.
-
-    Raises:
-        OneBotError: the dimensions are invalid.
     """
     dimensions = read_dimensions(source)
     parts = make_parts(dimensions)

@@ -114,15 +114,11 @@ def _section() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def solve_ballast(dimensions: Dimensions, rest: MassProperties, room: Manifold) -> MassProperties:
-    """Return the ballast that, with ``rest``, has the wanted mass and centre of mass.
-
-    Args:
-        dimensions: with mass and centre of mass of the base, and the block's size.
-        rest: everything else in the base.
-        room: the inside of the hull, which has to contain the block.
+    """Return the ballast that, with the ``rest``, has the wanted mass and centre of mass.
 
     Raises:
-        OneBotError: its mass would be negative, it would be denser than steel, or stick out.
+        OneBotError: its mass would be negative, it would be denser than steel, or stick out of the
+            ``room`` inside the hull.
     """
     mass = dimensions.base_mass - rest.mass
     if mass <= 0:
@@ -149,11 +145,7 @@ def solve_ballast(dimensions: Dimensions, rest: MassProperties, room: Manifold) 
 
 
 def make_base(dimensions: Dimensions) -> Part:
-    """Return the part "base_link".
-
-    Raises:
-        OneBotError: no ballast of the dimensions gives the wanted mass and centre of mass.
-    """
+    """Return the part "base_link"."""
     base = dimensions.base
     skin = hull(base)
     seen = (

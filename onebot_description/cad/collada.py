@@ -12,6 +12,7 @@ from collections.abc import Callable
 
 import collada
 import numpy as np
+import trimesh
 from collada.material import Effect, Material
 from collada.scene import GeometryNode, MaterialNode, Node, Scene
 from collada.source import FloatSource, InputList
@@ -31,49 +32,20 @@ _NORMAL_DIGITS = 3
 _DATE = datetime.datetime(2025, 1, 1, tzinfo=datetime.timezone.utc)
 
 
-def corner_normals(
-    points: NDArray[np.float64], faces: NDArray[np.int64], edge: float
-) -> NDArray[np.float64]:
-    """Return a normal for each corner of each face.
+def corner_normals(mesh: trimesh.Trimesh, edge: float) -> Floats:
+    """Return a normal for each corner of each face, (F, 3, 3), of unit length.
 
     A corner's normal is the mean, weighted by angle, of the normals of those faces around the point
-    that differ from the corner's own by less than ``edge``.
-
-    Args:
-        points: (P, 3), each position once.
-        faces: (F, 3), indices into points.
-        edge: radians.
-
-    Returns:
-        (F, 3, 3), of unit length.
+    that differ from the corner's own by less than ``edge``, rad.
     """
-    corners = points[faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    angles = _angles(corners)
-    around: list[list[tuple[int, int]]] = [[] for _ in points]
-    for face, corner in np.ndindex(faces.shape):
-        around[faces[face, corner]].append((face, corner))
-    result = np.empty((len(faces), 3, 3))
-    limit = np.cos(edge)
-    for places in around:
-        if not places:
-            continue
-        at_face, at_corner = np.array(places).T
-        local = normals[at_face]
-        near = local @ local.T > limit
-        mean = near.astype(float) @ (local * angles[at_face, at_corner][:, None])
+    result = np.empty((*mesh.faces.shape, 3))
+    for point in range(len(mesh.vertices)):
+        at_face, at_corner = np.nonzero(mesh.faces == point)
+        around = mesh.face_normals[at_face]
+        near = (around @ around.T > np.cos(edge)).astype(float)
+        mean = near @ (around * mesh.face_angles[at_face, at_corner][:, None])
         result[at_face, at_corner] = mean / np.linalg.norm(mean, axis=1, keepdims=True)
     return result
-
-
-def _angles(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the angle of each face at each of its corners: (F, 3), radians."""
-    onward = np.roll(corners, -1, axis=1) - corners
-    back = np.roll(corners, 1, axis=1) - corners
-    cosine = np.einsum("fci,fci->fc", onward, back)
-    cosine /= np.linalg.norm(onward, axis=2) * np.linalg.norm(back, axis=2)
-    return np.asarray(np.arccos(np.clip(cosine, -1.0, 1.0)))
 
 
 def to_collada(part: Part, colors: dict[str, Vector]) -> bytes:
@@ -141,8 +113,9 @@ def _skin(
     rounded = np.round(mesh.vertices, _LENGTH_DIGITS) + 0.0
     points, index = np.unique(rounded, axis=0, return_inverse=True)
     faces = index.reshape(-1)[mesh.faces]
-    faces = faces[_areas(points[faces]) > _MIN_AREA]
-    normals = corner_normals(points, faces, _EDGE)
+    mesh = trimesh.Trimesh(points, faces, process=False)
+    mesh.update_faces(mesh.area_faces > _MIN_AREA)
+    faces, normals = mesh.faces, corner_normals(mesh, _EDGE)
     if hidden is not None:
         shown = ~hidden(points)[faces].all(axis=1)
         faces, normals = faces[shown], normals[shown]
@@ -152,8 +125,3 @@ def _skin(
     )
     pairs = np.stack([index.reshape(-1), pointer.reshape(-1)], axis=-1)
     return points[used], directions, pairs.reshape(-1)
-
-
-def _areas(corners: Floats) -> Floats:
-    sides = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return np.asarray(np.linalg.norm(sides, axis=1) / 2)

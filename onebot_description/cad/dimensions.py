@@ -119,10 +119,6 @@ class Dimensions:
 
 
 def read_dimensions(path: Path) -> Dimensions:
-    """Read the file of dimensions.
-
-    Raises:
-        ConfigError: it cannot be read, or a key is missing, unknown or of the wrong type.
-    """
+    """Read the file of dimensions."""
     found = read_map(read_text(path), str(path))
     return read(Dimensions, found.values, found.places)

@@ -2,7 +2,8 @@
 
 Forking takes some milliseconds, but only a process without other threads may do it safely: what
 those hold, such as a lock of the loader, nobody would release in the child. A process with threads
-(a node) starts an interpreter instead, which takes a tenth of a second. The answer is JSON.
+(a node) starts an interpreter instead, which forks; that takes a tenth of a second. The answer is
+JSON.
 """
 
 import importlib
@@ -15,12 +16,10 @@ import select
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
-_PAGE = mmap.PAGESIZE
 # Isolated, so that no file of the folder that it runs in is imported in place of a module.
 _START = (
     "import sys; sys.path[:] = sys.argv[1].split('\\n');"
@@ -47,24 +46,17 @@ class BoundMet(Exception):
 class Place:
     """What the function works on at the moment; it outlives the function's process."""
 
-    def __init__(self, file: int | None = None) -> None:
-        self.file = os.memfd_create("place") if file is None else file
-        os.truncate(self.file, _PAGE)
-        self._page = mmap.mmap(self.file, _PAGE)
+    def __init__(self) -> None:
+        self._page = mmap.mmap(-1, mmap.PAGESIZE)  # shared by forks
 
     def note(self, text: str) -> None:
         """Replace the text."""
-        data = text.encode("utf-8", "replace")[: _PAGE - 1] + b"\0"
+        data = text.encode("utf-8", "replace")[: mmap.PAGESIZE - 1] + b"\0"
         self._page[: len(data)] = data
 
     def read(self) -> str:
         """Return the text noted last."""
         return self._page[:].partition(b"\0")[0].decode("utf-8", "replace")
-
-    def close(self) -> None:
-        """Release it."""
-        self._page.close()
-        os.close(self.file)
 
 
 def run_bounded(function: str, request: Any, bounds: Bounds) -> Any:
@@ -79,30 +71,68 @@ def run_bounded(function: str, request: Any, bounds: Bounds) -> Any:
         BoundMet: it did not.
         RuntimeError: it failed; its traceback is on stderr.
     """
+    start = _fork if len(os.listdir("/proc/self/task")) == 1 else _spawn
+    answer = json.loads(start(function, request, bounds))
+    if "met" in answer:
+        raise BoundMet(*answer["met"])
+    if "failed" in answer:
+        raise RuntimeError(answer["failed"])
+    return answer["result"]
+
+
+def _spawn(function: str, request: Any, bounds: Bounds) -> bytes:
+    """Return the answer of a new interpreter, whose ``main`` forks."""
+    import subprocess  # only now: most processes fork
+
+    path = "\n".join(filter(None, sys.path))
+    with subprocess.Popen(
+        [sys.executable, "-I", "-S", "-c", _START, path],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        start_new_session=True,  # Ctrl-C in a terminal is for the process that waits
+    ) as process:
+        try:
+            answer, _ = process.communicate(json.dumps([function, request, bounds]).encode())
+        except BaseException:
+            os.killpg(process.pid, signal.SIGKILL)  # and its fork
+            raise
+    return answer or json.dumps({"failed": f"the interpreter ended with {process.wait()}"}).encode()
+
+
+def main() -> None:
+    """Run what ``_spawn`` writes on stdin and answer on stdout."""
+    function, request, bounds = json.load(sys.stdin)
+    out = os.dup(1)
+    os.dup2(2, 1)  # what the function prints is no answer
+    answer = _fork(function, request, Bounds(*bounds))
+    with open(out, "wb") as file:
+        file.write(answer)
+
+
+def _fork(function: str, request: Any, bounds: Bounds) -> bytes:
+    """Return the answer of a fork of this process."""
     place = Place()
+    answers, out = os.pipe()
+    child = os.fork()
+    if not child:
+        _in_child(function, request, bounds, place, out)
+    os.close(out)
+    answer = None
     try:
-        start = _fork if len(os.listdir("/proc/self/task")) == 1 else _spawn
-        with start(function, request, bounds, place) as (answers, wait):
-            data = _read(answers, time.monotonic() + bounds.wall)
-            if data is None:
-                raise BoundMet(f"{bounds.wall:g} s", place.read())
-            return _result(data, wait(), bounds, place)
+        answer = _read(answers, time.monotonic() + bounds.wall)
     finally:
-        place.close()
-
-
-def _result(data: bytes, code: int, bounds: Bounds, place: Place) -> Any:
-    """The function's result, from its answer and the exit code of its process."""
-    if code == -signal.SIGXCPU:
-        raise BoundMet(f"{bounds.processor} s of processor time", place.read())
-    if code == -signal.SIGKILL:
-        raise BoundMet("the memory of this computer", place.read())
-    answer = json.loads(data) if data and code == 0 else {}
-    if "result" in answer:
-        return answer["result"]
-    if "memory" in answer:
-        raise BoundMet(f"{bounds.memory / 1e9:g} GB of memory", place.read())
-    raise RuntimeError(f"the process of {place.read() or 'a bounded function'} ended with {code}")
+        os.close(answers)
+        if answer is None:
+            os.kill(child, signal.SIGKILL)
+        code = _exit_code(child)
+    if answer and code == 0:
+        return answer
+    met = {-signal.SIGXCPU: f"{bounds.processor} s of processor time"}
+    met[-signal.SIGKILL] = f"{bounds.wall:g} s" if answer is None else "the memory of this computer"
+    if code in met:
+        return json.dumps({"met": [met[code], place.read()]}).encode()
+    text = f"the process of {place.read() or 'a bounded function'} ended with {code}"
+    return json.dumps({"failed": text}).encode()
 
 
 def _read(file: int, deadline: float) -> bytes | None:
@@ -119,70 +149,11 @@ def _read(file: int, deadline: float) -> bytes | None:
     return None
 
 
-_Started = Iterator[tuple[int, Callable[[], int]]]
-
-
-@contextmanager
-def _fork(function: str, request: Any, bounds: Bounds, place: Place) -> _Started:
-    """Start the function in a fork; gives where its answer comes and what waits for its end."""
-    answers, out = os.pipe()
-    child = os.fork()
-    if not child:
-        _in_child(function, request, bounds, place, out)
-    os.close(out)
-    codes: list[int] = []
-
-    def wait() -> int:
-        if not codes:
-            codes.append(_exit_code(child))
-        return codes[0]
-
-    try:
-        yield answers, wait
-    finally:
-        os.close(answers)
-        if not codes:
-            os.kill(child, signal.SIGKILL)
-            wait()
-
-
 def _exit_code(child: int) -> int:
     try:
         return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
     except ChildProcessError:  # this process ignores SIGCHLD, and its children leave no code
         return 0
-
-
-@contextmanager
-def _spawn(function: str, request: Any, bounds: Bounds, place: Place) -> _Started:
-    """Start the function in a new interpreter, as ``_fork`` does in a fork."""
-    import subprocess  # only now: most processes fork
-
-    call = json.dumps([function, request, bounds, place.file]).encode()
-    path = "\n".join(filter(None, sys.path))
-    with subprocess.Popen(
-        [sys.executable, "-I", "-S", "-c", _START, path],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        pass_fds=[place.file],
-        start_new_session=True,  # Ctrl-C in a terminal is for the process that waits
-    ) as process:
-        assert process.stdin is not None and process.stdout is not None
-        try:
-            with suppress(BrokenPipeError):  # it has failed; its code says so
-                process.stdin.write(call)
-                process.stdin.close()
-            yield process.stdout.fileno(), process.wait
-        finally:
-            process.kill()
-
-
-def main() -> NoReturn:
-    """Run what ``_spawn`` writes on stdin and answer on stdout."""
-    function, request, bounds, place = json.load(sys.stdin)
-    out = os.dup(1)
-    os.dup2(2, 1)  # what the function prints is no answer
-    _in_child(function, request, Bounds(*bounds), Place(place), out)
 
 
 def _in_child(function: str, request: Any, bounds: Bounds, place: Place, out: int) -> NoReturn:
@@ -193,7 +164,7 @@ def _in_child(function: str, request: Any, bounds: Bounds, place: Place, out: in
             signal.signal(number, signal.SIG_DFL)
         signal.alarm(math.ceil(bounds.wall) + 1)  # should the process that waits be gone
         _limit(bounds)
-        answer = _answer(function, request, place)
+        answer = _answer(function, request, bounds, place)
         with suppress(BrokenPipeError), open(out, "wb") as file:  # Ctrl-C has ended who waits
             file.write(answer)
         code = 0
@@ -203,13 +174,14 @@ def _in_child(function: str, request: Any, bounds: Bounds, place: Place, out: in
         os._exit(code)  # nothing of the parent's is flushed or closed
 
 
-def _answer(function: str, request: Any, place: Place) -> bytes:
+def _answer(function: str, request: Any, bounds: Bounds, place: Place) -> bytes:
     module, _, name = function.partition(":")
     try:
         result = getattr(importlib.import_module(module), name)(request, place)
         return json.dumps({"result": result}).encode()
     except MemoryError:
-        return b'{"memory": true}'
+        met = f"{bounds.memory / 1e9:g} GB of memory"
+    return json.dumps({"met": [met, place.read()]}).encode()
 
 
 def _limit(bounds: Bounds) -> None:

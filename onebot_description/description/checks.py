@@ -4,23 +4,14 @@ Names, the tree of links, joints that follow others, masses, mesh files, materia
 attributes that are not part of URDF, and xacro that is not expanded.
 """
 
+import math
 import re
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 
-from onebot_description.description.description import (
-    MOVING_KINDS,
-    Inertial,
-    Joint,
-    Material,
-    Moments,
-)
-from onebot_description.description.reading import (
-    Element,
-    Findings,
-    local_name,
-)
+from onebot_description.description.description import MOVING_KINDS, Inertial, Joint, Material
+from onebot_description.description.reading import ELEMENTS, Element, Findings, local_name
 from onebot_description.description.xml import XACRO_NAMESPACES
 from onebot_description.errors import OneBotError, listing
 
@@ -29,11 +20,7 @@ _FORMATS = {"sdf": "SDF", "COLLADA": "COLLADA", "mujoco": "MJCF"}
 
 
 def check_root(findings: Findings) -> None:
-    """Check that the document is a robot and has a name; of another element take the robot in it.
-
-    Raises:
-        DescriptionError: it is not a robot, so that nothing else can be checked.
-    """
+    """Check that the document is a robot with a name; of another element take the robot in it."""
     document = findings.document
     outer, root = document.root, document.root
     if outer.tag != "robot":
@@ -84,16 +71,9 @@ def check_tree(
     links: Mapping[str, Element],
     ends: Mapping[str, tuple[str, str]],
 ) -> str:
-    """Check that the links are one tree.
+    """Check that the links are one tree, of which ``ends`` has each joint's parent and child.
 
-    Args:
-        findings: takes the problems.
-        joints: the joint elements by name.
-        links: the link elements by name.
-        ends: parent and child link of each joint.
-
-    Returns:
-        The root link, the first one of a robot in parts; "" if there is none.
+    Returns the root link: the first one of a robot in parts, "" if there is none.
     """
     if not links:
         findings.error(
@@ -150,8 +130,7 @@ def check_mimics(
 ) -> set[str]:
     """Check that each joint that mimics one ends at another that moves by itself.
 
-    Returns:
-        The joints that follow nothing, themselves, a circle, or one that has no position.
+    Returns the joints that follow nothing, themselves, a circle, or one that has no position.
     """
     masters = {name: joint.mimic.joint for name, joint in joints.items() if joint.mimic}
     moving = [name for name, joint in joints.items() if joint.kind in MOVING_KINDS]
@@ -193,10 +172,7 @@ def check_inertial(findings: Findings, link: Element, inertial: Inertial) -> Non
     assert mass is not None and inertia is not None  # the inertial was read from them
     if inertial.mass == 0:
         findings.warning(mass, "the mass is 0; a simulation takes a base of mass 0 for fixed")
-    _check_inertia(findings, inertia, inertial.inertia)
-
-
-def _check_inertia(findings: Findings, inertia: Element, moments: Moments) -> None:
+    moments = inertial.inertia
     largest = max(map(abs, moments))
     if largest == 0:
         findings.warning(inertia, "the inertia is zero; a simulation cannot turn such a link")
@@ -206,36 +182,36 @@ def _check_inertia(findings: Findings, inertia: Element, moments: Moments) -> No
         if moment < rounded:
             findings.problem(inertia, f'{name}="{moment:g}" is negative; it must not be')
             return
-    xx, xy, xz, yy, yz, zz = matrix = tuple(value / largest for value in moments)
-    if _is_positive_definite(*matrix) and _is_positive_definite(*_room(*matrix)):
-        return
-    import numpy as np  # only now: it takes longer to import than all that is done here
-
-    least, middle, greatest = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    least, middle, greatest = _principal_moments(*(value / largest for value in moments))
     if least <= 0:
         text = f"the inertia is not positive definite (least moment {least * largest:.3g} kg m2)"
         findings.warning(inertia, f"{text}; no real body has such moments")
     elif greatest > (least + middle) * (1 + _INERTIA_ROUNDING):
-        shown = ", ".join(f"{value * largest:.3g}" for value in (least, middle, greatest))
+        values = ", ".join(f"{value * largest:.3g}" for value in (least, middle, greatest))
         findings.warning(
-            inertia, f"of the moments {shown} one exceeds the sum of the others; no body has such"
+            inertia, f"of the moments {values} one exceeds the sum of the others; no body has such"
         )
 
 
-def _is_positive_definite(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float) -> bool:
-    """Whether a symmetric matrix is, by Sylvester's criterion: its leading minors are positive."""
-    second = xx * yy - xy * xy
-    third = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)
-    return xx > 0 and second > 0 and third > 0
+def _principal_moments(
+    xx: float, xy: float, xz: float, yy: float, yz: float, zz: float
+) -> tuple[float, float, float]:
+    """Return the eigenvalues of a symmetric matrix of numbers up to 1, the least first.
 
-
-def _room(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float) -> Moments:
-    """Return t - M, which is positive definite if no moment exceeds the sum of the others.
-
-    a <= (b + c) (1 + r), and with the trace T, a <= (T - a) (1 + r): a <= T (1 + r) / (2 + r) = t.
+    O. K. Smith, "Eigenvalues of a symmetric 3 x 3 matrix", Communications of the ACM 4 (4), 1961.
+    NumPy has them, too, but takes longer to import than all that is done here.
     """
-    most = (xx + yy + zz) * (1 + _INERTIA_ROUNDING) / (2 + _INERTIA_ROUNDING)
-    return most - xx, -xy, -xz, most - yy, -yz, most - zz
+    mean = (xx + yy + zz) / 3
+    a, b, c = xx - mean, yy - mean, zz - mean
+    spread = math.sqrt((a * a + b * b + c * c + 2 * (xy * xy + xz * xz + yz * yz)) / 6)
+    determinant = a * (b * c - yz * yz) - xy * (xy * c - yz * xz) + xz * (xy * yz - b * xz)
+    cosine = determinant / (2 * spread**3) if spread > 1e-12 else 1.0
+    angle = math.acos(max(-1.0, min(1.0, cosine))) / 3
+    greatest = mean + 2 * spread * math.cos(angle)
+    least = mean + 2 * spread * math.cos(angle + 2 * math.pi / 3)
+    values = (round(value, 12) + 0.0 for value in (least, 3 * mean - greatest - least, greatest))
+    least, middle, greatest = values
+    return least, middle, greatest
 
 
 def check_meshes(findings: Findings) -> None:
@@ -318,32 +294,6 @@ EXTENSIONS = frozenset(
     "self_collision_checking verbose calibration safety_controller loop_joint model".split()
 )
 
-# element: (children, attributes)
-_SCHEMA = {
-    "robot": ("link joint material", "name version"),
-    "link": ("inertial visual collision", "name type"),
-    "joint": ("origin parent child axis limit dynamics mimic", "name type"),
-    "inertial": ("origin mass inertia", ""),
-    "visual": ("origin geometry material", "name"),
-    "collision": ("origin geometry", "name group concave"),
-    "geometry": ("box cylinder sphere mesh", ""),
-    "material": ("color texture", "name"),
-    "origin": ("", "xyz rpy"),
-    "mass": ("", "value"),
-    "inertia": ("", "ixx ixy ixz iyy iyz izz"),
-    "box": ("", "size"),
-    "cylinder": ("", "radius length"),
-    "sphere": ("", "radius"),
-    "mesh": ("", "filename scale"),
-    "color": ("", "rgba"),
-    "texture": ("", "filename"),
-    "parent": ("", "link"),
-    "child": ("", "link"),
-    "axis": ("", "xyz"),
-    "limit": ("", "lower upper effort velocity acceleration jerk deceleration"),
-    "dynamics": ("", "damping friction"),
-    "mimic": ("", "joint multiplier offset"),
-}
 _SINGLE = frozenset(
     "origin geometry material mass inertia inertial parent child axis limit mimic dynamics".split()
 )
@@ -381,9 +331,9 @@ def check_schema(findings: Findings) -> None:
 
 def _check_child(findings: Findings, element: Element, child: Element) -> None:
     """Warn if ``child`` is not known inside ``element``."""
-    if element.tag not in _SCHEMA or element.tag == "geometry":
+    if element.tag not in ELEMENTS or element.tag == "geometry":
         return  # unknown itself, so already reported, or checked with the shapes
-    children = _SCHEMA[element.tag][0].split()
+    children = ELEMENTS[element.tag].children.split()
     if child.tag not in children:
         hint = findings.hint(child.tag, children, "known here") if children else ""
         findings.warning(child, f"unknown inside <{element.tag}>, so it is ignored{hint}")
@@ -393,7 +343,7 @@ def _check_attributes(
     findings: Findings, element: Element, leftovers: list[tuple[Element, str]]
 ) -> None:
     """Warn of unknown attributes and collect xacro expressions."""
-    known = _SCHEMA[element.tag][1].split() if element.tag in _SCHEMA else None
+    known = ELEMENTS[element.tag].attributes if element.tag in ELEMENTS else None
     for name, value in element.attrib.items():
         if left := _XACRO_LEFT.search(value):
             leftovers.append((element, f'{name}="{left[0]}"'))
@@ -408,7 +358,7 @@ def _check_attributes(
 
 def _check_repeats(findings: Findings, element: Element) -> None:
     """Report second elements where only one makes sense; readers differ in which they take."""
-    if len(element) < 2 or element.tag not in _SCHEMA or element.tag == "robot":
+    if len(element) < 2 or element.tag not in ELEMENTS or element.tag == "robot":
         return
     for tag, count in Counter(child.tag for child in element).items():
         if tag in _SINGLE and count > 1:

@@ -245,20 +245,12 @@ class Description:
         return (*self.problems, *self.warnings)
 
     def raise_problems(self) -> None:
-        """Refuse the description if anything in it is wrong.
-
-        Raises:
-            DescriptionError: all problems at once, with the warnings.
-        """
+        """Raise a DescriptionError with all problems and warnings, if there are problems."""
         if self.problems:
             raise DescriptionError(self.problems, self.warnings)
 
     def require_tree(self) -> None:
-        """Refuse a robot in parts, which TF cannot have.
-
-        Raises:
-            DescriptionError: the roots of the parts.
-        """
+        """Raise a DescriptionError if the robot is in parts, which TF cannot have."""
         if len(self.roots) > 1:
             raise DescriptionError(
                 [

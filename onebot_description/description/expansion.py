@@ -16,7 +16,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from types import FrameType
 from typing import Any
-from xml.dom import minidom
+from xml.dom import minicompat, minidom
 
 import xacro
 from simpleeval import FunctionNotDefined, NameNotDefined
@@ -43,11 +43,7 @@ _DEEP = 50  # calls in calls; nobody means so many
 
 
 def expand_file(request: dict[str, Any], place: Place) -> dict[str, Any]:
-    """Run xacro on a file.
-
-    Args:
-        request: ``path`` of the file, absolute, and the ``arguments`` given.
-        place: takes the place of the element that is expanded.
+    """Run xacro on the file ``path`` of a request with its ``arguments``.
 
     Returns:
         ``problems``, and ``arguments``, the names of those that the files declare or use; without
@@ -92,9 +88,6 @@ class _CopyPlaces:
 
     Places are where an element was written and, if that is in a macro, where it is called, where
     the macro with that call is called, and so on.
-
-    Attributes:
-        call: the places of the macro call whose body is about to be cloned.
     """
 
     def __init__(self) -> None:
@@ -105,6 +98,25 @@ class _CopyPlaces:
         clone.setUserData(key, (data + self.call)[:_MOST_PLACES], self)
         if source.parentNode is None:
             self.call = ()  # that was the macro's whole body
+
+
+class _Children(minicompat.NodeList[Any]):
+    """The children of an element, each searched for from where the last one was.
+
+    Else xacro and minidom take the square of their number, of macro calls in particular.
+    """
+
+    _last = 0
+
+    def index(self, node: Any, *_: Any) -> int:
+        try:
+            self._last = super().index(node, max(self._last - 2, 0))
+        except ValueError:
+            self._last = super().index(node)
+        return self._last
+
+    def remove(self, node: Any) -> None:
+        del self[self.index(node)]
 
 
 class _Run:
@@ -123,6 +135,7 @@ class _Run:
         for name in ("open", "parse", "message", "warning", "error", "print_location"):
             setattr(xacro, name, getattr(self, name))
         xacro.handle_macro_call = self.handle_macro_call
+        setattr(minidom, "NodeList", _Children)  # noqa: B010 (which elements are made with)
         xacro.safe_eval = evaluate
         # Private: of $(find ...) and $(eval ...), and the latter's names.
         substitution_args._eval_find = self.find
@@ -138,7 +151,6 @@ class _Run:
         xacro.substitution_args_context["filename"] = file
 
     def parse(self, source: Any, filename: str | None = None) -> minidom.Document:
-        """Replace ``xacro.parse``: scans first and notes places."""
         if source is not None or filename is None:
             raise DescriptionError(["xacro: only files can be included"])
         path = Path(filename).absolute()
@@ -157,25 +169,21 @@ class _Run:
         return document
 
     def open(self, filename: str) -> io.BytesIO:
-        """Replace ``open``, with which xacro reads YAML."""
         return io.BytesIO(xml.read_bytes(Path(filename)))
 
     def message(self, *words: object, **_: object) -> None:
-        """Replace ``xacro.message``, which a file calls to print something."""
         print(printable(" ".join(map(str, words))), file=sys.stderr)
 
     def warning(self, *words: object, **_: object) -> None:
-        """Replace ``xacro.warning``: collects instead of printing."""
         stack = xacro.filestack
         place = f"{shown_path(stack[-1])}: " if stack and stack[-1] else ""
         self.warnings.append(place + "xacro: " + " ".join(" ".join(map(str, words)).split()))
 
     def error(self, *words: object, **_: object) -> None:
-        """Replace ``xacro.error``, which a file calls without meaning to stop."""
         self.warning(*words)
 
     def print_location(self, *_: object, **__: object) -> None:
-        """Replace ``xacro.print_location``: places are in the messages already."""
+        """Print nothing: places are in the messages already."""
 
     def handle_macro_call(self, node: Any, macros: Any, symbols: Any) -> bool:
         """Replace ``xacro.handle_macro_call``, which is called for every element: notes places."""
@@ -210,13 +218,7 @@ class _Run:
 def explain(error: Exception, path: Path, arguments: Iterable[str]) -> str:
     """Return the message for what xacro raised while it processed ``path``.
 
-    Args:
-        error: what was raised.
-        path: the file xacro was started on.
-        arguments: the names of the arguments the files declare.
-
-    Raises:
-        MemoryError: that is what it was.
+    ``arguments`` are those that the files declare. A MemoryError is raised again.
     """
     chain = _chain(error)
     if isinstance(chain[-1], MemoryError):
@@ -238,43 +240,44 @@ def _chain(error: Exception) -> list[Exception]:
 def _cause(chain: list[Exception], frames: list[FrameType], arguments: list[str]) -> str:
     """The message without its place."""
     inner = chain[-1]
-    expression = _expression(chain)
     if isinstance(inner, OneBotError):
         return str(inner)
     if isinstance(inner, RecursionError):
         return _recursing(frames)
     if isinstance(inner, FileNotFoundError) and inner.filename:
         return missing_file(Path(str(inner.filename)))
-    if isinstance(inner, _UNKNOWN) and (name := re.search(r"'(.+?)'", str(inner))):
+    if type(inner).__name__ == "ArgException":
+        return _argument_without_value(str(inner), frames, arguments)
+    text = " ".join(str(inner).split()) or repr(inner)
+    expression = _expression(chain)
+    if isinstance(inner, _UNKNOWN) and (name := re.search(r"'(.+?)'", text)):
         hint = did_you_mean(name[1], _names(frames, "symbols"), "defined")
         where = f" in ${{{expression}}}" if expression else ""
         return f'unknown property "{name[1]}"{where}{hint}'
-    if type(inner).__name__ == "ArgException":
-        if str(inner) in arguments:
-            nodes = [node for frame in frames if (node := _node(frame)) is not None]
-            # Nothing can stand above the outermost element.
-            in_root = nodes and nodes[-1].parentNode is nodes[-1].ownerDocument
-            above = f'move its <xacro:arg name="{inner}"> above'
-            remedy = f"give {inner}:=VALUE" if in_root else above
-            return f'argument "{inner}" has no value here; {remedy}'
-        hint = did_you_mean(str(inner), arguments, "declared")
-        return (
-            f'argument "{inner}" has no value{hint}; give {inner}:=<value>, '
-            f'or declare <xacro:arg name="{inner}" default="..."/>'
-        )
-    text = " ".join(str(inner).split()) or repr(inner)
-    if unknown := re.match(r"unknown macro name: xacro:(.+)", text):
-        hint = did_you_mean(unknown[1], _names(frames, "macros"), "defined")
-        return f'unknown macro "{unknown[1]}"{hint}'
+    if macro := re.match(r"unknown macro name: xacro:(.+)", text):
+        hint = did_you_mean(macro[1], _names(frames, "macros"), "defined")
+        return f'unknown macro "{macro[1]}"{hint}'
+    if lack := re.match(r"(.+): missing attribute (.+)", text):
+        return f"<{lack[1]}> has no attribute {lack[2]}"
     if macros := getattr(inner, "macros", None):
         text = f'macro "{macros[0].body.getAttribute("name")}": {text}'
-    if isinstance(inner, RuntimeError) and (
-        lack := re.match(r"(.+): missing attribute (.+)", text)
-    ):
-        return f"<{lack[1]}> has no attribute {lack[2]}"
     if expression and not hasattr(inner, "suffix"):
         return f"cannot evaluate ${{{expression}}}: {text}"
     return f"xacro: {text}"
+
+
+def _argument_without_value(name: str, frames: list[FrameType], arguments: list[str]) -> str:
+    if name not in arguments:
+        hint = did_you_mean(name, arguments, "declared")
+        return (
+            f'argument "{name}" has no value{hint}; give {name}:=<value>, '
+            f'or declare <xacro:arg name="{name}" default="..."/>'
+        )
+    nodes = [node for frame in frames if (node := _node(frame)) is not None]
+    # Nothing can stand above the outermost element.
+    in_root = nodes and nodes[-1].parentNode is nodes[-1].ownerDocument
+    remedy = f"give {name}:=VALUE" if in_root else f'move its <xacro:arg name="{name}"> above'
+    return f'argument "{name}" has no value here; {remedy}'
 
 
 def _expression(chain: list[Exception]) -> str:

@@ -34,11 +34,7 @@ _OPERATORS = {**simpleeval.DEFAULT_OPERATORS, ast.Pow: operator.pow}  # 1e7**2 i
 
 
 def evaluate(expression: str, names: Mapping[str, Any]) -> Any:
-    """Return the value of ``expression``.
-
-    Args:
-        expression: of Python's grammar.
-        names: what it can use; looked up as it is needed.
+    """Return the value of an expression, which looks ``names`` up as it needs them.
 
     Raises:
         simpleeval.InvalidExpression: it holds something that is refused.

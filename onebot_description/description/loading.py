@@ -1,7 +1,7 @@
 """From a file or a text to a Description."""
 
 import os
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -82,12 +82,8 @@ class SensorFile(NamedTuple):
     files: tuple[Path, ...]  # that were read
 
 
-def load_sensors(source: str | Path, links: Collection[str]) -> SensorFile:
+def load_sensors(source: str | Path, robot: Description) -> SensorFile:
     """Read a URDF or xacro file whose root holds ``<gazebo reference="LINK">`` blocks.
-
-    Args:
-        source: as for ``load_description``.
-        links: names of the robot's links.
 
     Raises:
         DescriptionError: it cannot be read or expanded, or holds no sensor.
@@ -96,11 +92,11 @@ def load_sensors(source: str | Path, links: Collection[str]) -> SensorFile:
     document, files, warnings = _read(path, {})
     _drop_namespace(document)
     findings = Findings(document)
-    sensors, bad = read_sensors(findings, links)
+    sensors, bad = read_sensors(findings, robot.link_names, robot.joints)
     if not sensors and not bad:
         text = 'holds no sensor; write <robot><gazebo reference="LINK"><sensor name="" type="">'
         raise DescriptionError([f"{document.shown}: {text}"])
-    notices = (*map(printable, warnings), *findings.texts("problem", "warning"))
+    notices = (*map(printable, warnings), *findings.of("problem", "warning"))
     return SensorFile(sensors, bad, condensed(notices), files)
 
 
@@ -175,7 +171,7 @@ def _check(
             check_inertial(findings, element, link.inertial)
     check_materials(findings, materials)
     check_schema(findings)
-    sensors, bad_sensors = read_sensors(findings, links)
+    sensors, bad_sensors = read_sensors(findings, links, joints.values())
     findings.raise_errors(warnings)
     return Description(
         urdf=xml.to_text(findings.document.root),
@@ -185,8 +181,8 @@ def _check(
         root_link=root_link,
         links=tuple(read[element] for element in links.values()),
         joints=tuple(joints.values()),
-        problems=condensed(findings.texts("problem")),
-        warnings=condensed([*map(printable, warnings), *findings.texts("warning")]),
+        problems=condensed(findings.of("problem")),
+        warnings=condensed([*map(printable, warnings), *findings.of("warning")]),
         places=tuple(map(findings.where, document.root.iter())),
         sensors=sensors,
         bad_sensors=bad_sensors,

@@ -30,10 +30,6 @@ _MATERIAL = re.compile(rb"^\s*usemtl\s", re.MULTILINE)
 def mesh_scene(mesh: Mesh, *, materials: bool = True) -> "trimesh.Scene":
     """Return the surfaces of a mesh file, in metres, unscaled.
 
-    Args:
-        mesh: names the file.
-        materials: read how they look, too.
-
     Raises:
         OneBotError: it cannot be read, or holds no triangles.
     """
@@ -64,20 +60,12 @@ def surfaces(scene: "trimesh.Scene") -> list[Any]:
 
 
 def mesh_corners(mesh: Mesh) -> "NDArray[np.float64]":
-    """Return the corners (N, 3) of all triangles of a mesh file, in metres, unscaled.
-
-    Raises:
-        OneBotError: it cannot be read, or holds no triangles.
-    """
+    """Return the corners (N, 3) of all triangles of a mesh file, in metres, unscaled."""
     return read_mesh(mesh)[0]
 
 
 def read_mesh(mesh: Mesh) -> "tuple[NDArray[np.float64], NDArray[np.intp]]":
-    """Return the corners (N, 3) of a mesh file, m, unscaled, and its triangles (M, 3) of them.
-
-    Raises:
-        OneBotError: it cannot be read, or holds no triangles.
-    """
+    """Return the corners (N, 3) of a mesh file, m, unscaled, and its triangles (M, 3) of them."""
     import numpy as np
 
     parts = surfaces(mesh_scene(mesh, materials=False))

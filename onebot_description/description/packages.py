@@ -31,6 +31,7 @@ _ROS_PATH = "ROS_PACKAGE_PATH"
 _AMENT_PATH = "AMENT_PREFIX_PATH"
 _DEEPEST = 4  # below a folder that is searched, which may be anybody's home
 _MOST_PACKAGES = 100  # of one description; the message about a missing one takes milliseconds
+_INDEX = "share/ament_index/resource_index/packages"  # in a prefix
 _NO_SOURCES = ("build", "node_modules", "__pycache__")
 
 
@@ -152,15 +153,7 @@ class Resources:
 
 
 def resolve(uri: str, folder: Path | None) -> Path:
-    """Return the path of the file that ``uri`` names, whether or not it is there.
-
-    Args:
-        uri: ``package://name/path``, ``file:///path`` or a path.
-        folder: of the file that names it, where relative paths start; None for text in no file.
-
-    Raises:
-        OneBotError: it names no file; the message says what to write.
-    """
+    """Return the path that ``Resources`` of the ``folder`` has for ``uri``."""
     return Resources(folder).locate(uri).path
 
 
@@ -189,25 +182,8 @@ def _file_uri(path: Path) -> str:
 # --- packages -----------------------------------------------------------------------------------
 
 
-def find_package(name: str, folder: Path | None = None) -> Path:
-    """Return the folder of a ROS package, installed or being worked on.
-
-    Args:
-        name: the package, as its package.xml has it.
-        folder: of the file that names it, whose source tree is searched too.
-
-    Raises:
-        OneBotError: there is no such package; the message says where it was looked for.
-    """
-    return Resources(folder).package(name)
-
-
 def use_package_path(folders: str) -> None:
-    """Look for packages in ``folders`` (joined by ``:``) first, here and in child processes.
-
-    Raises:
-        OneBotError: there is no such folder.
-    """
+    """Look for packages in ``folders`` (joined by ``:``) first, here and in child processes."""
     wanted = [Path(entry).expanduser().absolute() for entry in folders.split(os.pathsep) if entry]
     for folder in wanted:
         if not folder.is_dir():
@@ -229,26 +205,11 @@ def use_environment_prefix() -> None:
 
 
 def package_share(name: str) -> Path:
-    """Return the share folder of the installed ROS package ``name``.
-
-    Raises:
-        OneBotError: no prefix holds a package of that name.
-    """
+    """Return the share folder of the installed ROS package ``name``."""
     found = _in_index(name)
     if found is None:
         raise _missing(name, None)
     return found
-
-
-def package_names() -> list[str]:
-    """Return the names of all installed ROS packages, sorted."""
-    use_environment_prefix()
-    names: set[str] = set()
-    for prefix in _entries(_AMENT_PATH):
-        index = Path(prefix) / "share/ament_index/resource_index/packages"
-        if index.is_dir():
-            names.update(entry.name for entry in index.iterdir())
-    return sorted(names)
 
 
 def _entries(variable: str) -> list[str]:
@@ -264,7 +225,7 @@ def _in_index(name: str) -> Path | None:
     """The share folder of a package in an ament index."""
     use_environment_prefix()
     for prefix in _entries(_AMENT_PATH):
-        if os.path.isfile(f"{prefix}/share/ament_index/resource_index/packages/{name}"):
+        if os.path.isfile(f"{prefix}/{_INDEX}/{name}"):
             # Resolved, so that messages name the checkout's file and not a link to it.
             return (Path(prefix) / "share" / name).resolve()
     return None
@@ -341,7 +302,9 @@ def _similar(name: str) -> str | None:
 
     Else every missing robot's package, <robot>_description, would be taken for one of ours.
     """
-    guess = nearest(name, package_names())
+    indices = (Path(prefix, _INDEX) for prefix in _entries(_AMENT_PATH))
+    packages = [entry.name for index in indices if index.is_dir() for entry in index.iterdir()]
+    guess = nearest(name, packages)
     stem, underscore, ending = name.rpartition("_")
     if guess and underscore and guess.endswith(end := f"_{ending}"):
         return guess if nearest(stem, [guess.removesuffix(end)]) else None
@@ -358,7 +321,7 @@ def _checkout_prefix() -> Path | None:
         return None
     digest = f"{zlib.crc32(os.fsencode(checkout)):08x}"
     prefix = cache_folder() / f"ament-{digest}"
-    index = prefix / "share/ament_index/resource_index/packages"
+    index = prefix / _INDEX
     index.mkdir(parents=True, exist_ok=True)
     for name in PACKAGES:
         (index / name).touch()
@@ -367,11 +330,7 @@ def _checkout_prefix() -> Path | None:
 
 
 def cache_folder() -> Path:
-    """Return a folder for files that can be made again: below HOME, or beside temporary files.
-
-    Raises:
-        OneBotError: neither can be written.
-    """
+    """Return a folder for files that can be made again: below HOME, or beside temporary files."""
     with contextlib.suppress(OSError, RuntimeError):  # no home, or one that cannot be written
         home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
         folder = Path(home, "onebot")

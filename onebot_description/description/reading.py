@@ -1,14 +1,15 @@
 """From XML elements to links and joints; whatever cannot be read becomes a finding.
 
 A finding names file, line, element and remedy. Reading goes on after each, so that one run shows
-all of them.
+all of them. ``ELEMENTS`` declares what URDF has: each element's children and attributes, and of
+those that are numbers how many, the default and the check.
 """
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 from xml.etree import ElementTree
 
 from onebot_description.description.description import (
@@ -25,7 +26,6 @@ from onebot_description.description.description import (
     Material,
     Mesh,
     Mimic,
-    Moments,
     Origin,
     Rgba,
     Shape,
@@ -39,7 +39,6 @@ from onebot_description.errors import DescriptionError, clipped, did_you_mean, l
 
 Element = ElementTree.Element
 
-_SHAPES = ("box", "cylinder", "sphere", "mesh")
 _AXIS_KINDS = (*MOVING_KINDS, "planar")
 _LIMITED_KINDS = ("revolute", "prismatic")
 _DEFAULT_AXIS: Triple = (1.0, 0.0, 0.0)
@@ -52,14 +51,6 @@ _MOST_DEGREES = 720  # of a joint's limit; what is more means no limit
 Severity = Literal["error", "problem", "warning"]
 
 
-class Finding(NamedTuple):
-    """What is wrong with one element."""
-
-    severity: Severity
-    element: Element
-    text: str  # with file, line and element in front
-
-
 class Findings:
     """What is wrong with one document.
 
@@ -69,59 +60,48 @@ class Findings:
 
     def __init__(self, document: Document) -> None:
         self.document = document
-        self.found: list[Finding] = []
+        self.texts: list[tuple[Severity, str]] = []  # with file, line and element in front
         self.resources = Resources(document.folder)
         self.meshes: list[tuple[Element, Mesh]] = []  # in the order they were read
         self._hints = 0
 
     def error(self, element: Element, text: str) -> None:
-        """Note that ``element`` leaves nothing that can be published."""
         self._add("error", element, text)
 
     def problem(self, element: Element, text: str) -> None:
-        """Note that ``element`` is wrong, and that the rest can be used without it."""
         self._add("problem", element, text)
 
     def warning(self, element: Element, text: str) -> None:
-        """Note that ``element`` works but is probably not what was meant."""
         self._add("warning", element, text)
 
     def _add(self, severity: Severity, element: Element, text: str) -> None:
         message = printable(clipped(f"{self.where(element)}: {self.label(element)}: {text}"))
-        self.found.append(Finding(severity, element, message))
+        self.texts.append((severity, message))
 
     def hint(
         self, name: str, candidates: Iterable[str], what: str = "known", without: str = ""
     ) -> str:
         """Return ``did_you_mean``, which takes time, unless it was asked for very often.
 
-        Args:
-            name: as ``did_you_mean`` has it.
-            candidates: likewise.
-            what: likewise.
-            without: a candidate that is not meant.
+        The candidate ``without`` is not meant.
         """
         self._hints += 1
         if self._hints > _MOST_HINTS:
             return ""
         return did_you_mean(name, [other for other in candidates if other != without], what)
 
-    def texts(self, *severities: Severity) -> tuple[str, ...]:
-        """Return the texts of the findings of these severities, in the order they were found."""
-        return tuple(finding.text for finding in self.found if finding.severity in severities)
+    def of(self, *severities: Severity) -> tuple[str, ...]:
+        """Return the findings of these severities, in the order they were found."""
+        return tuple(text for severity, text in self.texts if severity in severities)
 
     def raise_errors(self, warnings: Iterable[str] = ()) -> None:
         """Raise the errors, if there are any, with everything else that was found.
 
-        Args:
-            warnings: others, that are raised along.
-
         Raises:
             DescriptionError: all errors and problems, and the warnings, which may explain them.
         """
-        if self.texts("error"):
-            problems = self.texts("error", "problem")
-            raise DescriptionError(problems, (*warnings, *self.texts("warning")))
+        if self.of("error"):
+            raise DescriptionError(self.of("error", "problem"), (*warnings, *self.of("warning")))
 
     def where(self, element: Element) -> str:
         """Return where ``element`` was written, for example ``robot.urdf:12``."""
@@ -129,10 +109,10 @@ class Findings:
 
     def label(self, element: Element) -> str:
         """Return for example ``link "base" <visual> <box>``."""
-        inside = [other for other in self.path(element) if other is not self.document.root]
-        return " ".join(map(_short, reversed(inside or [element])))
+        path = [other for other in self._path(element) if other is not self.document.root]
+        return " ".join(map(_short, reversed(path or [element])))
 
-    def path(self, element: Element) -> Iterator[Element]:
+    def _path(self, element: Element) -> Iterator[Element]:
         """Yield ``element`` and those that it lies in, the root last."""
         current: Element | None = element
         while current is not None:
@@ -156,78 +136,176 @@ def _short(element: Element) -> str:
     return f'{tag} "{name}"' if name and tag != "visual" else f"<{tag}>"
 
 
-# What every URDF reader takes for a number. float() would also take "1_000", "nan" and Thai digits.
-_NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
-_NOT_FINITE = re.compile(r"[+-]?(?:nan|inf|infinity)", re.IGNORECASE)
+# ---- Checks of numbers: each reports what is wrong, and returns whether they can be used ----
 
 
-def read_numbers(
-    findings: Findings, element: Element, attribute: str, count: int, *, needed: bool = False
-) -> tuple[float, ...] | None:
-    """Return the numbers in an attribute; None if it is absent, or wrong (then reported).
+def _not_negative(findings: Findings, element: Element, name: str, values: Sequence[float]) -> bool:
+    if values[0] < 0:
+        findings.problem(element, f'{name}="{values[0]:g}" is negative; it must not be')
+    return values[0] >= 0
+
+
+def _mass(findings: Findings, element: Element, name: str, values: Sequence[float]) -> bool:
+    """A mass below zero is kept: the simulation refuses the robot by it."""
+    _not_negative(findings, element, name, values)
+    return True
+
+
+def _sizes(findings: Findings, element: Element, name: str, values: Sequence[float]) -> bool:
+    written = f'{name}="{element.get(name)}"'
+    if min(values) == 0:
+        findings.warning(element, f"{written} is zero; sizes are in m and above 0")
+    elif min(values) < 0:
+        findings.problem(element, f"{written} is negative; sizes are in m and above 0")
+    return min(values) >= 0
+
+
+def _scale(findings: Findings, element: Element, name: str, values: Sequence[float]) -> bool:
+    if 0 in values:
+        findings.warning(element, f'{name}="{element.get(name)}" flattens the mesh')
+    return True
+
+
+def _colors(findings: Findings, element: Element, name: str, values: Sequence[float]) -> bool:
+    if not all(0 <= value <= 1 for value in values):
+        written = f'{name}="{element.get(name)}"'
+        findings.problem(element, f"{written} leaves 0 to 1; divide values of 0 to 255 by 255")
+    return True
+
+
+def _radians(findings: Findings, element: Element, name: str, values: Sequence[float]) -> bool:
+    """Warn of angles that are probably in degrees, as they are above a turn."""
+    degrees = max(map(abs, values), default=0.0)
+    if degrees > _TURN:
+        radians = f"{math.radians(degrees):.4g}"
+        text = f"{degrees:g} is more than a turn; angles are in rad"
+        findings.warning(element, f"{text}: if it is in degrees, write {radians}")
+    return True
+
+
+# ---- What URDF has ----
+
+
+class Numbers(NamedTuple):
+    """An attribute that holds numbers."""
+
+    size: int = 1  # how many
+    default: float | Triple | None = None  # of an attribute that is not written
+    write: str = ""  # what to write where it lacks, with {} for its name; "": it need not be there
+    check: Callable[[Findings, Element, str, Sequence[float]], bool] | None = None
+
+
+class Content(NamedTuple):
+    """What an element holds."""
+
+    children: str = ""
+    texts: str = ""  # attributes
+    numbers: Mapping[str, Numbers] = {}  # likewise
+
+    @property
+    def attributes(self) -> tuple[str, ...]:
+        return (*self.texts.split(), *self.numbers)
+
+
+_NEEDED = Numbers(write='{}="..."')
+_SIZE = _NEEDED._replace(check=_sizes)
+_FORCE = _NEEDED._replace(check=_not_negative)
+ELEMENTS = {
+    "robot": Content("link joint material", "name version"),
+    "link": Content("inertial visual collision", "name type"),
+    "joint": Content("origin parent child axis limit dynamics mimic", "name type"),
+    "inertial": Content("origin mass inertia"),
+    "visual": Content("origin geometry material", "name"),
+    "collision": Content("origin geometry", "name group concave"),
+    "geometry": Content("box cylinder sphere mesh"),
+    "material": Content("color texture", "name"),
+    "origin": Content(
+        numbers={"xyz": Numbers(3, ZERO), "rpy": Numbers(3, ZERO, check=_radians)},  # m, rad
+    ),
+    "mass": Content(numbers={"value": _NEEDED._replace(check=_mass)}),  # kg
+    "inertia": Content(  # kg m^2
+        numbers=dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), _NEEDED)
+    ),
+    "box": Content(numbers={"size": Numbers(3, write='{}="x y z", in m', check=_sizes)}),
+    "cylinder": Content(numbers={"radius": _SIZE, "length": _SIZE}),  # m
+    "capsule": Content(numbers={"radius": _SIZE, "length": _SIZE}),
+    "sphere": Content(numbers={"radius": _SIZE}),
+    "mesh": Content("", "filename", {"scale": Numbers(3, (1.0, 1.0, 1.0), check=_scale)}),
+    "color": Content(
+        numbers={"rgba": Numbers(4, write='<color {}="red green blue alpha"/>', check=_colors)}
+    ),
+    "texture": Content("", "filename"),
+    "parent": Content("", "link"),
+    "child": Content("", "link"),
+    "axis": Content(numbers={"xyz": Numbers(3, write='for example <axis {}="0 0 1"/>')}),
+    "limit": Content(
+        "",
+        "acceleration jerk deceleration",
+        # rad or m, Nm or N, rad/s or m/s; an end that is not given is 0 by the specification.
+        {"lower": Numbers(1, 0.0), "upper": Numbers(1, 0.0), "effort": _FORCE, "velocity": _FORCE},
+    ),
+    "dynamics": Content(numbers={"damping": Numbers(1, 0.0), "friction": Numbers(1, 0.0)}),
+    "mimic": Content("", "joint", {"multiplier": Numbers(1, 1.0), "offset": Numbers(1, 0.0)}),
+    # Extensions, of which other attributes are not known here.
+    "safety_controller": Content(
+        numbers={"soft_lower_limit": Numbers(), "soft_upper_limit": Numbers()}
+    ),
+    "lateral_friction": Content(numbers={"value": Numbers()}),
+}
+_SHAPES = {"box": Box, "cylinder": Cylinder, "sphere": Sphere, "capsule": Capsule}
+
+
+def read(
+    findings: Findings, element: Element, *, needed: bool = False, complete: bool = True
+) -> list[Any]:
+    """Return an element's numbers, in the order of ``ELEMENTS``.
 
     Args:
         findings: takes what is wrong.
-        element: has the attribute.
-        attribute: its name.
-        count: how many numbers it takes.
+        element: has them.
         needed: whether nothing can be published without them.
+        complete: whether an attribute that lacks is a problem.
+
+    Returns:
+        A float each, or a tuple of several; None for one that lacks, or is wrong.
     """
-    text = element.get(attribute)
-    if text is None:
-        return None
+    values = []
+    for name, numbers in ELEMENTS[element.tag].numbers.items():
+        text = element.get(name)
+        if text is not None:
+            values.append(_read_numbers(findings, element, name, text, numbers, needed))
+            continue
+        if numbers.write and complete:
+            findings.problem(element, f"has no {name}; write {numbers.write.format(name)}")
+        values.append(numbers.default)
+    return values
+
+
+def _read_numbers(
+    findings: Findings, element: Element, name: str, text: str, numbers: Numbers, needed: bool
+) -> Any:
     words = text.split()
     fault = next(filter(None, map(number_fault, words)), None)
-    if fault is None and len(words) == count:
-        return tuple(map(float, words))
-    report = findings.error if needed else findings.problem
-    written = f'{attribute}="{_cut(text)}"'
-    if "," in text and len(text.replace(",", " ").split()) == count:
-        report(element, f"{written} has commas; separate the numbers by spaces")
+    if fault is None and len(words) == numbers.size:
+        values = tuple(map(float, words))
+        if numbers.check is not None and not numbers.check(findings, element, name, values):
+            return None
+        return values[0] if numbers.size == 1 else values
+    written = f'{name}="{_cut(text)}"'
+    if "," in text and len(text.replace(",", " ").split()) == numbers.size:
+        message = f"{written} has commas; separate the numbers by spaces"
     elif fault is not None:
-        report(element, f"{written}: {fault}")
+        message = f"{written}: {fault}"
     else:
-        noun = "number" if count == 1 else "numbers"
-        report(element, f"{written} holds {len(words)}; it takes {count} {noun}")
+        noun = "number" if numbers.size == 1 else "numbers"
+        message = f"{written} holds {len(words)}; it takes {numbers.size} {noun}"
+    (findings.error if needed else findings.problem)(element, message)
     return None
 
 
-def read_triple(
-    findings: Findings, element: Element, attribute: str, *, needed: bool = False
-) -> Triple | None:
-    """Return three numbers; None if there is no such attribute, or it is wrong."""
-    numbers = read_numbers(findings, element, attribute, 3, needed=needed)
-    return None if numbers is None else (numbers[0], numbers[1], numbers[2])
-
-
-def read_number(
-    findings: Findings,
-    element: Element,
-    attribute: str,
-    *,
-    required: bool = False,
-    negative: bool = True,
-) -> float | None:
-    """Return the one number in an attribute; None if it is absent or wrong.
-
-    Args:
-        findings: takes what is wrong.
-        element: has the attribute.
-        attribute: its name.
-        required: whether its absence is a problem.
-        negative: whether it may be below zero.
-    """
-    if element.get(attribute) is None:
-        if required:
-            findings.problem(element, f'has no {attribute}; write {attribute}="..."')
-        return None
-    numbers = read_numbers(findings, element, attribute, 1)
-    if numbers is None:
-        return None
-    if not negative and numbers[0] < 0:
-        findings.problem(element, f'{attribute}="{numbers[0]:g}" is negative; it must not be')
-        return None
-    return numbers[0]
+# What every URDF reader takes for a number. float() would also take "1_000", "nan" and Thai digits.
+_NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+_NOT_FINITE = re.compile(r"[+-]?(?:nan|inf|infinity)", re.IGNORECASE)
 
 
 def number_fault(word: str) -> str | None:
@@ -251,95 +329,61 @@ def _read_origin(findings: Findings, element: Element, *, needed: bool = False) 
     origin = element.find("origin")
     if origin is None:
         return Origin()
-    xyz, rpy = (
-        ZERO if origin.get(name) is None else read_triple(findings, origin, name, needed=needed)
-        for name in ("xyz", "rpy")
-    )
-    _check_radians(findings, origin, rpy or ())
+    xyz, rpy = read(findings, origin, needed=needed)
     return None if xyz is None or rpy is None else Origin(xyz, rpy)
 
 
-def _check_radians(findings: Findings, element: Element, angles: Sequence[float]) -> None:
-    """Warn of angles that are probably in degrees, as they are above a turn."""
-    degrees = max(map(abs, angles), default=0.0)
-    if degrees > _TURN:
-        radians = f"{math.radians(degrees):.4g}"
-        text = f"{degrees:g} is more than a turn; angles are in rad"
-        findings.warning(element, f"{text}: if it is in degrees, write {radians}")
+# ---- Links ----
 
 
 def read_links(findings: Findings, materials: Mapping[Element, Material]) -> dict[Element, Link]:
-    """Read every link, those without a name or with a repeated one among them.
-
-    Args:
-        findings: takes what is wrong.
-        materials: of the document, see ``read_materials``.
-    """
+    """Read every link, those without a name or with a repeated one among them."""
     root = findings.document.root
-    colors = _colors(root, materials)
+    colors = _visual_colors(root, materials)
     return {element: _read_link(findings, element, colors) for element in root.iterfind("link")}
 
 
 def _read_link(findings: Findings, element: Element, colors: Mapping[Element, Rgba]) -> Link:
-    visuals: list[Geometry] = []
-    collisions: list[Geometry] = []
+    parts: dict[str, list[Geometry]] = {"visual": [], "collision": []}
     left_out: list[str] = []
     for part in element:
-        if part.tag in ("visual", "collision"):
-            before = len(findings.found)
+        if part.tag in parts:
+            start = len(findings.texts)
             geometry = _read_geometry(findings, part, colors)
             if geometry is not None:
-                (visuals if part.tag == "visual" else collisions).append(geometry)
+                parts[part.tag].append(geometry)
             else:
-                left_out += [finding.text for finding in findings.found[before:]]
+                left_out += [text for _, text in findings.texts[start:]]
     friction = element.find("contact/lateral_friction")
     return Link(
         element.get("name", ""),
-        tuple(visuals),
-        tuple(collisions),
+        tuple(parts["visual"]),
+        tuple(parts["collision"]),
         _read_inertial(findings, element),
-        None if friction is None else read_number(findings, friction, "value"),
+        None if friction is None else read(findings, friction)[0],
         findings.where(element),
         tuple(left_out),
     )
 
 
 def _read_inertial(findings: Findings, link: Element) -> Inertial | None:
-    element = link.find("inertial")
-    if element is None:
+    inertial = link.find("inertial")
+    if inertial is None:
         return None
-    origin = _read_origin(findings, element)
-    mass = _read_mass(findings, element)
-    inertia = _read_inertia(findings, element)
-    if origin is None or mass is None or inertia is None:
+    origin = _read_origin(findings, inertial)
+    values: list[Any] = []
+    for tag, write in (
+        ("mass", '<mass value="..."/>, in kg'),
+        ("inertia", 'ixx="..." iyy="..." izz="..." and the rest'),
+    ):
+        element = inertial.find(tag)
+        if element is None:
+            findings.problem(inertial, f"has no <{tag}>; write {write}")
+        values += [None] if element is None else read(findings, element)
+    if origin is None or None in values:
         return None
-    return Inertial(origin, mass, inertia)
-
-
-def _read_mass(findings: Findings, inertial: Element) -> float | None:
-    mass = inertial.find("mass")
-    if mass is None:
-        findings.problem(inertial, 'has no <mass>; write <mass value="..."/>, in kg')
-        return None
-    value = read_number(findings, mass, "value", required=True)
-    if value is not None and value < 0:
-        findings.problem(mass, f'value="{value:g}" is negative; it must not be')
-    return value
-
-
-def _read_inertia(findings: Findings, inertial: Element) -> Moments | None:
-    inertia = inertial.find("inertia")
-    if inertia is None:
-        text = 'has no <inertia>; write ixx="..." iyy="..." izz="..." and the rest'
-        findings.problem(inertial, text)
-        return None
-    xx, xy, xz, yy, yz, zz = (
-        read_number(findings, inertia, name, required=True)
-        for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-    )
-    if xx is None or xy is None or xz is None or yy is None or yz is None or zz is None:
-        return None
-    return xx, xy, xz, yy, yz, zz
+    mass, *moments = values
+    return Inertial(origin, mass, tuple(moments))
 
 
 def _read_geometry(
@@ -348,72 +392,46 @@ def _read_geometry(
     """Read a <visual> or <collision>; None if anything in it is wrong."""
     origin = _read_origin(findings, part)
     geometry = part.find("geometry")
-    known = f"one of: {', '.join(_SHAPES)}"
+    takes = f"it takes one of: {', '.join(_shape_tags())}"
     if geometry is None:
-        findings.problem(part, f"has no <geometry>; it takes {known}")
+        findings.problem(part, f"has no <geometry>; {takes}")
         return None
-    found = [_read_shape(findings, element) for element in geometry]
-    if len(found) == 1 and found[0] is not None and origin is not None:
-        return Geometry(found[0], origin, colors.get(part), findings.where(part))
-    if not found:
-        findings.problem(geometry, f"is empty; it takes {known}")
-    elif len(found) > 1:
+    shapes = [_read_shape(findings, element) for element in geometry]
+    if len(shapes) == 1 and shapes[0] is not None and origin is not None:
+        return Geometry(shapes[0], origin, colors.get(part), findings.where(part))
+    if not shapes:
+        findings.problem(geometry, f"is empty; {takes}")
+    elif len(shapes) > 1:
         names = listing(str(element.tag) for element in geometry)
         findings.problem(
             geometry,
-            f"holds {len(found)} shapes ({names}); it takes one; "
+            f"holds {len(shapes)} shapes ({names}); it takes one; "
             f"give the link a second <{part.tag}>",
         )
     return None
 
 
+def _shape_tags() -> list[str]:
+    return ELEMENTS["geometry"].children.split()
+
+
 def _read_shape(findings: Findings, element: Element) -> Shape | None:
-    if element.tag == "capsule":
-        findings.problem(element, "is no shape of URDF; other programs refuse the robot")
-    elif element.tag not in _SHAPES:
-        findings.problem(element, f"unknown shape{findings.hint(str(element.tag), _SHAPES)}")
-        return None
     if element.tag == "mesh":
         return _read_mesh(findings, element)
-    if element.tag == "box":
-        if element.get("size") is None:
-            findings.problem(element, 'has no size; write size="x y z", in m')
-        size = read_triple(findings, element, "size")
-        return Box(size) if size and _is_size(findings, element, "size", size) else None
-    radius = _read_size(findings, element, "radius")
-    if element.tag == "sphere":
-        return None if radius is None else Sphere(radius)
-    length = _read_size(findings, element, "length")
-    if radius is None or length is None:
+    if element.tag not in _SHAPES:
+        findings.problem(element, f"unknown shape{findings.hint(str(element.tag), _shape_tags())}")
         return None
-    return (Cylinder if element.tag == "cylinder" else Capsule)(radius, length)
-
-
-def _read_size(findings: Findings, element: Element, attribute: str) -> float | None:
-    size = read_number(findings, element, attribute, required=True)
-    return size if size is not None and _is_size(findings, element, attribute, (size,)) else None
-
-
-def _is_size(
-    findings: Findings, element: Element, attribute: str, sizes: tuple[float, ...]
-) -> bool:
-    written = f'{attribute}="{element.get(attribute)}"'
-    if min(sizes) == 0:
-        findings.warning(element, f"{written} is zero; sizes are in m and above 0")
-    elif min(sizes) < 0:
-        findings.problem(element, f"{written} is negative; sizes are in m and above 0")
-    return min(sizes) >= 0
+    if element.tag == "capsule":
+        findings.problem(element, "is no shape of URDF; other programs refuse the robot")
+    sizes = read(findings, element)
+    return None if None in sizes else _SHAPES[element.tag](*sizes)
 
 
 def _read_mesh(findings: Findings, element: Element) -> Mesh | None:
     uri = element.get("filename")
     if not uri:
         findings.problem(element, 'names no file; write filename="package://<package>/<path>"')
-    scale: Triple | None = (1.0, 1.0, 1.0)
-    if element.get("scale") is not None:
-        scale = read_triple(findings, element, "scale")
-        if scale is not None and 0 in scale:
-            findings.warning(element, f'scale="{element.get("scale")}" flattens the mesh')
+    [scale] = read(findings, element)
     if not uri or not scale:
         return None
     mesh = locate_mesh(findings.resources, uri, scale)
@@ -422,7 +440,7 @@ def _read_mesh(findings: Findings, element: Element) -> Mesh | None:
     return mesh
 
 
-def _colors(root: Element, materials: Mapping[Element, Material]) -> dict[Element, Rgba]:
+def _visual_colors(root: Element, materials: Mapping[Element, Material]) -> dict[Element, Rgba]:
     """Return the colour of each visual that has one: its material's own, or one of that name.
 
     A material of the robot overrides one of the same name in a visual.
@@ -450,24 +468,13 @@ def _read_material(findings: Findings, element: Element) -> Material:
     color, texture = element.find("color"), element.find("texture")
     return Material(
         element.get("name"),
-        None if color is None else _read_color(findings, color),
+        None if color is None else read(findings, color)[0],
         # Exporters write <texture filename=""/> where there is none.
         None if texture is None else texture.get("filename") or None,
     )
 
 
-def _read_color(findings: Findings, color: Element) -> Rgba | None:
-    if color.get("rgba") is None:
-        findings.problem(color, 'has no rgba; write <color rgba="red green blue alpha"/>')
-    rgba = read_numbers(findings, color, "rgba", 4)
-    if rgba is None:
-        return None
-    if not all(0 <= value <= 1 for value in rgba):
-        findings.problem(
-            color, f'rgba="{color.get("rgba")}" leaves 0 to 1; divide values of 0 to 255 by 255'
-        )
-    red, green, blue, alpha = rgba
-    return red, green, blue, alpha
+# ---- Joints ----
 
 
 def read_ends(
@@ -512,9 +519,10 @@ def read_joint(
     """Read one joint; what is wrong is reported and replaced by a default."""
     kind = _read_kind(findings, element)
     origin = _read_origin(findings, element, needed=True)
-    lower, upper, velocity, effort = _read_limit(findings, element, kind)
-    soft_lower, soft_upper = _read_soft_limits(findings, element)
-    damping, friction = _read_dynamics(findings, element)
+    lower, upper, effort, velocity = _read_limit(findings, element, kind)
+    safety, dynamics = element.find("safety_controller"), element.find("dynamics")
+    soft_lower, soft_upper = (None, None) if safety is None else read(findings, safety)
+    damping, friction = (None, None) if dynamics is None else read(findings, dynamics)
     parent, child = ends or ("", "")
     return Joint(
         name=name,
@@ -529,8 +537,8 @@ def read_joint(
         effort=effort,
         soft_lower=soft_lower,
         soft_upper=soft_upper,
-        damping=damping,
-        friction=friction,
+        damping=damping or 0.0,
+        friction=friction or 0.0,
         mimic=_read_mimic(findings, element),
         where=findings.where(element),
     )
@@ -552,34 +560,33 @@ def _read_axis(findings: Findings, element: Element, kind: str) -> Triple:
     axis = element.find("axis")
     if axis is None:
         return _DEFAULT_AXIS
-    if axis.get("xyz") is None:
-        findings.problem(axis, 'has no xyz; write for example <axis xyz="0 0 1"/>')
-    xyz = read_triple(findings, axis, "xyz", needed=kind in _AXIS_KINDS)
+    [xyz] = read(findings, axis, needed=kind in _AXIS_KINDS)
     if xyz is None or kind not in _AXIS_KINDS:
         return _DEFAULT_AXIS
-    largest = max(abs(value) for value in xyz)
+    largest = max(map(abs, xyz))
     if largest == 0:
         findings.error(
             axis, f'the axis of a {kind} joint cannot be zero; write for example "0 0 1"'
         )
         return _DEFAULT_AXIS
     # Scaled first, so that neither huge nor tiny numbers leave the range of a float.
-    scaled = [value / largest for value in xyz]
-    norm = math.hypot(*scaled)
-    if abs(norm * largest - 1) > _AXIS_ROUNDING:
+    x, y, z = (value / largest for value in xyz)
+    norm = math.hypot(x, y, z)
+    excess = abs(norm * largest - 1)
+    if excess > _AXIS_ROUNDING:
         findings.warning(axis, f"the axis has length {norm * largest:.4g}; it is taken as length 1")
-    unit: Triple = (scaled[0] / norm, scaled[1] / norm, scaled[2] / norm)
-    if abs(norm * largest - 1) > 1e-6:
+    unit = x / norm, y / norm, z / norm
+    if excess > 1e-6:
         # Rerun turns by wrong angles about axes of another length.
-        axis.set("xyz", " ".join(repr(value) for value in unit))
-        return unit
-    return xyz if abs(norm * largest - 1) < 1e-15 else unit
+        axis.set("xyz", " ".join(map(repr, unit)))
+    return xyz if excess < 1e-15 else unit
 
 
-def _read_limit(
-    findings: Findings, element: Element, kind: str
-) -> tuple[float | None, float | None, float | None, float | None]:
-    """Return lower, upper, velocity and effort."""
+_Limits = tuple[float | None, float | None, float | None, float | None]
+
+
+def _read_limit(findings: Findings, element: Element, kind: str) -> _Limits:
+    """Return lower, upper, effort and velocity."""
     limit = element.find("limit")
     bounded = kind in _LIMITED_KINDS
     if limit is None:
@@ -590,56 +597,28 @@ def _read_limit(
                 '<limit lower="..." upper="..." effort="..." velocity="..."/>',
             )
         return None, None, None, None
-    lower, upper = _read_range(findings, limit)
-    needed = kind in MOVING_KINDS
-    effort = read_number(findings, limit, "effort", required=needed, negative=False)
-    velocity = read_number(findings, limit, "velocity", required=needed, negative=False)
+    lower, upper, effort, velocity = read(findings, limit, complete=kind in MOVING_KINDS)
     if not bounded:
         if kind == "continuous" and (lower or upper):
             text = "a continuous joint turns without end, so lower and upper are ignored"
             findings.warning(
                 limit, f"{text}; delete them, or if it must stop there make it revolute"
             )
-        return None, None, velocity, effort
+        return None, None, effort, velocity
     # The last joints of real arms turn by more than a turn, but not by whole numbers of radians.
     ends = [end for end in (lower, upper) if end is not None and kind == "revolute"]
     if all(end.is_integer() and abs(end) <= _MOST_DEGREES for end in ends):
-        _check_radians(findings, limit, ends)
-    if lower is not None and upper is not None and lower > upper:
+        _radians(findings, limit, "", ends)
+    if velocity == 0:
+        findings.warning(limit, "velocity is 0, so the joint cannot move")
+    if lower is None or upper is None:
+        return None, None, effort, velocity
+    if lower > upper:
         findings.problem(limit, f"lower {lower:g} is above upper {upper:g}; swap them")
         lower, upper = upper, lower
     elif lower == upper == 0:
         findings.warning(limit, "lower and upper are both 0, so the joint cannot move")
-    if velocity == 0:
-        findings.warning(limit, "velocity is 0, so the joint cannot move")
-    return lower, upper, velocity, effort
-
-
-def _read_range(findings: Findings, limit: Element) -> tuple[float | None, float | None]:
-    """Return the least and the greatest position; None if either cannot be read."""
-    # An end that is not given is 0, as the specification has it.
-    lower, upper = (
-        0.0 if limit.get(end) is None else read_number(findings, limit, end)
-        for end in ("lower", "upper")
-    )
-    return (None, None) if lower is None or upper is None else (lower, upper)
-
-
-def _read_soft_limits(findings: Findings, element: Element) -> tuple[float | None, float | None]:
-    safety = element.find("safety_controller")
-    if safety is None:
-        return None, None
-    lower = read_number(findings, safety, "soft_lower_limit")
-    return lower, read_number(findings, safety, "soft_upper_limit")
-
-
-def _read_dynamics(findings: Findings, element: Element) -> tuple[float, float]:
-    """Return damping and friction, which only the simulation uses, and checks."""
-    dynamics = element.find("dynamics")
-    if dynamics is None:
-        return 0.0, 0.0
-    damping = read_number(findings, dynamics, "damping")
-    return damping or 0.0, read_number(findings, dynamics, "friction") or 0.0
+    return lower, upper, effort, velocity
 
 
 def _read_mimic(findings: Findings, element: Element) -> Mimic | None:
@@ -650,8 +629,5 @@ def _read_mimic(findings: Findings, element: Element) -> Mimic | None:
     if not joint:
         findings.problem(mimic, 'names no joint; write <mimic joint="..."/>')
         return None
-    multiplier, offset = (
-        default if mimic.get(name) is None else read_number(findings, mimic, name)
-        for name, default in (("multiplier", 1.0), ("offset", 0.0))
-    )
+    multiplier, offset = read(findings, mimic)
     return None if multiplier is None or offset is None else Mimic(joint, multiplier, offset)

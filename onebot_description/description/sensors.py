@@ -5,31 +5,41 @@ plugins of Gazebo classic have it. A sensor with a fault is left out, and report
 """
 
 import math
+import operator
 import re
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import fields
 
 from onebot_description.description.description import (
     Camera,
     Fan,
     Imu,
+    Joint,
     Lidar,
     Noise,
     Origin,
     Sensor,
 )
 from onebot_description.description.reading import Element, Findings, number_fault
+from onebot_description.description.sensor_topics import (
+    CAMERA,
+    DEPTH,
+    IMU,
+    LIDAR,
+    RGBD,
+    TopicNames,
+    text_of,
+)
 from onebot_description.errors import did_you_mean
 from onebot_description.parameters.values import Rule, ValueType
 
-_LIDAR, _IMU, _CAMERA, _DEPTH, _RGBD = "lidar", "imu", "camera", "depth_camera", "rgbd_camera"
 _KINDS = {
-    **dict.fromkeys(("lidar", "gpu_lidar", "ray", "gpu_ray"), _LIDAR),
-    **dict.fromkeys(("depth", "depth_camera"), _DEPTH),
-    **dict.fromkeys(("rgbd", "rgbd_camera"), _RGBD),
-    "imu": _IMU,
-    "camera": _CAMERA,
+    **dict.fromkeys(("lidar", "gpu_lidar", "ray", "gpu_ray"), LIDAR),
+    **dict.fromkeys(("depth", "depth_camera"), DEPTH),
+    **dict.fromkeys(("rgbd", "rgbd_camera"), RGBD),
+    "imu": IMU,
+    "camera": CAMERA,
 }
 _MOST_RAYS, _MOST_PIXELS = 300_000, 1920 * 1200
 _TURN = 2 * math.pi + 1e-3  # full turns are written with few digits
@@ -82,61 +92,44 @@ _TOPIC = Rule(
     pattern=re.compile(r"[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII),
     write="a ROS name: words of letters, digits and _ that do not start with a digit, joined by /",
 )
-# The names that Gazebo classic gives to topics, as remappings end with them.
-_CLASSIC = {
-    "depth/camera_info": "",
-    "camera_info_depth": "",
-    "depth/image_raw": "depth",
-    "image_depth": "depth",
-    "image_raw": "image",
-    "camera_info": "camera_info",
-    "points": "points",
-    "out": "out",
-}
-_CLASSIC_CAMEL = {
-    "imageTopicName": "image",
-    "cameraInfoTopicName": "camera_info",
-    "depthImageTopicName": "depth",
-    "pointCloudTopicName": "points",
-}
-_UNDER_BASE = {
-    "image": "image_raw",
-    "depth": "depth/image_raw",
-    "points": "points",
-    "camera_info": "camera_info",
-}
+# Of a sensor from the frame of its messages; rounded angles such as 1.57 are no fault.
+_APART, _TURNED = 1e-3, 1e-2  # m, rad
 
 
 def read_sensors(
-    findings: Findings, links: Collection[str]
+    findings: Findings, links: Collection[str], joints: Iterable[Joint]
 ) -> tuple[tuple[Sensor, ...], tuple[str, ...]]:
     """Return the sensors of a document, and the names of those that could not be read.
 
     Args:
         findings: takes what is wrong.
         links: names of the robot's links.
+        joints: of the robot.
     """
     root = findings.document.root
-    blocks = [root] if root.tag == "gazebo" else root.findall("gazebo")
-    found = [
-        _Block(findings, element, block) for block in blocks for element in block.iterfind("sensor")
+    parents = [root] if root.tag == "gazebo" else root.findall("gazebo")
+    blocks = [
+        _Block(findings, element, parent)
+        for parent in parents
+        for element in parent.iterfind("sensor")
     ]
-    for block in blocks:
-        for plugin in block.iterfind("plugin"):
+    for parent in parents:
+        for plugin in parent.iterfind("plugin"):
             _warn_of_plugin(findings, plugin, links)
-    unnamed = Counter(each.kind for each in found if each.kind and not each.named)
+    blocks = [block for block in blocks if block.kind]
+    unnamed = Counter(block.kind for block in blocks if not block.names.given)
     sensors, taken = list[Sensor](), dict[str, _Block]()
-    simulated = [each for each in found if each.kind]
-    for each in simulated:
-        sensor = each.read(links, alone=unnamed[each.kind] < 2)
-        for topic in () if each.wrong else sensor.topics.values():
-            other = taken.setdefault(topic, each)
-            if other is not each:
+    for block in blocks:
+        sensor = block.read(links, alone=unnamed[block.kind] < 2)
+        for topic in () if block.wrong else sensor.topics.values():
+            other = taken.setdefault(topic, block)
+            if other is not block:
                 text = f'publishes "{topic}", as the one at {other.place} does'
-                each.problem(f"{text}; give it a <topic> of its own")
-        if not each.wrong:
+                block.problem(f"{text}; give it a <topic> of its own")
+        if not block.wrong:
+            block.warn_of_frame(sensor, links, joints)
             sensors.append(sensor)
-    bad = dict.fromkeys(each.name for each in simulated if each.wrong)
+    bad = dict.fromkeys(block.name for block in blocks if block.wrong)
     return tuple(sensors), tuple(bad)
 
 
@@ -155,28 +148,41 @@ def _warn_of_plugin(findings: Findings, plugin: Element, links: Collection[str])
     findings.warning(plugin, text)
 
 
+def _pose_in_body(
+    link: str, origin: Origin, joints: Iterable[Joint]
+) -> tuple[str, list[float], list[float]]:
+    """Return the first link of a link's rigid body, and a pose of the link in its frame.
+
+    The pose is a translation (3,), m, and a unit quaternion (4,), x y z w.
+    """
+    import numpy as np  # only now: it takes longer to import than all that is done here
+
+    from onebot_description.model import quaternions
+
+    above = {joint.child: joint for joint in joints if joint.kind == "fixed"}
+    at, turn = np.array(origin.xyz), quaternions.from_rpy(origin.rpy)
+    while joint := above.pop(link, None):
+        outer = quaternions.from_rpy(joint.origin.rpy)
+        at = quaternions.rotate(outer, at) + joint.origin.xyz
+        turn, link = quaternions.multiply(outer, turn), joint.parent
+    return link, at.tolist(), turn.tolist()
+
+
 class _Block:
     """One <sensor>, and what is wrong in it."""
 
-    def __init__(self, findings: Findings, element: Element, block: Element) -> None:
+    def __init__(self, findings: Findings, element: Element, parent: Element) -> None:
         self._findings, self._element = findings, element
-        self._link, self.wrong = block.get("reference", ""), False
+        self._link, self.wrong = parent.get("reference", ""), False
         self.name, self.place = element.get("name", "").strip(), findings.where(element)
-        self._plugin = element.find("plugin")
-        self._remapped = dict(self._remappings())
-        self._topic = self._text("topic", "topicName") or self._remapped.get("out", "")
         kind = element.get("type", "")
         self.kind = _KINDS.get(kind, "")
+        self.names = TopicNames(element, self.kind)
         if not kind:
             self.problem(f"has no type; write one of: {', '.join(_KINDS)}")
         elif not self.kind:
             hint = did_you_mean(kind, _KINDS, "simulated")
             findings.warning(element, f'sensors of type "{kind}" are not simulated{hint}')
-
-    @property
-    def named(self) -> bool:
-        """Whether the block says what its topics are called."""
-        return bool(self._topic or self._base)
 
     def problem(self, text: str, element: Element | None = None) -> None:
         """Report what leaves the sensor out."""
@@ -199,86 +205,46 @@ class _Block:
             self.problem('has no name; write <sensor name="...">')
         self._warn_of_unknown(self._element)
         model = self._model()
-        rate = self._number(self._element, "update_rate")
-        if not rate and self._plugin is not None:
-            rate = self._number(self._plugin, "updateRate")
-        frame = self._text("optical_frame_id") if isinstance(model, Camera) else ""
-        frame = frame or self._text(*_FRAMES) or self._link
-        if frame not in links and not self.wrong:
-            hint = self._findings.hint(frame, links, "links")
-            text = f'no link is called "{frame}", the frame of its messages{hint}'
-            self._findings.warning(self._element, text)
-        topics = {output: self._checked(topic) for output, topic in self._topics(model, alone)}
+        rate, plugin = self._number(self._element, "update_rate"), self._element.find("plugin")
+        if not rate and plugin is not None:
+            rate = self._number(plugin, "updateRate")
+        frame = text_of(self._element, "optical_frame_id") if isinstance(model, Camera) else ""
+        frame = frame or text_of(self._element, *_FRAMES) or self._link
+        rows = model.vertical.samples if isinstance(model, Lidar) else 1
+        written = self.names.topics(rows=rows, alone=alone)
+        topics = {output: self._checked(topic) for output, topic in written.items()}
         pose = self._pose()
         return Sensor(self.name, self._link, pose, rate, topics, frame, model, self.place)
 
-    # Names -------------------------------------------------------------------------------------
+    def warn_of_frame(
+        self, sensor: Sensor, links: Collection[str], joints: Iterable[Joint]
+    ) -> None:
+        """Warn of a frame of the messages that is no link, or is not where the sensor is.
 
-    def _text(self, *tags: str) -> str:
-        """The text of the first of these elements that has one, wherever it lies."""
-        texts = (element.text or "" for tag in tags for element in self._element.iter(tag))
-        return next(filter(None, map(str.strip, texts)), "")
-
-    def _remappings(self) -> Iterator[tuple[str, str]]:
-        """The topics by output, as remapped in a plugin of Gazebo classic for ROS 2."""
-        space = self._text("namespace").strip("/")
-        for tag in ("remapping", "argument"):
-            for element in self._element.iter(tag):
-                old, arrow, new = (element.text or "").strip().partition(":=")
-                for ending, output in _CLASSIC.items():
-                    if arrow and f"/{old}".endswith(f"/{ending}"):
-                        yield output, f"{space}/{new}"
-                        break
-
-    @property
-    def _base(self) -> str:
-        """The first word of a camera's topics in Gazebo classic."""
-        if self.kind not in (_CAMERA, _DEPTH, _RGBD) or not self._is_classic:
-            return ""
-        return self._text("camera_name", "cameraName") or self.name
-
-    @property
-    def _is_classic(self) -> bool:
-        return self._plugin is not None and "gazebo_ros" in self._plugin.get("filename", "")
-
-    def _topics(self, model: Lidar | Camera | Imu, alone: bool) -> Iterator[tuple[str, str]]:
-        """The topic of each output."""
-        topic, word = self._topic, re.sub(r"\W", "_", self.name)
-        if isinstance(model, Lidar):
-            if model.vertical.samples == 1:
-                yield "scan", topic or ("scan" if alone else f"{word}/scan")
-            else:
-                # As gz sim has it; Gazebo classic's plugin publishes the cloud where it is told.
-                cloud = topic if "out" in self._remapped else f"{topic}/points"
-                yield "points", cloud if topic else "points" if alone else f"{word}/points"
-        elif isinstance(model, Imu):
-            yield "imu", topic or ("imu" if alone else f"{word}/imu")
+        Pictures have an optical frame, and clouds are given in the frame that is named.
+        """
+        if sensor.frame not in links:
+            hint = self._findings.hint(sensor.frame, links, "links")
+            text = f'no link is called "{sensor.frame}", the frame of its messages{hint}'
+            self._findings.warning(self._element, text)
+            return
+        is_there = sensor.frame == sensor.link and sensor.origin == Origin()
+        if is_there or not sensor.topics.keys() & {"scan", "imu"}:
+            return
+        body, at, turn = _pose_in_body(sensor.link, sensor.origin, joints)
+        other, place, direction = _pose_in_body(sensor.frame, Origin(), joints)
+        apart = math.dist(at, place)
+        cosine = abs(sum(map(operator.mul, turn, direction)))  # of half the angle
+        angle = 2 * math.acos(min(1.0, cosine))
+        if body != other:
+            text = "moves against"
+        elif apart > _APART or angle > _TURNED:
+            text = f"is {apart:.3g} m and {math.degrees(angle):.3g} degrees from"
         else:
-            yield from self._camera_topics(topic, word, alone)
-
-    def _camera_topics(self, topic: str, word: str, alone: bool) -> Iterator[tuple[str, str]]:
-        outputs = {
-            _CAMERA: ("image", "camera_info"),
-            _DEPTH: (*(("image",) if self._is_classic else ()), "depth", "camera_info", "points"),
-            _RGBD: ("image", "depth", "camera_info", "points"),
-        }[self.kind]
-        base = self._base or ("camera" if alone else word)
-        names = {output: f"{base}/{name}" for output, name in _UNDER_BASE.items()}
-        if topic and self.kind == _RGBD:
-            names = {output: f"{topic}/{output}" for output in outputs}
-            names["depth"] = f"{topic}/depth_image"
-        elif topic:
-            beside = topic.rpartition("/")[0]
-            names["image" if self.kind == _CAMERA else "depth"] = topic
-            names["camera_info"] = f"{beside}/camera_info"
-            names["points"] = f"{topic}/points"
-        for tag, output in _CLASSIC_CAMEL.items():
-            if self._base and (own := self._text(tag)):
-                names[output] = f"{self._base}/{own}"
-        names["camera_info"] = self._text("camera_info_topic") or names["camera_info"]
-        names |= {key: name for key, name in self._remapped.items() if key in names}
-        for output in outputs:
-            yield output, names[output]
+            return
+        text += f' "{sensor.frame}", the frame of its messages, which have what it measures there'
+        remedy = "name a link that is where it is in <gz_frame_id>, or change its <pose>"
+        self._findings.warning(self._element, f"{text}; {remedy}")
 
     def _checked(self, topic: str) -> str:
         """Return a topic relative to the robot's namespace."""
@@ -289,12 +255,10 @@ class _Block:
             self.problem(f"its topic {error}")
         return name
 
-    # Values ------------------------------------------------------------------------------------
-
     def _model(self) -> Lidar | Camera | Imu:
-        if self.kind == _LIDAR:
+        if self.kind == LIDAR:
             return self._lidar()
-        return self._imu() if self.kind == _IMU else self._camera()
+        return self._imu() if self.kind == IMU else self._camera()
 
     def _lidar(self) -> Lidar:
         ray = self._inside("ray", "lidar")

@@ -50,12 +50,7 @@ def _size(shape: Shape) -> Triple | None:
 
 
 def size_warnings(description: Description, sizes: Mapping[Shape, Triple]) -> list[str]:
-    """Return a warning for each shape and joint that is probably in another unit than metres.
-
-    Args:
-        description: of a robot, or a world.
-        sizes: of its shapes; see ``shape_sizes``.
-    """
+    """Return a warning for each shape and joint that is probably in another unit than metres."""
     largest = LARGEST if description.moving_joints else _LARGEST_WORLD
     return [*_large_shapes(description, sizes, largest), *_far_joints(description, largest)]
 

@@ -31,11 +31,7 @@ _Row = tuple[str, ...]
 def describe(description: Description, sizes: Mapping[Shape, Triple] = MappingProxyType({})) -> str:
     """Return a table of links as a tree, with the joint that moves each, and one of sensors.
 
-    Angles are shown in degrees, everything else in SI units.
-
-    Args:
-        description: of the robot.
-        sizes: of its meshes, which are shown with them; see ``shape_sizes``.
+    Angles are shown in degrees, everything else in SI units; ``sizes`` are those of its meshes.
     """
     links = {link.name: link for link in description.links}
     rows: list[_Row] = [_HEADINGS]

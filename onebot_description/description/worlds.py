@@ -13,12 +13,7 @@ _ENDING = ".urdf.xacro"
 def load_world(world: str) -> Description:
     """Read and check the description of a world.
 
-    Args:
-        world: the name of one that ships, such as "maze"; or a URDF or xacro file, or
-            ``package://name/path``.
-
-    Raises:
-        OneBotError: there is no such world, or it cannot be used.
+    It is named by its name, such as "maze", if it ships; else as ``load_description`` has it.
     """
     known = shipped_worlds()
     if world in known:

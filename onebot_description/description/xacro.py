@@ -22,11 +22,7 @@ _BOUNDS = Bounds()
 def expand(
     path: Path, arguments: Mapping[str, str]
 ) -> tuple[xml.Document, tuple[Path, ...], tuple[str, ...]]:
-    """Run xacro on a file, in a process of its own.
-
-    Args:
-        path: the file, absolute.
-        arguments: values for its ``<xacro:arg>``s.
+    """Run xacro on a file with an absolute path, in a process of its own.
 
     Returns:
         The expanded document, the files read (``path`` first), and xacro's warnings.

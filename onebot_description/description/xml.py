@@ -62,12 +62,7 @@ def shown_path(path: str | Path) -> str:
 
 
 def read_bytes(path: Path) -> bytes:
-    """Return what is in the file ``path``.
-
-    Raises:
-        DescriptionError: it is missing (near names are listed), no regular file, too large or
-            unreadable.
-    """
+    """Return what is in the file ``path``, unless it is missing, too large or no regular file."""
     shown = shown_path(path)
     try:
         mode = path.stat().st_mode
@@ -111,9 +106,7 @@ def _choices(folder: Path, name: str) -> str:
 def declaration_first(data: bytes, shown: str) -> tuple[bytes, tuple[str, ...]]:
     """Move blank lines before an XML declaration behind it, as urdfdom skips them.
 
-    Returns:
-        The document, whose elements are on the same lines as before, and a warning if it was
-        changed.
+    The elements stay on their lines. If the document was changed, there is a warning of it.
     """
     rest = data.lstrip(b" \t\r\n")
     blank, end = data[: len(data) - len(rest)], rest.find(b"?>") + 2
@@ -126,10 +119,7 @@ def declaration_first(data: bytes, shown: str) -> tuple[bytes, tuple[str, ...]]:
 def scan(data: bytes, shown: str, encoding: str | None = None) -> Scan:
     """Check that ``data`` is well-formed XML without DOCTYPE and note where its elements begin.
 
-    Args:
-        data: the document.
-        shown: its name for messages.
-        encoding: overrides the one the document declares.
+    ``encoding`` overrides the one that the document declares.
 
     Raises:
         DescriptionError: it is not, with line and column.

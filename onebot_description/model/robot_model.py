@@ -99,7 +99,6 @@ class JointArrays:
 
     @classmethod
     def of(cls, joints: Sequence[Joint]) -> "JointArrays":
-        """Return the arrays of a description's joints."""
         count = len(joints)
         rpy = np.array([joint.origin.rpy for joint in joints], float).reshape(count, 3)
         rotation = quaternions.from_rpy(rpy)
@@ -135,7 +134,6 @@ class JointArrays:
         return poses
 
     def take(self, rows: Sequence[int]) -> "JointArrays":
-        """Return the arrays of the joints ``rows`` only, in that order."""
         index = np.asarray(rows, np.intp)
         arrays = (self.half_turns, self.constant, self.sine, self.slide)
         return JointArrays(
@@ -151,14 +149,7 @@ class LinkTree:
     def __init__(
         self, links: Sequence[str], root: str, moving: JointArrays, fixed: JointArrays
     ) -> None:
-        """Order the joints from the root to the tips.
-
-        Args:
-            links: names of all links.
-            root: name of the one without a parent.
-            moving: the joints that move.
-            fixed: the others.
-        """
+        """Order the joints from the root to the tips."""
         rows = {name: number for number, name in enumerate(links)}
         below: dict[str, list[tuple[str, int]]] = {}
         for row, parent in enumerate(moving.parents):
@@ -216,11 +207,7 @@ class RobotModel:
     """
 
     def __init__(self, description: Description) -> None:
-        """Convert a description to arrays.
-
-        Raises:
-            OneBotError: its links are not one tree.
-        """
+        """Convert a description to arrays; a robot in parts is refused."""
         description.require_tree()
         self.name = description.robot_name
         self.root_link = description.root_link
@@ -237,15 +224,10 @@ class RobotModel:
 
     @classmethod
     def from_description(cls, description: Description) -> "RobotModel":
-        """Return the model of a description; see ``__init__``."""
         return cls(description)
 
     def row(self, joint: str) -> int:
-        """Return the index of a moving joint.
-
-        Raises:
-            OneBotError: no such joint moves; the message lists those that do.
-        """
+        """Return the index of a moving joint; the error for another one lists those that move."""
         try:
             return self._rows[joint]
         except KeyError:
@@ -276,9 +258,6 @@ class RobotModel:
         """Positions of all moving joints, (M,), from some of them by name.
 
         Mimic joints follow; what nothing determines is at 0.
-
-        Raises:
-            OneBotError: a name is no moving joint of this robot.
         """
         for name in given:
             self.row(name)
@@ -300,9 +279,6 @@ class RobotModel:
 
         Returns:
             Translations (..., M, 3) in metres and rotations (..., M, 4) as quaternions x y z w.
-
-        Raises:
-            OneBotError: the number of positions is not the number of joints.
         """
         q = self._checked(positions)
         values = self.moving.transforms(q)

@@ -17,7 +17,7 @@
 
 #define EXPORT __attribute__((visibility("default")))
 #define NANO INT64_C(1000000000)
-#define MODERATE 1e100 /* as in state_converter.py */
+#define MODERATE 1e100
 enum {
   KNOWN = 64, /* as in state_converter.py */
   BODY_AT = 4,
@@ -131,11 +131,15 @@ static const struct layout *find(struct state *state, const unsigned char *data,
   return NULL;
 }
 
-/* Whether none of the doubles, which need not be aligned, is NaN or larger than MODERATE. */
-static ONEBOT_WIDE bool all_moderate(const unsigned char *numbers, uint64_t count) {
+static inline double position_of(const struct joint *joint, const unsigned char *positions) {
+  return onebot_load(positions, (int64_t)joint->column) * joint->multiplier + joint->offset;
+}
+
+/* Whether no joint's position is NaN or larger than MODERATE: its transform is finite then. */
+static ONEBOT_WIDE bool all_moderate(const struct layout *layout, const unsigned char *positions) {
   int64_t others = 0;
-  for (uint64_t i = 0; i < count; i++)
-    others += !(fabs(onebot_load(numbers, (int64_t)i)) <= MODERATE);
+  for (uint64_t i = 0; i < layout->count; i++)
+    others += !(fabs(position_of(layout->joints + i, positions)) <= MODERATE);
   return others == 0;
 }
 
@@ -173,8 +177,7 @@ static inline void read_some(struct some *some, const struct joint *joints, size
                              const unsigned char *positions) {
   double angle[ONEBOT_SOME] = {0.0};
   for (size_t i = 0; i < count; i++) {
-    const double position = onebot_load(positions, (int64_t)joints[i].column);
-    some->position[i] = position * joints[i].multiplier + joints[i].offset;
+    some->position[i] = position_of(joints + i, positions);
     angle[i] = some->position[i] * joints[i].half_turn;
   }
   onebot_sines(angle, some->sine, some->cosine, (int64_t)count);
@@ -225,8 +228,7 @@ static PyObject *convert(PyObject *self, PyObject *const *arguments, intptr_t co
   struct state *state = PyLong_AsVoidPtr(PyTuple_GetItem(self, 0));
   const unsigned char *data = (const unsigned char *)text;
   const struct layout *layout = find(state, data, (uint64_t)size);
-  if (layout && now >= *state->newest_call &&
-      all_moderate(data + layout->first, layout->positions)) {
+  if (layout && now >= *state->newest_call && all_moderate(layout, data + layout->first)) {
     const int64_t stamp = read_stamp(data);
     const enum due due = when_due(state, layout, stamp);
     if (due != OLD && (stamp > 0 || state->ignore_timestamp)) {

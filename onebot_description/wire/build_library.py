@@ -75,9 +75,7 @@ def find_zig() -> list[str] | None:
 def build(target: Path) -> None:
     """Compile the library, with the first compiler that can.
 
-    Args:
-        target: file to write. It is replaced in one step: a process that has the old one loaded
-            keeps it.
+    ``target`` is replaced in one step: a process that has the old one loaded keeps it.
 
     Raises:
         BuildError: no compiler exists or none works, or ``target`` cannot be written.

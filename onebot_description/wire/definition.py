@@ -48,26 +48,14 @@ class Field(NamedTuple):
 
 
 def short_name(name: str) -> str:
-    """Return ``package/Name`` of a message type.
-
-    Raises:
-        DefinitionError: the name is none.
-    """
+    """Return ``package/Name`` of a message type."""
     if not _TYPE.fullmatch(name):
         raise DefinitionError(f'"{printable(shortened(name))}" is no name of a message type')
     return name.replace("/msg/", "/")
 
 
 def files(name: str, definition: str) -> dict[str, str]:
-    """Split a definition into .msg files, by ``package/Name``.
-
-    Args:
-        name: of the type that it defines, short.
-        definition: the whole text.
-
-    Raises:
-        DefinitionError: part of it is no .msg file but IDL.
-    """
+    """Split the definition of a type of this short name into .msg files, by ``package/Name``."""
     first, *rest = _SECTION.split(definition)
     if "IDL" in rest[::3] or re.match(r"\s*(#include|module)\b", first):
         raise DefinitionError(f"{name}: its definition is in IDL; only .msg text can be read")
@@ -77,11 +65,7 @@ def files(name: str, definition: str) -> dict[str, str]:
 
 
 def fields(kind: str, text: str) -> Iterator[Field]:
-    """Parse the .msg file of a type; constants and defaults are left out.
-
-    Raises:
-        DefinitionError: a line is no field of it.
-    """
+    """Parse the .msg file of a type; constants and defaults are left out."""
     names = set[str]()
     for number, line in enumerate(text.split("\n"), 1):
         line = line.partition("#")[0].strip()

@@ -15,11 +15,7 @@ class LibraryError(OneBotError, ImportError):
 
 @functools.cache
 def load_library() -> ctypes.PyDLL:
-    """Return the compiled library.
-
-    Raises:
-        LibraryError: it is missing, outdated or broken.
-    """
+    """Return the compiled library."""
     path = build_library.LIBRARY
     if not path.exists():
         raise LibraryError(f"The compiled library {path.name} is not built. {_REMEDY}")

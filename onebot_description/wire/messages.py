@@ -12,7 +12,6 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
 from numpy.typing import NDArray
 from rclpy import serialization
-from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from onebot_description.wire.cdr import NANO, Floats, nanoseconds
@@ -160,27 +159,12 @@ def _twist(twist: Message, stamp_ns: int) -> TwistSample:
 
 
 def deserialize_message(data: bytes, kind: type) -> Any:
-    """Decode a message of the class ``kind`` as rclpy does.
-
-    Raises:
-        ValueError: the bytes are no such message; rclpy's own errors are of many kinds.
-    """
+    """Decode a message of the class ``kind`` as rclpy does, whose own errors are of many kinds."""
     try:
         return serialization.deserialize_message(data, kind)
     except Exception as error:
         reason = " ".join(str(error).split()).partition("., at /")[0]  # of rclpy's source code
         raise ValueError(f"it is no {kind.__name__}: {reason}") from error
-
-
-def joint_state_arrays(message: JointState) -> JointStateArrays:
-    """Return a JointState as arrays."""
-    fields = (message.position, message.velocity, message.effort)
-    return JointStateArrays(
-        nanoseconds(message.header.stamp),
-        message.header.frame_id,
-        tuple(message.name),
-        *(np.array(field, float) for field in fields),
-    )
 
 
 def time_message(stamp_ns: int) -> Time:
@@ -192,13 +176,9 @@ def time_message(stamp_ns: int) -> Time:
 def transforms_message(
     stamp: Time, parents: Sequence[str], children: Sequence[str], values: Floats
 ) -> TFMessage:
-    """Return transforms as a TFMessage.
+    """Return transforms (N, 7) as a TFMessage: x y z in metres, then a quaternion x y z w.
 
-    Args:
-        stamp: of all of them.
-        parents: parent frame of each, N of them.
-        children: child frame of each.
-        values: (N, 7): translation x y z in metres, rotation x y z w.
+    ``parents`` and ``children`` are the frames of each.
     """
     return TFMessage(
         transforms=[

@@ -198,11 +198,7 @@ class _Group:
         return type("Table", (Table,), {**fields, "_group": self})
 
     def find(self, path: str) -> tuple["_Leaf | _Group", int]:
-        """Return a field, or one of a field's: names are joined by dots.
-
-        Raises:
-            LookupError: there is none; the message lists the fields.
-        """
+        """Return a field, or one of a field's: names are joined by dots."""
         name, dot, rest = path.partition(".")
         if name not in self.fields:
             known = did_you_mean(name, filter(None, self.fields), "fields")
@@ -292,11 +288,7 @@ class _Program:
         return self._layouts[phase].column(_Rows(data, block, data, at, stride, count))
 
     def read(self, data: bytes, block: bytes, at: int, count: int) -> _Rows:
-        """Read structs into rows.
-
-        Raises:
-            WireError: they are not there.
-        """
+        """Read structs into rows; a WireError if they are not there."""
         read = _compiled().onebot_read_structs
         rows = read(data, len(data), at, count, block, self.number)
         if rows is None:
@@ -448,9 +440,6 @@ class _View:
         """Return all its numbers as one array, whose last axis has as many as the struct.
 
         A field of this name takes its place.
-
-        Raises:
-            TypeError: they are of several types, or other fields lie among them.
         """
         numbers: NDArray[Any] = self._get(*self._group.array)
         return numbers
@@ -521,10 +510,10 @@ class Schema:
     @staticmethod
     @functools.lru_cache(maxsize=256)
     def of(name: str, definition: str) -> "Schema":
-        """Return the schema of a type.
+        """Return the schema of a type such as ``sensor_msgs/msg/LaserScan``.
 
         Args:
-            name: such as ``sensor_msgs/msg/LaserScan``.
+            name: of the type.
             definition: its text as rosbag2 and MCAP store it, with those of the types in it.
 
         Raises:

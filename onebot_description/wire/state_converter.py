@@ -4,14 +4,15 @@ There are two ways, to the same result:
 
 - One compiled call (_state_converter.c) takes the bytes of a JointState and returns the bytes of a
   TFMessage. It recognises the frame_id and the joint names of messages before, compared as bytes.
-- Ordinary messages of rclpy and RobotModel's arrays take what that call does not recognise:
-  the first message of a publisher, other encodings, broken bytes, positions that are not finite or
-  enormous, stamps of 0 or set back, a clock that was set back. What can be recognised the next
-  time is then made known to the compiled call.
+- Messages as Python reads them and RobotModel's arrays take what that call does not recognise: the
+  first message of a publisher, broken bytes, positions that are not finite or enormous, stamps of 0
+  or set back, a clock that was set back. What can be recognised the next time is then made known to
+  the compiled call.
 """
 
 import ctypes
 import itertools
+import struct
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -19,7 +20,6 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
 from rclpy.serialization import serialize_message
-from sensor_msgs.msg import JointState
 
 from onebot_description.errors import listing
 from onebot_description.model import RobotModel
@@ -28,13 +28,13 @@ from onebot_description.wire.cdr import (
     NANO,
     STAMP,
     Floats,
+    WireError,
     Writer,
 )
 from onebot_description.wire.library import load_library
 from onebot_description.wire.messages import (
     JointStateArrays,
-    deserialize_message,
-    joint_state_arrays,
+    one_joint_state,
     time_message,
     transforms_message,
 )
@@ -44,14 +44,10 @@ from onebot_description.wire.tf_message import TFMessage
 Warn = Callable[[str, str], None]
 ConvertBytes = Callable[[bytes, int], bytes | None]
 
-# Numbers up to this size stay finite when they are multiplied and added, as transforms are made.
-_OVERFLOW_SAFE = 1e100
 _KNOWN = MOST  # as in _state_converter.c
 # A stamp this much older than the last one is of another clock, or the last one was wrong. Messages
 # are under way for less, and tf2 takes none that is so old.
 _OTHER_CLOCK_NS = 10 * NANO
-# Longer than ROS time can count, and far enough from the end of int64 to be added to it.
-_FOREVER_NS = 2**61
 
 # struct joint in _state_converter.c.
 _JOINT = np.dtype(
@@ -113,8 +109,6 @@ class JointStatePlan:
         columns: (K,) which of the message's positions each joint follows.
         multiplier, offset: (K,) of that position; radians or metres.
         parents, children: frames of the K transforms.
-        overflow_safe: whether positions up to 1e100 give finite transforms. A robot whose own
-            numbers are too large for that is published through ordinary messages only.
     """
 
     def __init__(self, model: RobotModel, names: Sequence[str], frame_prefix: str) -> None:
@@ -132,8 +126,6 @@ class JointStatePlan:
         self.offset = np.array([follower.offset for _, follower in followers], float)
         self.parents = [frame_prefix + parent for parent in self.joints.parents]
         self.children = [frame_prefix + child for child in self.joints.children]
-        numbers = (self.multiplier, self.offset, self.joints.constant)
-        self.overflow_safe = all(bool((np.abs(each) <= _OVERFLOW_SAFE).all()) for each in numbers)
 
     def transforms(self, positions: Floats) -> Floats:
         """(K, 7) transforms for positions in the message's order, (len(names),)."""
@@ -146,7 +138,7 @@ class JointStatePlan:
         """
         with np.errstate(all="ignore"):
             finite = np.isfinite(self.transforms(positions)).all(axis=1)
-        usable: NDArray[np.bool_] = np.isfinite(positions)
+        usable = np.ones(len(self.names), np.bool_)
         usable[self.columns[~finite]] = False
         return usable
 
@@ -163,13 +155,12 @@ class PublishedTimes:
     """
 
     def __init__(self, joints: int, interval_ns: int = 0, ignore_timestamp: bool = False) -> None:
-        self.interval_ns = min(max(interval_ns, 0), _FOREVER_NS)
+        self.interval_ns = interval_ns
         self.ignore_timestamp = ignore_timestamp
         self.stamps: NDArray[np.int64] = np.zeros(joints, np.int64)
         self.newest_call: NDArray[np.int64] = np.zeros(1, np.int64)
 
     def forget(self) -> None:
-        """Start afresh, after the clock was set back."""
         self.stamps[:] = 0
 
     def due(self, rows: NDArray[np.int64], stamp_ns: int, now_ns: int, warn: Warn) -> bool:
@@ -227,7 +218,6 @@ class _Known(NamedTuple):
 
     @classmethod
     def of(cls, frame_id: str, plan: JointStatePlan) -> "_Known":
-        """Write down what JointStates of this frame and plan hold, and the TFMessage they make."""
         state = Writer()
         state.leave_out(STAMP.stop - STAMP.start, 4)
         state.string(frame_id)
@@ -357,11 +347,14 @@ class StateConverter:
     def convert_message(self, data: bytes, now_ns: int) -> bytes | None:
         """Do the same as ``convert_bytes`` through ordinary messages."""
         try:
-            message = deserialize_message(data, JointState)
-        except ValueError as error:
+            state = one_joint_state(data)
+        except WireError as error:
             self._warn("bytes", f"joint state that cannot be read is ignored: {error}")
             return None
-        transforms = self._convert(joint_state_arrays(message), message.header.stamp, now_ns)
+        # The stamp as it came, also where its nanoseconds are a second or more.
+        seconds, nanoseconds = struct.unpack("<iI", data[STAMP])
+        stamp = Time(sec=seconds, nanosec=nanoseconds)
+        transforms = self._convert(state, stamp, now_ns)
         return None if transforms is None else bytes(serialize_message(transforms))
 
     def _convert(self, state: JointStateArrays, stamp: Time, now_ns: int) -> TFMessage | None:
@@ -374,10 +367,8 @@ class StateConverter:
         plan = self._plan(state.names)
         if not self._times.due(plan.rows, state.stamp_ns, now_ns, self._warn):
             return None
-        if plan.overflow_safe:
-            self._compiled.learn(state.frame_id, plan)
+        self._compiled.learn(state.frame_id, plan)
         values = plan.transforms(state.positions)
-        # The stamp as it came, also where its nanoseconds are a second or more.
         return transforms_message(stamp, plan.parents, plan.children, values)
 
     def _without_unusable(self, state: JointStateArrays) -> JointStateArrays:

@@ -18,7 +18,7 @@ from rclpy.publisher import Publisher
 from onebot_description.description.packages import use_environment_prefix
 from onebot_description.discovery import configure_discovery
 
-_PAUSES = (0.04, 0.06)  # s; a command is no older than cmd_vel_timeout, and meets all phases
+PAUSES = (0.04, 0.06)  # s; a command is no older than cmd_vel_timeout, and meets all phases
 _LEAST, _STEP = 0.1, 0.0001  # m/s
 _HELD = 1.5  # s, for the acceleration's limit
 
@@ -39,11 +39,11 @@ def command(publisher: Publisher, seconds: float, hold: float) -> list[tuple[flo
     until = time.monotonic() + seconds
     while time.monotonic() < until:
         sent.append(send(publisher, _LEAST + _STEP * (len(sent) % 500)))
-        time.sleep(dice.uniform(*_PAUSES))
+        time.sleep(dice.uniform(*PAUSES))
     until = time.monotonic() + _HELD
     while time.monotonic() < until:
         send(publisher, hold)
-        time.sleep(_PAUSES[0])
+        time.sleep(PAUSES[0])
     return sent
 
 

@@ -8,6 +8,7 @@ Ranges and depths are checked against the bare call's. The control loop's jitter
 import math
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
@@ -21,9 +22,9 @@ from onebot_control.driven_robot import Snapshot
 from onebot_control.fleet import Fleet, Member
 from onebot_control.parameters import ControlConfig
 from onebot_control.sensing import camera, lidar
+from onebot_control.sensing.instruments import Instrument, Sensing
 from onebot_control.sensing.rays import NOTHING, cast
-from onebot_control.sensing.scene import RobotState, Scene, SensedRobot
-from onebot_control.sensing.sensors import Instrument, Sensing
+from onebot_control.sensing.surroundings import Placed, RobotState, SensedRobot, Surroundings
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.description import Camera, Fan, Lidar
 from tests.benchmarks.control_loop import Effort, Window, _measured
@@ -57,7 +58,7 @@ def run(options: Options) -> Report:
     options.say("sensing: jitter of the control loop")
     windows = _jitter(options)
     options.say(f"sensing: {_ROBOTS} robots")
-    pace, share = _fleet(4.0 if options.quick else 20.0)
+    pace, share, costs = _fleet(4.0 if options.quick else 20.0)
     jitters = {name: _p99(each) for name, each in windows.items()}
     goals = [
         at_most("360 ranges: CPU over the bare call", ratios["scan"], 3.0),
@@ -78,8 +79,12 @@ def run(options: Options) -> Report:
         }
         for name, some in windows.items()
     ]
-    note = "Rays: in a world of 50 boxes, with one OneBot. Robots: without ROS, in one process."
-    return Report("sensing", rows, goals, [note])
+    notes = [
+        "Rays: in a world of 50 boxes, with one OneBot. Robots: without ROS, in one process; CPU s "
+        + "per simulated s: "
+        + ", ".join(f"{cost:.3f} of thread {name}" for name, cost in costs.items())
+    ]
+    return Report("sensing", rows, goals, notes)
 
 
 def _p99(windows: Sequence[Window]) -> float:
@@ -108,9 +113,9 @@ def _ratios(options: Options) -> dict[str, float]:
     """CPU of a scan and of a picture over that of the bare calls."""
     onebot = load_description(MODEL)
     robot = SensedRobot(onebot, [joint.name for joint in onebot.moving_joints], {})
-    scene = Scene(_boxes(), [robot])
+    scene = Surroundings(_boxes(), [robot])
     at = RobotState(np.array([0, 0, 0.06]), np.array([0, 0, 0, 1.0]), np.zeros(len(robot.joints)))
-    placed = scene.place([], [at])
+    placed = Placed(scene, [], [at])
     targets, own = placed.targets, scene.target(0, "base_link")
     ranger = Lidar(Fan(360, -math.pi, math.pi * 179 / 180), Fan(), 0.05, 12.0)
     lens = Camera(1.2, 320, 240, 0.05, 50.0, 0.05, 8.0)
@@ -215,8 +220,20 @@ def _walls() -> Description:
     )
 
 
-def _fleet(seconds: float) -> tuple[float, float]:
-    """Return simulated seconds a second, and the share of the scans due that were made."""
+def _cpu_of_threads() -> dict[str, float]:
+    """Processor time of this process's threads by name, s."""
+    times = {}
+    for thread in threading.enumerate():
+        task = Path(f"/proc/self/task/{thread.native_id}/schedstat")
+        times[thread.name] = 1e-9 * int(task.read_text().split()[0])
+    return times
+
+
+def _fleet(seconds: float) -> tuple[float, float, dict[str, float]]:
+    """Return simulated seconds a second, the share of the scans due, and what threads cost.
+
+    The costs are processor time of the threads for each simulated second, by their names.
+    """
     onebot, world = load_description(MODEL, {"sensors_enabled": "true"}), _walls()
     members = [
         Member(
@@ -249,13 +266,16 @@ def _fleet(seconds: float) -> tuple[float, float]:
             loop.post(lambda robot=robot: robot.accept(0.0, 0.5))
         time.sleep(1.0)
         ticks, scans, began = fleet.ticks, sum(each.scans for each in counts), time.monotonic()
+        before = _cpu_of_threads()
         time.sleep(seconds)
         ticks, took = fleet.ticks - ticks, time.monotonic() - began
+        after = _cpu_of_threads()
         scans = sum(each.scans for each in counts) - scans
     finally:
         loop.stop()
         sensing.stop()
     if failures:
         raise WrongAnswer(str(failures[0]))
-    due = _ROBOTS * sensor.rate * ticks / fleet.rate
-    return ticks / fleet.rate / took, scans / due
+    simulated = ticks / fleet.rate
+    costs = {name: (after[name] - before[name]) / simulated for name in ("control", "sensing")}
+    return simulated / took, scans / (_ROBOTS * sensor.rate * simulated), costs

@@ -1,6 +1,7 @@
 """A trail's messages, and what lies on an entity of a file, for the tests of a driving robot."""
 
 import warnings
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -44,6 +45,12 @@ def column(path: Path, entity: str, name: str) -> list:
         if name in chunk.to_record_batch().schema.names
         for row in chunk.to_record_batch().column(name).to_pylist()
     ]
+
+
+def frames(path: Path, entity: str) -> list[str]:
+    """The frames that an entity is in, one after the other."""
+    rows = [frame for [frame] in column(path, entity, "CoordinateFrame:frame")]
+    return [frame for frame, _ in groupby(rows)]
 
 
 def while_written(read, *args) -> list:

@@ -4,6 +4,8 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 from tests.support import PATIENCE, wait_for
@@ -89,6 +91,25 @@ class RunningLauncher(RunningCommand):
 
     def __init__(self, folder: Path, nodes: str, grace: str = PATIENT) -> None:
         super().__init__(folder, command_of(nodes, grace))
+
+
+Start = Callable[..., RunningLauncher]
+
+
+@contextmanager
+def launchers(folder: Path, scripts: Mapping[str, str]) -> Iterator[Start]:
+    """Start launchers in ``folder``, where the scripts lie; end them afterwards."""
+    for name, text in scripts.items():
+        (folder / f"{name}.py").write_text(text)
+    started: list[RunningLauncher] = []
+
+    def make(nodes: str, **grace: str) -> RunningLauncher:
+        started.append(RunningLauncher(folder, nodes, **grace))
+        return started[-1]
+
+    yield make
+    for launcher in started:
+        launcher.close()
 
 
 def alive(pid: int) -> bool:

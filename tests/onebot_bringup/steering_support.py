@@ -101,11 +101,6 @@ class PageClient:
         self.silence()
         self.send("release")
 
-    @property
-    def close_code(self) -> int | None:
-        """What the server closed it with."""
-        return self._socket.close_code
-
     def cut(self) -> None:
         """Lose the connection without a word, as a browser that is killed."""
         self.silence()
@@ -135,27 +130,34 @@ class PageClient:
             self.close()
 
 
-class SlowWay:
-    """A proxy in front of the server; what pages send can be slow to get through it."""
+class Way:
+    """A proxy in front of the server, as an SSH tunnel: it can be slow on the way to it, or cut."""
 
     def __init__(self, address: str) -> None:
         self.delay = 0.0  # s
         self.rate = math.inf  # bytes/s
         self._server = urlsplit(address)
+        self._open: set[asyncio.StreamWriter] = set()
         self._loop = asyncio.new_event_loop()
         threading.Thread(target=self._loop.run_forever, daemon=True).start()
-        listening = asyncio.start_server(self._serve, "127.0.0.1", 0)
-        server = asyncio.run_coroutine_threadsafe(listening, self._loop).result(PATIENCE)
-        self.address = f"http://127.0.0.1:{server.sockets[0].getsockname()[1]}"
+        server = self._do(asyncio.start_server(self._serve, "127.0.0.1", 0))
+        self.port = server.sockets[0].getsockname()[1]
+        self.address = f"http://127.0.0.1:{self.port}"
+
+    def _do(self, action: Coroutine[Any, Any, Any]) -> Any:
+        return asyncio.run_coroutine_threadsafe(action, self._loop).result(PATIENCE)
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        host, port = self._server.hostname, self._server.port
-        answers, onward = await asyncio.open_connection(host, port)
+        # By 127.0.0.1, also where the server is reached at another address of this computer.
+        answers, onward = await asyncio.open_connection("127.0.0.1", self._server.port)
+        ends = {writer, onward}
+        self._open |= ends
         sent: asyncio.Queue[tuple[float, bytes]] = asyncio.Queue()
         with suppress(ConnectionError):
             await asyncio.gather(
                 self._take(reader, sent), self._pass(sent, onward), self._answer(answers, writer)
             )
+        self._open -= ends
 
     async def _take(self, reader: asyncio.StreamReader, sent: asyncio.Queue[Any]) -> None:
         while data := await reader.read(1 << 16):
@@ -178,24 +180,34 @@ class SlowWay:
     async def _answer(self, answers: asyncio.StreamReader, page: asyncio.StreamWriter) -> None:
         while data := await answers.read(1 << 16):
             page.write(data)
+            await page.drain()
         page.close()
 
-    def __enter__(self) -> "SlowWay":
+    def cut(self) -> None:
+        """End all connections; new ones are accepted."""
+        self._do(self._cut())
+
+    async def _cut(self) -> None:
+        for writer in self._open:
+            writer.transport.abort()
+        tasks = asyncio.all_tasks() - {asyncio.current_task()}
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        self._open.clear()
+
+    def __enter__(self) -> "Way":
         return self
 
     def __exit__(self, *_: object) -> None:
-        async def end() -> None:
-            for task in asyncio.all_tasks() - {asyncio.current_task()}:
-                task.cancel()
-
-        asyncio.run_coroutine_threadsafe(end(), self._loop).result(PATIENCE)
+        self.cut()
         self._loop.call_soon_threadsafe(self._loop.stop)
 
 
-def raw_page(address: str, source: str = "127.0.0.1") -> socket.socket:
+def raw_page(address: str) -> socket.socket:
     """A WebSocket that never says or answers anything, as of a computer that hangs."""
     port = urlsplit(address).port
-    found = socket.create_connection(("127.0.0.1", port), PATIENCE, (source, 0))
+    found = socket.create_connection(("127.0.0.1", port), PATIENCE)
     request = (
         f"GET /ws HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nUpgrade: websocket\r\n"
         "Connection: Upgrade\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n"

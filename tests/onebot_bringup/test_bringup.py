@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from onebot_bringup.launch.bringup import environment
-from onebot_description.description.places import digest_of
 from tests.onebot_bringup.bringup_support import MARK, Transforms, stop, wait_for_robot
 from tests.onebot_bringup.launcher_support import RunningCommand
 from tests.orphans import marked
@@ -99,25 +98,11 @@ def test_any_robot_moves_within_its_limits(start: Start, transforms: Transforms,
     stop(running)
 
 
-def test_a_real_robot_can_be_shown(start: Start, transforms: Transforms) -> None:
-    """``joint_states:=false`` leaves the joint states to someone else; nothing is published."""
-    running = start("joint_states:=false", "reload:=false")
-    running.wait_for_out("Ctrl-C")
-    assert "starting robot_state_publisher\n" in running.out
-    assert "wait for /joint_states" in running.out
-    stop(running)
-
-
 def test_ros_arguments_reach_the_nodes(start: Start, transforms: Transforms) -> None:
     """``--ros-args -r`` remaps in every node, so both ends of a topic still meet."""
     running = start("--ros-args", "-r", "joint_states:=arm_states")
     wait_for_robot(running, transforms, "tip")
     stop(running)
-
-
-def test_digests_tell_texts_apart() -> None:
-    """An edited URDF has another digest."""
-    assert digest_of("a") != digest_of("b")
 
 
 VALUES = {"discovery": "localhost", "domain_id": ""}

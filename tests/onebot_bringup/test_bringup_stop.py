@@ -14,7 +14,7 @@ BRINGUPS = {
     "onebot_bringup.launch.onebot_bringup": "driving robot",
     "mrm_description.launch.mrm_bringup": "robot description applied",
 }
-NODES = 4
+NODES = 3
 
 
 @pytest.fixture(params=BRINGUPS)

@@ -226,7 +226,6 @@ def test_loop_of_one_moment(tmp_path: Path, ros_domain: int) -> None:
         (("-r", "0"), 2, "not above zero"),
         (("-e", "("), 2, "is no regular expression"),
         (("-e", "word"), 1, "has nothing to play"),  # the whole name
-        (("--clock", "1e12"), 2, "1e12 is above 10000 Hz"),
     ],
 )  # fmt: skip
 def test_play_mistakes(

@@ -1,6 +1,5 @@
 """``onebot node, param, service, interface``, on real DDS, in the forms that ros2 prints."""
 
-import io
 import math
 from pathlib import Path
 
@@ -18,7 +17,6 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 
-from onebot_bringup.cli.main import main
 from onebot_bringup.introspection.parameter_values import DOUBLE, INTEGER, STRING, parse_value
 from onebot_description.errors import OneBotError
 from tests.onebot_bringup.cli_support import onebot, output_of
@@ -261,54 +259,3 @@ def test_interfaces() -> None:
     listed = output_of("interface", "list")
     assert "Messages:\n" in listed and "    geometry_msgs/msg/Twist\n" in listed
     assert "Services:\n" in listed and "    std_srvs/srv/SetBool\n" in listed
-
-
-BIG = "99999999999999999999"
-
-
-@pytest.mark.parametrize(
-    ("words", "answer"),
-    [
-        (["topic", "echo", "--qos-depth", "-1", "/x"], "-1 is less than zero"),
-        (["topic", "echo", "--qos-depth", BIG, "/x"], f"{BIG} is above 2147483647"),
-        (["topic", "hz", "-w", BIG, "/x"], f"{BIG} is above 2147483647"),
-        (["tf", "echo", "a", "b", "-p", "3000000000"], "3000000000 is above 100"),
-        (["param", "set", "/x", "name", "\udcff"], "'\\xff' is not UTF-8"),
-        (["param", "get", "/x", "\udcff"], "'\\xff' is not UTF-8"),
-    ],
-)
-def test_impossible_options(
-    words: list[str], answer: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """What C or ROS cannot take is refused on one line, before anything starts."""
-    assert main(words) == 2
-    error, see = capsys.readouterr().err.splitlines()
-    assert answer in error and see == f"see: onebot {words[0]} {words[1]} --help"
-
-
-@pytest.mark.parametrize("words", [["topic", "pub", "/x"], ["service", "call", "/x"]])
-def test_values_that_are_no_text(
-    words: list[str], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    kind = "std_srvs/srv/SetBool" if words[0] == "service" else "std_msgs/msg/String"
-    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(b"\xff"), "utf-8"))
-    assert main([*words, kind, "--stdin"]) == 1
-    assert capsys.readouterr().err == "error: standard input is not UTF-8\n"
-
-
-@pytest.mark.parametrize("group", ["topic", "node", "param", "service", "interface"])
-def test_groups(group: str) -> None:
-    """Each group has help, and says what is wrong with its second word."""
-    done = onebot(group, "--help")
-    assert done.returncode == 0 and done.stdout.startswith(f"usage: onebot {group} COMMAND")
-    none = onebot(group)
-    assert none.returncode == 2 and f"see: onebot {group} --help" in none.stderr
-    wrong = onebot(group, "lst")
-    assert wrong.returncode == 2 and "lst" in wrong.stderr and "commands: " in wrong.stderr
-
-
-def test_help_of_each_command() -> None:
-    """Both onebot GROUP COMMAND --help and onebot help GROUP COMMAND show the usage."""
-    for words in (["topic", "pub", "--help"], ["help", "topic", "pub"]):
-        done = onebot(*words)
-        assert done.returncode == 0 and done.stdout.startswith("usage: onebot topic pub ")

@@ -5,21 +5,21 @@ import pty
 import re
 import signal
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from tests.onebot_bringup.launcher_support import (
     IDLE,
-    RunningLauncher,
+    Start,
     alive,
     command_of,
+    launchers,
     number_in,
 )
 from tests.support import PATIENCE, wait_for
 
-Start = Callable[[str], RunningLauncher]
 LINES = 400
 TALKER = f"""
 import sys
@@ -43,29 +43,17 @@ while True:
 
 
 @pytest.fixture
-def scripts(tmp_path: Path) -> None:
-    """Write the scripts that these tests run into ``tmp_path``."""
-    (tmp_path / "talker.py").write_text(TALKER)
-    (tmp_path / "ticker.py").write_text(TICKER)
-    (tmp_path / "once.py").write_text(f"import time\nprint('hello')\n{IDLE}")
-
-
-@pytest.fixture
-def start(tmp_path: Path, scripts: None) -> Iterator[Start]:
-    """Start launchers in ``tmp_path``, where the scripts lie; end them after the test."""
-    started: list[RunningLauncher] = []
-
-    def make(nodes: str) -> RunningLauncher:
-        started.append(RunningLauncher(tmp_path, nodes))
-        return started[-1]
-
-    yield make
-    for launcher in started:
-        launcher.close()
+def start(tmp_path: Path) -> Iterator[Start]:
+    once = f"import time\nprint('hello')\n{IDLE}"
+    with launchers(tmp_path, {"talker": TALKER, "ticker": TICKER, "once": once}) as make:
+        yield make
 
 
 def test_no_line_is_lost_broken_or_without_its_prefix(start: Start) -> None:
-    """Two nodes that talk at once: every line arrives whole, in order, under the right name."""
+    """Two nodes that talk at once: every line arrives whole, in order, under the right name.
+
+    Standard output and error stay apart; in files they have no colour.
+    """
     nodes = "[script('a', 'talker.py', 'ignore'), script('b', 'talker.py', 'ignore')]"
     launcher = start(nodes)
     assert launcher.wait() == 0
@@ -74,6 +62,8 @@ def test_no_line_is_lost_broken_or_without_its_prefix(start: Start) -> None:
             found = re.findall(rf"^\[{name}\] (\d+) {letter}{{200}}$", text, re.MULTILINE)
             assert [int(number) for number in found] == list(range(LINES))
     assert "[a] no newline at the end\n" in launcher.out
+    assert "yyy" not in launcher.out and "xxx" not in launcher.err
+    assert "\x1b" not in launcher.out + launcher.err
 
 
 def test_what_a_terminal_would_obey_is_escaped(start: Start, tmp_path: Path) -> None:
@@ -84,14 +74,6 @@ def test_what_a_terminal_would_obey_is_escaped(start: Start, tmp_path: Path) -> 
     assert launcher.wait() == 0
     shown = "\x1b[31mred\x1b[0m \\x1b[2Jcleared\\x07 a\\u202eb\\x9bc \u05d0 \u00e9\t."
     assert f"[a] {shown}\n" in launcher.out
-
-
-def test_streams_stay_apart_and_uncoloured_in_files(start: Start) -> None:
-    """Standard output and error of nodes go to those of the launcher; files get no colour."""
-    launcher = start("[script('a', 'talker.py', 'ignore')]")
-    assert launcher.wait() == 0
-    assert "yyy" not in launcher.out and "xxx" not in launcher.err
-    assert "\x1b" not in launcher.out + launcher.err
 
 
 def _on_terminal(folder: Path, environment: dict[str, str]) -> str:
@@ -121,19 +103,16 @@ def _on_terminal(folder: Path, environment: dict[str, str]) -> str:
     return shown.decode()
 
 
-@pytest.mark.usefixtures("scripts")
-def test_names_are_coloured_on_a_terminal(tmp_path: Path) -> None:
-    """On a terminal the prefix has a colour, and lines come at once, not when a buffer fills."""
-    assert re.search(r"\x1b\[\d+m\[a\]\x1b\[0m hello", _on_terminal(tmp_path, {"NO_COLOR": ""}))
+@pytest.mark.usefixtures("start")
+@pytest.mark.parametrize(
+    ("no_color", "line"), [("", r"\x1b\[\d+m\[a\]\x1b\[0m hello"), ("1", r"(?<!m)\[a\] hello")]
+)
+def test_names_are_coloured_on_a_terminal(tmp_path: Path, no_color: str, line: str) -> None:
+    """Lines come at once, not when a buffer fills; NO_COLOR (no-color.org) is respected."""
+    assert re.search(line, _on_terminal(tmp_path, {"NO_COLOR": no_color}))
 
 
-@pytest.mark.usefixtures("scripts")
-def test_no_color_is_respected(tmp_path: Path) -> None:
-    """NO_COLOR (no-color.org) turns colours off on a terminal too."""
-    assert "\x1b" not in _on_terminal(tmp_path, {"NO_COLOR": "1"})
-
-
-@pytest.mark.usefixtures("scripts")
+@pytest.mark.usefixtures("start")
 def test_a_stalled_reader_neither_stops_the_nodes_nor_the_launcher(tmp_path: Path) -> None:
     """With nobody reading the pipe, a node can go on printing, and Ctrl-C still works."""
     read, write = os.pipe()
@@ -152,7 +131,7 @@ def test_a_stalled_reader_neither_stops_the_nodes_nor_the_launcher(tmp_path: Pat
     assert not alive(number_in(tmp_path / "ticker.pid"))
 
 
-@pytest.mark.usefixtures("scripts")
+@pytest.mark.usefixtures("start")
 def test_a_reader_that_leaves_stops_everything_quietly(tmp_path: Path) -> None:
     """As in ``mrm_bringup | head -3``: an orderly end, exit code 0, nothing on standard error."""
     process = subprocess.Popen(

@@ -2,7 +2,7 @@
 
 import os
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -11,10 +11,8 @@ from hypothesis import strategies as st
 
 from onebot_bringup.launcher.launcher import Launcher, Restarts
 from onebot_bringup.launcher.process import NodeProcess, Restart, describe_exit
-from tests.onebot_bringup.launcher_support import IDLE, RunningLauncher, alive, number_in
+from tests.onebot_bringup.launcher_support import IDLE, Start, alive, launchers, number_in
 from tests.support import wait_for
-
-Start = Callable[[str], RunningLauncher]
 
 RUNS = f"""
 import os, time
@@ -39,18 +37,8 @@ FAST = "Restart(limit=2, first_wait=0.05)"
 
 @pytest.fixture
 def start(tmp_path: Path) -> Iterator[Start]:
-    """Start launchers in ``tmp_path``, where the scripts lie; end them after the test."""
-    (tmp_path / "runs.py").write_text(RUNS)
-    (tmp_path / "fails.py").write_text(FAILS)
-    started: list[RunningLauncher] = []
-
-    def make(nodes: str) -> RunningLauncher:
-        started.append(RunningLauncher(tmp_path, nodes))
-        return started[-1]
-
-    yield make
-    for launcher in started:
-        launcher.close()
+    with launchers(tmp_path, {"runs": RUNS, "fails": FAILS}) as make:
+        yield make
 
 
 def test_shutdown_brings_all_down_and_says_why(start: Start, tmp_path: Path) -> None:
@@ -153,12 +141,6 @@ def test_a_program_that_does_not_exist_is_reported(start: Start) -> None:
     assert launcher.wait() == 1
     assert "ghost cannot be started" in launcher.err and "Traceback" not in launcher.err
     assert launcher.err.splitlines()[-1] == "[test] failed: ghost (not started)"
-
-
-def test_waits_double_up_to_a_cap() -> None:
-    """The waits before restarts grow geometrically and are bounded."""
-    restart = Restart(first_wait=1.0, longest_wait=5.0)
-    assert [restart.wait(i) for i in range(5)] == [1.0, 2.0, 4.0, 5.0, 5.0]
 
 
 def test_two_nodes_of_one_name_are_refused() -> None:

@@ -13,7 +13,7 @@ from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from rclpy.duration import Duration
 from rosbags.highlevel import AnyReader
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import JointState, LaserScan
 from std_msgs.msg import String
 
 from onebot_description.shared_memory import FOLDER
@@ -75,18 +75,6 @@ def test_a_twist_drives_it_where_the_command_says(ros_domain):
         assert node.interrupt() == 0
 
 
-@pytest.mark.parametrize("mesh_enabled", ["true", "false"])
-def test_both_shapes_come_up_where_they_are_put(ros_domain, mesh_enabled):
-    """mesh_enabled chooses what is drawn; x, y and yaw where it starts, odometry at zero."""
-    words = [f"mesh_enabled:={mesh_enabled}", "x:=1.5", "y:=-0.5", "yaw:=0.7", "viewer:=none"]
-    with NodeProcess(MODULE, *words), Peer(ros_domain) as peer:
-        described = peer.hear(String, "/robot_description", LATCHED)
-        odom = peer.hear(Odometry, ODOM)
-        wait_for(lambda: described and odom, "description and odometry")
-        assert ("wheel.dae" in described[0].data) == (mesh_enabled == "true")
-        assert _position(odom[0]) == pytest.approx((0.0, 0.0), abs=1e-6)
-
-
 def test_without_simulation_its_joints_move_from_yaml(ros_domain):
     """sim:=false is the article's step 4: joint_state_publisher instead of the simulation.
 
@@ -136,6 +124,26 @@ def test_namespace_rate_and_params_file(ros_domain, tmp_path):
         steps = [_seconds(b) - _seconds(a) for a, b in zip(joints[5:], joints[6:], strict=False)]
         assert sorted(steps)[len(steps) // 2] == pytest.approx(0.02, rel=0.2)
         assert peer.node.count_subscribers("/left/velocity_controller/cmd_vel")
+
+
+def test_sensors_of_a_file_are_published_and_follow_its_edits(ros_domain, tmp_path):
+    """sensors:=FILE gives OneBot a scan that its URDF lacks."""
+    file = tmp_path / "sensors.urdf"
+    block = """<robot><gazebo reference="base_link"><sensor name="s" type="gpu_lidar">
+    <topic>{}</topic><lidar><scan><horizontal><samples>5</samples><min_angle>-1</min_angle><max_angle>1</max_angle>
+    </horizontal></scan><range><min>0.1</min><max>9</max></range></lidar></sensor></gazebo></robot>"""
+    file.write_text(block.format("front"))
+    with (
+        NodeProcess(MODULE, "viewer:=none", f"sensors:={file}") as node,
+        Peer(ros_domain) as peer,
+    ):
+        front, edited = peer.hear(LaserScan, "/front"), peer.hear(LaserScan, "/edited")
+        wait_for(lambda: front, "the scan of the file")
+        assert len(front[0].ranges) == 5 and front[0].header.frame_id == "base_link"
+        file.write_text(block.format("edited"))
+        wait_for(lambda: edited, "the scan of the edited file")
+        assert not peer.node.count_publishers("/front")
+        assert node.interrupt() == 0
 
 
 def test_steer_serves_the_page_and_a_restart_keeps_its_token(ros_domain):
@@ -204,38 +212,15 @@ def _stamp(message):
     ("words", "said"),
     [
         (["mesh_enable:=true"], "mesh_enabled"),
-        (["x:=far"], "x:=far"),
-        (["rate:=fast"], "rate:=fast"),
-        (["params_file:=nowhere.yaml"], "nowhere.yaml"),
-        (["sim:=maybe"], "sim:=maybe"),
-        (["left_wheel:=a"], "name both, or neither"),
-        (["host:=0.0.0.0"], "add steer:=true"),
-        (["steer:=true", "port:=70000"], "port:=70000"),
         (["steer:=true", "host:=1.2.3.4"], "1.2.3.4"),
-        (["save:=run.mcap"], "must end in .rrd"),
-        (["record:=/"], "exists already"),
-        (["record:=/no/such/folder"], "does not exist"),
+        (["world:=mase"], 'no world "mase" (did you mean "maze"'),
     ],
 )
 def test_wrong_arguments_are_explained(ros_domain, words, said):
-    """Nothing starts; one clear error names what is wrong."""
+    """One clear error names what is wrong; where a node makes it, that brings the others down."""
     with NodeProcess(MODULE, *words, check=False) as node:
         assert node.wait() in (1, 2)
         assert said in node.output and "Traceback" not in node.output
-
-
-def test_a_bad_control_file_brings_it_down_with_the_reason(ros_domain, tmp_path):
-    """A wheel the URDF lacks is named with those it has, and the exit code is 1."""
-    file = tmp_path / "control.yaml"
-    file.write_text(
-        "velocity_controller:\n  ros__parameters:\n    left_wheel_names: [left_weel_joint]\n"
-        "    right_wheel_names: [right_wheel_joint]\n"
-    )
-    command = NodeProcess(MODULE, f"params_file:={file}", "viewer:=none", check=False)
-    with command as node:
-        assert node.wait() == 1
-        assert "left_weel_joint" in node.output and "left_wheel_joint" in node.output
-        assert "Traceback" not in node.output
 
 
 def test_warnings_name_the_files_line_and_have_a_level(ros_domain, tmp_path):

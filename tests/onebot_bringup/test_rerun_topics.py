@@ -4,21 +4,16 @@ import math
 from pathlib import Path
 
 import numpy as np
-import pytest
 from geometry_msgs.msg import Transform, TransformStamped, Twist, TwistStamped, Vector3
 from nav_msgs.msg import Odometry
 from std_msgs.msg import String
 
-from onebot_bringup.viewer.pictures import headless_viewer, render, still
 from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_bringup.drive_support import curve, strips, while_written
-from tests.onebot_bringup.test_rerun_viewer import viewer_uri
-from tests.onebot_bringup.viewer_support import ARM, BLUE
+from tests.onebot_bringup.viewer_support import ARM
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.support import wait_for
-from tests.support_rendering import colored, pixels, require_renderer
 
-GREEN, MAGENTA = (0, 220, 60), (230, 20, 200)
 VIEW = """
 fixed_frame: odom
 axes: {visible: false}
@@ -76,11 +71,9 @@ class Driver:
         return self.steps > 31
 
 
-@pytest.mark.slow
-def test_late_viewers_and_the_file_show_trails_and_speeds(ros_domain, tmp_path):
-    """A viewer that joins in mid-drive has the way so far; the file has it all."""
-    require_renderer()
-    with _viewer(tmp_path) as node, Peer(ros_domain) as peer:
+def test_the_file_has_trails_and_speeds(ros_domain, tmp_path):
+    """The way that was driven, and each speed, found by the topics that the view names."""
+    with _viewer(tmp_path, viewer="none") as node, Peer(ros_domain) as peer:
         driver = Driver(peer)
         commands = peer.node.create_publisher(Twist, "wheels/cmd_vel", 10)
         wait_for(lambda: commands.get_subscription_count(), "the viewer to find the type")
@@ -90,17 +83,10 @@ def test_late_viewers_and_the_file_show_trails_and_speeds(ros_domain, tmp_path):
             return driver.step()
 
         wait_for(drive, "the drive")
-        with headless_viewer(viewer_uri(peer), 960, 480) as client:
-
-            def shown() -> bool:
-                image = pixels(still(client))
-                return all(colored(image, c).mean() > 0.001 for c in (GREEN, MAGENTA, BLUE))
-
-            wait_for(shown, "trails and robot")
-            assert [view.reports for view in client.get_state().views] == [[]] * 3
+        file = tmp_path / "x.rrd"
+        wait_for(lambda: len(while_written(strips, file, "truth")) >= 30, "the trail in the file")
         assert node.interrupt() == 0
     pieces = np.array(strips(tmp_path / "x.rrd", "odometry"))
-    assert len(pieces) >= 30
     np.testing.assert_allclose(np.hypot(pieces[..., 0], pieces[..., 1] - 2), 2.0, atol=1e-5)
     truth = np.array(strips(tmp_path / "x.rrd", "truth"))
     np.testing.assert_allclose(np.hypot(truth[..., 0] - 0.5, truth[..., 1] - 2), 2.0, atol=1e-5)
@@ -113,9 +99,6 @@ def test_late_viewers_and_the_file_show_trails_and_speeds(ros_domain, tmp_path):
         values = np.array(curve(tmp_path / "x.rrd", f"/speeds/{name}"))
         assert len(values) > 5
         assert set(values[np.isfinite(values)]) == {value}
-    render(tmp_path / "x.rrd", tmp_path / "x.png", 960, 480)
-    image = pixels(tmp_path / "x.png")
-    assert colored(image, GREEN).mean() > 0.001 and colored(image, MAGENTA).mean() > 0.001
 
 
 def test_the_type_of_a_command_is_found_out_and_followed(ros_domain, tmp_path):

@@ -88,7 +88,7 @@ def test_messages_of_several_publishers_are_logged_in_the_order_they_came(tmp_pa
             shown.take_tf(_tf(*sent[-1]))
         if step % 5 == 4:
             shown.view.tick(NOW)
-    edges = shown.view.frames.edges
+    edges = shown.view.stage.frames.edges
     shown.end()
     assert column(shown.file, "/tf", "Transform3D:child_frame") == [[name] for name, _, _ in sent]
     places = np.array(column(shown.file, "/tf", "Transform3D:translation"))

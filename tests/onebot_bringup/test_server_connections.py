@@ -1,4 +1,4 @@
-"""Bounds on the connections of a server: who makes room, and who stays. A server, and sockets."""
+"""The bounds on a server's connections, and clients that leave early. A server, and sockets."""
 
 import contextlib
 import socket
@@ -9,8 +9,7 @@ from collections.abc import Iterator
 import pytest
 from aiohttp import web
 
-from onebot_bringup.serving.connections import KEEP
-from onebot_bringup.serving.http_server import ServerThread
+from onebot_bringup.serving.http_server import ServerThread, body_of
 from onebot_bringup.serving.ports import listen
 from tests.support import PATIENCE, wait_for
 
@@ -19,7 +18,6 @@ WEBSOCKET = (
     "HTTP/1.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
     "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA=="
 )
-LARGE = 60_000  # bytes; less than what asyncio keeps before a handler has to wait
 
 
 class Server:
@@ -31,11 +29,9 @@ class Server:
         self.ended = threading.Event()
         app = web.Application()
         app.router.add_get("/slow", self._slow)
-        app.router.add_get("/page", self._page)
-        app.router.add_get("/large", self._large)
         app.router.add_get("/socket", self._socket)
+        app.router.add_post("/body", self._body)
         listener = listen("127.0.0.1", 0)
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
         self._port = listener.getsockname()[1]
         self._opened = contextlib.ExitStack()
         self.thread = ServerThread(app, listener, "test")
@@ -46,14 +42,6 @@ class Server:
         await loop.run_in_executor(None, self.release.wait)
         return web.Response(text="done")
 
-    async def _page(self, request: web.Request) -> web.Response:
-        request[KEEP] = True
-        return await self._slow(request)
-
-    async def _large(self, _: web.Request) -> web.Response:
-        self.begun += 1
-        return web.Response(body=b"x" * LARGE)
-
     async def _socket(self, request: web.Request) -> web.WebSocketResponse:
         await self._slow(request)
         found = web.WebSocketResponse()
@@ -63,14 +51,14 @@ class Server:
             self.ended.set()
         return found
 
-    def connect(self, path: str = "", source: str = "127.0.0.1") -> socket.socket:
+    async def _body(self, request: web.Request) -> web.Response:
+        return web.Response(body=await body_of(request))
+
+    def connect(self, path: str = "") -> socket.socket:
         """A connection, with a request of ``path``, if any, that has reached its handler."""
-        found = socket.socket()
-        self._opened.enter_context(found)
-        found.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-        found.settimeout(PATIENCE)
-        found.bind((source, 0))
-        found.connect(("127.0.0.1", self._port))
+        found = self._opened.enter_context(
+            socket.create_connection(("127.0.0.1", self._port), PATIENCE)
+        )
         if path:
             before = self.begun
             found.sendall(f"GET {path} {HEAD}".encode())
@@ -86,9 +74,9 @@ class Server:
 
 @pytest.fixture
 def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[Server]:
-    """At most six connections, four of them of one computer."""
-    monkeypatch.setattr("onebot_bringup.serving.connections._MOST", 6)
-    monkeypatch.setattr("onebot_bringup.serving.connections._MOST_OF_A_PEER", 4)
+    """At most four connections, idle for at most 0.3 s."""
+    for name, value in {"_MOST": 4, "_IDLE_TIMEOUT": 0.3, "_BODY_TIMEOUT": 0.3}.items():
+        monkeypatch.setattr(f"onebot_bringup.serving.http_server.{name}", value)
     server = Server()
     yield server
     server.close()
@@ -96,67 +84,46 @@ def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[Server]:
 
 def _rest(connection: socket.socket) -> bytes:
     """What is yet to come; b"" of a connection that was cut."""
-    found = b""
+    received = b""
     with contextlib.suppress(ConnectionError):
         while data := connection.recv(1 << 16):
-            found += data
-            if found.endswith(b"done"):
-                return b"done"
-    return found
+            received += data
+    return received
 
 
-def test_of_too_many_the_idlest_and_oldest_makes_room(server):
-    """Without a request before those with one; a page does not, however old."""
-    page, slow = server.connect("/page"), server.connect("/slow")
-    idle = [server.connect() for _ in range(2)]
-    new = server.connect("/slow")
-    assert _rest(idle[0]) == b""
-    newer = server.connect("/slow")
-    assert _rest(idle[1]) == b""
-    newest = server.connect("/slow")
-    assert _rest(slow) == b""
+def test_one_connection_too_many_is_closed(server: Server) -> None:
+    """Those that are open go on; when one of them ends there is room again."""
+    busy = [server.connect("/slow") for _ in range(4)]
+    assert _rest(server.connect()) == b""
     server.release.set()
-    assert [_rest(one) for one in (page, new, newer, newest)] == [b"done"] * 4
+    assert all(b"done" in _rest(connection) for connection in busy)
+    assert server.connect("/slow").recv(100)
 
 
-def test_each_computer_has_its_share(server):
-    """One with many connections loses its own, not those of others; also when all are too many."""
-    other = [server.connect(source="127.0.0.2") for _ in range(2)]
-    mine = [server.connect("/slow") for _ in range(4)]
-    mine.append(server.connect("/slow"))
-    assert _rest(mine[0]) == b""
-    third = server.connect("/slow", "127.0.0.3")
-    assert _rest(mine[1]) == b""
-    for one in other:
-        one.sendall(f"GET /slow {HEAD}".encode())
-    wait_for(lambda: server.begun == 8, "the requests of the other")
-    server.release.set()
-    assert [_rest(one) for one in (*other, *mine[2:], third)] == [b"done"] * 6
+@pytest.mark.parametrize(
+    "beginning",
+    [
+        "",
+        "GET /slow HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Slow: ",
+        "POST /body HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 1000\r\n\r\n{",
+        "POST /nowhere HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 1000\r\n\r\n{",
+        f"GET /nowhere {HEAD}",
+    ],
+    ids=["silent", "half a head", "half a body", "half a body that nobody reads", "kept open"],
+)
+def test_a_connection_that_does_nothing_is_closed(server: Server, beginning: str) -> None:
+    """In a bounded time, with what was asked of it, if anything was."""
+    connection = server.connect()
+    connection.sendall(beginning.encode())
+    assert b"done" not in _rest(connection)
 
 
-def test_one_that_does_not_read_its_response_makes_room_first(server, monkeypatch):
-    """Its server has closed it, but the response waits to be read, maybe for ever."""
-    monkeypatch.setattr("onebot_bringup.serving.http_server.IDLE_TIMEOUT", 0.1)
-    server.close()
-    server = Server()
-    try:
-        stuck = server.connect("/large")
-        page = server.connect("/page")
-        idle = server.connect()
-        assert _rest(idle) == b""  # the time of the idle is over, for both
-        others = [server.connect("/slow") for _ in range(3)]
-        server.release.set()
-        assert [_rest(one) for one in (page, *others)] == [b"done"] * 4
-        assert len(_rest(stuck)) < LARGE
-    finally:
-        server.close()
-
-
-def test_a_client_that_speaks_no_http_is_refused_without_a_word_in_the_log(server, caplog):
+def test_a_client_that_speaks_no_http_is_refused_without_a_word_in_the_log(
+    server: Server, caplog: pytest.LogCaptureFixture
+) -> None:
     client = server.connect()
     client.sendall(b"GET / HTTP/1.1\r\n\r\n")  # no Host
-    assert client.recv(1000).startswith(b"HTTP/1.0 400 ")
-    assert client.recv(1000) == b""
+    assert _rest(client).startswith(b"HTTP/1.0 400 ")
     assert caplog.records == []
 
 

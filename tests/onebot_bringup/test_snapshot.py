@@ -270,7 +270,6 @@ def test_rerun_does_not_warn_of_a_recording_of_ours(tmp_path):
     ("words", "code", "message"),
     [
         (["a.gif"], 1, "must end in .png"),
-        (["a.png", "none.urdf"], 1, "none.urdf"),
         (["a.png", "none.rrd"], 1, "there is no recording none.rrd"),
         (["a.png", "--width", "7"], 2, "--width"),
     ],

@@ -15,8 +15,8 @@ from PIL import Image
 
 from onebot_bringup.cli.scenes import record_pose
 from onebot_bringup.viewer import pictures
-from onebot_bringup.viewer.display_server import open_recording, program
-from onebot_bringup.viewer.pictures import NO_RENDERER, headless_viewer, still
+from onebot_bringup.viewer.display_server import open_recording
+from onebot_bringup.viewer.pictures import headless_viewer, still
 from onebot_bringup.viewer.view_config import load_view
 from onebot_description.description import load_description
 from onebot_description.errors import OneBotError
@@ -24,7 +24,7 @@ from onebot_description.joints.pose import pose_of
 from onebot_description.model import RobotModel
 from tests.onebot_bringup.test_viewer_scene import _record
 from tests.onebot_bringup.viewer_support import ARM, BLUE, ORANGE, VIEW
-from tests.support import PATIENCE, wait_for
+from tests.support import wait_for
 from tests.support_rendering import center, colored, pixels, require_renderer
 
 pytestmark = pytest.mark.slow
@@ -34,15 +34,11 @@ SIZE = ("--width", "480", "--height", "320")
 
 @pytest.fixture
 def arm(tmp_path: Path) -> Path:
-    return _arm_in(tmp_path)
-
-
-def _arm_in(folder: Path) -> Path:
     """A blue box with an orange cylinder beside it, seen along -x: +y is to the right."""
     require_renderer()
-    (folder / "view.yaml").write_text(VIEW)
-    (folder / "arm.urdf").write_text(ARM)
-    return folder
+    (tmp_path / "view.yaml").write_text(VIEW)
+    (tmp_path / "arm.urdf").write_text(ARM)
+    return tmp_path
 
 
 def snapshot(
@@ -70,53 +66,35 @@ def _arm(folder: Path, *words: str) -> tuple[str | Path, ...]:
     return (folder / "arm.urdf", "--view", folder / "view.yaml", *words)
 
 
-@pytest.fixture(scope="module")
-def posed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, np.ndarray]:
-    """The arm at two positions of its joint, each drawn once and over an older picture."""
-    folder = _arm_in(tmp_path_factory.mktemp("posed"))
-    (folder / "a.png").write_text("an old one")
-    before = {entry.name for entry in folder.iterdir()}
-    words = {"0": (), "1": ("--joints", "slide=1.0")}
-    found = {position: drawn(folder, *_arm(folder, *more)) for position, more in words.items()}
-    assert Image.open(folder / "a.png").format == "PNG"
-    assert {entry.name for entry in folder.iterdir()} == before, "nothing else is left there"
-    return found
-
-
-def test_joints_stand_where_they_are_told(posed):
-    """The cylinder is a metre to the right of where it is at 0; the box stays."""
-    at_0, at_1 = posed["0"], posed["1"]
+def test_joints_and_camera_stand_where_they_are_told(arm):
+    """In place of an older picture, and the same again while the machine is busy."""
+    (arm / "a.png").write_text("an old one")
+    files = {entry.name for entry in arm.iterdir()}
+    at_0 = drawn(arm, *_arm(arm))
+    assert Image.open(arm / "a.png").format == "PNG"
+    assert {entry.name for entry in arm.iterdir()} == files, "nothing else is left there"
+    at_1 = drawn(arm, *_arm(arm, "--joints", "slide=1.0"), name="1.png")
     assert at_0.shape == at_1.shape == (320, 480, 3)
+    # The cylinder is a metre to the right; the box stays.
     assert center(colored(at_1, ORANGE))[0] > center(colored(at_0, ORANGE))[0] + 0.2
     assert center(colored(at_1, BLUE))[0] == pytest.approx(center(colored(at_0, BLUE))[0], abs=0.1)
-
-
-def test_the_camera_stands_where_it_is_told(posed, arm):
-    """From the other side, left is right."""
-    front = posed["1"]  # as the view has it: from 2.6,0.5,0 to 0,0.5,0
-    back = drawn(arm, *_arm(arm, "--joints", "slide=1.0"), "--camera", "-2.6,0.5,0:0,0.5,0")
-    assert center(colored(front, ORANGE))[0] > 0.5 > center(colored(back, ORANGE))[0]
-    # The middle of the picture is what the camera looks at.
+    # From the other side, left is right; the middle of the picture is what the camera looks at.
+    camera = ("--camera", "-2.6,0.5,0:0,0.5,0")
+    back = drawn(arm, *_arm(arm, "--joints", "slide=1.0"), *camera, name="2.png")
+    assert center(colored(at_1, ORANGE))[0] > 0.5 > center(colored(back, ORANGE))[0]
     sides = [center(colored(back, color))[0] - 0.5 for color in (ORANGE, BLUE)]
     assert sum(sides) == pytest.approx(0.0, abs=0.03)
-
-
-def test_the_same_scene_gives_the_same_picture(arm):
-    """Byte for byte, also while the machine is busy; and it is not blank."""
-    words = _arm(arm, "--joints", "slide=0.5", "--dashboard")
-    first = drawn(arm, *words, name="1.png")
     busy = [
         subprocess.Popen([sys.executable, "-c", "while True: pass"])
         for _ in range(os.cpu_count() or 1)
     ]
     try:
-        drawn(arm, *words, name="2.png")
+        drawn(arm, *_arm(arm))
     finally:
         for process in busy:
             process.kill()
             process.wait()
-    assert (arm / "1.png").read_bytes() == (arm / "2.png").read_bytes()
-    assert colored(first, ORANGE).any() and colored(first, BLUE).any()
+    np.testing.assert_array_equal(pixels(arm / "a.png"), at_0)
 
 
 def test_a_busy_viewer_is_waited_for(arm, tmp_path, monkeypatch):
@@ -148,7 +126,7 @@ def test_a_busy_viewer_is_waited_for(arm, tmp_path, monkeypatch):
 
 
 def test_the_end_of_a_recording(arm, tmp_path):
-    """Of a recording cut short by a crash, what is whole is drawn once it is copied."""
+    """A recording that was cut short by a crash is refused, and named."""
     rrd = tmp_path / "run.rrd"
     _record(rrd, load_view(tmp_path / "view.yaml"))
     whole = drawn(arm, rrd)
@@ -157,18 +135,4 @@ def test_the_end_of_a_recording(arm, tmp_path):
         file.write(rrd.read_bytes()[100:150])  # as far as a message got
     done = snapshot(arm / "b.png", rrd)
     assert done.returncode == 1, done.stderr
-    advice = re.search(r"rerun (rrd merge --continue-on-error -o) whole.rrd (\S+)", done.stderr)
-    assert advice is not None, done.stderr
-    copy = [str(program()), *advice[1].split(), str(tmp_path / "whole.rrd"), advice[2]]
-    subprocess.run(copy, check=True, timeout=PATIENCE)
-    np.testing.assert_array_equal(drawn(arm, tmp_path / "whole.rrd"), whole)
-
-
-def test_nothing_to_draw_with_is_said_with_the_package(arm, tmp_path):
-    """Where there is no Vulkan driver, the message names the Debian package."""
-    (tmp_path / "none.json").write_text("{}")
-    none = str(tmp_path / "none.json")
-    done = snapshot(arm / "a.png", *_arm(arm), VK_ICD_FILENAMES=none, VK_DRIVER_FILES=none)
-    assert done.returncode == 1
-    assert done.stderr.splitlines()[-1] == f"error: {NO_RENDERER}"
-    assert not (arm / "a.png").exists()
+    assert f"{rrd} cannot be shown: " in done.stderr

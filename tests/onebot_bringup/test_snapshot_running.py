@@ -5,9 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
-from nav_msgs.msg import Path as PlannedPath
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
@@ -93,20 +91,6 @@ def test_it_looks_as_its_description_does_at_these_positions(arm, ros_domain):
     with NodeProcess(PUBLISHER, str(arm / "arm.urdf"), *parameters):
         with Peer(ros_domain) as peer, Joint(peer, 0.75), Garbage(peer):
             np.testing.assert_array_equal(drawn(arm, *view, name="live.png"), posed)
-
-
-def test_what_is_published_is_in_the_picture(arm, ros_domain):
-    """As the viewer would show it by itself."""
-    (arm / "view.yaml").write_text(VIEW + "path: {color: [0, 220, 60], line_width: 0.2}\n")
-    plan = PlannedPath(poses=[PoseStamped(), PoseStamped()])
-    plan.header.frame_id = "base"
-    plan.poses[0].pose.position.x = plan.poses[1].pose.position.x = 1.0
-    plan.poses[1].pose.position.y = 1.0
-    with NodeProcess(PUBLISHER, str(arm / "arm.urdf"), *ros_args(ignore_timestamp=True)):
-        with Peer(ros_domain) as peer, Joint(peer, 0.75):
-            peer.node.create_publisher(PlannedPath, "plan", LATCHED).publish(plan)
-            words = ("--view", arm / "view.yaml")
-            wait_for(lambda: colored(drawn(arm, *words), (0, 220, 60)).any(), "the path")
 
 
 def test_what_is_missing_is_named(arm, ros_domain):

@@ -1,6 +1,4 @@
-"""Who drives, of several pages, and when the robot is stopped: no ROS, network or clock."""
-
-from dataclasses import replace
+"""Who drives, of several pages, and what is published when. No ROS, network or clock."""
 
 import pytest
 from hypothesis import given
@@ -8,217 +6,328 @@ from hypothesis import strategies as st
 
 from onebot_bringup.steering.arbiter import COMMAND_TIMEOUT, MAX_AGE, ZEROS, Arbiter
 from onebot_bringup.steering.limits import Bound, Limits
-from onebot_bringup.steering.protocol import SetLimits, Velocity
+from onebot_bringup.steering.protocol import Drive, Release, SetLimits, Stop, Velocity
 
-LIMITS = Limits(Bound(1.0, 1.0, 1.0), Bound(2.0, 2.0, 2.0))
 FORWARD, ZERO = Velocity(0.5, 0.1), Velocity()
 
 
+def limits(linear: float, angular: float) -> Limits:
+    """Of a robot, the same forward and backward."""
+    return Limits(Bound(linear, linear, linear), Bound(angular, angular, angular))
+
+
+class Steered:
+    """An arbiter of some pages, what it published and locked, and how often it notified pages."""
+
+    def __init__(self, pages: str) -> None:
+        self.now = 100.0
+        self.published: list[Velocity] = []
+        self.changes = 0
+        self.locks: list[bool] = []
+        self.arbiter = Arbiter(
+            limits(3.0, 4.0), self.published.append, self.locks.append, lambda: self.now
+        )
+        self.arbiter.handle("", SetLimits(1.0, 2.0))
+        for page in pages:
+            self.arbiter.join(page)
+        self.arbiter.changed = self._changed
+
+    def _changed(self) -> None:
+        self.changes += 1
+
+    def drive(self, page: str, velocity: Velocity = FORWARD, age: float = 0.0) -> None:
+        """Have a page send a command whose stamp is ``age`` seconds old."""
+        self.arbiter.handle(page, Drive(velocity.linear, velocity.angular, self.now - age))
+
+    def release(self, page: str) -> None:
+        self.arbiter.handle(page, Release())
+
+    def stop(self, page: str) -> None:
+        self.arbiter.handle(page, Stop())
+
+    def wait(self, seconds: float) -> None:
+        self.now += seconds
+        self.arbiter.check_timeout()
+
+    def sent(self) -> list[Velocity]:
+        """What was published since the last call."""
+        sent, self.published[:] = list(self.published), []
+        return sent
+
+    @property
+    def driver(self) -> str | None:
+        return self.arbiter.state.driver
+
+    @property
+    def command(self) -> Velocity:
+        return self.arbiter.state.command
+
+
 @pytest.fixture
-def arbiter() -> Arbiter:
-    """Two pages, "a" and "b", at time 0."""
-    arbiter = Arbiter(LIMITS)
-    arbiter.join("a")
-    arbiter.join("b")
-    return arbiter
+def steered() -> Steered:
+    """Pages "a" and "b"; the time stands still unless a test moves it."""
+    return Steered("ab")
 
 
-def _all_that_follows(arbiter: Arbiter) -> list[Velocity]:
-    """What is published from now on, if nothing else happens."""
-    taken = []
-    while (velocity := arbiter.next_command()) is not None and len(taken) < 10:
-        taken.append(velocity)
-    return taken
+def test_nothing_is_published_before_anybody_drives(steered: Steered) -> None:
+    """Other sources of commands are left alone; to halt is no exception."""
+    steered.arbiter.tick()
+    steered.arbiter.halt()
+    steered.arbiter.tick()
+    assert steered.sent() == [] and steered.driver is None
 
 
-def test_nothing_is_published_before_anybody_drives(arbiter):
-    """Other sources of commands are left alone."""
-    assert arbiter.next_command() is None and arbiter.driver is None
-
-
-def test_what_is_held_is_published_within_the_limits(arbiter):
-    """A command beyond them is slowed, and so is one that was given before they were lowered."""
-    arbiter.drive("a", Velocity(4.0, -8.0), 0.0, 0.0)
-    assert arbiter.next_command() == Velocity(1.0, -2.0)
-    arbiter.limits = replace(LIMITS, chosen=SetLimits(0.25, None))
-    assert arbiter.next_command() == arbiter.command == Velocity(0.25, -0.5)
-    arbiter.limits = replace(LIMITS, angular=Bound(0.125, 0.125, 0.125))
-    assert arbiter.next_command() == Velocity(0.0625, -0.125)
+def test_to_take_hold_is_published_at_once_and_then_at_the_fixed_rate(steered: Steered) -> None:
+    """More of the same waits for its turn; a robot that is held at zero gets zeros."""
+    steered.drive("a")
+    assert steered.sent() == [FORWARD] and steered.changes == 1
+    steered.drive("a", Velocity(0.6, 0.0))
+    assert steered.sent() == [] and steered.changes == 1
+    steered.arbiter.tick()
+    assert steered.sent() == [Velocity(0.6, 0.0)]
+    steered.drive("a", ZERO)
+    for _ in range(ZEROS + 2):
+        steered.arbiter.tick()
+    assert steered.sent() == [ZERO] * (ZEROS + 2) and steered.driver == "a"
 
 
 @pytest.mark.parametrize(
     "end",
     [
-        lambda arbiter: arbiter.release("a"),
-        lambda arbiter: arbiter.leave("a"),
-        lambda arbiter: arbiter.reject("a"),
-        lambda arbiter: arbiter.stop(),
-        lambda arbiter: arbiter.check_timeout(COMMAND_TIMEOUT + 0.01),
+        lambda steered: steered.release("a"),
+        lambda steered: steered.arbiter.leave("a"),
+        lambda steered: steered.arbiter.reject("a"),
+        lambda steered: steered.stop("b"),
+        lambda steered: steered.wait(COMMAND_TIMEOUT + 0.001),
     ],
-    ids=["let go", "closed", "malformed", "stop button", "silent"],
+    ids=["release", "leave", "reject", "stop", "silence"],
 )
-def test_every_end_gives_zeros_and_then_silence(arbiter, end):
-    """Three zeros follow, so that one may get lost, and then others may drive."""
-    arbiter.drive("a", FORWARD, 0.0, 0.0)
-    end(arbiter)
-    assert arbiter.command == ZERO
-    assert _all_that_follows(arbiter) == [ZERO] * ZEROS
+def test_every_end_gives_zeros_and_then_silence(steered: Steered, end) -> None:
+    """The first at once, three in all, so that one may get lost; then others may drive."""
+    steered.drive("a")
+    steered.sent()
+    end(steered)
+    assert steered.sent() == [ZERO] and steered.command == ZERO
+    for _ in range(ZEROS + 2):
+        steered.arbiter.tick()
+    assert steered.sent() == [ZERO] * (ZEROS - 1)
 
 
-def test_the_last_to_take_hold_drives(arbiter):
-    """The one it takes control from does nothing until it lets go and takes hold anew."""
-    arbiter.drive("a", FORWARD, 0.0, 0.0)
-    arbiter.drive("b", Velocity(0.1, 0.0), 0.1, 0.1)
-    arbiter.drive("a", FORWARD, 0.2, 0.2)
-    assert arbiter.driver == "b" and arbiter.command == Velocity(0.1, 0.0)
-    arbiter.release("b")
-    arbiter.drive("a", FORWARD, 0.3, 0.3)
-    assert arbiter.driver is None and arbiter.command == ZERO
-    arbiter.release("a")
-    arbiter.drive("a", FORWARD, 0.4, 0.4)
-    assert arbiter.driver == "a" and arbiter.command == FORWARD
+def test_the_last_to_take_hold_drives(steered: Steered) -> None:
+    """At once; the page it takes control from has to let go, and stops nobody meanwhile."""
+    steered.drive("a")
+    steered.sent()
+    steered.drive("b", Velocity(-0.2, 0.0))
+    assert steered.sent() == [Velocity(-0.2, 0.0)] and steered.driver == "b"
+    steered.drive("a")
+    steered.arbiter.reject("a")
+    assert steered.driver == "b" and steered.command == Velocity(-0.2, 0.0)
+    steered.release("b")
+    steered.drive("a")
+    assert steered.driver is None and steered.command == ZERO
+    steered.release("a")
+    steered.drive("a")
+    assert steered.driver == "a" and steered.command == FORWARD
 
 
-@pytest.mark.parametrize("end", ["stop", "reject"])
-def test_a_driver_that_was_stopped_has_to_let_go_first(arbiter, end):
-    """The stop button, and a message that was refused, are not undone by going on to hold."""
-    arbiter.drive("a", FORWARD, 0.0, 0.0)
-    if end == "stop":
-        arbiter.stop()
-    else:
-        arbiter.reject("a")
-    arbiter.drive("a", FORWARD, 0.05, 0.05)
-    assert arbiter.driver is None and arbiter.command == ZERO
-    arbiter.release("a")
-    arbiter.drive("a", FORWARD, 0.1, 0.1)
-    assert arbiter.driver == "a"
+@pytest.mark.parametrize("held", [True, False])
+@pytest.mark.parametrize(
+    "end",
+    [
+        lambda steered: steered.stop("b"),
+        lambda steered: steered.arbiter.reject("a"),
+        lambda steered: steered.arbiter.halt(),
+    ],
+    ids=["stop", "reject", "halt"],
+)
+def test_a_page_that_was_stopped_has_to_let_go_first(steered: Steered, end, held: bool) -> None:
+    """None of these is undone by going on to hold; a page that held nothing may take hold."""
+    if held:
+        steered.drive("a")
+    end(steered)
+    steered.sent()
+    if held:
+        steered.drive("a")
+        assert steered.sent() == [] and steered.driver is None
+    steered.release("a")
+    steered.drive("a")
+    assert steered.sent()[-1:] == [FORWARD] and steered.driver == "a"
 
 
-def test_a_page_that_lost_control_stops_nobody_by_letting_go(arbiter):
-    """Its release, its end and its nonsense are its own."""
-    arbiter.drive("a", FORWARD, 0.0, 0.0)
-    arbiter.drive("b", FORWARD, 0.1, 0.1)
-    arbiter.release("a")
-    arbiter.reject("a")
-    arbiter.leave("a")
-    assert arbiter.driver == "b" and arbiter.command == FORWARD
+def test_nonsense_of_a_page_that_holds_nothing_costs_its_next_hold(steered: Steered) -> None:
+    steered.arbiter.reject("a")
+    steered.drive("a")
+    assert steered.sent() == [] and steered.driver is None
 
 
-def test_a_silence_stops_and_the_same_grip_goes_on_after_it(arbiter):
-    """However long it was: what was sent meanwhile and comes late does not count."""
-    arbiter.drive("a", FORWARD, 0.0, 0.0)
-    arbiter.check_timeout(COMMAND_TIMEOUT - 0.01)
-    assert arbiter.command == FORWARD and not arbiter.late
-    arbiter.check_timeout(COMMAND_TIMEOUT + 0.01)
-    assert arbiter.command == ZERO and arbiter.timeouts == 1
-    assert arbiter.driver == "a" and arbiter.late == {"a"}
-    arbiter.drive("a", FORWARD, 0.1, 10.0)
-    assert arbiter.command == ZERO and arbiter.late == {"a"}
-    arbiter.drive("a", FORWARD, 9.9, 10.0)
-    assert arbiter.command == FORWARD and not arbiter.late
+def test_a_stop_locks_the_robot_until_a_page_presses_anew(steered: Steered) -> None:
+    """Each press of Stop; no held control unlocks, nor does a halt of the server lock."""
+    steered.drive("a")
+    for _ in range(2):
+        steered.stop("b")
+        assert steered.sent()[-1:] == [ZERO]
+    steered.drive("a")
+    assert steered.locks == [False, True, True]
+    steered.release("a")
+    steered.drive("a")
+    steered.drive("a")
+    steered.arbiter.halt()
+    assert steered.locks == [False, True, True, False]
 
 
-def test_a_command_holds_until_half_a_second_after_its_stamp(arbiter):
+def test_a_control_held_at_zero_does_not_unlock(steered: Steered) -> None:
+    """Whoever presses 0 wants a robot that stands, which another node may drive; a push unlocks."""
+    steered.stop("b")
+    steered.drive("a", ZERO)
+    assert steered.locks == [True] and steered.driver == "a"
+    for velocity in (FORWARD, ZERO, FORWARD):
+        steered.drive("a", velocity)
+    assert steered.locks == [True, False]
+
+
+def test_a_silence_stops_and_the_same_grip_goes_on_after_it(steered: Steered) -> None:
+    """After the time of the dead man's switch, not at it; a message that comes late is none."""
+    for _ in range(10):
+        steered.drive("a")
+        steered.wait(COMMAND_TIMEOUT * 0.9)
+    assert steered.command == FORWARD and steered.arbiter.timeouts == 0
+    steered.drive("a")
+    steered.wait(COMMAND_TIMEOUT)
+    assert steered.command == FORWARD and not steered.arbiter.state.late
+    steered.sent()
+    steered.wait(0.001)
+    steered.wait(10.0)
+    assert steered.sent() == [ZERO] and steered.arbiter.timeouts == 1
+    assert steered.driver == "a" and steered.arbiter.state.late == {"a"}
+    steered.drive("a", age=9.9)
+    assert steered.command == ZERO and steered.arbiter.state.late == {"a"}
+    steered.drive("a", age=0.1)
+    assert steered.sent() == [FORWARD] and not steered.arbiter.state.late
+
+
+def test_after_a_stall_nothing_old_is_published(steered: Steered) -> None:
+    """The next tick may come before the next check: its command is zero, too."""
+    steered.drive("a")
+    steered.sent()
+    steered.now += COMMAND_TIMEOUT + 0.001
+    for _ in range(ZEROS + 2):
+        steered.arbiter.tick()
+    assert steered.sent() == [ZERO] * ZEROS and steered.arbiter.timeouts == 1
+
+
+def test_a_command_holds_until_half_a_second_after_its_stamp(steered: Steered) -> None:
     """Whenever it comes: the hand that gave it may be gone as long as that."""
-    arbiter.drive("a", FORWARD, 10.0, 10.4)
-    arbiter.check_timeout(10.0 + MAX_AGE)
-    assert arbiter.command == FORWARD
-    arbiter.check_timeout(10.0 + MAX_AGE + 0.001)
-    assert arbiter.command == ZERO and arbiter.late == {"a"}
-    for end in (arbiter.release, arbiter.leave):
-        arbiter.drive("a", FORWARD, 10.0, 12.0)
+    steered.now = 0.0  # sums are exact
+    steered.drive("a", age=MAX_AGE - 0.125)
+    steered.wait(0.125)
+    assert steered.command == FORWARD
+    steered.wait(0.001)
+    assert steered.command == ZERO and steered.arbiter.state.late == {"a"}
+    for end in (steered.release, steered.arbiter.leave):
+        steered.drive("a", age=2.0)
         end("a")
-        assert not arbiter.late
+        assert not steered.arbiter.state.late
 
 
-@pytest.mark.parametrize("other", [lambda a: a.stop(), lambda a: a.drive("b", FORWARD, 5.0, 5.0)])
-@pytest.mark.parametrize("first", [0.0, 4.9])
-def test_who_held_before_another_page_acted_does_not_drive_after_it(arbiter, first, other):
+@pytest.mark.parametrize("other", [lambda s: s.stop("b"), lambda s: s.drive("b")])
+@pytest.mark.parametrize("age", [5.0, 0.0])
+def test_who_held_before_another_page_acted_does_not_drive_after_it(
+    steered: Steered, age: float, other
+) -> None:
     """Whether it drove and fell silent, or never came in time: it has to let go first."""
-    arbiter.drive("a", FORWARD, first, 4.9)
-    arbiter.check_timeout(4.9 + COMMAND_TIMEOUT + 0.01)
-    other(arbiter)
-    arbiter.drive("a", FORWARD, 5.1, 5.1)
-    assert arbiter.driver != "a"
-    arbiter.release("a")
-    arbiter.drive("a", FORWARD, 5.2, 5.2)
-    assert arbiter.driver == "a"
+    steered.drive("a", age=age)
+    steered.wait(COMMAND_TIMEOUT + 0.01)
+    other(steered)
+    steered.drive("a")
+    assert steered.driver != "a"
+    steered.release("a")
+    steered.drive("a")
+    assert steered.driver == "a"
 
 
 _event = st.tuples(
-    st.sampled_from(["drive", "release", "stop", "reject", "leave", "wait", "take"]),
+    st.sampled_from(["drive", "release", "stop", "reject", "leave", "wait", "tick"]),
     st.sampled_from("abc"),
     st.floats(0.0, 0.4),
 )
 
 
 @given(st.lists(_event, max_size=60))
-def test_the_robot_moves_only_while_its_driver_says_so(events):
+def test_the_robot_moves_only_while_its_driver_says_so(events) -> None:
     """Whatever pages do: a command that is not zero has a driver that spoke in time just before."""
-    arbiter, now, spoke = Arbiter(LIMITS), 0.0, {}
-    for page in "abc":
-        arbiter.join(page)
-    there = set("abc")
+    steered, spoke, pages = Steered("abc"), {}, set("abc")
+    arbiter = steered.arbiter
     for kind, page, wait in events:
         if kind == "wait":
-            now += wait
-            arbiter.check_timeout(now)
+            steered.wait(wait)
         elif kind == "stop":
-            arbiter.stop()
-        elif kind == "take":
-            arbiter.next_command()
-        elif page in there:
-            if kind == "drive":
-                arbiter.drive(page, FORWARD, now - 2.0 * wait, now)
-                if 2.0 * wait <= MAX_AGE:  # a late one changes nothing of what holds
-                    spoke[page] = now, now - 2.0 * wait
-            else:
-                getattr(arbiter, kind)(page)
-                there -= {page} if kind == "leave" else set()
-                assert arbiter.driver != page
-        if arbiter.command != ZERO:
-            assert arbiter.driver in there
-            came, stamp = spoke[arbiter.driver]
+            steered.stop(page)
+        elif kind == "tick":
+            arbiter.tick()
+        elif kind == "drive" and page in pages:
+            steered.drive(page, age=2.0 * wait)
+            if 2.0 * wait <= MAX_AGE:  # a late one changes nothing of what holds
+                spoke[page] = steered.now, steered.now - 2.0 * wait
+        elif page in pages:
+            steered.release(page) if kind == "release" else getattr(arbiter, kind)(page)
+            pages -= {page} if kind == "leave" else set()
+            assert steered.driver != page
+        if steered.command != ZERO:
+            assert steered.driver in pages
+            came, stamp = spoke[steered.driver]
             rounding = 1e-9  # of sums of times
-            assert now - came <= COMMAND_TIMEOUT + rounding and now - stamp <= MAX_AGE + rounding
-        assert arbiter.pages == len(there)
+            assert steered.now - came <= COMMAND_TIMEOUT + rounding
+            assert steered.now - stamp <= MAX_AGE + rounding
+        assert arbiter.state.pages == len(pages)
 
 
-def test_the_times_of_silence_are_exceeded_not_reached(arbiter):
-    """At the limit itself nothing happens yet; nor does an old time undo anything."""
-    arbiter.drive("a", FORWARD, 10.0, 10.0)
-    arbiter.check_timeout(10.0 + COMMAND_TIMEOUT)
-    assert arbiter.command == FORWARD and arbiter.timeouts == 0
-    arbiter.check_timeout(10.0 + COMMAND_TIMEOUT + 0.001)
-    assert arbiter.command == ZERO and arbiter.timeouts == 1
-    arbiter.check_timeout(20.0)
-    assert arbiter.timeouts == 1
+def test_limits_are_the_robots_or_lower(steered: Steered) -> None:
+    """Whoever sets them; they bind what is held, too, and pages learn of what is new only."""
+    arbiter = steered.arbiter
+    arbiter.handle("a", SetLimits(5.0, 0.5))
+    assert arbiter.state.limits.in_force == Velocity(3.0, 0.5) and steered.changes == 1
+    arbiter.handle("b", SetLimits(5.0, 0.5))
+    assert steered.changes == 1
+    arbiter.handle("a", SetLimits(0.25, None))
+    assert arbiter.state.limits.in_force == Velocity(0.25, 4.0)
+    assert steered.changes == 2 and steered.sent() == []
+    steered.drive("a")
+    assert steered.sent() == [Velocity(0.25, 0.05)] == [steered.command]
 
 
-def test_a_robot_held_at_zero_is_told_so_and_stopped_like_any_other(arbiter):
-    """A page that has control at rest commands zero, all the time."""
-    arbiter.drive("a", ZERO, 0.0, 0.0)
-    assert arbiter.moving and arbiter.busy
-    assert [arbiter.next_command() for _ in range(5)] == [ZERO] * 5
-    arbiter.release("a")
-    assert not arbiter.moving and arbiter.busy
-    assert _all_that_follows(arbiter) == [ZERO] * ZEROS
-    assert not arbiter.busy
+def test_what_an_operator_chose_outlasts_the_robot(steered: Steered) -> None:
+    """Also what is above the present robot's limit; and it binds a command that is held."""
+    arbiter = steered.arbiter
+    arbiter.handle("a", SetLimits(0.5, 9.0))
+    steered.drive("a", Velocity(0.5, 0.0))
+    arbiter.set_limits(limits(0.125, 1.0))
+    assert steered.command == Velocity(0.125, 0.0) and steered.driver == "a"
+    assert arbiter.state.limits.in_force == Velocity(0.125, 1.0)
+    arbiter.set_limits(limits(2.0, 6.0))
+    assert arbiter.state.limits.in_force == Velocity(0.5, 6.0)
+    assert steered.command == Velocity(0.5, 0.0)
 
 
-def test_stops_and_zeros_are_counted_anew(arbiter):
-    """Each press of the button is one, and is followed by all of its zeros."""
-    for number in (1, 2):
-        arbiter.stop()
-        assert arbiter.stops == number and arbiter.busy
-        assert _all_that_follows(arbiter) == [ZERO] * ZEROS
+def test_pages_come_and_go(steered: Steered) -> None:
+    """The others learn how many there are, the log who drove; a page that comes back is new."""
+    steered.arbiter.join("c")
+    assert steered.arbiter.state.pages == 3 and steered.changes == 1
+    assert not steered.arbiter.leave("c") and not steered.arbiter.leave("c")
+    assert steered.arbiter.state.pages == 2 and steered.changes == 2 and steered.sent() == []
+    steered.drive("a")
+    assert not steered.arbiter.reject("b") and steered.arbiter.leave("a")
+    steered.arbiter.join("a")
+    steered.drive("a")
+    assert steered.driver == "a" and steered.arbiter.state.pages == 2
+    assert steered.arbiter.reject("a")
 
 
-def test_a_page_that_comes_back_may_take_hold(arbiter):
-    """It is a new one: what it held before is forgotten."""
-    arbiter.drive("a", FORWARD, 0.0, 0.0)
-    arbiter.leave("a")
-    assert arbiter.pages == 1 and arbiter.driver is None
-    arbiter.join("a")
-    arbiter.drive("a", FORWARD, 0.1, 0.1)
-    assert arbiter.driver == "a" and arbiter.command == FORWARD and arbiter.pages == 2
+def test_to_halt_sends_all_zeros_at_once(steered: Steered) -> None:
+    """Also those that are left of an earlier end."""
+    steered.drive("a")
+    steered.release("a")
+    steered.sent()
+    steered.arbiter.halt()
+    assert steered.sent() == [ZERO] * ZEROS and steered.driver is None
+    steered.arbiter.tick()
+    assert steered.sent() == []

@@ -69,15 +69,6 @@ def test_a_page_drives_the_robot_along_its_arc(odometry):
         assert end["y"] == pytest.approx(radius * (1.0 - math.cos(end["yaw"])), abs=0.01)
 
 
-@pytest.mark.parametrize("end", ["let_go", "close", "cut", "silence"])
-def test_the_robot_stops_when_the_page_does(odometry, end):
-    """Let go, closed, cut off or silent."""
-    with steering() as node, PageClient(address_of(node)) as page:
-        _drive(page, odometry)
-        getattr(page, end)()
-        _come_to_rest(odometry)
-
-
 def test_stop_stops_the_robot_whoever_drives_it(odometry, ros_domain):
     """Beside a script that drives on; also when the server dies, until a page drives again."""
     command = Twist()

@@ -5,6 +5,7 @@ import http.server
 import itertools
 import json
 import math
+import re
 import signal
 import threading
 from collections.abc import Callable, Iterator
@@ -24,9 +25,11 @@ from std_msgs.msg import Bool, String
 from onebot_bringup.steering.server import STATIC
 from onebot_control.poses import yaw_of
 from onebot_control.speed_limiter import SpeedLimiter, SpeedLimits
+from onebot_description.description import load_description
 from onebot_description.description.packages import package_share
-from tests.onebot_bringup.steering_support import PageClient, SlowWay
+from tests.onebot_bringup.steering_support import PageClient, Way
 from tests.onebot_bringup.viewer_support import ARM, BLUE, VIEW
+from tests.onebot_control.test_sensors_process import room
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.steering_browser_support import Page, steering
 from tests.support import wait_for
@@ -230,8 +233,8 @@ def _check_arc(
     assert went == pytest.approx(expected, abs=0.01 * radius * turned)
 
 
-def test_letting_go_stops_at_once(peer: Peer, page: Page) -> None:
-    """The page says so itself, with its next word: nothing waits for a timeout."""
+def test_letting_go_stops_at_once_and_another_page_takes_control(peer: Peer, page: Page) -> None:
+    """The page says so with its next word, not a timeout; what it held counts no more."""
     heard = peer.hear(Twist, TOPIC, 1000)
     with steering(**LIMITS) as node:
         page.open(node.address)
@@ -240,7 +243,16 @@ def test_letting_go_stops_at_once(peer: Peer, page: Page) -> None:
         page.let_go()
         wait_to_stop(page, heard)
         assert page.said().count("release") == releases + 1 and page.said()[-1] == "release"
-        assert page.body("driver") == "nobody"
+        with PageClient(node.address) as other:
+            page.drive_by_pad(0.0, 1.5, moving(heard))
+            other.hold(-0.25)
+            wait_for(lambda: page.text("#driver") == "Another page drives · 2 pages open", "it")
+            wait_for(lambda: page.body("hand") == "", "the page to let go")
+            begin = len(heard)
+            page.drag(0, 5)  # still held, and no longer heard
+            page.wait_for_states(5)
+            assert {pair(m) for m in heard[begin:]} <= {(-0.25, 0.0), (0.0, 0.0)}
+            page.let_go()
 
 
 def test_a_pad_held_beyond_the_window_goes_on_and_then_stops(peer: Peer, page: Page) -> None:
@@ -260,18 +272,16 @@ def test_a_pad_held_beyond_the_window_goes_on_and_then_stops(peer: Peer, page: P
         wait_to_stop(page, heard)
 
 
-@pytest.mark.parametrize("leave", ["close", "reload", "blur", "hide"])
+@pytest.mark.parametrize("leave", ["reload", "blur", "hide"])
 def test_leaving_the_page_stops(peer: Peer, page: Page, leave: str) -> None:
-    """The tab closed, left or loaded anew, or the window without focus, while the pad is held."""
+    """The tab left or loaded anew, or the window without focus, while the pad is held."""
     heard = peer.hear(Twist, TOPIC, 1000)
     with steering(**LIMITS) as node:
         first = page.driver.current_window_handle
         page.driver.switch_to.new_window("tab")
         page.open(node.address)
         page.drive_by_pad(0.0, 0.5, moving(heard))
-        if leave == "close":
-            page.driver.close()
-        elif leave == "reload":
+        if leave == "reload":
             page.driver.refresh()
         elif leave == "blur":
             # A window of another program in front: the page hears just this.
@@ -358,7 +368,7 @@ def test_a_connection_that_is_too_slow_stops_and_says_so(peer: Peer, page: Page)
         page.drag(next(sides), 0)  # a hand that is there
         return page.text("#message")
 
-    with steering(**LIMITS) as node, SlowWay(node.address) as way:
+    with steering(**LIMITS) as node, Way(node.address) as way:
         page.open(way.address)
         page.drive_by_pad(0.0, 1.5, at(heard, 0.5, 0.0))
         way.rate = 80.0  # more than half a second for a single command
@@ -381,27 +391,7 @@ def test_a_connection_that_is_too_slow_stops_and_says_so(peer: Peer, page: Page)
         wait_to_stop(page, heard)
 
 
-def test_a_page_that_gave_way_to_others_waits_for_its_user(peer: Peer, page: Page) -> None:
-    """It would close another page if it connected again by itself."""
-    with steering(**LIMITS) as node:
-        page.open(node.address)
-        page.driver.execute_script(CROWD)
-        wait_for(lambda: page.body("connection") == "down", "the page to give way")
-        assert "gave way" in page.text("#message")
-        page.driver.execute_script("for (const other of crowd.splice(1)) other.close()")
-        page.wait_for_states(20)
-        assert page.body("connection") == "down"
-        page.find("#view").click()
-        wait_for(lambda: page.connected, "the page to connect again")
-
-
 # As many connections as one computer may have.
-CROWD = """
-const address = location.href.replace("http", "ws") + "ws";
-window.crowd = Array.from({ length: 32 }, () => new WebSocket(address));
-"""
-
-
 def test_arrows_and_letters_drive_while_they_are_down(peer: Peer, page: Page) -> None:
     """Together too, at half speed with Shift; not what is typed into a field."""
     heard = peer.hear(Twist, TOPIC, 1000)
@@ -806,6 +796,35 @@ def test_displays_and_parameters_are_set_in_panels(ros_domain: int, peer: Peer, 
         assert row("parameters", "lights").is_displayed()
 
 
+def test_it_shows_the_camera_and_an_obstacle_in_the_way(
+    peer: Peer, page: Page, tmp_path: Path
+) -> None:
+    """The camera is subscribed to while its picture is shown; too near for braking is red."""
+    urdf = load_description(ONEBOT, {"sensors_enabled": "true"}).urdf
+    (tmp_path / "onebot.urdf").write_text(urdf)
+    robot = str(tmp_path / "onebot.urdf"), *ros_args(world=room(tmp_path), x=1.2)
+    camera = "/camera/image_raw"
+    with NodeProcess("onebot_control.velocity_controller", *robot), steering(**LIMITS) as node:
+        page.open(node.address)
+        peer.publisher(String, "robot_description", LATCHED).publish(String(data=urdf))
+        width = "return document.querySelector('#camera img').naturalWidth"
+        wait_for(lambda: page.driver.execute_script(width) == 160, "a picture")
+        assert page.find("#camera img").get_property("alt") == camera
+        page.driver.execute_script("document.querySelector('#camera').open = false")
+        wait_for(lambda: not peer.node.count_subscribers(camera), "the camera to be left")
+        distance = page.find("#braking output")
+
+        def redness() -> int:
+            red, green, blue = re.findall(r"\d+", distance.value_of_css_property("color"))[:3]
+            return int(red) - max(int(green), int(blue))
+
+        wait_for(lambda: "m" in page.text("#braking output"), "the braking distance")
+        assert redness() < 30 and not page.text("#braking small")
+        page.drive_by_keys("w", lambda: page.text("#braking small").startswith("obstacle at"))
+        wait_for(lambda: redness() > 60, "red")
+        page.release_keys("w")
+
+
 def test_a_finger_drives(peer: Peer, page: Page) -> None:
     """On a phone; a touch that the system takes away stops the robot."""
     heard = peer.hear(Twist, TOPIC, 1000)
@@ -941,82 +960,6 @@ def _stick(
     page: Page, x: float = 0.0, y: float = 0.0, there: str = "true", stop: str = "false"
 ) -> None:
     page.driver.execute_script(f"window.stick = {{ x: {x}, y: {y}, there: {there}, stop: {stop} }}")
-
-
-def test_the_last_page_to_take_hold_drives_and_the_other_sees_so(
-    peer: Peer, page: Page, tmp_path: Path
-) -> None:
-    """The one that lost control goes on only after letting go; its stop button works always."""
-    heard = peer.hear(Twist, TOPIC, 1000)
-    with steering(**LIMITS) as node, browser(tmp_path / "second") as driver:
-        page.open(node.address)
-        other = Page(driver).open(node.address)
-        driven = "Another page drives · 2 pages open"
-        page.drive_by_pad(0.0, 1.5, lambda: other.text("#driver") == driven)
-
-        def second_drives() -> bool:
-            return at(heard, -0.5, 0.0)() and page.text("#driver") == driven
-
-        other.drive_by_pad(0.0, -1.5, second_drives)
-        assert page.body("hand") == ""
-        begin = len(heard)
-        page.drag(0, 5)  # still held, and no longer heard
-        page.wait_for_states(5)
-        assert {pair(m) for m in heard[begin:]} <= {(-0.5, 0.0), (0.0, 0.0)}
-        page.let_go()
-        page.hold("#stop", 0, 0)
-        wait_for(lambda: other.body("hand") == "", "the second page to let go")
-        other.let_go()
-        other.hold_pad(0.0, -1.5)
-        other.wait_for_states(3)
-        wait_for(lambda: other.body("hand") == "", "the stop that is still pressed")
-        wait_for_zero(page, heard)
-        with at_rest(page, heard):
-            page.let_go()
-        wait_to_stop(page, heard)
-        other.let_go()
-
-
-def test_without_the_token_there_is_no_page(peer: Peer, page: Page) -> None:
-    """A wrong one is refused with a sentence; the right one is remembered by the browser."""
-    heard = peer.hear(Twist, TOPIC, 1000)
-    with steering(token="open-sesame", **LIMITS) as node:
-        bare = f"http://127.0.0.1:{node.port}/"
-        for address in (bare, f"{bare}?token=open-barley"):
-            page.driver.get(address)
-            assert "token" in page.text("body")
-            assert page.driver.execute_script("return document.querySelector('#pad')") is None
-        assert node.address.endswith("/?token=open-sesame")
-        page.open(node.address)
-        page.open(bare)
-        page.drive_by_keys("w", moving(heard))
-        page.release_keys("w")
-        wait_to_stop(page, heard)
-
-
-FOREIGN = """<!doctype html><title>waiting</title><script>
-const socket = new WebSocket("ws://127.0.0.1:PORT/ws");
-const drive = '{"type": "drive", "stamp": 1e12, "linear": 0.5, "angular": 0}';
-socket.onopen = () => { socket.send(drive); document.title = "open"; };
-socket.onerror = () => { document.title = "refused"; };
-</script>"""
-
-
-def test_a_foreign_page_is_refused(peer: Peer, page: Page, tmp_path: Path) -> None:
-    """Whatever else the user has open in this browser cannot steer, though it has the cookie."""
-    heard = peer.hear(Twist, TOPIC, 1000)
-    with steering(**LIMITS) as node:
-        page.open(node.address)
-        (tmp_path / "index.html").write_text(FOREIGN.replace("PORT", str(node.port)))
-        with files_served(tmp_path) as address:
-            for name in ("127.0.0.1", "localhost"):
-                page.driver.get(address.replace("127.0.0.1", name))
-                wait_for(lambda: page.driver.title == "refused", "the refusal")
-            # A link to the page is none of its requests.
-            page.driver.execute_script("location = arguments[0]", node.address)
-            wait_for(lambda: page.connected, "the page to connect")
-        page.wait_for_states(2)
-        assert heard == []
 
 
 @contextmanager

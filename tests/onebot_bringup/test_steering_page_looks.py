@@ -18,9 +18,6 @@ pytestmark = pytest.mark.slow
 
 SCREENS = {
     "laptop": (1280, 657, False),
-    "monitor": (1920, 1080, False),
-    "phone": (390, 844, True),
-    "phone held sideways": (844, 390, True),
     "small phone": (360, 640, True),
     "small phone held sideways": (640, 360, True),
 }

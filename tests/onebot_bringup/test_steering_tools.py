@@ -35,8 +35,9 @@ from onebot_bringup.introspection.parameter_values import parse_value, text_of
 from onebot_bringup.steering.ground import Ground, PublishedMap
 from onebot_bringup.steering.odometry import OdometryTopic
 from onebot_bringup.steering.protocol import ProtocolError
-from onebot_bringup.steering.tool_requests import OtherThread, parse_values, shown_topics
+from onebot_bringup.steering.tool_requests import OtherThread, parse_values
 from onebot_bringup.steering.tools import Click, message_of, parse_click
+from onebot_bringup.steering.view_proxy import shown_topics
 from onebot_description.errors import OneBotError
 from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_bringup.steering_support import address_of, steering
@@ -58,13 +59,12 @@ CLICK = {
     [
         ({"tool": "measure"}, "tool must be one of goal, estimate, point"),
         ({"tool": ["goal"]}, "tool must be one of"),
-        ({"frame": ""}, "frame must be the name of a frame"),
-        ({"frame": 201 * "f"}, "frame must be"),
-        ({"frame": None}, "frame must be"),
+        ({"frame": ""}, "frame must be a text"),
+        ({"frame": None}, "frame must be a text"),
         ({"x": "1"}, "x must be a number"),
-        ({"yaw": 1e999}, "yaw must be a finite number|not valid JSON"),
-        ({"z": 0.0}, "tool, frame, x, y, yaw and command_topic, no others"),
-        ({"command_topic": None}, "command_topic must be the name of a topic"),
+        ({"yaw": 1e999}, "yaw must be a finite number"),
+        ({"z": 0.0}, "tool, frame, x, y, yaw, command_topic, no others"),
+        ({"command_topic": None}, "command_topic must be a text"),
         ({"frame": "\ud800"}, "must be Unicode"),
     ],
 )
@@ -158,7 +158,7 @@ def test_values_as_text_are_read_as_they_were(fields: dict[str, Any]) -> None:
     "text, problem",
     [
         ("[]", "must be a JSON object"),
-        ('{"node": "/a"}', "node and values, no others"),
+        ('{"node": "/a"}', "has node, values, no others"),
         ('{"node": 1, "values": {}}', "node must be"),
         ('{"node": "/a", "values": {"x": 1}}', "a text in YAML"),
         ('{"node": "/a", "values": []}', "a text in YAML"),
@@ -331,7 +331,7 @@ def test_a_page_sees_and_sets_the_parameters_of_a_node(peer: Peer) -> None:
     peer.node.add_on_set_parameters_callback(check)
     with steering() as node:
         request = Requests(address_of(node))
-        wait_for(lambda: "/peer" in request("nodes")["nodes"], "the peer")
+        wait_for(lambda: "/peer" in request("nodes").get("nodes", ()), "the peer")
         assert request("nodes")["viewer"] == ""
         rows = {row["name"]: row for row in request("parameters?node=/peer")["parameters"]}
         assert rows["speed"] == {

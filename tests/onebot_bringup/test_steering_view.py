@@ -1,9 +1,7 @@
 """The robot's view on the steering page's own address: passed on, and guarded."""
 
-import asyncio
 import re
 import signal
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from urllib.error import HTTPError
@@ -17,7 +15,7 @@ from selenium.webdriver.common.by import By
 from std_msgs.msg import String
 
 from onebot_bringup.steering.view_proxy import View
-from tests.onebot_bringup.steering_support import PageClient, address_of, steering
+from tests.onebot_bringup.steering_support import PageClient, Way, address_of, steering
 from tests.onebot_bringup.viewer_support import ARM, BLUE, VIEW
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.steering_browser_support import Page
@@ -144,14 +142,13 @@ def test_a_view_that_is_busy_does_not_stall_the_wheel(ros_domain, tmp_path):
     ):
         commands = wheels.hear(Twist, "/velocity_controller/cmd_vel", 1000)
         own = urlsplit(address_of(node))
-        assert own.port is not None
-        with _Relay(own.port) as relay:
+        with Way(address_of(node)) as tunnel:
             page = Page(driver)
             _read_the_note_on_a_shared_process(page, f"http://127.0.0.1:{own.port}/?{own.query}")
             for host in (
                 f"127.0.0.1:{own.port}",
                 f"localhost:{own.port}",
-                f"localhost:{relay.port}",
+                f"localhost:{tunnel.port}",
                 own.netloc,
             ):
                 page.open(f"http://{host}/?{own.query}")
@@ -214,9 +211,9 @@ def test_only_what_ends_the_data_loads_the_view_again(ros_domain, tmp_path):
         Peer(ros_domain, "robot") as robot,
         steering() as node,
         browser(tmp_path / "profile", SMALL) as driver,
-        _Relay(urlsplit(address_of(node)).port or 0) as relay,
+        Way(address_of(node)) as tunnel,
     ):
-        page = Page(driver).open(f"http://127.0.0.1:{relay.port}/")
+        page = Page(driver).open(f"{tunnel.address}/")
         wait_for(lambda: _runs(page), "Rerun's page", DRAWING_PATIENCE)
         assert page.find("#waiting").is_displayed(), "Rerun shows bare panels without a robot"
         robot.publisher(String, "/robot_description", LATCHED).publish(String(data=ARM))
@@ -230,7 +227,7 @@ def test_only_what_ends_the_data_loads_the_view_again(ros_domain, tmp_path):
         with page.view() as inside:
             assert inside.execute_script("return window.mark")
 
-        relay.cut()
+        tunnel.cut()
         wait_for(lambda: page.find("#waiting").is_displayed(), "the view to be loaded again")
         wait_for(lambda: page.view_is_shown, "the view again", DRAWING_PATIENCE)
         with page.view() as inside:
@@ -268,53 +265,6 @@ def _lose_the_connection(page: Page, node: NodeProcess) -> None:
     node.process.send_signal(signal.SIGCONT)
     wait_for(lambda: page.connected, "a new connection")
     page.wait_for_states(3)
-
-
-class _Relay:
-    """Passes on what comes to a port of its own, as an SSH tunnel does."""
-
-    def __init__(self, target: int) -> None:
-        self._target = target
-        self._open: set[asyncio.StreamWriter] = set()
-        self._loop = asyncio.new_event_loop()
-        server = self._loop.run_until_complete(asyncio.start_server(self._serve, "127.0.0.1", 0))
-        self.port = server.sockets[0].getsockname()[1]
-        self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
-        self._thread.start()
-
-    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        far_reader, far_writer = await asyncio.open_connection("127.0.0.1", self._target)
-        self._open |= {writer, far_writer}
-        await asyncio.gather(_pump(reader, far_writer), _pump(far_reader, writer))
-        self._open -= {writer, far_writer}
-
-    def cut(self) -> None:
-        """End all connections; new ones are accepted."""
-        asyncio.run_coroutine_threadsafe(self._cut(), self._loop).result(PATIENCE)
-
-    async def _cut(self) -> None:
-        for writer in self._open:
-            writer.transport.abort()
-        others = asyncio.all_tasks() - {asyncio.current_task()}
-        await asyncio.gather(*others, return_exceptions=True)
-
-    def __enter__(self) -> "_Relay":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.cut()
-        self._loop.call_soon_threadsafe(self._loop.stop)
-        self._thread.join(PATIENCE)
-
-
-async def _pump(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-    try:
-        while data := await reader.read(1 << 16):
-            writer.write(data)
-            await writer.drain()
-    except ConnectionError:
-        pass
-    writer.close()
 
 
 def _status(url: str, data: bytes | None = None, **headers: str) -> int:

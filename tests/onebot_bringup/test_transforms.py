@@ -1,21 +1,25 @@
-"""Lookups between frames over time, against the definition of tf2's buffer."""
+"""The TF tree: lookups between frames over time, against the definition of tf2's buffer."""
 
 import math
+import time
 from collections.abc import Sequence
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from onebot_bringup.introspection.transforms import TransformBuffer, TransformError
+from onebot_bringup.introspection.transforms import FrameTree, TransformError
 from onebot_description.wire.messages import TfArrays
+from tests.support import assert_time_grows_with_size
 
 SECOND = 1_000_000_000
 NONE = (0.0, 0.0, 0.0, 1.0)
+NO_TURN = np.array(NONE)
+QUARTER_TURN = np.array([0, 0, np.sqrt(0.5), np.sqrt(0.5)])  # about z
 
 
 def add(
-    buffer: TransformBuffer,
+    tree: FrameTree,
     parent: str,
     child: str,
     seconds: float = 0.0,
@@ -23,7 +27,7 @@ def add(
     rotation: Sequence[float] = NONE,
     static: bool = False,
 ) -> list[str]:
-    return buffer.add(
+    return tree.add(
         TfArrays(
             [parent], [child], np.array([int(seconds * SECOND)]),
             np.array([translation], float), np.array([rotation], float),
@@ -38,51 +42,51 @@ def turned(degrees: float) -> tuple[float, ...]:
 
 def test_lookup_at_the_latest_common_time() -> None:
     """The slower frame sets the time; the faster one is interpolated at it, along the short arc."""
-    buffer = TransformBuffer()
-    add(buffer, "odom", "base", 1.0, (1.0, 0.0, 0.0))
-    add(buffer, "odom", "base", 2.0, (2.0, 0.0, 0.0), turned(90))
-    add(buffer, "base", "arm", 1.25, (0.0, 1.0, 0.0))
-    add(buffer, "arm", "tool", 0.0, (0.0, 0.0, 0.5), static=True)
-    found = buffer.lookup("odom", "tool")
+    tree = FrameTree()
+    add(tree, "odom", "base", 1.0, (1.0, 0.0, 0.0))
+    add(tree, "odom", "base", 2.0, (2.0, 0.0, 0.0), turned(90))
+    add(tree, "base", "arm", 1.25, (0.0, 1.0, 0.0))
+    add(tree, "arm", "tool", 0.0, (0.0, 0.0, 0.5), static=True)
+    found = tree.lookup("odom", "tool")
     turn = Slerp([1.0, 2.0], Rotation.from_quat([NONE, turned(90)]))(1.25)
     assert found.stamp_ns == 1.25 * SECOND
     assert found.transform[1] == pytest.approx(turn.as_quat())
     assert found.transform[0] == pytest.approx(turn.apply([0.0, 1.0, 0.5]) + [1.25, 0, 0])
-    back = buffer.lookup("tool", "odom").transform
+    back = tree.lookup("tool", "odom").transform
     assert Rotation.from_quat(back[1]).apply(found.transform[0]) == pytest.approx(
         [-number for number in back[0]]
     )
-    assert buffer.lookup("arm", "tool").stamp_ns == 0  # static only
-    assert buffer.lookup("base", "base").transform == ((0.0, 0.0, 0.0), NONE)
+    assert tree.lookup("arm", "tool").stamp_ns == 0  # static only
+    assert tree.lookup("base", "base").transform == ((0.0, 0.0, 0.0), NONE)
 
 
 def test_interpolation_of_opposite_quaternions() -> None:
     """Both q and -q are one rotation: nothing turns between them."""
-    buffer = TransformBuffer()
-    add(buffer, "a", "b", 1.0, rotation=turned(40))
-    add(buffer, "a", "b", 3.0, rotation=[-number for number in turned(50)])
-    add(buffer, "b", "c", 2.0)
-    turn = Rotation.from_quat(buffer.lookup("a", "c").transform[1]).magnitude()
+    tree = FrameTree()
+    add(tree, "a", "b", 1.0, rotation=turned(40))
+    add(tree, "a", "b", 3.0, rotation=[-number for number in turned(50)])
+    add(tree, "b", "c", 2.0)
+    turn = Rotation.from_quat(tree.lookup("a", "c").transform[1]).magnitude()
     assert math.degrees(turn) == pytest.approx(45.0)
 
 
 def test_chain_between_branches() -> None:
     """Through the common ancestor, both ways."""
-    buffer = TransformBuffer()
+    tree = FrameTree()
     for parent, child in (("odom", "base"), ("base", "left"), ("base", "arm"), ("arm", "tool")):
-        add(buffer, parent, child, 1.0, (1.0, 0.0, 0.0))
-    assert buffer.chain("left", "tool") == ["left", "base", "arm", "tool"]
-    assert buffer.chain("tool", "odom") == ["tool", "arm", "base", "odom"]
-    assert buffer.lookup("left", "tool").transform[0] == (1.0, 0.0, 0.0)
-    assert buffer.roots == ["odom"] and buffer.children("base") == ["arm", "left"]
+        add(tree, parent, child, 1.0, (1.0, 0.0, 0.0))
+    assert tree.chain("left", "tool") == ["left", "base", "arm", "tool"]
+    assert tree.chain("tool", "odom") == ["tool", "arm", "base", "odom"]
+    assert tree.lookup("left", "tool").transform[0] == (1.0, 0.0, 0.0)
+    assert tree.roots == ["odom"]
 
 
 def test_errors_in_the_words_of_tf2() -> None:
     """A frame that does not exist, one that is not connected, and no common time."""
-    buffer = TransformBuffer()
-    add(buffer, "odom", "base", 1.0)
-    add(buffer, "map", "marker", 1.0)
-    add(buffer, "base", "late", 30.0)
+    tree = FrameTree()
+    add(tree, "odom", "base", 1.0)
+    add(tree, "map", "marker", 1.0)
+    add(tree, "base", "late", 30.0)
     for pair, words in {
         ("odom", "bse"): 'Invalid frame ID "bse" passed to lookupTransform argument source_frame - '
         'frame does not exist (did you mean "base"? frames: ',
@@ -92,41 +96,188 @@ def test_errors_in_the_words_of_tf2() -> None:
         "1.000000 but the earliest data is at time 30.000000",
     }.items():
         with pytest.raises(TransformError) as error:
-            buffer.lookup(*pair)
+            tree.lookup(*pair)
         assert words in str(error.value)
-    assert buffer.roots == ["map", "odom"]
+    assert tree.roots == ["map", "odom"]
 
 
 def test_what_tf2_ignores() -> None:
     """Transforms that are none change nothing; each says why."""
-    buffer = TransformBuffer()
-    assert "nan" in add(buffer, "a", "b", translation=(math.nan, 0.0, 0.0))[0]
-    assert "not normalized" in add(buffer, "a", "b", rotation=(0.0, 0.0, 0.0, 0.0))[0]
-    assert 'both "b"' in add(buffer, "b", "b")[0]
-    assert "not set" in add(buffer, "", "b")[0]
-    assert not buffer.names
+    tree = FrameTree()
+    assert "nan" in add(tree, "a", "b", translation=(math.nan, 0.0, 0.0))[0]
+    assert "not normalized" in add(tree, "a", "b", rotation=(0.0, 0.0, 0.0, 0.0))[0]
+    assert 'both "b"' in add(tree, "b", "b")[0]
+    assert "not set" in add(tree, "", "b")[0]
+    assert not tree.names
 
 
 def test_history() -> None:
-    """Ten seconds; out of order is sorted in; back by more begins anew, as does another parent."""
-    buffer = TransformBuffer()
-    for seconds in (20.0, 25.0, 22.5, 31.0):
-        add(buffer, "a", "b", seconds, (seconds, 0.0, 0.0))
-    history = buffer.frames["b"]
-    assert (history.oldest_ns, history.newest_ns) == (22.5 * SECOND, 31 * SECOND)
-    assert history.at(int(23.75 * SECOND))[0] == (23.75, 0.0, 0.0)
-    add(buffer, "a", "b", 1.0)  # the simulation was reset
-    assert (history.oldest_ns, history.newest_ns) == (SECOND, SECOND)
-    add(buffer, "/c", "/b", 2.0)  # with the slash of tf, before tf2
-    assert buffer.names == {"b", "c"}
+    """Ten seconds; a late one is sorted in; a clock set back begins anew, as does a new parent."""
+    tree = FrameTree()
+    for seconds in (20.0, 23.0, 22.5, 31.0):
+        add(tree, "a", "b", seconds, (seconds, 0.0, 0.0))
+    assert tree.span("b") == (22.5 * SECOND, 31 * SECOND)
+    add(tree, "a", "b", 1.0)  # the simulation was reset
+    assert tree.span("b") == (SECOND, SECOND)
+    add(tree, "/c", "/b", 2.0)  # with the slash of tf, before tf2
+    assert tree.names == {"b", "c"} and tree.span("c") is None
+    add(tree, "c", "b", static=True)
+    assert tree.span("b") is None
 
 
 def test_loop() -> None:
     """A loop has one root, its first frame; nothing runs forever."""
-    buffer = TransformBuffer()
+    tree = FrameTree()
     for parent, child in (("c", "a"), ("a", "b"), ("b", "c"), ("b", "tail"), ("x", "y")):
-        add(buffer, parent, child, 1.0)
-    assert buffer.roots == ["a", "x"]
-    assert buffer.chain("tail", "c") == ["tail", "b", "a", "c"] or buffer.chain("tail", "c")
+        add(tree, parent, child, 1.0)
+    assert tree.roots == ["a", "x"]
+    assert tree.chain("tail", "c") == ["tail", "b", "a", "c"] or tree.chain("tail", "c")
     with pytest.raises(TransformError):
-        buffer.lookup("a", "y")
+        tree.lookup("a", "y")
+
+
+# --- the viewer's side: messages of many frames ---------------------------------------------------
+
+
+def _tree() -> FrameTree:
+    tree = FrameTree()
+    tree.update(
+        ["odom", "base", "base"],
+        ["base", "arm", "wheel"],
+        np.array([[1.0, 0, 0], [0, 2, 0], [0, 0, 3]]),
+        np.array([QUARTER_TURN, NO_TURN, NO_TURN]),
+    )
+    return tree
+
+
+def test_poses_chain_transforms():
+    """A point 2 m along y of a base turned by a quarter lies at x = 1 - 2."""
+    tree = _tree()
+    np.testing.assert_allclose(tree.pose("arm", "odom")[:3, 3], [-1, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(tree.pose("wheel", "arm")[:3, 3], [0, -2, 3], atol=1e-12)
+    assert tree.pose("elsewhere", "odom") is None
+    assert set(tree.poses(["arm", "elsewhere"], "base")) == {"arm"}
+
+
+def _joined(parents: Sequence[str], children: Sequence[str]) -> FrameTree:
+    tree, count = FrameTree(), len(parents)
+    tree.update(parents, children, np.tile([1.0, 0, 0], (count, 1)), np.tile(NO_TURN, (count, 1)))
+    return tree
+
+
+def test_each_frame_of_a_circle_is_its_own_top():
+    """Nonsense on /tf must not hang the viewer; what is below the circle remains connected."""
+    tree = _joined(["b", "c", "a", "b", "link", "d"], ["a", "b", "c", "link", "tip", "d"])
+    assert [tree.top(name) for name in "abcd"] == ["a", "b", "c", "d"]
+    assert tree.top("tip") == tree.top("link") == "b"
+    assert tree.pose("tip", "link")[0, 3] == 1.0 and tree.pose("tip", "b")[0, 3] == 2.0
+    assert tree.pose("a", "b") is None and tree.pose("a", "a")[0, 3] == 0.0
+    tree = _joined(["b", "c", "a", "b", "link"], ["a", "b", "c", "link", "tip"])
+    assert tree.top("tip") == "b" and tree.top("c") == "c" and tree.top("b") == "b"
+
+
+def test_a_large_circle_takes_time_by_its_size():
+    """And not by its square."""
+
+    def seconds(count: int) -> float:
+        names = [f"frame_{number}" for number in range(count)]
+        tree, start = _joined(names, [*names[1:], names[0]]), time.process_time()
+        for name in names:
+            tree.top(name)
+        return time.process_time() - start
+
+    assert_time_grows_with_size(seconds, 20_000)
+
+
+def test_forgotten_frames_are_gone_until_heard_again():
+    """Frames of a removed link vanish."""
+    tree = _tree()
+    tree.forget(["arm", "never"])
+    assert tree.names == {"odom", "base", "wheel"}
+    tree.update(["base"], ["arm"], np.zeros((1, 3)), NO_TURN[None])
+    assert "arm" in tree.names
+
+
+def test_the_same_lists_of_names_again_only_move_the_frames():
+    """Poses follow, and nothing says that what hangs on what has changed."""
+    tree, parents, children = FrameTree(), ["a", "b"], ["b", "c"]
+    turns = np.tile([0.0, 0.0, 0.0, 1.0], (2, 1))
+    tree.update(parents, children, np.array([[1.0, 0, 0], [2.0, 0, 0]]), turns)
+    version = tree.version
+    tree.update(parents, children, np.array([[3.0, 0, 0], [4.0, 0, 0]]), turns)
+    assert tree.version == version
+    assert tree.pose("c", "a")[0, 3] == 7.0
+
+
+def test_another_message_on_a_frame_counts_and_so_does_the_next_of_the_first():
+    """The last word on each frame holds, whoever says it; hanging elsewhere is a change."""
+    tree, parents, children = FrameTree(), ["a", "b"], ["b", "c"]
+    turns = np.tile([0.0, 0.0, 0.0, 1.0], (2, 1))
+    both = np.array([[1.0, 0, 0], [2.0, 0, 0]])
+    tree.update(parents, children, both, turns)
+    version = tree.version
+    tree.update(["x"], ["c"], np.array([[9.0, 0, 0]]), turns[:1])
+    assert tree.version != version and tree.top("c") == "x"
+    tree.update(parents, children, both, turns)
+    assert tree.top("c") == "a" and tree.pose("c", "a")[0, 3] == 3.0
+    tree.forget(["b"])
+    assert tree.top("c") == "b" and tree.names == {"b", "c"}
+    tree.update(parents, children, both, turns)
+    assert tree.top("c") == "a" and tree.names == {"a", "b", "c"}
+
+
+def _moved(tree, parents, children, *steps):
+    """Add messages of one transform each, at (seconds, x, quaternion)."""
+    messages = [
+        TfArrays(
+            parents,
+            children,
+            np.array([int(seconds * 1e9)]),
+            np.array([[x, 0.0, 0.0]]),
+            np.array([turn]),
+        )
+        for seconds, x, turn in steps
+    ]
+    last = messages[-1]
+    tree.update(parents, children, last.translations, last.rotations, messages)
+
+
+def test_a_pose_at_a_time():
+    """Interpolated between two messages, as tf2 does; else that of the nearest."""
+    tree, names = FrameTree(), (["odom"], ["base"])
+    tree.update(["base"], ["laser"], np.array([[1.0, 0, 0]]), NO_TURN[None])  # static
+    _moved(tree, *names, (1.0, 0.0, NO_TURN), (2.0, 4.0, -QUARTER_TURN))
+    _moved(tree, *names, (3.0, 6.0, QUARTER_TURN))
+
+    def laser(seconds):
+        return tree.pose("laser", "odom", int(seconds * 1e9))[:2, 3]
+
+    np.testing.assert_allclose(laser(1.5), [2 + np.sqrt(0.5), np.sqrt(0.5)])
+    np.testing.assert_allclose(laser(2.75), [5.5, 1], atol=1e-12)
+    for first in (0.5, 1.0):
+        np.testing.assert_allclose(laser(first), [1, 0])
+    for latest in (0, -20.0, 3.0, 9.0):
+        np.testing.assert_allclose(laser(latest), [6, 1], atol=1e-12)
+    back = tree.pose("odom", "laser", int(1.5e9))
+    np.testing.assert_allclose(back, np.linalg.inv(tree.pose("laser", "odom", int(1.5e9))))
+    _moved(tree, *names, (1.0, 8.0, NO_TURN), (2.0, 8.0, NO_TURN))
+    np.testing.assert_allclose(laser(1.5), [9, 0])  # the clock was set back
+
+
+def test_a_transform_that_comes_late_takes_its_place_in_the_history():
+    """The latest is that of the latest stamp, as in tf2."""
+    tree, names = FrameTree(), (["odom"], ["base"])
+    for seconds in (1.0, 2.0, 3.0, 2.5, 4.0, 3.5):
+        _moved(tree, *names, (seconds, 10 * seconds, NO_TURN))
+    for seconds, x in ((0, 40), (1.5, 15), (2.25, 22.5), (3.25, 32.5)):
+        assert tree.pose("base", "odom", int(seconds * 1e9))[0, 3] == pytest.approx(x)
+    assert tree.known_until("base") == 4e9
+
+
+def test_the_history_is_bounded_by_time():
+    """Beyond it, a pose is that of its beginning, or for another clock the latest."""
+    tree, names = FrameTree(), (["odom"], ["base"])
+    for number in range(200):
+        _moved(tree, *names, (1 + number / 10, float(number), NO_TURN))
+    for seconds, x in ((15.95, 149.5), (10.95, 99.5), (9.95, 99.0), (0.5, 199.0)):
+        assert tree.pose("base", "odom", int(seconds * 1e9))[0, 3] == pytest.approx(x)

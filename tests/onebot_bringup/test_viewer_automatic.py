@@ -4,9 +4,11 @@ import pytest
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 
-from onebot_bringup.viewer.automatic import MOST_SHOWN, LoadLimit, OfferedTopic, TopicSelection
+from onebot_bringup.viewer.automatic import MOST_SHOWN, OfferedTopic, TopicSelection
 from onebot_bringup.viewer.display_server import open_recording
+from onebot_bringup.viewer.inbox import LoadLimit
 from onebot_bringup.viewer.robot_view import RobotView
+from onebot_bringup.viewer.stage import Stage
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.errors import OneBotError
 from tests.onebot_bringup.drive_support import column
@@ -20,9 +22,14 @@ def full_name(topic):
     return topic if topic.startswith("/") else f"/{topic}"
 
 
+def _selection(view=""):
+    return TopicSelection(Stage(None, parse_view(view), resolve=full_name))
+
+
 def _visible(view, topics, selection=None):
-    selection = selection or TopicSelection(full_name)
-    selection.choose(topics, parse_view(view))
+    selection = selection or _selection()
+    selection.stage.view = parse_view(view)
+    selection.choose(topics, ())
     return [each.topic for each in selection.offered if each.visible]
 
 
@@ -59,8 +66,8 @@ def test_a_picture_is_shown_once():
 
 def test_all_that_could_be_shown_are_offered():
     """Those that are not shown, too: a page has a check box for each."""
-    selection = TopicSelection(full_name)
-    selection.choose({"/a": PATH, "/b": PATH, "/x": "foo_msgs/msg/Bar"}, parse_view("hidden: [b]"))
+    selection = _selection("hidden: [b]")
+    selection.choose({"/a": PATH, "/b": PATH, "/x": "foo_msgs/msg/Bar"}, ())
     assert selection.offered == (
         OfferedTopic("/a", PATH, True),
         OfferedTopic("/b", PATH, False),
@@ -69,7 +76,7 @@ def test_all_that_could_be_shown_are_offered():
 
 def test_of_very_many_those_that_are_shown_stay():
     """Another one that is published does not take the place of one that is seen."""
-    selection = TopicSelection(full_name)
+    selection = _selection()
     many = {f"/n{number:03}": PATH for number in range(MOST_SHOWN)}
     assert len(_visible("", many, selection)) == MOST_SHOWN
     assert "/a" not in _visible("", many | {"/a": PATH}, selection)
@@ -110,7 +117,7 @@ def _path(length):
 def test_a_flood_is_dropped_but_for_the_newest(tmp_path, monkeypatch):
     """It is said once, and the last message is shown."""
     for name in ("_SHARE", "_SAVED"):
-        monkeypatch.setattr(f"onebot_bringup.viewer.automatic.{name}", 1e-9)
+        monkeypatch.setattr(f"onebot_bringup.viewer.inbox.{name}", 1e-9)
     recording, now = open_recording(save=tmp_path / "x.rrd"), [0.0]
     live = RobotView(recording.stream, live=True, clock=lambda: now[0])
     describe(live, ARM)

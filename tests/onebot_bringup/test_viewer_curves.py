@@ -13,7 +13,6 @@ from visualization_msgs.msg import MarkerArray
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.displays.curves import CurvesDisplay, FieldPath
 from onebot_bringup.viewer.displays.display import Plot
-from onebot_bringup.viewer.pictures import headless_viewer, render
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.shown_robot import RobotToShow
 from onebot_bringup.viewer.view_config import parse_view
@@ -22,7 +21,6 @@ from onebot_description.parameters.reader import ConfigError
 from onebot_description.wire.messages import time_message
 from tests.onebot_bringup.drive_support import chunks, column, curve, while_written
 from tests.onebot_bringup.test_rerun_topics import Driver, _viewer
-from tests.onebot_bringup.test_viewer_log import line
 from tests.onebot_bringup.test_viewer_marker import marker
 from tests.onebot_bringup.viewer_support import (
     ARM,
@@ -30,12 +28,9 @@ from tests.onebot_bringup.viewer_support import (
     describe,
     show,
     take,
-    take_tf,
-    transforms,
 )
 from tests.ros_support import LATCHED, Peer
 from tests.support import wait_for
-from tests.support_rendering import colored, pixels, require_renderer
 
 SECOND = 10**9
 
@@ -193,7 +188,7 @@ def test_curves_are_in_plots_by_name(tmp_path):
         "a: {topic: t, field: x}, b: {topic: t, field: y, plot: Battery}, c: {topic: t, field: z}"
     )
     shown = Shown(tmp_path, f"curves: {{window: 5.0, lines: {{{lines}}}}}")
-    displays = shown.view._robots[0].displays  # noqa: SLF001
+    displays = shown.view.stage.robots[0].displays
     [display] = [each for each in displays if isinstance(each, CurvesDisplay)]
     assert display.layout().views == (
         Plot("curves", "Curves", 5.0, ("curves/a", "curves/c")),
@@ -234,34 +229,3 @@ def test_the_viewer_shows_curves_and_markers_that_are_published(ros_domain, tmp_
         hide()
         wait_for(again, "the marker in the file again")
         assert node.interrupt() == 0
-
-
-PICTURE = """
-axes: {visible: false}
-joint_plot: {positions: false, velocities: false}
-log: {visible: true}
-curves: {lines: {ax: {topic: /imu, field: linear_acceleration.x, color: [0, 255, 0]}}}
-"""
-
-
-@pytest.mark.slow
-def test_the_picture_has_the_curve_and_the_log(tmp_path):
-    """Beside the robot and below it, without an error."""
-    require_renderer()
-    shown = Shown(tmp_path, PICTURE)
-    describe(shown.view, ARM)
-    take_tf(shown.view, transforms("base", "tip", 0.5))
-    shown.view.offer({"/imu": "sensor_msgs/msg/Imu", "/rosout": "rcl_interfaces/msg/Log"})
-    for k in range(100):
-        take(shown.view, "/imu", imu(math.sin(k / 9), START_NS + k * SECOND // 10))
-    take(shown.view, "/rosout", line(30, "the goal is behind a wall"))
-    take(shown.view, "/rosout", line(40, "no path", "controller"))
-    shown.view.tick(START_NS + 10 * SECOND)
-    shown.view.tick(START_NS + 11 * SECOND)
-    file = shown.end()
-    with headless_viewer(str(file), 1000, 600) as client:
-        views = client.get_state().views
-        assert [view.reports for view in views] == [[]] * 3
-    render(file, tmp_path / "x.png", 1000, 600)
-    green = colored(pixels(tmp_path / "x.png"), (0, 255, 0))
-    assert green[:, 700:].sum() > 100 and not green[:, :600].any()

@@ -211,5 +211,5 @@ def test_many_pictures_are_in_two_columns(count, kind, shares):
 
 def test_each_picture_has_a_view(tmp_path):
     """Beside the robot's, by the topic's name."""
-    view = ImageView("image/cam/image_raw", TOPIC).below("left").view()
-    assert (view.origin, view.name) == ("left/image/cam/image_raw", TOPIC)
+    view = ImageView("image/cam/image_raw", TOPIC).view()
+    assert (view.origin, view.name) == ("image/cam/image_raw", TOPIC)

@@ -8,7 +8,7 @@ from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.wire.messages import TfArrays, time_message
-from tests.onebot_bringup.drive_support import column
+from tests.onebot_bringup.drive_support import column, frames
 from tests.onebot_bringup.viewer_support import START_NS, show, take, take_tf
 
 ENTITY, TOPIC = "/imu/imu", "/imu"
@@ -38,7 +38,7 @@ def test_axes_and_acceleration(tmp_path):
     [found] = arrows(file)
     wanted = [(0, 0.3, 0), (-0.3, 0, 0), (0, 0, 0.3), (0, 0.1, 0.5)]
     np.testing.assert_allclose(found, wanted, atol=1e-6)
-    assert column(file, ENTITY, "CoordinateFrame:frame") == [["tip"]]
+    assert frames(file, ENTITY) == ["tip"]
     [colors] = column(file, ENTITY, "Arrows3D:colors")
     assert colors[3] == 0xFFB020FF and len(set(colors)) == 4
 

@@ -1,7 +1,6 @@
 """Joints with their limits: in the plot, and in the robot."""
 
 import math
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,14 +11,12 @@ from trimesh.transformations import euler_matrix, rotation_matrix
 
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.displays.joint_limits import (
-    RangeMarks,
     limited_joints,
     needle_strips,
     scale_strips,
 )
-from onebot_bringup.viewer.displays.joint_plot import JointStream, joint_colors
-from onebot_bringup.viewer.pictures import headless_viewer, still
 from onebot_bringup.viewer.robot_view import RobotView
+from onebot_bringup.viewer.shown_robot import RobotToShow
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.description import load_description, parse_description
 from tests.onebot_bringup.drive_support import chunks, column
@@ -31,7 +28,6 @@ from tests.onebot_bringup.viewer_support import (
     take_tf,
     transforms,
 )
-from tests.support_rendering import colored, pixels, require_renderer
 
 VIEW = """
 axes: {visible: false}
@@ -39,6 +35,7 @@ grid: {visible: false}
 joint_plot: {velocities: false, limits: true, window: 0}
 joint_ranges: {visible: true, radius: 0.8}
 """
+FRAME = "CoordinateFrame:frame"
 TURNING = ARM.replace('type="prismatic"', 'type="revolute"').replace('"0 1 0"', '"0 0 1"')
 
 
@@ -202,60 +199,55 @@ def test_what_a_joint_leaves_out_has_urdf_s_default():
     assert _joint('<limit lower="0" upper="1"/>', "continuous") == ()
 
 
-def _marks(file: Path) -> dict[str, list]:
-    """The frames that each entity of a joint was put into."""
-    return {
-        entity: column(file, f"/joint_ranges/{entity}", "CoordinateFrame:frame")
-        for entity in ("j/range", "j/hand")
-    }
-
-
 def test_marks_are_drawn_anew_only_when_they_change(tmp_path):
     """A scale in the parent's frame, a hand in the child's; both go home when they are gone."""
-    [joint] = _joint('<axis xyz="0 0 1"/><limit lower="-1" upper="1"/>')
-    other = replace(joint, name="k")
-    color, counts = {"j": (1, 2, 3)}, []
-    shown = [
-        ([joint], 0.5, {"k": (1, 2, 3)}),  # no colour yet: not drawn
-        ([joint], 0.5, color),
-        ([joint, other], 0.5, color),
-        ([joint], 0.6, color),
-        ([joint], 0.6, {"j": (9, 9, 9)}),
-        ([replace(joint, upper=0.5)], 0.6, {"j": (9, 9, 9)}),
-        ([], 0.6, color),
-        ([], 0.6, color),
-        ([joint], 0.6, color),
+    recording = open_recording(save=tmp_path / "x.rrd")
+    live = RobotView(recording.stream, robots=[RobotToShow(frame_prefix="left/")])
+    shorter = TURNING.replace('upper="2"', 'upper="1"')
+    visible = ", radius: 0.5, visible: true"
+    for number, (urdf, ranges) in enumerate(
+        [
+            (TURNING, visible),  # no colour yet: not drawn
+            (TURNING, visible),
+            (TURNING, visible),
+            (TURNING, ", radius: 0.6, visible: true"),
+            (shorter, ", radius: 0.6, visible: true"),
+            (shorter, ""),
+            (shorter, visible),
+        ]
+    ):
+        describe(live, urdf)
+        live.set_view(parse_view(f"joint_ranges: {{{ranges[2:]}}}"))
+        live.tick(START_NS + number * 10**9)
+        take_joints(live, START_NS + number, ("slide",), (0.5,))
+        live.tick(START_NS + number * 10**9 + 5 * 10**8)
+    recording.close()
+    marks = [
+        [frame for [frame] in column(tmp_path / "x.rrd", f"/joint_ranges/slide/{part}", FRAME)]
+        for part in ("range", "hand")
     ]
-    for number in range(1, len(shown) + 1):
-        file = tmp_path / f"{number}.rrd"
-        recording = open_recording(save=file)
-        marks = RangeMarks(recording.stream, lambda link: f"left/{link}")
-        for joints, radius, colors in shown[:number]:
-            marks.show(joints, radius, colors, "home")
-        recording.close()
-        found = _marks(file)
-        counts.append((len(found["j/range"]), len(found["j/hand"])))
-    assert counts == [(0, 0), (1, 1), (1, 1), (2, 2), (3, 3), (4, 3), (5, 4), (5, 4), (6, 5)]
-    assert sorted(found["j/range"]) == [["home"]] + [["left/a"]] * 5
-    assert sorted(found["j/hand"]) == [["home"]] + [["left/b"]] * 4
+    # Of another limit only the range changes.
+    assert sorted(marks[0]) == ["left/base"] * 5
+    assert sorted(marks[1]) == ["left/base", *["left/tip"] * 3]
 
 
 def test_limits_are_level_lines_under_the_joint_s_own_name_and_colour(tmp_path):
     """They come with every position; a joint without limits has none, nor have velocities."""
     recording = open_recording(save=tmp_path / "x.rrd")
-    stream = JointStream(recording.stream)
-    stream.set_limits({"a": (-1.0, 2.0), "elsewhere": (0.0, 1.0)})
+    live = RobotView(recording.stream, parse_view("joint_plot: {limits: true}"))
+    describe(live, ARM)
+    live.tick(START_NS)
     for i in range(3):
-        stream.add(START_NS + i, ("free", "a"), np.array([9.0, 0.1 * i]), np.zeros(2))
-    stream.flush()
+        take_joints(live, START_NS + i, ("free", "slide"), (9.0, 0.1 * i), (0.0, 0.0))
+    live.finish()
     recording.close()
     file, entity = tmp_path / "x.rrd", "/joints/position/0"
-    assert column(file, entity, "SeriesLines:names") == [["free", "a", "a", "a"]]
+    assert column(file, entity, "SeriesLines:names") == [["free", "slide", "slide", "slide"]]
     [shades] = column(file, entity, "SeriesLines:colors")
     assert shades[1] == shades[2] == shades[3] != shades[0]
     rows = column(file, entity, "Scalars:scalars")
-    np.testing.assert_allclose(rows, [[9.0, 0.1 * i, -1.0, 2.0] for i in range(3)])
-    assert column(file, "/joints/velocity/0", "SeriesLines:names") == [["free", "a"]]
+    np.testing.assert_allclose(rows, [[9.0, 0.1 * i, 0.0, 2.0] for i in range(3)])
+    assert column(file, "/joints/velocity/0", "SeriesLines:names") == [["free", "slide"]]
     np.testing.assert_allclose(column(file, "/joints/velocity/0", "Scalars:scalars"), 0.0)
 
 
@@ -276,31 +268,8 @@ def _recorded(tmp_path: Path, urdfs, view=VIEW) -> Path:
     return tmp_path / "x.rrd"
 
 
-@pytest.mark.slow
-def test_the_range_is_drawn_in_the_robot_in_the_colour_of_the_curve(tmp_path):
-    """And the limits in the plot, without an error; a view that does not ask has none of it."""
-    require_renderer()
-    color = joint_colors(["slide"])["slide"]
-    seen = []
-    for view in (
-        VIEW,
-        VIEW.replace("limits: true", "limits: false").replace(
-            "joint_ranges: {visible: true", "joint_ranges: {visible: false"
-        ),
-    ):
-        with headless_viewer(str(_recorded(tmp_path, [TURNING], view)), 1280, 720) as client:
-            assert [item.reports for item in client.get_state().views] == [[], []]
-            found = colored(pixels(still(client)), color)
-        seen.append((found[:, :940].sum(), (found[:, 990:].sum(axis=1) > 200).sum()))
-    assert seen[0][0] > 300 and seen[1][0] == 0, "the arc and its hand"
-    assert seen[0][1] >= 3 and seen[1][1] in (1, 2, 3), "curve and limits; the curve alone"
-    assert seen[0][1] > seen[1][1]
-
-
-@pytest.mark.slow
 def test_a_new_description_has_its_own_limits_at_once(tmp_path):
-    """The plot's lines move; a joint that has lost its limits loses its marks."""
-    require_renderer()
+    """The plot's lines move, and go where a joint has lost its limits."""
     wider = TURNING.replace('upper="2"', 'upper="3"')
     free = TURNING.replace('type="revolute"', 'type="continuous"')
     file = _recorded(tmp_path, [TURNING, wider, free])
@@ -310,7 +279,3 @@ def test_a_new_description_has_its_own_limits_at_once(tmp_path):
         for chunk in chunks(file, f"/joints/position/{number}")[1:]
     ]
     assert {row for chunk in rows for row in chunk} == {(0.5, 0, 2), (0.5, 0, 3), (0.5,)}
-    color = joint_colors(["slide"])["slide"]
-    with headless_viewer(str(file), 1280, 720) as client:
-        assert [item.reports for item in client.get_state().views] == [[], []]
-        assert not colored(pixels(still(client)), color)[:, :940].any(), "erased in the end"

@@ -6,14 +6,14 @@ from rclpy.serialization import serialize_message
 
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.displays.display import LayoutPart
-from onebot_bringup.viewer.displays.log import LogDisplay, LogView
+from onebot_bringup.viewer.displays.log import LogDrawing, LogView
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.wire.messages import time_message
 from tests.onebot_bringup.drive_support import chunks, column
 from tests.onebot_bringup.viewer_support import ARM, START_NS, describe, show, take
 
-[LOG] = LogDisplay.message_types
+[LOG] = LogDrawing.message_types
 
 
 def line(level, text, node="planner") -> Log:
@@ -77,11 +77,10 @@ def test_its_view_is_below_the_robot_if_it_is_asked_for(tmp_path, view, views):
     shown = RobotView(recording.stream, parse_view(view))
     shown.offer({"/rosout": LOG})
     assert [each.visible for each in shown.offered] == [bool(views)]
-    [display] = [each for each in shown._of_all if isinstance(each, LogDisplay)]  # noqa: SLF001
+    [display] = [each for each in shown.stage.message_displays if each.draws is LogDrawing]
     assert display.layout() == LayoutPart(wide=views)
     for each in views:
         assert each.view().class_identifier == "TextLog"
-        assert each.below("left") == LogView("left/log/rosout", "/rosout")
     recording.close()
 
 

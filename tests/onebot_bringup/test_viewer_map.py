@@ -9,11 +9,10 @@ from nav_msgs.msg import OccupancyGrid
 
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.displays.map import UPDATE
-from onebot_bringup.viewer.pictures import render
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.wire.messages import time_message
-from tests.onebot_bringup.drive_support import column
+from tests.onebot_bringup.drive_support import column, frames
 from tests.onebot_bringup.viewer_support import (
     ARM,
     START_NS,
@@ -23,7 +22,6 @@ from tests.onebot_bringup.viewer_support import (
     take_tf,
     transforms,
 )
-from tests.support_rendering import center, pixels, require_renderer
 
 MAP = "nav_msgs/msg/OccupancyGrid"
 SECOND = 10**9
@@ -99,7 +97,7 @@ def test_a_map_is_where_its_origin_is(tmp_path):
     [[quaternion]] = column(file, "/map/map", "GridMap:quaternion")
     assert quaternion == pytest.approx([0.0, 0.0, 0.5**0.5, 0.5**0.5])
     assert column(file, "/map/map", "GridMap:opacity") == [[0.5]]
-    assert column(file, "/map/map", "CoordinateFrame:frame") == [["tip"]]
+    assert frames(file, "/map/map") == ["tip"]
     [time] = column(file, "/map/map", "ros_time")
     assert np.datetime64(time, "ns").astype(int) == START_NS
 
@@ -252,29 +250,3 @@ def test_updates_are_subscribed_with_their_map(tmp_path):
     shown.view.set_view(parse_view("hidden: [/map]"))
     assert not {"/map", "/map_updates"} & set(shown.view.topics)
     shown.cells()
-
-
-def test_the_picture_has_the_map(tmp_path):
-    """The occupied cells where they are, seen from above with x to the right and y up."""
-    require_renderer()
-    cells = np.zeros((4, 4))
-    cells[0, 1:] = 100
-    cells[3, 3] = -1
-    view = """
-fixed_frame: base
-axes: {visible: false}
-grid: {visible: false}
-background: [200, 0, 200]
-camera: {eye: [1.0, -1.0, 5.0], target: [1.0, 1.0, 0.0]}
-joint_plot: {positions: false, velocities: false}
-map: {alpha: 1.0}
-"""
-    file, warnings = show(tmp_path, view, ("/map", grid(cells)))
-    assert warnings == []
-    render(file, tmp_path / "x.png", 600, 600)
-    image = pixels(tmp_path / "x.png")
-    x, y = center(image.max(axis=2) < 5)
-    assert x == pytest.approx(0.5, abs=0.05) and y > 0.6
-    unknown = (0x70, 0x89, 0x86)  # RViz's colour of it
-    x, y = center(np.abs(image - unknown).max(axis=2) < 5)
-    assert x > 0.6 and y < 0.4

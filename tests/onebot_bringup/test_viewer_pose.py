@@ -16,7 +16,7 @@ from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.wire.messages import time_message
-from tests.onebot_bringup.drive_support import column
+from tests.onebot_bringup.drive_support import column, frames
 from tests.onebot_bringup.viewer_support import ARM, START_NS, describe, show, take, type_name
 
 RED, GREEN, BLUE = 0xCC3333FF, 0x33CC33FF, 0x3366FFFF
@@ -58,7 +58,7 @@ def test_a_pose_is_an_arrow(tmp_path):
     np.testing.assert_allclose(vectors, [[0, 1.5, 0]], atol=1e-7)
     assert column(file, "/pose/goal", "Arrows3D:colors") == [COLORED]
     assert column(file, "/pose/goal", "Arrows3D:radii") == [[pytest.approx(0.05)]]
-    assert column(file, "/pose/goal", "CoordinateFrame:frame") == [["tip"]]
+    assert frames(file, "/pose/goal") == ["tip"]
     [time] = column(file, "/pose/goal", "ros_time")
     assert np.datetime64(time, "ns").astype(int) == START_NS + 7000
 
@@ -168,11 +168,10 @@ def test_points_have_a_history(tmp_path):
     assert warnings == []
     entity = "/point_stamped/clicked_point"
     rows = column(file, entity, "Points3D:positions")
-    assert [[x for x, _, _ in row] for row in rows] == [[1], [1, 2], [2, 3]]
-    assert column(file, f"{entity}/_1", "Points3D:positions") == [[[4, 0, 0]]]
+    assert [[x for x, _, _ in row] for row in rows] == [[1], [1, 2], [2, 3], [4]]
     assert column(file, entity, "Points3D:colors") == [COLORED]
     assert column(file, entity, "Points3D:radii") == [[pytest.approx(0.1)]]
-    assert column(file, entity, "CoordinateFrame:frame") == [["base"]]
+    assert frames(file, entity) == ["base", "tip"]
 
 
 def test_another_look_keeps_the_points(tmp_path):
@@ -205,7 +204,7 @@ def test_a_polygon_is_a_closed_line(tmp_path):
     [line], none = column(file, "/polygon/footprint", "LineStrips3D:strips")
     assert line == [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 0, 0]] and not none
     assert column(file, "/polygon/footprint", "LineStrips3D:colors") == [COLORED]
-    assert column(file, "/polygon/footprint", "CoordinateFrame:frame") == [["tip"]]
+    assert frames(file, "/polygon/footprint") == ["tip"]
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import pytest
 from sensor_msgs.msg import Range
 
 from onebot_description.wire.messages import time_message
-from tests.onebot_bringup.drive_support import column
+from tests.onebot_bringup.drive_support import column, frames
 from tests.onebot_bringup.viewer_support import START_NS, show
 
 ENTITY, TOPIC = "/range/sonar", "/sonar"
@@ -33,7 +33,7 @@ def test_the_cone_goes_as_far_as_was_measured(tmp_path):
     np.testing.assert_allclose(found[0], 0.0)
     np.testing.assert_allclose(found[1:, 0], 2.0)
     np.testing.assert_allclose(np.linalg.norm(found[1:-1, 1:], axis=1), 2.0, rtol=1e-6)
-    assert column(file, ENTITY, "CoordinateFrame:frame") == [["tip"]]
+    assert frames(file, ENTITY) == ["tip"]
     assert column(file, ENTITY, "Mesh3D:albedo_factor") == [[0x01020333]]
     [triangles] = column(file, ENTITY, "Mesh3D:triangle_indices")
     assert (np.array(triangles).max(), len(triangles)) == (len(found) - 1, 64)

@@ -10,7 +10,6 @@ import subprocess
 import sys
 import urllib.error
 import urllib.request
-from pathlib import Path
 
 import psutil
 import pytest
@@ -20,21 +19,13 @@ from onebot_bringup.serving.ports import answers, free_port
 from onebot_bringup.serving.rerun_proxy import SERVICE
 from onebot_bringup.viewer.display_server import (
     Child,
-    NativeWindow,
     WebPage,
+    native_window,
     open_recording,
 )
 from onebot_bringup.viewer.pictures import headless_viewer, render
 from onebot_description.errors import OneBotError
 from tests.support import PATIENCE, wait_for
-
-OWNER = """
-from onebot_bringup.viewer.display_server import WebPage
-page = WebPage(0, "rerun+http://127.0.0.1:1/proxy", ("127.0.0.1", 1))
-print(page._child.pid, flush=True)
-input()
-"""
-
 
 FULL_DISK = """
 import resource, sys
@@ -85,24 +76,6 @@ def test_a_port_in_use_is_replaced_by_a_free_one():
     assert free_port(taken) == taken
     with pytest.raises(OneBotError, match="70000 is no port"):
         free_port(70000)
-
-
-@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
-def test_the_page_dies_with_its_owner_however_that_ends(end):
-    """No orphan is left, not even after SIGKILL."""
-    owner = subprocess.Popen(
-        [sys.executable, "-c", OWNER],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-    )
-    with owner:
-        child = psutil.Process(int(owner.stdout.readline()))
-        assert "rerun" in child.name()
-        owner.send_signal(end)
-        owner.wait(PATIENCE)
-        wait_for(lambda: not child.is_running(), "the page's server to end")
 
 
 def _get(url: str) -> urllib.request.addinfourl:
@@ -185,7 +158,7 @@ SETTINGS = bytes((0, 0, 0, 4, 0, 0, 0, 0, 0))  # an empty frame of HTTP/2
 
 
 def test_native_viewers_get_through_to_the_recording(caplog):
-    """HTTP/2 from the first byte: Rerun's own server answers, however many others do nothing.
+    """HTTP/2 from the first byte: Rerun's own server answers, while others do nothing.
 
     The end closes all connections and logs nothing.
     """
@@ -196,7 +169,7 @@ def test_native_viewers_get_through_to_the_recording(caplog):
         def connect() -> socket.socket:
             return opened.enter_context(socket.create_connection(address, PATIENCE))
 
-        idle = [connect() for _ in range(50)]
+        idle = [connect() for _ in range(20)]
         idle[-1].sendall(PREFACE[:-1])
         viewer = connect()
         viewer.sendall(PREFACE + SETTINGS)
@@ -301,7 +274,7 @@ def test_a_window_without_a_display_is_a_clear_error(monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     with pytest.raises(OneBotError, match="needs a display.*viewer:=web"):
-        NativeWindow("rerun+http://127.0.0.1:1/proxy")
+        native_window("rerun+http://127.0.0.1:1/proxy")
 
 
 @pytest.mark.parametrize(
@@ -321,12 +294,6 @@ def test_without_a_renderer_the_package_to_install_is_named(tmp_path, monkeypatc
         monkeypatch.setenv(variable, "/nonexistent")
     with pytest.raises(OneBotError, match="mesa-vulkan-drivers"):
         render(tmp_path / "x.rrd", tmp_path / "x.png")
-
-
-def test_a_missing_recording_is_named(tmp_path):
-    """No viewer is started for it."""
-    with pytest.raises(OneBotError, match="no recording .*none.rrd"):
-        render(tmp_path / "none.rrd", Path("x.png"))
 
 
 @pytest.mark.slow

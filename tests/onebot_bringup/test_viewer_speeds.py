@@ -4,24 +4,26 @@ import numpy as np
 import pytest
 
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.displays.speeds import GAP, SpeedStream
-from onebot_description.wire.messages import TwistSample
+from onebot_bringup.viewer.displays.curves import GAP
+from onebot_bringup.viewer.robot_view import RobotView
+from onebot_bringup.viewer.view_config import parse_view
 from tests.onebot_bringup.drive_support import chunks, column, curve, odometry
-from tests.onebot_bringup.viewer_support import START_NS
+from tests.onebot_bringup.viewer_support import START_NS, take_command, take_odometry
 
 SECOND = 10**9
 
 
 def _flushed(tmp_path, rows, held=False):
     recording = open_recording(save=tmp_path / "x.rrd")
-    stream = SpeedStream(recording.stream, "measured", (1, 2, 3))
+    view = "speeds: {lines: {measured: {topic: v, color: [1, 2, 3]}}}"
+    live = RobotView(recording.stream, parse_view(view))
     for seconds, linear, angular in rows:
-        vectors = np.array([linear, 0, 0]), np.array([0, 0, angular])
-        sample = TwistSample(0, *vectors)
-        if not held:
-            sample = odometry(0)._replace(linear=vectors[0], angular=vectors[1])
-        stream.add(START_NS + round(seconds * SECOND), sample)
-    assert stream.flush() and not stream.flush()
+        stamp = START_NS + round(seconds * SECOND)
+        if held:
+            take_command(live, "v", stamp, float(linear), float(angular))
+        else:
+            take_odometry(live, "v", stamp, odometry(0, speed=linear, turn=angular))
+    live.finish()
     recording.close()
     return [curve(tmp_path / "x.rrd", f"/speeds/{axis}/measured") for axis in ("linear", "angular")]
 

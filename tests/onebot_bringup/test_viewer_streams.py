@@ -1,18 +1,17 @@
 """What is in the file after transforms and joint states were collected and flushed."""
 
+import time
 import warnings
 from pathlib import Path
 
 import numpy as np
-import pytest
 import rerun.chunk as rc
 
+from onebot_bringup.introspection.transforms import FrameTree
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.displays import tf
-from onebot_bringup.viewer.displays.joint_plot import JointStream
 from onebot_bringup.viewer.displays.tf import TransformStream
-from onebot_bringup.viewer.frames import FrameTree
-from tests.onebot_bringup.viewer_support import START_NS, transforms
+from onebot_bringup.viewer.robot_view import RobotView
+from tests.onebot_bringup.viewer_support import START_NS, take_joints, transforms
 
 
 def _chunks(path: Path, entity: str) -> list:
@@ -66,19 +65,20 @@ def test_static_transforms_are_logged_once_until_they_change(tmp_path):
 
 def test_slow_transforms_are_repeated_among_fast_ones(tmp_path, monkeypatch):
     """What was said once is logged anew beside what comes all the time."""
-    monkeypatch.setattr(tf, "REPEAT_AFTER", 0.0)
+    monkeypatch.setattr("onebot_bringup.viewer.displays.display.REPEAT_AFTER", 0.05)
     recording = open_recording(save=tmp_path / "x.rrd")
     stream = TransformStream(recording.stream, FrameTree())
     stream.add(START_NS, transforms("odom", "base", 3.0))
     stream.flush()
     for step in range(1, 4):
+        time.sleep(0.1)
         stream.add(START_NS, transforms("base", "tip", 0.0, START_NS + step))
         stream.flush()
     recording.close()
     rows = [
-        (child[0], time)
+        (child[0], stamp)
         for chunk in _chunks(tmp_path / "x.rrd", "/tf")
-        for child, time in zip(
+        for child, stamp in zip(
             _column(chunk, "Transform3D:child_frame"),
             chunk.to_record_batch().column("ros_time").cast("int64").to_pylist(),
             strict=True,
@@ -88,17 +88,25 @@ def test_slow_transforms_are_repeated_among_fast_ones(tmp_path, monkeypatch):
     assert rows.count(("tip", START_NS + 3)) == 1
 
 
-def test_joints_are_curves_with_the_joints_names(tmp_path):
-    """Positions and velocities of one flush are one chunk each, under a legend of names."""
+def _plotted(tmp_path, *states):
+    """The file with joint states, (names, positions, velocities) each, and what was said."""
     recording = open_recording(save=tmp_path / "x.rrd")
-    stream = JointStream(recording.stream)
-    for step in range(10):
-        values = np.array([step, -step], float)
-        stream.add(START_NS + step, ("left", "right"), values, values / 2)
-    assert stream.flush() and not stream.flush() and stream.has_velocities
+    live, said = RobotView(recording.stream), []
+    for step, state in enumerate(states):
+        take_joints(live, START_NS + step, *state)
+        said += live.tick(START_NS + step * 10**9) if step % 10 == 9 else []
+    said += live.tick(START_NS + len(states) * 10**9)
+    live.finish()
     recording.close()
+    return tmp_path / "x.rrd", said
+
+
+def test_joint_states_are_curves_with_the_joints_names(tmp_path):
+    """Positions and velocities of one flush are one chunk each, under a legend of names."""
+    states = [(("left", "right"), (step, -step), (step / 2, -step / 2)) for step in range(10)]
+    file, _ = _plotted(tmp_path, *states)
     for entity, factor in (("/joints/position/0", 1.0), ("/joints/velocity/0", 0.5)):
-        legend, curve = sorted(_chunks(tmp_path / "x.rrd", entity), key=lambda c: not c.is_static)
+        legend, curve = sorted(_chunks(file, entity), key=lambda c: not c.is_static)
         assert _column(legend, "SeriesLines:names") == [["left", "right"]]
         rows = _column(curve, "Scalars:scalars")
         np.testing.assert_allclose(rows, [[factor * i, -factor * i] for i in range(10)])
@@ -106,38 +114,21 @@ def test_joints_are_curves_with_the_joints_names(tmp_path):
 
 def test_joint_sets_of_several_publishers_do_not_mix(tmp_path):
     """An arm's and a gripper's publisher have curves of their own; a mismatch is left out."""
-    recording = open_recording(save=tmp_path / "x.rrd")
-    stream = JointStream(recording.stream)
-    nothing = np.empty(0)
-    stream.add(START_NS, ("arm",), np.ones(1), nothing)
-    stream.add(START_NS, ("finger", "thumb"), np.ones(2), nothing)
-    stream.add(START_NS + 1, ("arm",), np.ones(2), nothing)
-    stream.add(START_NS + 1, (), nothing, nothing)
-    stream.flush()
-    recording.close()
+    names = ("finger", "thumb")
+    states = ((("arm",), (1,)), (names, (1, 1)), (("arm",), (1, 1)), ((), ()))
+    file, _ = _plotted(tmp_path, *states)
     rows = [
-        sum(chunk.num_rows for chunk in _chunks(tmp_path / "x.rrd", entity) if not chunk.is_static)
+        sum(chunk.num_rows for chunk in _chunks(file, entity) if not chunk.is_static)
         for entity in ("/joints/position/0", "/joints/position/1", "/joints/velocity/0")
     ]
-    assert rows == [1, 1, 0] and not stream.has_velocities
+    assert rows == [1, 1, 0]
 
 
-@pytest.mark.parametrize(
-    "names",
-    [
-        [(f"joint_{number}",) for number in range(40)],
-        [(f"{number}" * 1_000_000,) for number in range(10)],
-    ],
-)
-def test_joint_sets_are_plotted_up_to_a_bound(tmp_path, names):
-    """Of their number and of their size, which is reported; those before go on."""
-    recording = open_recording(save=tmp_path / "x.rrd")
-    stream = JointStream(recording.stream)
-    for each in (*names, names[0]):
-        stream.add(START_NS, each, np.zeros(1), np.zeros(0))
-    plotted = len(stream.colors)
-    assert plotted == (32 if len(names) == 40 else 4) and stream.full
-    stream.flush()
-    recording.close()
-    chunks = _chunks(tmp_path / "x.rrd", "/joints/position/0")
+def test_joint_sets_are_plotted_up_to_a_bound(tmp_path):
+    """More are reported; those before go on."""
+    names = [(f"joint_{number}",) for number in (*range(40), 0)]
+    file, [text] = _plotted(tmp_path, *((name, (0.0,)) for name in names))
+    assert text == "joint_states has more than 32 lists of names: not all plotted"
+    assert _chunks(file, "/joints/position/31") and not _chunks(file, "/joints/position/32")
+    chunks = _chunks(file, "/joints/position/0")
     assert sum(chunk.num_rows for chunk in chunks if not chunk.is_static) == 2

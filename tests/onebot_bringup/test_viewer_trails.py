@@ -4,20 +4,23 @@ import numpy as np
 import pytest
 
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.displays.trail import JUMP, SPACING, TrailSettings, TrailStream
-from tests.onebot_bringup.drive_support import chunks, column, odometry, strips
-from tests.onebot_bringup.viewer_support import START_NS
+from onebot_bringup.viewer.displays.odometry import JUMP, SPACING
+from onebot_bringup.viewer.robot_view import RobotView
+from onebot_bringup.viewer.view_config import parse_view
+from tests.onebot_bringup.drive_support import chunks, column, frames, odometry, strips
+from tests.onebot_bringup.viewer_support import START_NS, take_odometry, take_tf, transforms
 
-RED = (255, 0, 0)
 
-
-def _flushed(tmp_path, samples, settings=None):
+def _flushed(tmp_path, samples, settings="color: [255, 0, 0]"):
     """The pieces in the file after ``samples``, (time, message) each."""
     recording = open_recording(save=tmp_path / "x.rrd")
-    stream = TrailStream(recording.stream, "way", settings or TrailSettings(topic="odom"), RED)
+    view = parse_view(f"trails: {{way: {{topic: odom, {settings}}}}}")
+    live = RobotView(recording.stream, view)
+    for frame in ("base", "map"):
+        take_tf(live, transforms("odom", frame, 0.0))
     for stamp, sample in samples:
-        stream.add(stamp, sample)
-    stream.flush()
+        take_odometry(live, "odom", stamp, sample)
+    live.finish()
     recording.close()
     return strips(tmp_path / "x.rrd", "way")
 
@@ -25,14 +28,14 @@ def _flushed(tmp_path, samples, settings=None):
 def test_a_piece_begins_where_the_last_one_ended_at_its_own_time(tmp_path):
     """One call carries all pieces, in the message's frame, in the trail's colour and width."""
     samples = [(START_NS + i, odometry(0.1 * i, 0.2 * i)) for i in range(5)]
-    pieces = _flushed(tmp_path, samples, TrailSettings(topic="odom", height=-0.5, width=0.02))
+    pieces = _flushed(tmp_path, samples, "color: [255, 0, 0], height: -0.5, width: 0.02")
     ends = [[0.1 * i, 0.2 * i, -0.5] for i in range(5)]
     np.testing.assert_allclose(pieces, list(zip(ends, ends[1:], strict=False)), atol=1e-6)
     style, moving = chunks(tmp_path / "x.rrd", "/trails/way")
     assert style.is_static and moving.num_rows == 4
     times = moving.to_record_batch().column("ros_time").cast("int64").to_pylist()
     assert times == [START_NS + i for i in range(1, 5)]
-    assert column(tmp_path / "x.rrd", "/trails/way", "CoordinateFrame:frame") == [["odom"]]
+    assert frames(tmp_path / "x.rrd", "/trails/way") == ["odom"]
     [[color]] = column(tmp_path / "x.rrd", "/trails/way", "LineStrips3D:colors")
     assert color == 0xFF0000FF
     [[radius]] = column(tmp_path / "x.rrd", "/trails/way", "LineStrips3D:radii")
@@ -80,19 +83,6 @@ def test_nothing_that_is_not_finite_is_drawn(tmp_path):
     np.testing.assert_allclose([p[:, 0] for p in pieces], [[0, 0.1], [0.2, 0.3], [0.4, 0.5]])
 
 
-def test_what_waits_does_not_grow_without_end(tmp_path):
-    """Of what came before the first transform, the newest pieces are kept."""
-    recording = open_recording(save=tmp_path / "x.rrd")
-    stream = TrailStream(recording.stream, "way", TrailSettings(topic="odom"), RED)
-    for i in range(20_000):
-        stream.add(START_NS + i, odometry(0.1 * i))
-    assert stream.flush() and not stream.flush()
-    recording.close()
-    pieces = strips(tmp_path / "x.rrd", "way")
-    assert len(pieces) == 5000
-    np.testing.assert_allclose(pieces[-1][1], [1999.9, 0, 0], rtol=1e-6)
-
-
 @pytest.mark.parametrize(
     ("step", "pieces"),
     [(SPACING, 1), (SPACING * 0.999, 0), (JUMP, 1), (JUMP * 1.001, 0)],
@@ -133,15 +123,6 @@ def test_the_same_time_again_is_no_reset(tmp_path):
         assert len(_flushed(tmp_path, samples)) == pieces
 
 
-def test_another_frame_leaves_nothing_of_the_first_one(tmp_path):
-    """What was not logged yet lies in a frame that no longer counts."""
-    samples = [(START_NS + i, odometry(0.1 * i)) for i in range(5)]
-    samples += [(START_NS + 10 + i, odometry(0.1 * i, frame="map")) for i in range(3)]
-    pieces = _flushed(tmp_path, samples)
-    np.testing.assert_allclose([piece[:, 0] for piece in pieces], [[0.0, 0.1], [0.1, 0.2]])
-    assert column(tmp_path / "x.rrd", "/trails/way", "CoordinateFrame:frame") == [["map"]]
-
-
 def test_a_message_without_a_frame_breaks_the_line(tmp_path):
     """It says nothing of where the robot is."""
     samples = [
@@ -152,18 +133,3 @@ def test_a_message_without_a_frame_breaks_the_line(tmp_path):
     ]
     pieces = _flushed(tmp_path, samples)
     np.testing.assert_allclose([piece[:, 0] for piece in pieces], [[0.2, 0.3]])
-
-
-def test_the_view_s_color_is_the_trail_s(tmp_path):
-    """The one given otherwise counts only where the view names none; the style is logged once."""
-    recording = open_recording(save=tmp_path / "x.rrd")
-    stream = TrailStream(
-        recording.stream, "way", TrailSettings(topic="odom", color=(0, 0, 255)), RED
-    )
-    assert stream.frame == ""
-    for i in range(4):
-        stream.add(START_NS + i, odometry(0.1 * i))
-        assert stream.frame == "odom"
-        assert stream.flush() == (i > 0)
-    recording.close()
-    assert column(tmp_path / "x.rrd", "/trails/way", "LineStrips3D:colors") == [[0x0000FFFF]]

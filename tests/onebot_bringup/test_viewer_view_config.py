@@ -4,10 +4,9 @@ import pytest
 
 import mrm_description
 import onebot_description
-from onebot_bringup.viewer.displays.covariance import CovarianceSettings
+from onebot_bringup.viewer.displays.curves import SpeedSettings
 from onebot_bringup.viewer.displays.joint_limits import JointRangesSettings
-from onebot_bringup.viewer.displays.speeds import SpeedSettings
-from onebot_bringup.viewer.displays.trail import TrailSettings
+from onebot_bringup.viewer.displays.odometry import CovarianceSettings, TrailSettings
 from onebot_bringup.viewer.view_config import ViewConfig, load_view
 from onebot_description.errors import OneBotError
 

@@ -113,17 +113,6 @@ def test_a_choice_made_later_is_kept(driver: Driver, sender: Peer) -> None:
     wait_for(lambda: driver.topic.kind == "TwistStamped", "the change to the type published")
 
 
-def test_auto_keeps_the_type_in_use_while_it_is_published(driver: Driver, sender: Peer) -> None:
-    """A Twist has no stamp, and its publisher is no reason to warn or to change."""
-    driver.start("auto")
-    message = Twist()
-    message.linear.x, message.angular.z = 0.1, 0.2
-    publisher = sender.node.create_publisher(Twist, TOPIC, 10)
-    assert send(publisher, message, driver) == (0.1, 0.2, None)
-    driver.look_again()
-    assert (driver.topic.kind, driver.warnings) == ("Twist", [])
-
-
 def test_commands_on_cmd_vel_are_reported_if_nobody_receives_them(
     driver: Driver, sender: Peer
 ) -> None:

@@ -106,12 +106,6 @@ def test_mistakes_are_named_with_file_and_line(file: Path, old: str, new: str, s
     assert said in text
 
 
-def test_missing_file(tmp_path: Path) -> None:
-    """A file that is not there is named."""
-    with pytest.raises(OneBotError, match="nowhere.yaml: cannot be read: No such file"):
-        read_control_files([tmp_path / "nowhere.yaml"], "/", "velocity_controller")
-
-
 def test_what_is_said_to_all_nodes_is_no_mistake(file: Path) -> None:
     """Under /** stands what other nodes understand; what this one knows, counts."""
     shared = "/**:\n  ros__parameters: {use_sim_time: true, frame_prefix: a, wheel_radius: 0.2}\n"
@@ -151,16 +145,6 @@ def test_mistakes_in_each_section(file: Path, old: str, new: str, said: str) -> 
     assert said in complaint(file, old, new)
 
 
-def test_mistakes_of_all_sections_are_in_one_error(file: Path) -> None:
-    """Each with its line."""
-    text = GOOD.replace("update_rate:", "updaterate:").replace("joints:", "joinst:")
-    file.write_text(text.replace("wheel_radius:", "wheelradius:"))
-    with pytest.raises(OneBotError) as caught:
-        read_control_files([file], "/", "velocity_controller")
-    lines = str(caught.value).removeprefix(f"{file}").split(f"\n{file}")
-    assert sorted(line.split(": ")[0] for line in lines) == [":13", ":3", ":8"]
-
-
 def test_the_controllers_own_section_comes_first(file: Path) -> None:
     """What it says of the rate and of the broadcaster overrides the sections of those."""
     own = "    update_rate: 50\n    joint_state_broadcaster: {joints: [left_wheel_joint]}\n"
@@ -196,14 +180,6 @@ def test_what_every_node_has_is_no_mistake(file: Path) -> None:
     more = "  ros__parameters:\n    use_sim_time: true\n    qos_overrides: {a: 1}\n"
     file.write_text(GOOD.replace("  ros__parameters:\n", more))
     assert read(file).update_rate == 200
-
-
-def test_said_to_all_and_to_one(file: Path) -> None:
-    """What a node's own section repeats and it does not know is a mistake there."""
-    shared = "/**:\n  ros__parameters: {frame_prefix: a}\n"
-    file.write_text(shared + GOOD.replace("wheel_radius: 0.1", "frame_prefix: b"))
-    with pytest.raises(OneBotError, match=r":15: frame_prefix: no such parameter"):
-        read(file)
 
 
 def _set(**values: Any) -> list[Parameter]:

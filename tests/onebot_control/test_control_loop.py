@@ -72,14 +72,6 @@ class Run:
         return [snapshot.tick for snapshot, _ in self.published]
 
 
-def test_simulated_stamps_count_cycles() -> None:
-    """Stamps are one period apart from the first on, and never 0."""
-    with Run(simulated=True, factor=0.0) as run:
-        wait_for(lambda: len(run.published) > 100, "100 cycles")
-    stamps = [stamp for _, stamp in run.published[:100]]
-    assert stamps == [10_000_000 * (cycle + 1) for cycle in range(100)]
-
-
 def test_one_thread_alone_touches_the_robot() -> None:
     """Jobs run in the control thread, and a mistake in one reaches who asked for it."""
     with Run() as run:
@@ -91,18 +83,6 @@ def test_one_thread_alone_touches_the_robot() -> None:
         with pytest.raises(OneBotError, match="no"):
             run.loop.call(wrong)
         assert run.loop.call(lambda: 1) == 1
-
-
-def test_each_cycle_is_published_as_it_begins() -> None:
-    """What is published is the state before the robot moves on, with the command to come."""
-    run = Run(simulated=True, factor=0.0)
-    run.loop.post(lambda: run.drive.accept(0.6, 0.0))
-    with run:
-        wait_for(lambda: len(run.published) > 3, "cycles")
-    assert run.ticks() == list(range(len(run.published)))
-    for tick, (snapshot, _) in enumerate(run.published[:3]):
-        assert snapshot.joints.positions == pytest.approx(0.1 * tick)
-        assert snapshot.command.left == pytest.approx(10.0)
 
 
 def test_jobs_are_done_in_their_order() -> None:

@@ -7,11 +7,9 @@ import numpy as np
 import pytest
 
 from onebot_control.driven_robot import DrivenRobot, Snapshot, wheels_of
-from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
 from onebot_control.poses import PlanarPose
 from onebot_control.simulation import JointStates, Robot
-from onebot_description.description import load_description, parse_description
-from onebot_description.description.packages import package_share
+from onebot_description.description import parse_description
 from onebot_description.errors import OneBotError
 from tests.onebot_control.control_support import (
     CASTER,
@@ -41,39 +39,11 @@ def test_odometry_is_the_truth_of_wheels_that_never_slip() -> None:
     assert snapshot.odometry[:2] == pytest.approx(drive.true_pose[:2], abs=1e-9)
 
 
-def test_wheels_anywhere_at_the_start() -> None:
-    """Odometry starts at zero wherever the wheels stand."""
-    drive = ideal_drive(IdealPlant(left=100.0, right=-3.0))
-    assert run(drive, 0.0, 0.0, 5).odometry == PlanarPose()
-
-
 def test_before_the_first_cycle_it_is_at_rest() -> None:
     """Who asks at once sees a robot that stands and is told nothing."""
     snapshot = ideal_drive().snapshot()
     assert (snapshot.tick, snapshot.command) == (0, (0.0, 0.0, 0.0, 0.0))
     assert (snapshot.odometry, snapshot.twist) == (PlanarPose(), (0.0, 0.0))
-
-
-def test_reset_odometry_keeps_the_robot_and_moves_the_origin() -> None:
-    """The truth stays; the odometry's zero is where the robot stands."""
-    drive = ideal_drive()
-    run(drive, 0.5, 0.0, 100)
-    truth = drive.true_pose
-    drive.place_odometry(PlanarPose())
-    assert drive.true_pose == truth
-    assert drive.odom_in_world == pytest.approx(truth)
-    assert run(drive, 0.0, 0.0, 2).odometry.x == pytest.approx(0.0, abs=0.02)
-
-
-def test_teleport_is_no_driving() -> None:
-    """The robot is elsewhere and at rest; the odometry has not moved."""
-    drive = ideal_drive()
-    before = run(drive, 0.5, 0.0, 100).odometry
-    drive.teleport(PlanarPose(5.0, 6.0, 1.0))
-    snapshot = drive.begin()
-    assert drive.true_pose == pytest.approx((5.0, 6.0, 1.0))
-    assert snapshot.odometry == before
-    assert (snapshot.command.left, snapshot.twist) == (0.0, (0.0, 0.0))
 
 
 SET = {"wheel_separation": 0.3, "wheel_radius": 0.06}  # so that the description is not asked
@@ -147,14 +117,6 @@ def test_configure_takes_effect_at_once_and_disturbs_nothing_else() -> None:
     assert snapshot.command.left == pytest.approx((0.25 - 0.03) / 0.12)
 
 
-def test_a_command_ages_by_the_period_in_force() -> None:
-    """At 10 cycles a second five of them are the timeout of 0.5 s, after its first."""
-    drive = ideal_drive()
-    drive.accept(0.2, 0.0)
-    drive.configure(config(update_rate=10))
-    assert [drive.cycle().command.linear for _ in range(8)] == [0.2] * 6 + [0.0] * 2
-
-
 class Jumpy(IdealPlant):
     """Its wheels stand anywhere after a reset and a teleport."""
 
@@ -192,18 +154,6 @@ def test_reset_leaves_nothing_but_time_and_parameters() -> None:
         assert mine.command == fresh.command
         assert mine.odometry == pytest.approx(fresh.odometry, abs=1e-12)
         assert mine.twist == pytest.approx(fresh.twist, abs=1e-12)
-
-
-def test_reset_returns_to_where_the_robot_started() -> None:
-    """The odometry's zero is there again, not at the world's."""
-    drive = DrivenRobot.of(robot(), config(x=1.0, y=2.0, yaw=0.5))
-    assert drive.odom_in_world == drive.true_pose == pytest.approx((1.0, 2.0, 0.5), abs=1e-6)
-    run(drive, 0.5, 0.3, 20)
-    drive.place_odometry(PlanarPose(7.0, 7.0, 0.0))
-    drive.reset()
-    assert drive.odom_in_world == drive.true_pose == pytest.approx((1.0, 2.0, 0.5), abs=1e-6)
-    assert drive.snapshot().odometry == PlanarPose()
-    drive.plant.close()
 
 
 def test_after_a_teleport_it_starts_from_rest() -> None:
@@ -314,34 +264,6 @@ def test_several_wheels_a_side_count_by_their_mean(by_position: bool) -> None:
     assert snapshot.twist == pytest.approx((0.5, 0.3))
 
 
-def test_broadcaster_chooses_orders_and_adds() -> None:
-    """The joints named come in that order, then the extra ones; other interfaces are NaN."""
-    drive = ideal_drive(
-        IdealPlant(left=1.0, right=2.0),
-        **{
-            "joint_state_broadcaster.joints": ["right_wheel_joint", "left_wheel_joint"],
-            "joint_state_broadcaster.extra_joints": ["arm"],
-            "joint_state_broadcaster.interfaces": ["position"],
-        },
-    )
-    assert drive.broadcaster.names == ("right_wheel_joint", "left_wheel_joint", "arm")
-    positions, velocities, _ = drive.broadcaster.values(drive.begin().joints)
-    assert positions == [2.0, 1.0, 0.0]
-    assert np.isnan(velocities[:2]).all() and velocities[2] == 0.0
-
-
-def test_simulated_robot_drives_as_told() -> None:
-    """In PyBullet: 0.2 m/s for 5 s with gentle limits ends where it should, by odom and truth."""
-    drive = DrivenRobot.of(robot(), config(x=1.0, y=2.0, yaw=0.0, **LIMITS))
-    snapshot = run(drive, 0.2, 0.0, 500)
-    # It takes 0.4 s to speed up, which costs half of 0.2 m/s times 0.4 s (and one step's grid).
-    expected = 0.2 * 5.0 - 0.2 * 0.2 * 1.0
-    assert snapshot.odometry.x == pytest.approx(expected, abs=0.003)
-    assert drive.true_pose.x - 1.0 == pytest.approx(snapshot.odometry.x, rel=5e-4)
-    assert drive.true_pose.y - 2.0 == pytest.approx(0.0, abs=1e-4)
-    drive.plant.close()
-
-
 def test_same_commands_give_the_same_bits() -> None:
     """Two runs of one sequence agree in every bit of state, odometry and truth."""
 
@@ -359,17 +281,3 @@ def test_same_commands_give_the_same_bits() -> None:
         return log
 
     assert once() == once()
-
-
-def test_onebot_drives_by_its_own_control_yaml() -> None:
-    """OneBot and its control.yaml suit each other; on a curve, odometry is the truth."""
-    file = default_control_file()
-    values = read_control_files([file], "/", "velocity_controller").values
-    model = package_share("onebot_description") / "urdf" / "onebot.urdf.xacro"
-    drive = DrivenRobot.of(load_description(model), ControlConfig.from_parameters(values))
-    assert len(drive.broadcaster.names) == 4
-    snapshot = run(drive, 0.2, 0.3, 500)
-    way = 0.2 * 5.0
-    assert snapshot.odometry.yaw == pytest.approx(0.3 * 5.0 - 0.3 * 0.3 / 2.0, abs=0.005)
-    assert drive.true_pose[:2] == pytest.approx(snapshot.odometry[:2], abs=0.005 * way)
-    drive.plant.close()

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from onebot_control.driven_robot import DrivenRobot, Snapshot
+from onebot_control.driven_robot import Snapshot
 from onebot_control.fleet import Fleet, Member
 from onebot_control.poses import PlanarPose
 from onebot_description.description import Description, parse_description
@@ -55,17 +55,6 @@ def test_a_cycle_is_one_of_each_robot() -> None:
         turned = [s.joints.velocities for s in fleet.cycle()]
         assert turned[0] == pytest.approx(0.0, abs=1e-3)
         assert turned[1] == pytest.approx([4.5, 5.5], abs=0.2)
-
-
-def test_a_fleet_of_one_drives_as_a_robot_alone() -> None:
-    """In every bit."""
-    alone = DrivenRobot.of(robot(), config(**LIMITS))
-    with fleet_of(PlanarPose(), **LIMITS) as fleet:
-        for _ in range(100):
-            alone.accept(0.3, 0.5)
-            ours, theirs = run(fleet, 0, 0.3, 0.5, 1)[0], alone.cycle()
-            assert repr(ours) == repr(theirs)
-    alone.plant.close()
 
 
 def test_robots_of_several_kinds() -> None:
@@ -227,14 +216,6 @@ def test_a_description_needs_room_where_the_robot_is_not_at_its_start(walled: bo
             fleet.robots[1].reset()
             with pytest.raises(OneBotError, match="/r1 and /r2"):
                 fleet.robots[0].reset()
-        fleet.cycle()
-
-
-def test_the_world_is_freed_with_the_fleet() -> None:
-    """By close, or at the end of with."""
-    with fleet_of() as fleet:
-        fleet.cycle()
-    with pytest.raises(OneBotError, match="closed"):
         fleet.cycle()
 
 

@@ -201,16 +201,6 @@ def test_one_of_several_robots_puts_boxes_back_unless_a_robot_is_there():
         assert world.scene.poses[1] == pushed[1]
 
 
-def test_a_scene_far_away_changes_nothing_that_a_ruler_would_show():
-    """The robot's own motion is that on the bare ground."""
-    with simulate() as bare, among(scene(part("wall", xyz="50 0 0.1"))) as simulation:
-        for each in (bare, simulation):
-            go(each, 3.0, 1.0)
-        np.testing.assert_allclose(
-            simulation.base_pose().translation, bare.base_pose().translation, atol=1e-4
-        )
-
-
 def test_a_scene_that_diverged_is_reset():
     """A box whose pose is not finite stops the world with a message, and reset recovers."""
     with among(scene(BOX)) as simulation:

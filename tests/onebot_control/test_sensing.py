@@ -1,19 +1,29 @@
 """What sensors measure, against formulas and a ray caster of ten lines; no ROS."""
 
+import itertools
 import math
 import threading
+from collections.abc import Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from onebot_control.driven_robot import DrivenRobot
+from onebot_control.driven_robot import Snapshot
 from onebot_control.fleet import Fleet, Member
 from onebot_control.parameters import ControlConfig
-from onebot_control.sensing import camera, imu, lidar, noise, rays, sensors
+from onebot_control.sensing import camera, imu, instruments, lidar, noise, rays
+from onebot_control.sensing.instruments import Instrument, Sensing
 from onebot_control.sensing.rays import NOTHING, Rays, cast
-from onebot_control.sensing.scene import RobotState, Scene, SensedRobot, matrices
+from onebot_control.sensing.surroundings import (
+    Placed,
+    RobotState,
+    SensedRobot,
+    Surroundings,
+    matrices,
+)
 from onebot_description.description import load_description, parse_description
 from onebot_description.description.description import (
     Camera,
@@ -94,7 +104,7 @@ def test_ranges_to_planes_cylinders_and_spheres_are_right_to_1_mm():
         for n, (text, (xyz, rpy)) in enumerate(zip(kinds, places, strict=True))
     ]
     moves = [link(f"moving{n}", shape(text), kind="floating") for n, text in enumerate(kinds)]
-    scene = Scene(world(*stands, *moves), [])
+    scene = Surroundings(world(*stands, *moves), [])
     sensor = Lidar(Fan(36, -math.pi, 3.0), Fan(), 0.0, 30.0)
     fan = lidar.lidar_rays(sensor)
     worst, compared, missed = 0.0, 0, 0
@@ -106,7 +116,7 @@ def test_ranges_to_planes_cylinders_and_spheres_are_right_to_1_mm():
         rotation = quaternions.to_matrix(
             quaternions.from_rpy(rng.uniform(-0.5, 0.5, 3) * (1, 1, 6))
         )
-        hits = cast(fan, rotation, position, scene.still, scene.place(boxes, []).targets, 30.0)
+        hits = cast(fan, rotation, position, scene.still, Placed(scene, boxes, []).targets, 30.0)
         measured = lidar.ranges(sensor, hits.distances, hits.surfaces != NOTHING)
         directions = fan.singles.astype(float) @ rotation.T
         true = to_ground(np.broadcast_to(position, directions.shape), directions)
@@ -126,13 +136,13 @@ def test_ranges_to_planes_cylinders_and_spheres_are_right_to_1_mm():
 
 def test_a_lidar_reports_what_is_out_of_range_and_clamps_its_noise():
     wall = world(link("wall", shape('<box size="1 8 2"/>', "2.5 0 1")))
-    scene = Scene(wall, [])
+    scene = Surroundings(wall, [])
     sensor = Lidar(Fan(3, -0.5, 0.5), Fan(4, -0.2, 0.2), 0.5, 10.0, Noise(stddev=0.1))
     fan = lidar.lidar_rays(sensor)
 
     def measured(x: float, generator=None):
         at = np.array([x, 0.0, 1.0])
-        hits = cast(fan, np.eye(3), at, scene.still, scene.place([], []).targets, 10.1)
+        hits = cast(fan, np.eye(3), at, scene.still, Placed(scene, [], []).targets, 10.1)
         return lidar.ranges(sensor, hits.distances, hits.surfaces != NOTHING, 0.0, generator)
 
     up, across = (
@@ -161,10 +171,10 @@ def test_the_link_with_the_sensor_is_not_seen_and_others_are():
         '<origin xyz="1 0 0"/><axis xyz="0 0 1"/></joint>'
     )
     sensed = SensedRobot(parse_description(f'<robot name="r">{parts}</robot>'), ("j",), {})
-    scene = Scene(None, [sensed])
+    scene = Surroundings(None, [sensed])
     turned = RobotState(np.array([0, 0, 0.5]), np.array([0, 0, 0, 1.0]), np.array([math.pi / 4]))
-    placed = scene.place([], [turned])
-    pose = placed.links[0]["a"]
+    placed = Placed(scene, [], [turned])
+    pose = placed.link(0, "a")
     fan = Rays(np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
     hits = cast(fan, *pose, scene.still, placed.targets, 9.0, scene.target(0, "a"))
     assert hits.distances[0] == pytest.approx(1 - 0.05 * math.sqrt(2), abs=1e-6)
@@ -181,8 +191,10 @@ def test_pybullet_casts_the_rays_where_there_is_no_embree(monkeypatch: pytest.Mo
     fan, at = lidar.lidar_rays(sensor), np.array([0.0, 0.0, 0.4])
 
     def distances():
-        scene = Scene(world(link("still", *shapes), link("box", shapes[1], kind="floating")), [])
-        placed = scene.place([((-2.0, -2.0, 0.0), (0.0, 0.0, 0.3, 0.95))], [])
+        scene = Surroundings(
+            world(link("still", *shapes), link("box", shapes[1], kind="floating")), []
+        )
+        placed = Placed(scene, [((-2.0, -2.0, 0.0), (0.0, 0.0, 0.3, 0.95))], [])
         return cast(fan, np.eye(3), at, scene.still, placed.targets, 20.0).distances
 
     exact = distances()
@@ -194,12 +206,14 @@ def test_pybullet_casts_the_rays_where_there_is_no_embree(monkeypatch: pytest.Mo
 
 def test_a_picture_shows_a_box_where_it_is_with_its_colour_and_depth():
     """Its corners are within a pixel, its depth within 2 mm, and the cloud is the depth."""
-    scene = Scene(world(link("box", shape('<box size="1 1 1"/>', "3 0 1.5", color="0 0 1 1"))), [])
+    scene = Surroundings(
+        world(link("box", shape('<box size="1 1 1"/>', "3 0 1.5", color="0 0 1 1"))), []
+    )
     sensor = Camera(1.0472, 320, 240, 0.1, 50.0, 0.1, 10.0)
     pixels, at = camera.camera_rays(sensor), np.array([0.0, 0.2, 1.3])
     focal = camera.focal_length(sensor)
     assert focal == pytest.approx(320 / (2 * math.tan(1.0472 / 2)))
-    placed = scene.place([], [])
+    placed = Placed(scene, [], [])
     hits = cast(pixels, np.eye(3), at, scene.still, placed.targets, camera.reach(sensor))
     picture = camera.Painter(scene.still).picture(sensor, pixels, at, hits, placed.targets)
     found = camera.depths(sensor, hits)
@@ -230,11 +244,11 @@ def test_a_picture_shows_a_box_where_it_is_with_its_colour_and_depth():
 def test_the_picture_is_that_of_the_ray_caster():
     """Every pixel's depth, of a cylinder that moves and a box that stands."""
     body = link("post", shape('<cylinder radius="0.3" length="1"/>'), kind="floating")
-    scene = Scene(world(link("box", shape('<box size="1 1 1"/>', "4 1 0.5")), body), [])
+    scene = Surroundings(world(link("box", shape('<box size="1 1 1"/>', "4 1 0.5")), body), [])
     sensor = Camera(1.2, 160, 120, 0.1, 20.0, 0.1, 20.0)
     pixels, at = camera.camera_rays(sensor), np.array([0.0, 0.0, 0.8])
     turn = quaternions.to_matrix(quaternions.from_rpy((0.05, 0.2, 0.1)))
-    placed = scene.place([((2.5, -0.5, 0.5), (0.0, 0.0, 0.0, 1.0))], [])
+    placed = Placed(scene, [((2.5, -0.5, 0.5), (0.0, 0.0, 0.0, 1.0))], [])
     hits = cast(pixels, turn, at, scene.still, placed.targets, 20.0)
     d = pixels.singles.astype(float) @ turn.T
     o = np.broadcast_to(at, d.shape)
@@ -263,10 +277,10 @@ def test_a_texture_of_a_mesh_is_seen(tmp_path: Path):
     )
     flag = f'<mesh filename="file://{tmp_path}/flag.obj"/>'
     for kind, boxes in (("fixed", ()), ("floating", STILL)):
-        scene = Scene(world(link("flag", shape(flag, "2 0 0"), kind=kind)), [])
+        scene = Surroundings(world(link("flag", shape(flag, "2 0 0"), kind=kind)), [])
         sensor = Camera(0.6, 40, 40, 0.1, 9.0, 0.1, 9.0)
         pixels, at = camera.camera_rays(sensor), np.array([0.0, 0.0, 0.5])
-        placed = scene.place(boxes, [])
+        placed = Placed(scene, boxes, [])
         hits = cast(pixels, np.eye(3), at, scene.still, placed.targets, 9.0)
         picture = camera.Painter(scene.still).picture(sensor, pixels, at, hits, placed.targets)
         above, below = picture[10, 20].astype(int), picture[30, 20].astype(int)
@@ -297,45 +311,56 @@ def test_noise_depends_on_sensor_and_time_only():
 # Inertial measurements, of the real simulation --------------------------------------------------
 
 
-def motions(driven: DrivenRobot, cycles: int):
-    """Drive on; the last two motions and the rotation at the last."""
-    found = []
-    for _ in range(cycles):
-        snapshot = driven.cycle()
-        found = [*found[-1:], (imu.Motion(*snapshot.velocity), snapshot.pose.rotation)]
-    (before, _), (now, rotation) = found
-    return before, now, matrices(rotation[None])[0]
-
-
 MOUNT = (
     quaternions.to_matrix(quaternions.from_rpy((0.0, 0.0, math.pi / 2))),
     np.array([0.1, 0, 0.2]),
 )
+GRAVITY = np.array([0.0, 0.0, 9.81])
+SLOPE = math.radians(5)
 
 
-def test_an_imu_at_rest_measures_the_reaction_to_gravity():
-    driven = DrivenRobot.of(robot(), ControlConfig.from_parameters(WHEELS))
-    before, now, turn = motions(driven, 100)
-    angular, linear = imu.measure(before, now, 0.01, turn, MOUNT, 9.81)
-    true = MOUNT[0].T @ (turn.T @ (0, 0, 9.81))
-    np.testing.assert_allclose(angular, 0, atol=1e-4)
-    np.testing.assert_allclose(linear, true, atol=1e-3)
-    assert linear[2] == pytest.approx(9.81, abs=0.05)  # it stands nearly level
+def derivatives(before: Snapshot, now: Snapshot, period: float):
+    """The rate and the acceleration of the sensor in its axes, by two true poses and velocities."""
+    first, last = (matrices(each.pose.rotation[None])[0] for each in (before, now))
+    velocities = [
+        turn @ (each.velocity.linear + np.cross(each.velocity.angular, MOUNT[1]))
+        for turn, each in ((first, before), (last, now))
+    ]
+    turned = (first.T @ last - last.T @ first) / 2.0 / period  # of a small angle
+    rate = np.array([turned[2, 1], turned[0, 2], turned[1, 0]])
+    middle = quaternions.to_matrix(before.pose.rotation + now.pose.rotation)
+    acceleration = middle.T @ (velocities[1] - velocities[0]) / period
+    return MOUNT[0].T @ rate, MOUNT[0].T @ (acceleration + last.T @ GRAVITY)
 
 
-def test_an_imu_in_a_turn_measures_what_the_truth_s_derivatives_are():
-    """A circle at 0.5 m/s and 1 rad/s, with the sensor 0.1 m before the axle."""
-    driven = DrivenRobot.of(robot(), ControlConfig.from_parameters(WHEELS))
-    driven.accept(0.5, 1.0)
-    for _ in range(5):
-        driven.accept(0.5, 1.0)
-        before, now, turn = motions(driven, 40)
-    angular, linear = imu.measure(before, now, 0.01, turn, MOUNT, 9.81)
-    speed, rate = now.linear[0], now.angular[2]
-    assert (speed, rate) == pytest.approx((0.5, 1.0), rel=0.02)
-    true = np.array([-(rate**2) * 0.1, speed * rate, 0.0]) + turn.T @ (0, 0, 9.81)
-    np.testing.assert_allclose(linear, MOUNT[0].T @ true, atol=2e-3)
-    np.testing.assert_allclose(angular, MOUNT[0].T @ now.angular, atol=1e-4)
+@pytest.mark.parametrize(
+    ("scene", "command", "expected"),
+    [
+        ("", (0.0, 0.0), GRAVITY),
+        ("ramp", (0.0, 0.0), (9.81 * math.sin(SLOPE), 0.0, 9.81 * math.cos(SLOPE))),
+        ("", (0.5, 1.0), (-0.1, 0.5, 9.81)),  # x is -w^2 r, y is v w
+    ],
+    ids=["at rest", "on a ramp", "in a turn"],
+)
+def test_an_imu_measures_the_truth_s_derivatives(scene, command, expected):
+    """In each cycle, also while it speeds up; the rate where that is steady."""
+    onebot = load_description("package://onebot_description/urdf/onebot.urdf.xacro")
+    config = ControlConfig.from_parameters({"x": 1.0, "cmd_vel_timeout": 9.0})
+    with Fleet.of([Member(onebot, config)], scene=load_world(scene) if scene else None) as fleet:
+        fleet.robots[0].accept(*command)
+        snapshots = [fleet.cycle()[0] for _ in range(300)]
+        period = fleet.period
+    for cycle, (before, now) in enumerate(itertools.pairwise(snapshots)):
+        motions = [
+            imu.Motion(*each.velocity, matrices(each.pose.rotation[None])[0])
+            for each in (before, now)
+        ]
+        angular, linear = imu.measure(*motions, period, MOUNT, 9.81)
+        rate, acceleration = derivatives(before, now, period)
+        np.testing.assert_allclose(linear, acceleration, atol=1e-3, err_msg=str(cycle))
+        if cycle > 200:
+            np.testing.assert_allclose(angular, rate, atol=1e-4, err_msg=str(cycle))
+            np.testing.assert_allclose(linear, MOUNT[0].T @ expected, atol=0.05)
 
 
 def test_an_imu_measures_the_derivatives_of_any_motion():
@@ -351,7 +376,9 @@ def test_an_imu_measures_the_derivatives_of_any_motion():
         turn = pose(t)[1]
         skew = turn.T @ (last - first) / (2 * h)
         return imu.Motion(
-            turn.T @ (after - before) / (2 * h), np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
+            turn.T @ (after - before) / (2 * h),
+            np.array([skew[2, 1], skew[0, 2], skew[1, 0]]),
+            turn,
         )
 
     def sensor(t: float):
@@ -359,7 +386,7 @@ def test_an_imu_measures_the_derivatives_of_any_motion():
         return at + turn @ MOUNT[1]
 
     t, dt, h = 2.0, 0.01, 1e-4
-    angular, linear = imu.measure(motion(t - dt), motion(t), dt, pose(t)[1], MOUNT, 9.81)
+    angular, linear = imu.measure(motion(t - dt), motion(t), dt, MOUNT, 9.81)
     middle = t - dt / 2  # a period's mean acceleration is that in its middle
     acceleration = (sensor(middle + h) - 2 * sensor(middle) + sensor(middle - h)) / h**2
     true = pose(middle)[1].T @ acceleration + pose(t)[1].T @ (0, 0, 9.81)
@@ -367,67 +394,110 @@ def test_an_imu_measures_the_derivatives_of_any_motion():
     np.testing.assert_allclose(angular, MOUNT[0].T @ motion(t).angular, atol=1e-4)
 
 
-def test_an_imu_on_a_ramp_feels_the_slope():
-    ramp = load_world("ramp")
-    onebot = load_description("package://onebot_description/urdf/onebot.urdf.xacro")
-    config = ControlConfig.from_parameters({"x": 1.0})
-    with Fleet.of([Member(onebot, config)], scene=ramp) as fleet:
-        for _ in range(100):
-            before = fleet.cycle()[0]
-        last = fleet.cycle()[0]
-    now, turn = imu.Motion(*last.velocity), matrices(last.pose.rotation[None])[0]
-    before = imu.Motion(*before.velocity)
-    angular, linear = imu.measure(before, now, 0.01, turn, (np.eye(3), np.zeros(3)), 9.81)
-    slope = math.radians(5)
-    true = 9.81 * np.array([math.sin(slope), 0, math.cos(slope)])
-    np.testing.assert_allclose(linear, turn.T @ (0, 0, 9.81), atol=1e-3)
-    np.testing.assert_allclose(linear, true, atol=0.02)
-    np.testing.assert_allclose(angular, 0, atol=1e-4)
-
-
 # The thread -------------------------------------------------------------------------------------
 
 
-class SlowOutlet:
-    """Takes measurements one at a time, when it is told to."""
+class Subscriber:
+    """Takes measurements of the outputs that it wants, one at a time."""
 
-    def __init__(self) -> None:
+    def __init__(self, *wanted: str, waiting: bool = False) -> None:
+        self.outputs = frozenset(wanted)
         self.stamps: list[int] = []
-        self.go = threading.Semaphore(0)
+        self.published: list[frozenset[str]] = []
+        self.go = threading.Semaphore(0) if waiting else None
 
     def wanted(self) -> frozenset[str]:
-        return frozenset({"scan"})
+        return self.outputs
 
-    def publish(self, stamp: int, outputs: object) -> None:
-        self.go.acquire()
+    def publish(self, stamp: int, outputs: Mapping[str, object]) -> None:
+        if self.go:
+            self.go.acquire()
         self.stamps.append(stamp)
+        self.published.append(frozenset(outputs))
+
+
+@contextmanager
+def sensing_of(*sensors: Sensor, **subscribers: Subscriber):
+    """Drive one robot; gives what does cycles, the instruments, and warnings."""
+    warnings: list[str] = []
+    failures: list[BaseException] = []
+    description = robot()
+    with Fleet.of([Member(description, ControlConfig.from_parameters(WHEELS))]) as fleet:
+        driven = fleet.robots[0]
+        sensing = Sensing(None, 100.0, 9.81, warnings.append, failures.append)
+        found = [Instrument(each, 0, "/", subscribers[each.name], 100.0) for each in sensors]
+        sensing.enter(0, SensedRobot(description, driven.plant.joints, driven.held), found)
+
+        def cycle() -> frozenset[int]:
+            """Do a cycle, publish it twice, as while paused; return whose sensor was due."""
+            snapshots = fleet.cycle()
+            tick = snapshots[0].tick
+            due = sensing.due(tick)
+            sensing.take(tick, snapshots, ())
+            assert sensing.due(tick) == set()
+            return due
+
+        sensing.start()
+        try:
+            yield cycle, found, warnings
+        finally:
+            sensing.stop()
+    assert not failures
 
 
 def test_what_is_too_slow_is_dropped_the_newest_first(monkeypatch: pytest.MonkeyPatch) -> None:
     """The loop never waits; what the sensor reaches is a warning."""
-    monkeypatch.setattr(sensors, "_FIRST_REPORT", -1.0)
-    warnings: list[str] = []
-    failures: list[BaseException] = []
+    monkeypatch.setattr(instruments, "_FIRST_REPORT", 1e-9)
     model = Lidar(Fan(3, -1.0, 1.0), Fan(), 0.1, 9.0)
     scan = Sensor("slow", "base_link", Origin(), 50.0, {"scan": "scan"}, "base_link", model)
-    outlet, description = SlowOutlet(), robot()
-    with Fleet.of([Member(description, ControlConfig.from_parameters(WHEELS))]) as fleet:
-        driven = fleet.robots[0]
-        sensing = sensors.Sensing(None, 100.0, 9.81, warnings.append, failures.append)
-        instrument = sensors.Instrument(scan, 0, "/", outlet, 100.0)
-        sensed = SensedRobot(description, driven.plant.joints, driven.held)
-        sensing.enter(0, sensed, [instrument])
-        sensing.start()
+    outlet = Subscriber("scan", waiting=True)
+    with sensing_of(scan, slow=outlet) as (cycle, (instrument,), warnings):
         for tick in range(40):
-            snapshots = fleet.cycle()
-            assert sensing.due(tick) == ({0} if tick % 2 == 0 else set())
-            sensing.take(tick, snapshots, ())
-            assert sensing.due(tick) == set()  # of a cycle that is published again, paused
+            assert cycle() == ({0} if tick % 2 == 0 else set())
         asked = instrument.given
         assert instrument.dropped == 20 - asked and 4 <= asked <= 6
         outlet.go.release(asked)
-        wait_for(lambda: len(outlet.stamps) == asked, "what was waiting")
-        sensing.stop()
+        wait_for(lambda: instrument.done == asked, "what was waiting")
     assert outlet.stamps == [2 * each for each in range(asked)]
-    assert not failures
     assert any('sensor "slow" reaches' in text and "of 50 Hz" in text for text in warnings)
+
+
+def test_nothing_is_measured_that_nobody_subscribes_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No ray of a camera is cast before; then only what is wanted is made of them."""
+    casts: list[object] = []
+    monkeypatch.setattr(
+        instruments, "cast", lambda rays, *others: casts.append(rays) or cast(rays, *others)
+    )
+    topics = {output: output for output in ("image", "depth", "camera_info", "points")}
+    model = Camera(1.0, 8, 6, 0.1, 9.0, 0.1, 9.0)
+    camera_block = Sensor("eye", "base_link", Origin(), 100.0, topics, "base_link", model)
+    outlet = Subscriber()
+    with sensing_of(camera_block, eye=outlet) as (cycle, (instrument,), warnings):
+
+        def measured(*wanted: str) -> frozenset[str]:
+            """What is published in a cycle while somebody subscribes to these."""
+            outlet.outputs, before = frozenset(wanted), len(outlet.published)
+            assert cycle() == {0}
+            wait_for(lambda: len(outlet.published) > before, "the measurement")
+            return outlet.published[-1]
+
+        for _ in range(20):
+            assert cycle() == set()  # nor are transforms published for it
+        assert (instrument.given, instrument.dropped) == (0, 0)
+        assert measured("camera_info") == {"camera_info"} and not casts
+        assert measured("depth") == {"camera_info", "depth"} and len(casts) == 1
+        assert measured("points") == topics.keys()
+        assert len(outlet.published) == 3 and not warnings
+
+
+def test_a_sensor_that_keeps_up_but_for_a_moment_is_not_reported() -> None:
+    """It would be "15 of 15 Hz"."""
+    model = Camera(1.0, 8, 6, 0.1, 9.0, 0.1, 9.0)
+    found = Sensor("eye", "base_link", Origin(), 15.0, {"image": "image"}, "base_link", model)
+    instrument = Instrument(found, 0, "/", Subscriber(), 100.0)
+    assert instrument.warning(0.5) == ""
+    instrument.done, instrument.dropped = 895, 5
+    assert instrument.warning(70.0) == ""
+    instrument.done, instrument.dropped = 895 + 600, 5 + 300
+    assert instrument.warning(100.0) == ""
+    assert instrument.warning(131.0).startswith('sensor "eye" reaches 10 of 15 Hz')

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from tests.onebot_control.simulation_support import (
-    DRIVEN,
     LEFT,
     RADIUS,
     RIGHT,
@@ -133,14 +132,6 @@ def test_joint_states_are_in_the_descriptions_order(simulation):
     assert (simulation.joint_states().efforts[2:] == 0.0).all()
 
 
-def test_motor_is_no_faster_than_its_limit(simulation):
-    """The URDF says 20 rad/s."""
-    for _ in range(100):
-        simulation.step([1e9, 1e9], 0.01)
-    speeds = simulation.joint_states().velocities[:2]
-    assert speeds == pytest.approx([20.0, 20.0], rel=1e-3)
-
-
 def test_motor_is_no_stronger_than_its_effort():
     """A weak motor takes its time."""
     with simulate(robot(r'effort="3"', 'effort="0.01"')) as weak:
@@ -157,27 +148,3 @@ def test_joint_friction_holds():
         # Free, it would roll by many radians.
         drive(simulation, 0.2, 0.0, 2.0)
         assert simulation.joint_states().positions[3] == pytest.approx(0.0, abs=0.02)
-
-
-def test_fixed_links_weigh_as_much_as_they_say():
-    """A load on a fixed link above makes the motors work harder; one without mass does not."""
-    load = (
-        '<link name="lidar"><inertial><mass value="10"/>'
-        '<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>'
-    )
-
-    def effort(description) -> float:
-        with simulate(description) as simulation:
-            for cycle in range(20):
-                simulation.step(wheels(0.005 * cycle, 0.0), 0.01)
-            return float(simulation.joint_states().efforts[:2].sum())
-
-    # F r, with 0.5 m/s^2 of 4 kg, and the turning of the wheels.
-    empty, loaded = effort(robot()), effort(robot('<link name="lidar"/>', load))
-    assert empty == pytest.approx(4.0 * 0.5 * RADIUS, rel=0.1)
-    assert loaded - empty == pytest.approx(10.0 * 0.5 * RADIUS, rel=0.1)
-
-
-def test_names_of_the_driven_are_kept(simulation):
-    """In the order given, which is that of velocities given without names."""
-    assert simulation.driven == DRIVEN

@@ -90,12 +90,6 @@ def test_iterations_are_whole():
         Settings(iterations=50.5)
 
 
-@pytest.mark.parametrize("name", ["rate", "gravity", "friction", "settling"])
-def test_other_settings_may_be_fractions(name):
-    """However small."""
-    assert getattr(Settings(**{name: 1e-9}), name) == 1e-9
-
-
 def test_settings_are_what_was_measured():
     """At 100 Hz four physics steps fit into a control period."""
     assert Settings() == Settings(400, 200, 9.81, 1.0, 2.0)
@@ -103,7 +97,7 @@ def test_settings_are_what_was_measured():
     assert Settings(rate=1000).steps(0.01) == 10
 
 
-@pytest.mark.parametrize("cycles", [1, 2.5, 10, 16, 20, 40, 50, 80, 100, 100.0, 200, 400])
+@pytest.mark.parametrize("cycles", [1, 2.5, 16, 100.0, 400])
 def test_settings_that_fit_a_control_rate_stay_as_they_are(cycles):
     """To the bit, for the motion to be the same."""
     assert Settings().fitted(cycles) == Settings()
@@ -178,12 +172,6 @@ def test_places_are_finite(bad, row):
         checked_spawn_pose(*place)
 
 
-def test_a_member_stands_at_the_origin_unless_told():
-    """Heading along x; without a name."""
-    description = robot()
-    assert RobotSpawn(description, DRIVEN) == (description, DRIVEN, 0.0, 0.0, 0.0, "")
-
-
 def motors(description, driven) -> Robot:
     """A robot that is in no world."""
     return Robot(cast(World, None), RobotSpawn(description, driven))
@@ -235,12 +223,3 @@ def test_speeds_are_of_the_driven_joints(velocities, words):
     """The message says of which."""
     with pytest.raises(ValueError, match=words):
         motors(robot(), DRIVEN).targets(velocities)
-
-
-def test_the_mapping_given_is_not_changed():
-    """Nor is the array."""
-    given_map, given_array = {LEFT: 99.0, RIGHT: 1.0}, np.array([99.0, 1.0])
-    both = motors(robot(), DRIVEN)
-    assert both.targets(given_map) == both.targets(given_array) == [20.0, 1.0]
-    assert given_map == {LEFT: 99.0, RIGHT: 1.0}
-    assert given_array.tolist() == [99.0, 1.0]

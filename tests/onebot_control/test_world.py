@@ -6,13 +6,9 @@ import time
 import numpy as np
 import pytest
 
-from onebot_control.fleet import Fleet, Member
-from onebot_control.poses import PlanarPose, yaw_of
+from onebot_control.poses import yaw_of
 from onebot_control.simulation import RobotSpawn, World
 from onebot_control.simulation.engine import engine
-from onebot_description.errors import OneBotError
-from tests.onebot_control.control_support import config
-from tests.onebot_control.control_support import robot as small_robot
 from tests.onebot_control.simulation_support import (
     DRIVEN,
     LEFT,
@@ -40,16 +36,6 @@ def _bits(world):
     return (
         b"".join(array.tobytes() for state in states for array in state) + repr(world.time).encode()
     )
-
-
-def test_all_start_where_they_are_told_and_at_rest():
-    """To rounding, with joints at 0, and time at 0."""
-    with _world() as world:
-        for body, start in zip(world.robots, STARTS, strict=True):
-            assert _planar(body) == pytest.approx(start, abs=1e-13)
-            for array in (*body.base_twist(), *body.joint_states()):
-                assert not array.any()
-        assert world.time == 0.0
 
 
 def test_each_drives_as_it_would_alone():
@@ -144,51 +130,6 @@ def test_robots_run_into_each_other():
         world.step(3.0)
         apart = _planar(world.robots[1])[0] - _planar(world.robots[0])[0]
         assert 0.1 < apart < 0.9
-
-
-def test_two_in_the_same_place_are_refused():
-    """The message says which, and where."""
-    with pytest.raises(OneBotError, match=r"robots 1 and 3 .*x 0.05 m, y 0 m"):
-        _world([(0.0, 0.0, 0.0), (3.0, 0.0, 0.0), (0.05, 0.0, 0.0)])
-
-
-def test_a_broken_world_says_so_and_can_be_reset():
-    """One robot's NaN is everyone's."""
-    with _world() as world:
-        start = _bits(world)
-        parts = world.robots[0].parts
-        engine.resetJointState(
-            parts.body, parts.joints[LEFT], math.nan, math.nan, physicsClientId=world.client
-        )
-        with pytest.raises(OneBotError, match="reset it"):
-            world.step(0.1)
-        with pytest.raises(OneBotError, match="reset it"):
-            world.step(0.1)
-        world.reset()
-        assert _bits(world) == start
-    with pytest.raises(OneBotError, match="closed"):
-        world.step(0.1)
-    with pytest.raises(OneBotError, match="closed"):
-        world.robots[0].turn([0.0, 0.0])
-
-
-def test_a_fleet_drives_as_commanded_each_on_its_own():
-    """Odometry and truth agree; who is not commanded stays."""
-    starts = [PlanarPose(), PlanarPose(2.0, 0.0, 1.5)]
-    configs = [config(linear_x_max_acceleration=0.5, **start._asdict()) for start in starts]
-    with Fleet.of([Member(small_robot(), each) for each in configs]) as fleet:
-        for _ in range(150):
-            fleet.robots[1].accept(0.2, 0.4)
-            snapshots = fleet.cycle()
-        resting, driving = snapshots
-        assert resting.odometry == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
-        assert driving.twist == pytest.approx((0.2, 0.4), abs=1e-3)
-        drive = fleet.robots[1]
-        believed, true = drive.odom_in_world.compose(drive.snapshot().odometry), drive.true_pose
-        assert believed[:2] == pytest.approx(true[:2], abs=5e-3)
-        assert drive.ticks == 150
-        fleet.robots[1].reset()
-        assert fleet.robots[1].true_pose == pytest.approx(starts[1], abs=1e-9)
 
 
 def test_fast_wheels_cost_no_more_than_slow_ones():

@@ -245,16 +245,6 @@ def test_wheel(checkout: Path, tmp_path: Path, ignored: bool) -> None:
 
 
 @needs_compiler
-def test_editable(checkout: Path, tmp_path: Path) -> None:
-    """An editable install gets the library in the checkout, where Python imports from."""
-    name = build_backend(checkout, f"build_editable({str(tmp_path)!r})")
-    with zipfile.ZipFile(tmp_path / name) as wheel:
-        assert not [item for item in wheel.namelist() if item.endswith(".so")]
-    result = run("-c", USE_MESSAGE, cwd=checkout)
-    assert result.returncode == 0, result.stderr
-
-
-@needs_compiler
 def test_source_distribution(checkout: Path, tmp_path: Path) -> None:
     """A source distribution holds no compiled file and all it takes to make the wheel."""
     (checkout / FOLDER / "_library.so").write_bytes(b"old")

@@ -3,17 +3,14 @@
 import shutil
 import subprocess
 import sys
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-import xacro
 
 from onebot_description.description import (
     DescriptionError,
     Joint,
-    Mimic,
     load_description,
     parse_description,
 )
@@ -128,14 +125,6 @@ def test_what_reads_descriptions_is_light() -> None:
     assert done.stdout.strip() == "[]"
 
 
-def test_mimic_chain_is_read() -> None:
-    """A joint may follow one that follows another; multiplier 1 and offset 0 are the defaults."""
-    found = joints("good_mimic_chain.urdf")
-    assert found["a"].mimic is None
-    assert found["b"].mimic == Mimic("a", 2.0, 0.1)
-    assert found["c"].mimic == Mimic("b", -0.5, 0.0)
-
-
 def test_axis_becomes_a_unit_vector_in_the_text_too() -> None:
     """Readers of the URDF text see the same unit axis as the Joint has."""
     description = load_description(ROBOTS / "warn_long_axis.urdf")
@@ -180,32 +169,6 @@ def test_argument_used_but_not_declared_may_be_given(tmp_path: Path) -> None:
     assert load_description(path, {"sied": "left"}).link_names == ("left_wheel",)
 
 
-def test_argument_values_are_not_kept() -> None:
-    """Calls do not influence each other, nor the mapping they are given."""
-    given = {"sides": "4"}
-    load_description(ROBOTS / "good_arguments.xacro", given)
-    assert given == {"sides": "4"}
-    assert joints("good_arguments.xacro")["left"].origin.xyz == (0.0, 0.2, 0.0)
-
-
-def test_xacro_is_left_as_it_was(capfd: pytest.CaptureFixture[str]) -> None:
-    """A failed run leaves no trace in xacro's globals, and prints nothing."""
-    before = dict(vars(xacro))
-    for name in ("xacro_unknown_property", "xacro_endless_macro", "xacro_missing_include"):
-        with pytest.raises(DescriptionError):
-            load_description(ROBOTS / f"{name}.xacro")
-    assert {name: vars(xacro)[name] for name in before} == before
-    assert capfd.readouterr() == ("", "")
-    assert load_description(ROBOTS / "good_arguments.xacro").robot_name == "good_arguments"
-
-
-def test_threads_may_load_at_once() -> None:
-    """Loads in parallel threads each get their own arguments."""
-    with ThreadPoolExecutor(4) as pool:
-        found = pool.map(lambda n: joints("good_arguments.xacro", sides=str(n)), range(1, 9))
-        assert [joint["left"].origin.xyz[1] for joint in found] == [0.4 / n for n in range(1, 9)]
-
-
 def test_xacro_warnings_are_collected(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """What xacro would print becomes a warning with the file's name."""
     path = tmp_path / "robot.xacro"
@@ -229,34 +192,6 @@ def test_optional_include_may_be_missing(tmp_path: Path) -> None:
     assert load_description(path).link_names == ("base",)
 
 
-def test_edit_is_seen(tmp_path: Path) -> None:
-    """Loading again reads the files again."""
-    for name in ("good_arguments.xacro", "xacro_part_wheel.xacro", "xacro_sizes.yaml"):
-        shutil.copy(ROBOTS / name, tmp_path)
-    path = tmp_path / "good_arguments.xacro"
-    assert load_description(path).joints[0].origin.xyz[1] == 0.2
-    (tmp_path / "xacro_sizes.yaml").write_text("radius: 0.1\nwidth: 1.0\n")
-    assert load_description(path).joints[0].origin.xyz[1] == 0.5
-
-
-def test_package_beside_the_file_is_found(tmp_path: Path) -> None:
-    """$(find p) and package://p work in the source folder of a package that is not installed."""
-    package = tmp_path / "my_robot"
-    (package / "urdf").mkdir(parents=True)
-    (package / "package.xml").write_text("<package/>")
-    shutil.copy(ROBOTS / "meshes" / "cube.stl", package / "cube.stl")
-    path = package / "urdf" / "robot.xacro"
-    path.write_text(
-        '<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro">'
-        '<xacro:include filename="$(find my_robot)/urdf/part.xacro"/></robot>'
-    )
-    (package / "urdf" / "part.xacro").write_text(
-        '<robot><link name="base"><visual><geometry><mesh filename="package://my_robot/cube.stl"/>'
-        "</geometry></visual></link></robot>"
-    )
-    assert load_description(path).link_names == ("base",)
-
-
 def test_namespace_and_encoding_do_not_reach_other_readers() -> None:
     """A default namespace and an encoding are gone from the text, which lxml then takes."""
     from lxml import etree
@@ -271,14 +206,6 @@ def test_extensions_of_other_programs_stay() -> None:
     urdf = load_description(ROBOTS / "good_extensions.urdf").urdf
     for part in ("<transmission ", "<ros2_control ", "<text>${kept}</text>", "/dev/ttyUSB0"):
         assert part in urdf
-
-
-def test_parsed_text_names_itself() -> None:
-    """Text has the name given as its source, and no files to watch."""
-    text = '<robot name="a"><link name="base"/></robot>'
-    description = parse_description(text, "parameter robot_description")
-    assert (description.source, description.files) == ("parameter robot_description", ())
-    assert (description.robot_name, description.root_link) == ("a", "base")
 
 
 def _xacro_problem(folder: Path, *lines: str) -> str:
@@ -402,16 +329,6 @@ def test_text_that_names_a_file_has_its_folder(tmp_path: Path) -> None:
     assert load_description(path).source == str(path)
     [problem] = parse_description(text, "robot.urdf of another folder").problems
     assert "lies in no folder" in problem
-
-
-def test_every_argument_that_is_not_declared_is_a_problem() -> None:
-    """Each once; those that are declared, or that only an included file uses, are not."""
-    with pytest.raises(DescriptionError) as caught:
-        load_description(ROBOTS / "good_arguments.xacro", {"sids": "3", "sides": "3", "b": "1"})
-    assert [problem.split(" (")[0].rsplit("takes ")[1] for problem in caught.value.problems] == [
-        'no argument "sids"',
-        'no argument "b"',
-    ]
 
 
 def test_the_published_text_carries_what_finds_its_files(tmp_path: Path) -> None:

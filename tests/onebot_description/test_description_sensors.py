@@ -285,6 +285,32 @@ def test_poses_are_in_the_frame_of_the_link():
     assert sensor.origin == Origin((1, 2, 3), (pytest.approx(1.5707963), 0, 0))
 
 
+@pytest.mark.parametrize(
+    ("frame", "pose", "warning"),
+    [
+        ("laser", "0.1 0 0.2 0 0 3.14", ""),  # rounded
+        ("laser", "0.1 0 0.2 0 0 0", 'is 0 m and 180 degrees from "laser"'),
+        ("a", "0.1 0 0.2 0 0 0", 'is 0.224 m and 0 degrees from "a"'),
+        ("wheel", "0 0 0 0 0 0", 'moves against "wheel"'),
+    ],
+)
+def test_a_frame_that_is_not_where_the_scan_is_measured_is_a_warning(frame, pose, warning):
+    """Ranges cannot be given in another frame; points are, and pictures have an optical one."""
+    joints = (
+        '<link name="laser"/><joint name="mount" type="fixed"><parent link="a"/>'
+        '<child link="laser"/><origin xyz="0.1 0 0.2" rpy="0 0 3.141593"/></joint>'
+        '<link name="wheel"/><joint name="j" type="continuous"><parent link="a"/>'
+        '<child link="wheel"/><axis xyz="0 1 0"/></joint>'
+    )
+    names = f"<gz_frame_id>{frame}</gz_frame_id><pose>{pose}</pose>"
+    scan_block = block(inside=RAY.format(**VALUES) + names)
+    rows = "<vertical><samples>2</samples><max_angle>0.1</max_angle></vertical></scan>"
+    cloud = scan_block.replace("</scan>", rows).replace('"s"', '"cloud"')
+    found = read(scan_block, cloud, block("pictures", "camera", names), joints)
+    assert len(found.sensors) == 3 and len(found.warnings) == bool(warning)
+    assert all(f'r:2: <gazebo> sensor "s": {warning}' in each for each in found.warnings)
+
+
 def test_a_file_gives_sensors_to_a_robot_that_lacks_them(tmp_path):
     """As for ROS 2's turtlebot3_burger.urdf, which has none."""
     file = tmp_path / "sensors.urdf.xacro"
@@ -293,20 +319,22 @@ def test_a_file_gives_sensors_to_a_robot_that_lacks_them(tmp_path):
         f'<robot xmlns:xacro="http://www.ros.org/wiki/xacro">\n{sensor}\n{block("t", link="b")}\n'
         "</robot>"
     )
-    found = load_sensors(file, ["base_scan"])
+    robot = parse_description('<robot name="r"><link name="base_scan"/></robot>')
+    found = load_sensors(file, robot)
     assert [(each.name, each.rate) for each in found.sensors] == [("s", 10.0)]
     assert found.files == (file,) and found.bad_sensors == ("t",)
     assert "sensors.urdf.xacro:3: " in found.notices[0] and 'no link "b"' in found.notices[0]
     file.write_text("<robot/>")
     with pytest.raises(DescriptionError, match="holds no sensor; write <robot><gazebo"):
-        load_sensors(file, ["base_scan"])
+        load_sensors(file, robot)
 
 
 def test_the_block_in_the_readme_is_read_without_a_warning(tmp_path):
     text = (Path(__file__).parents[2] / "onebot_control/README.md").read_text()
     section = text.partition("## Sensors")[2]
     (tmp_path / "own.urdf").write_text(section.partition("```xml\n")[2].partition("```")[0])
-    (sensor,) = (found := load_sensors(tmp_path / "own.urdf", ["base_scan"])).sensors
+    robot = parse_description('<robot name="r"><link name="base_scan"/></robot>')
+    (sensor,) = (found := load_sensors(tmp_path / "own.urdf", robot)).sensors
     assert found.notices == () and sensor.topics == scan() and sensor.model.noise.stddev == 0.005
 
 

@@ -1,14 +1,17 @@
 """What a description costs grows with its size, not with the square of it."""
 
+import os
 import time
 import tracemalloc
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from onebot_description.description import (
     DescriptionError,
     describe,
+    load_description,
     parse_description,
 )
 from onebot_description.joints.config import Dependent
@@ -55,6 +58,25 @@ def seconds(urdf: str) -> float:
 def test_time_grows_with_the_size(mimic: str, parent: str) -> None:
     """Of the joints, right or wrong."""
     assert_time_grows_with_size(lambda count: seconds(chain(mimic, count, parent)), COUNT)
+
+
+def test_xacro_takes_time_by_the_number_of_calls(tmp_path: Path) -> None:
+    """Of a macro, in one element."""
+    assert_time_grows_with_size(lambda count: expanded(tmp_path, count), 4 * COUNT)
+
+
+def expanded(folder: Path, count: int) -> float:
+    """The processor time to expand so many calls of a macro."""
+    calls = "".join(f'<!-- {n} --><xacro:part n="{n}"/>' for n in range(count))
+    (folder / "robot.xacro").write_text(
+        '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+        '<xacro:macro name="part" params="n"><link name="l${n}"/><gazebo/><gazebo/></xacro:macro>'
+        f'<xacro:if value="true">{calls}</xacro:if></robot>'
+    )
+    start = os.times()
+    assert len(load_description(folder / "robot.xacro").links) == count
+    end = os.times()
+    return end.user + end.children_user - start.user - start.children_user
 
 
 def test_one_of_very_many_names_is_not_looked_for() -> None:

@@ -36,9 +36,11 @@ LINKS = ("base_link", "left_wheel", "right_wheel", "caster_base2", "caswheel")
 JOINTS = ("left_wheel_joint", "right_wheel_joint", "caster_swivel_joint", "caster_wheel_joint")
 # Argument values, and what they put before every name.
 NAMESPACES = {None: "", "": "", "robot1": "robot1_", "/fleet/robot1/": "fleet_robot1_"}
-PREFIXES = (None, "", "left_")
 MESHES = (None, "true", "false", "1", "0", "True", "False")
-COMBINATIONS = list(itertools.product(MESHES, NAMESPACES, PREFIXES))
+COMBINATIONS = [
+    *((mesh, None, None) for mesh in MESHES),
+    *itertools.product(("false",), NAMESPACES, ("", "left_")),
+]
 
 
 @functools.cache

@@ -11,8 +11,6 @@ import pytest
 from onebot_description.description.packages import (
     Resources,
     cache_folder,
-    find_package,
-    package_names,
     package_share,
     resolve,
     use_environment_prefix,
@@ -33,7 +31,6 @@ def test_packages_are_found_with_no_variable_set(monkeypatch):
     monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
     assert (package_share("mrm_description") / "urdf/mrm.xacro").is_file()
     assert package_share("geometry_msgs") == Path(sys.prefix) / "share/geometry_msgs"
-    assert {"mrm_description", "onebot_description", "std_msgs"} <= set(package_names())
 
 
 def test_a_checkout_is_found_ahead_of_its_installed_copy(monkeypatch):
@@ -84,11 +81,6 @@ def test_percent_signs_of_a_file_uri_are_decoded(tmp_path: Path) -> None:
     path = tmp_path / "a cube.stl"
     assert resolve(path.as_uri(), None) == path
     assert "%20" in path.as_uri()
-
-
-def test_package_leads_to_its_share_folder() -> None:
-    """package:// is found through the ament index."""
-    assert resolve("package://onebot_description/package.xml", None).is_file()
 
 
 @pytest.mark.parametrize(
@@ -174,7 +166,7 @@ def test_a_package_is_found_in_the_source_tree_of_the_file(tmp_path, place):
     if place != "ws/src/repo1/arm":
         _package(urdf.parents[1], "arm_description")
     urdf.mkdir(parents=True)
-    assert find_package("wanted", urdf) == tmp_path / place
+    assert Resources(urdf).package("wanted") == tmp_path / place
     assert resolve("package://wanted/a.stl", urdf) == tmp_path / place / "a.stl"
 
 
@@ -185,9 +177,9 @@ def test_a_file_in_no_package_has_a_source_tree_too(tmp_path, mark):
     urdf.mkdir(parents=True)
     (tmp_path / mark).mkdir(exist_ok=True)
     other = _package(urdf.parent / "sub/b", "wanted")
-    assert find_package("wanted", urdf) == other
+    assert Resources(urdf).package("wanted") == other
     beside = _package(tmp_path / "beside", "beside")
-    assert find_package("beside", urdf) == beside
+    assert Resources(urdf).package("beside") == beside
 
 
 def test_what_is_no_source_is_not_found(tmp_path):
@@ -196,7 +188,7 @@ def test_what_is_no_source_is_not_found(tmp_path):
     for folder in ("repo/.hidden/b", "repo/build/b", "elsewhere/c"):
         _package(tmp_path / folder, "b")
     with pytest.raises(OneBotError, match='no ROS package "b"'):
-        find_package("b", tmp_path / "repo/a_description")
+        Resources(tmp_path / "repo/a_description").package("b")
 
 
 @pytest.mark.parametrize("urdf", ["arm/urdf/v2", "urdf", "."])
@@ -204,7 +196,7 @@ def test_a_folder_of_the_packages_name_is_the_last_resort(tmp_path, urdf):
     """Above the file or beside it: what was copied without its package.xml."""
     (tmp_path / urdf).mkdir(parents=True, exist_ok=True)
     (tmp_path / "arm").mkdir(exist_ok=True)
-    assert find_package("arm", tmp_path / urdf) == tmp_path / "arm"
+    assert Resources(tmp_path / urdf).package("arm") == tmp_path / "arm"
 
 
 def test_the_search_path_comes_first_and_its_changes_count(tmp_path, monkeypatch):
@@ -212,11 +204,11 @@ def test_the_search_path_comes_first_and_its_changes_count(tmp_path, monkeypatch
     first = _package(tmp_path / "one/deep/er/arm", "arm")
     second = _package(tmp_path / "two", "arm")
     monkeypatch.setenv("ROS_PACKAGE_PATH", f"{tmp_path / 'one'}{os.pathsep}{tmp_path / 'two'}")
-    assert find_package("arm") == first
+    assert Resources(None).package("arm") == first
     first.rename(tmp_path / "one/moved")
-    assert find_package("arm") == tmp_path / "one/moved"
+    assert Resources(None).package("arm") == tmp_path / "one/moved"
     (tmp_path / "one/moved/package.xml").unlink()
-    assert find_package("arm") == second
+    assert Resources(None).package("arm") == second
 
 
 @pytest.mark.parametrize(
@@ -228,7 +220,7 @@ def test_a_folder_of_the_search_path_may_have_the_name_instead(tmp_path, monkeyp
     at.parent.mkdir(parents=True)
     at.write_text("<package><name>arm_data</name></package>")
     monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / top))
-    assert find_package("arm") == at.parent
+    assert Resources(None).package("arm") == at.parent
 
 
 def test_package_path_is_put_first_and_children_inherit_it(tmp_path, monkeypatch):
@@ -238,10 +230,13 @@ def test_package_path_is_put_first_and_children_inherit_it(tmp_path, monkeypatch
     for _ in range(2):
         use_package_path(str(two))
     assert os.environ["ROS_PACKAGE_PATH"] == f"{two}{os.pathsep}{one}"
-    assert find_package("arm") == two
+    assert Resources(None).package("arm") == two
     use_package_path("")
     assert os.environ["ROS_PACKAGE_PATH"] == f"{two}{os.pathsep}{one}"
-    code = "from onebot_description.description.packages import find_package as f; print(f('arm'))"
+    code = (
+        "from onebot_description.description.packages import Resources;"
+        "print(Resources(None).package('arm'))"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == str(two)
     with pytest.raises(OneBotError, match="package_path:=.*there is no folder .*nowhere"):
@@ -285,14 +280,14 @@ def test_a_missing_package_is_explained(tmp_path, monkeypatch):
     monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "mine"))
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "sourced"))
     with pytest.raises(OneBotError) as caught:
-        find_package("qwertz", tmp_path)
+        Resources(tmp_path).package("qwertz")
     looked, remedy = str(caught.value).split("; ")
     assert looked.startswith('no ROS package "qwertz": looked in ROS_PACKAGE_PATH (')
     for place in ("mine", "sourced", sys.prefix, f"around {tmp_path}"):
         assert place in looked
     assert "package_path:=FOLDER" in remedy and "export ROS_PACKAGE_PATH=FOLDER" in remedy
     with pytest.raises(OneBotError, match='did you mean "geometry_msgs"') as caught:
-        find_package("geometri_msgs")
+        Resources(None).package("geometri_msgs")
     assert "std_msgs" not in str(caught.value) and "(not set)" not in str(caught.value)
 
 
@@ -300,7 +295,7 @@ def test_a_missing_package_is_explained(tmp_path, monkeypatch):
 def test_what_can_be_no_package_is_not_looked_for(name, tmp_path):
     """Nor does it end in an error of the file system."""
     with pytest.raises(OneBotError, match="no ROS package"):
-        find_package(name, tmp_path)
+        Resources(tmp_path).package(name)
 
 
 def test_a_description_of_endless_packages_is_soon_read(monkeypatch):

@@ -73,22 +73,6 @@ def test_link_poses_are_the_chain_of_transforms(urdf, data):
     np.testing.assert_array_equal(root, np.broadcast_to(np.eye(4), root.shape))
 
 
-@settings(deadline=None)
-@given(robots(kinds=("fixed", "revolute", "prismatic")), st.data())
-def test_link_poses_equal_yourdfpys(urdf, data):
-    """Without mimics, yourdfpy's forward kinematics finds the same poses."""
-    model = RobotModel.from_description(parse_description(urdf))
-    peer = _peer(parse_description(urdf).urdf)
-    if any(joint.mimic is not None for joint in peer.robot.joints):
-        return
-    positions = {j: data.draw(st.floats(-3, 3), label=j) for j in model.joints}
-    peer.update_cfg(positions)
-    poses = _matrices(model.link_poses(positions))
-    for link, pose in zip(model.links, poses, strict=True):
-        expected = peer.get_transform(link, model.root_link)
-        np.testing.assert_allclose(pose, expected, atol=1e-9)
-
-
 @given(st.tuples(*[st.floats(-3.2, 3.2)] * 3), st.tuples(*[st.floats(-3.2, 3.2)] * 3))
 def test_quaternions_form_a_group(first, second):
     """A product of rotations rotates like one after the other, and stays of unit length."""
@@ -146,13 +130,6 @@ def test_batches_follow_the_formula(urdf, data):
         np.testing.assert_array_equal(model.link_poses(view), model.link_poses(q[0]))
 
 
-def test_a_thousand_joints_to_the_last_digit():
-    """Against the formula in long arithmetic: the error of one rounding or two."""
-    joints = RobotModel.from_description(parse_description(chain(1000))).moving
-    positions = np.random.default_rng(1).uniform(-3, 3, 1000)
-    assert np.abs(joints.transforms(positions) - _formula(joints, positions)).max() < 3e-16
-
-
 def test_sines_of_any_angle():
     """To the last digit in all quadrants, at their borders, and far beyond what is reduced here."""
     joints = RobotModel.from_description(parse_description(chain(7))).moving
@@ -180,21 +157,6 @@ def test_at_zero_a_joint_is_exactly_where_its_origin_is():
         np.testing.assert_array_equal(joints.transforms(positions)[still], joints.constant[still])
 
 
-def test_mimics_follow_through_chains():
-    """A mimic of a mimic follows the joint that is given, whatever the alphabet says."""
-    urdf = chain(3).replace(
-        'name="joint_0" type="revolute">',
-        'name="joint_0" type="revolute"><mimic joint="joint_1" multiplier="2" offset="0.5"/>',
-    )
-    urdf = urdf.replace(
-        'name="joint_1" type="revolute">',
-        'name="joint_1" type="revolute"><mimic joint="joint_2" multiplier="-1" offset="0.25"/>',
-    )
-    model = RobotModel.from_description(parse_description(urdf))
-    np.testing.assert_allclose(model.positions({"joint_2": 1.0}), [-1.0, -0.75, 1.0])
-    np.testing.assert_allclose(model.positions({"joint_1": 1.0, "joint_2": 3.0}), [2.5, 1.0, 3.0])
-
-
 _ARM = """<robot name="arm"><link name="base"/><link name="a"/><link name="b"/><link name="c"/>
 <joint name="turn" type="revolute"><parent link="base"/><child link="a"/>
 <origin xyz="1 2 3" rpy="0 0 1.5707963267948966"/><axis xyz="0 0 2"/>
@@ -204,20 +166,6 @@ _ARM = """<robot name="arm"><link name="base"/><link name="a"/><link name="b"/><
 <limit lower="-0.5" upper="0.25" effort="1" velocity="4"/></joint>
 <joint name="spin" type="continuous"><parent link="b"/><child link="c"/><axis xyz="0 1 0"/>
 </joint></robot>"""
-
-
-def test_a_small_arm_by_hand():
-    """Positive turns are right-handed about the axis; slides go along it; its length is none."""
-    model = RobotModel.from_description(parse_description(_ARM))
-    assert (model.joints, model.root_link) == (("turn", "slide", "spin"), "base")
-    poses = dict(zip(model.links, model.link_poses([np.pi / 2, 0.5, 0.0]), strict=True))
-    np.testing.assert_allclose(poses["base"], [0, 0, 0, 0, 0, 0, 1], atol=0)
-    # Turned by 90 degrees at its origin and by 90 more, x is -x, and the slide's y is -y.
-    np.testing.assert_allclose(np.abs(poses["a"]), [1, 2, 3, 0, 0, 1, 0], atol=1e-12)
-    np.testing.assert_allclose(poses["b"][:3], [1.0, 2.5, 4.0], atol=1e-12)
-    translations, rotations = model.transforms({"slide": -0.25, "spin": np.pi / 2})
-    np.testing.assert_allclose(translations[1], [0.0, 0.25, 1.0], atol=1e-12)
-    np.testing.assert_allclose(rotations[2], [0, np.sqrt(0.5), 0, np.sqrt(0.5)], atol=1e-12)
 
 
 def test_limits_are_the_joints_own():

@@ -160,17 +160,6 @@ def test_numbers_are_views_into_the_message():
         assert np.shares_memory(found, np.frombuffer(data, np.uint8))
 
 
-def test_fields_of_a_cloud_and_of_a_fixed_array():
-    names = ["x", "y", "rgb"]
-    fields = [PointField(name=name, offset=4 * at, datatype=7) for at, name in enumerate(names)]
-    cloud = read(PointCloud2(fields=fields, data=b"12345", is_dense=True))
-    assert cloud.fields.name == names
-    assert cloud.fields.offset.tolist() == [0, 4, 8]
-    assert (cloud.data.tobytes(), cloud.is_dense) == (b"12345", True)
-    twist = read(TwistWithCovariance(covariance=np.arange(36.0)))
-    assert twist.covariance.tolist() == list(range(36))
-
-
 def test_numeric_fields_are_those_outside_of_arrays():
     schema = schema_of(path_of())
     assert schema.numeric_fields() == ("header.stamp.sec", "header.stamp.nanosec")
@@ -351,11 +340,6 @@ def test_a_string_ends_as_with_rclpy(text):
     data = ENCAPSULATION + struct.pack("<I", len(text)) + text
     ours = Schema.of("std_msgs/msg/String", "string data").read(data).data
     assert ours == deserialize_message(data, String).data
-
-
-def test_text_that_is_no_utf_8_is_replaced():
-    data = ENCAPSULATION + struct.pack("<I", 3) + b"a\xff\0"
-    assert Schema.of("std_msgs/msg/String", "string data").read(data).data == "a\ufffd"
 
 
 # ---- Bytes that are no message ----

@@ -9,7 +9,6 @@ const SILENCE_MS = 2000;
 const FIRST_WAIT_MS = 250;
 const LONGEST_WAIT_MS = 4000;
 const OVERDUE_MS = 600; // half a second, and until the next state
-const GAVE_WAY = 4000; // the code with which the server closes an idle page, for others
 
 export class Connection {
   /**
@@ -60,7 +59,7 @@ export class Connection {
     if (token) address.searchParams.set("token", token);
     const socket = (this.socket = new WebSocket(address));
     socket.onmessage = (event) => this.receive(JSON.parse(event.data));
-    socket.onclose = (event) => (event.code === GAVE_WAY ? this.giveWay() : this.lose());
+    socket.onclose = () => this.lose();
     this.expectMore();
   }
 
@@ -100,13 +99,6 @@ export class Connection {
     this.wait = Math.min(2 * this.wait, LONGEST_WAIT_MS);
     this.on.down("");
     this.askWhy();
-  }
-
-  /** Connect again when the user is back, not before: another page would be closed for it. */
-  giveWay() {
-    this.lose();
-    clearTimeout(this.retry);
-    this.on.down("This page was idle and gave way to others: click to connect again.");
   }
 
   /** A refused WebSocket does not tell why; a plain request does. */

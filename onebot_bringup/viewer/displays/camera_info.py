@@ -4,7 +4,6 @@ The picture is that of a topic beside CameraInfo's, such as /camera/image_raw be
 /camera/camera_info, as ROS's drivers name them.
 """
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -12,34 +11,37 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
-from onebot_bringup.viewer.displays.display import LARGEST, REPEAT_AFTER, SELDOM, LayoutPart
-from onebot_bringup.viewer.displays.image import picture_frame
-from onebot_bringup.viewer.displays.message_display import (
+from onebot_bringup.viewer.displays.display import LARGEST, SELDOM, LayoutPart, is_old
+from onebot_bringup.viewer.displays.drawing import (
     Drawing,
-    Look,
-    MessageDisplay,
+    TopicSettings,
+    by_topic,
     topic_entity,
 )
+from onebot_bringup.viewer.displays.image import picture_frame
 from onebot_bringup.viewer.settings import Color, color, setting
 
 # Of pictures beside a CameraInfo.
 _NAMES = ("image", "image_raw", "image_color", "image_mono", "image_rect", "image_rect_color")
 
 
+@by_topic
 @dataclass(frozen=True)
-class CameraInfoLook(Look):
+class CameraInfoSettings(TopicSettings):
     """Frustums of cameras."""
 
     far_clip: float = setting(0.5, "how far away the picture is, metres")
     color: Color | None = setting(None, "of the edges, sRGB bytes; by default one of ours", color)
 
 
-class CameraInfoDrawing(Drawing[CameraInfoLook]):
+class CameraInfoDrawing(Drawing[CameraInfoSettings]):
     """The frustum of one camera."""
 
-    waiting = 1  # the last one; they are hardly ever different
+    key, Settings = "camera_info", CameraInfoSettings
+    message_types = ("sensor_msgs/msg/CameraInfo",)
+    period_ns = SELDOM
+    latest = True
     _drawn: object = None
-    _logged_at = 0.0  # seconds; the base's _drawn_at is of any message
 
     def layout(self) -> LayoutPart:
         """Return the pictures that are in the frustum, once there is one."""
@@ -49,8 +51,8 @@ class CameraInfoDrawing(Drawing[CameraInfoLook]):
 
     def style(self) -> Sequence[rr.AsComponents]:
         """Return the lines."""
-        edges = self.look.color or self.color
-        return [rr.Pinhole.from_fields(image_plane_distance=self.look.far_clip, color=edges)]
+        far_clip = self.settings.far_clip
+        return [rr.Pinhole.from_fields(image_plane_distance=far_clip, color=self.color)]
 
     def draw(self, message: Any) -> Sequence[rr.AsComponents]:
         """Return the projection of the rectified picture, if it has changed.
@@ -59,10 +61,10 @@ class CameraInfoDrawing(Drawing[CameraInfoLook]):
             ValueError: the camera is not calibrated.
         """
         matrix, resolution = _projection(message)
-        now, values = time.monotonic(), (self.frame, matrix.tobytes(), resolution)
-        if values == self._drawn and now - self._logged_at < REPEAT_AFTER:
+        values = self.frame, matrix.tobytes(), resolution
+        if values == self._drawn and not is_old(self._logged_at):
             return ()
-        self._drawn, self._logged_at = values, now
+        self._drawn = values
         return [
             rr.Pinhole.from_fields(
                 image_from_camera=matrix,
@@ -93,13 +95,3 @@ def _projection(message: Any) -> tuple[np.ndarray, tuple[int, int]]:
     if not width * height:
         raise ValueError("its picture has no pixels")
     return matrix, (width, height)
-
-
-class CameraInfoDisplay(MessageDisplay[CameraInfoLook]):
-    """Draws what cameras see."""
-
-    key = "camera_info"
-    Look = CameraInfoLook
-    draws = CameraInfoDrawing
-    message_types = ("sensor_msgs/msg/CameraInfo",)
-    period_ns = SELDOM

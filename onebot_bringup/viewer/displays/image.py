@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 
 from onebot_bringup.viewer.columns import BytesMaker, ReadyColumn, ready
 from onebot_bringup.viewer.displays.display import LayoutPart
-from onebot_bringup.viewer.displays.message_display import (
+from onebot_bringup.viewer.displays.drawing import (
+    DEPTH_HEAVY,
     Drawing,
-    Look,
-    MessageDisplay,
+    TopicSettings,
     TopicView,
+    by_topic,
 )
 from onebot_bringup.viewer.settings import height, setting
 from onebot_description.errors import printable
@@ -24,8 +25,9 @@ from onebot_description.errors import printable
 Bytes = NDArray[np.uint8]
 
 
+@by_topic
 @dataclass(frozen=True)
-class ImageLook(Look):
+class ImageSettings(TopicSettings):
     """Pictures."""
 
     normalize_range: bool = setting(
@@ -106,10 +108,21 @@ def _pixels(message: Any, encoding: _Encoding) -> Bytes:
     return found
 
 
-class ImageDrawing(Drawing[ImageLook]):
+class ImageDrawing(Drawing[ImageSettings]):
     """The pictures of one topic."""
 
+    key, Settings = "image", ImageSettings
+    message_types = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+    heavy, kept = True, DEPTH_HEAVY
     stamped = False  # it is shown without a transform
+
+    @classmethod
+    def is_duplicate(cls, topic: str, topics: Mapping[str, str]) -> bool:
+        """Whether ROS's image_transport publishes it beside a picture, compressed."""
+        picture, _, transport = topic.rpartition("/")
+        return transport == "compressedDepth" or (
+            transport == "compressed" and topics.get(picture) in cls.message_types
+        )
 
     def style(self) -> Sequence[rr.AsComponents]:
         """Return the frame, which is that of a camera's picture if there is a CameraInfo."""
@@ -133,13 +146,17 @@ class ImageDrawing(Drawing[ImageLook]):
         elif message.encoding == "mono16":
             pixels = self._grey(pixels.view(np.uint16))
         buffer = _DEPTH if encoding.kind is rr.DepthImage else _BUFFER
-        bounds = None if self.look.normalize_range else (self.look.min_value, self.look.max_value)
+        bounds = (
+            None
+            if self.settings.normalize_range
+            else (self.settings.min_value, self.settings.max_value)
+        )
         size = (message.width, message.height)
         return [buffer.row(pixels), *_format(message.encoding, size, bounds)]
 
     def _grey(self, values: NDArray[np.uint16]) -> Bytes:
-        low, high = self.look.min_value, self.look.max_value
-        if self.look.normalize_range:
+        low, high = self.settings.min_value, self.settings.max_value
+        if self.settings.normalize_range:
             low, high = float(values.min()), float(values.max())
         scaled = (values - np.float32(low)) * np.float32(255.0 / max(high - low, 1e-9))
         found: Bytes = np.clip(scaled, 0.0, 255.0).astype(np.uint8)
@@ -203,21 +220,3 @@ def picture_frame(topic: str) -> str:
     """
     space = topic.removesuffix("/compressed").rpartition("/")[0]
     return f"picture:{space or '/'}"
-
-
-class ImageDisplay(MessageDisplay[ImageLook]):
-    """Draws pictures."""
-
-    key = "image"
-    Look = ImageLook
-    draws = ImageDrawing
-    message_types = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
-    heavy = True
-
-    @classmethod
-    def is_duplicate(cls, topic: str, topics: Mapping[str, str]) -> bool:
-        """Whether ROS's image_transport publishes it beside a picture, compressed."""
-        picture, _, transport = topic.rpartition("/")
-        return transport == "compressedDepth" or (
-            transport == "compressed" and topics.get(picture) in cls.message_types
-        )

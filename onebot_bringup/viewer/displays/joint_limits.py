@@ -5,7 +5,7 @@ the child, so that /tf moves the needle along the arc: it is drawn once, and cos
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +13,8 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.displays.display import Context, Display, MessageType, WantedTopic
+from onebot_bringup.viewer.displays.display import Display
+from onebot_bringup.viewer.inbox import MessageType, WantedTopic
 from onebot_bringup.viewer.settings import Color, setting
 from onebot_description.description.description import Description, Joint, Triple
 from onebot_description.model.quaternions import from_rpy, to_matrix
@@ -38,93 +39,64 @@ class JointRangesSettings:
 class JointLimitsDisplay(Display[JointRangesSettings]):
     """Draws the ranges of the robot's joints, and anew only when they change."""
 
-    key = "joint_ranges"
-    Settings = JointRangesSettings
+    key, Settings = "joint_ranges", JointRangesSettings
 
-    def __init__(self, context: Context) -> None:
-        super().__init__(context)
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
         self._settings = JointRangesSettings()
-        self._ranges: tuple[Joint, ...] = ()
         self._made_of: tuple[object, ...] = ()
-        self._marks = RangeMarks(context.recording, context.frame_of)
+        self._drawn: dict[str, object] = {}  # what lies on each entity
 
     def topics(self) -> Sequence[WantedTopic]:
         """Return none: the colours of the joints are those of their curves."""
         return ()
 
     def apply(self, settings: JointRangesSettings) -> None:
-        """Draw with these settings at the next ``flush``."""
         self._settings = settings
-
-    def set_robot(self) -> None:
-        """Take the limits of the robot's joints."""
-        assert self.context.robot is not None
-        self._ranges = limited_joints(self.context.robot)
 
     def add(self, topic: str, kind: MessageType[Any], messages: Sequence[Any]) -> None:
         """Nothing is subscribed."""
 
     def flush(self) -> None:
         """Draw the ranges, if something has changed."""
-        if self.context.robot is None:
+        robot = self.robot
+        if robot.description is None:
             return
-        radius = self._settings.radius or self.context.fitting_length
-        ranges = self._ranges if self._settings.visible and radius else ()
-        colors = self.context.joint_colors
-        made_of = (ranges, radius, len(colors))
+        radius = self._settings.radius or robot.fitting_length
+        visible = self._settings.visible and radius
+        joints = limited_joints(robot.description) if visible else ()
+        made_of = (joints, radius, len(robot.joint_colors))
         if made_of != self._made_of:
             self._made_of = made_of
-            self._marks.show(ranges, radius, colors, self.context.home)
+            self._draw(joints, radius)
 
-
-class RangeMarks:
-    """Keeps the marks in a recording equal to the joints' ranges."""
-
-    def __init__(self, recording: rr.RecordingStream, frame_of: Callable[[str], str]) -> None:
-        self._recording = recording
-        self._frame_of = frame_of
-        self._drawn: dict[str, object] = {}
-
-    def show(
-        self,
-        joints: Iterable[Joint],
-        radius: float,
-        colors: Mapping[str, Color],
-        home: str,
-    ) -> None:
-        """Draw the marks of ``joints``, and no other; what did not change is left alone.
-
-        Args:
-            joints: those to be seen.
-            radius: of an arc, metres.
-            colors: of joints; one without is not drawn yet.
-            home: a frame that exists.
-        """
-        wanted: dict[str, tuple[str, Strips, float, Color]] = {}
+    def _draw(self, joints: Iterable[Joint], radius: float) -> None:
+        """Draw the marks of ``joints`` that have a colour; what did not change is left alone."""
+        marks: dict[str, tuple[str, Strips, float, Color]] = {}
         for joint in joints:
-            if joint.name in colors:
-                color = colors[joint.name]
-                scale = (joint.parent, scale_strips(joint, radius), _ARC_WIDTH, color)
+            color = self.robot.joint_colors.get(joint.name)
+            if color is not None:
                 needle = (joint.child, needle_strips(joint, radius), _NEEDLE_WIDTH, color)
-                wanted[_entity(joint.name, "range")] = scale
-                wanted[_entity(joint.name, "hand")] = needle
-        for entity in set(self._drawn) - set(wanted):
+                scale = (joint.parent, scale_strips(joint, radius), _ARC_WIDTH, color)
+                marks[self._entity(joint.name, "range")] = scale
+                marks[self._entity(joint.name, "hand")] = needle
+        recording = self.stage.recording
+        for entity in set(self._drawn).difference(marks):
             # Static data can only be overwritten; a frame that is gone would be an error forever.
             del self._drawn[entity]
-            empty = rr.LineStrips3D.cleared()
-            self._recording.log(entity, rr.CoordinateFrame(home), empty, static=True)
-        for entity, (link, strips, width, color) in wanted.items():
+            home = rr.CoordinateFrame(self.robot.home)
+            recording.log(entity, home, rr.LineStrips3D.cleared(), static=True)
+        for entity, (link, strips, width, color) in marks.items():
             what = (link, [strip.tolist() for strip in strips], color)
             if self._drawn.get(entity) != what:
                 self._drawn[entity] = what
                 radii: Any = [rr.Radius.ui_points(width)]
                 lines = rr.LineStrips3D(strips, colors=[color], radii=radii)
-                frame = rr.CoordinateFrame(self._frame_of(link))
-                self._recording.log(entity, frame, lines, static=True)
+                frame = rr.CoordinateFrame(self.robot.frame_of(link))
+                recording.log(entity, frame, lines, static=True)
 
-
-def _entity(joint: str, part: str) -> str:
-    return rr.new_entity_path([RANGES_ENTITY, joint, part]).lstrip("/")
+    def _entity(self, joint: str, part: str) -> str:
+        return self.entity(rr.new_entity_path([RANGES_ENTITY, joint, part]).lstrip("/"))
 
 
 def limited_joints(description: Description) -> tuple[Joint, ...]:

@@ -9,33 +9,21 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.columns import ColumnMaker, time_column
-from onebot_bringup.viewer.displays.display import (
-    SELDOM,
-    Context,
-    Display,
-    LayoutPart,
-    MessageType,
-    Plot,
-    WantedTopic,
-    one_by_one,
-)
+from onebot_bringup.viewer.displays.curves import send_curves
+from onebot_bringup.viewer.displays.display import SELDOM, Display, LayoutPart, Plot
 from onebot_bringup.viewer.displays.joint_limits import limited_joints, limits
+from onebot_bringup.viewer.inbox import MessageType, WantedTopic, one_by_one
 from onebot_bringup.viewer.settings import Color, setting
 from onebot_description.wire.messages import JointStateArrays, one_joint_state
-from onebot_description.wire.remembered import MOST_BYTES, size_of_names
 
 POSITION_ENTITY = "joints/position"
 VELOCITY_ENTITY = "joints/velocity"
-# Each set of joint names is plotted on its own; more sets than these, or names of more than
-# MOST_BYTES, are a publisher's mistake.
+# Each set of joint names is plotted on its own; more sets are a publisher's mistake.
 _MOST_SETS = 32
 _CURVE_WIDTH, _LIMIT_WIDTH = 2.0, 1.0  # points on the screen
 
 Floats = NDArray[np.float64]
 Limits = Mapping[str, tuple[float, float]]
-
-_SCALARS = ColumnMaker(rr.Scalars.columns(scalars=np.zeros(1)))
 
 JOINT_STATE: MessageType[JointStateArrays] = MessageType(
     "sensor_msgs/msg/JointState", one_by_one(one_joint_state), lambda state: state.stamp_ns
@@ -55,187 +43,128 @@ class JointPlotSettings:
 class JointPlotDisplay(Display[JointPlotSettings]):
     """Plots joint_states."""
 
-    key = "joint_plot"
-    Settings = JointPlotSettings
+    key, Settings = "joint_plot", JointPlotSettings
     plots = True
     period_ns = SELDOM
 
-    def __init__(self, context: Context) -> None:
-        super().__init__(context)
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
         self._settings = JointPlotSettings()
-        self._limits: Limits = {}  # of the robot's joints
-        self._stream = JointStream(context.recording)
+        self._limits: Limits = {}  # that are drawn
+        self._sets: dict[tuple[str, ...], _JointSet] = {}
+        self._count = 0  # of sets so far
+        self._order: dict[tuple[str, ...], int] = {}  # in which each set first came
+        # The names that came last: it takes long to look up many.
+        self._last: tuple[object, _JointSet | None] = ((), None)
+        self._has_velocities = False  # a velocity ever came
+        self._is_full = False  # a set is not plotted
 
     def topics(self) -> Sequence[WantedTopic]:
-        """Return the joint states."""
         return [WantedTopic("joint_states", (JOINT_STATE,))]
 
     def apply(self, settings: JointPlotSettings) -> None:
         """Plot with or without limits; the rest is in the layout."""
         self._settings = settings
-        self._stream.set_limits(self._limits if settings.limits else {})
+        robot = self.robot.description
+        joints = limited_joints(robot) if robot is not None and settings.limits else ()
+        drawn = {joint.name: limits(joint) for joint in joints}
+        if drawn == self._limits:
+            return
+        self.flush()
+        self._limits = drawn
+        self._last = ((), None)
+        self._sets.clear()  # on entities of their own from now on: the rows are of other lengths
 
     def set_robot(self) -> None:
         """Take the limits of the robot's joints."""
-        assert self.context.robot is not None
-        joints = limited_joints(self.context.robot)
-        self._limits = {joint.name: limits(joint) for joint in joints}
         self.apply(self._settings)
 
     def add(
         self, _topic: str, _kind: MessageType[Any], messages: Sequence[tuple[int, JointStateArrays]]
     ) -> None:
-        """Add joint states."""
         for stamp_ns, state in messages:
-            self._stream.add(stamp_ns, state.names, state.positions, state.velocities)
+            if state.names is not self._last[0]:
+                self._last = state.names, self._set_of(state.names)
+            if self._last[1] is not None:
+                self._has_velocities |= len(state.velocities) == len(state.names)
+                self._last[1].add(stamp_ns, state)
+
+    def _set_of(self, names: tuple[str, ...]) -> "_JointSet | None":
+        """Return the curves of these joints; a new set gets its legend first."""
+        if names and names not in self._sets:
+            if len(self._sets) >= _MOST_SETS:
+                self._is_full = True
+                return None
+            colors = joint_colors(names, self._order.setdefault(names, len(self._order)))
+            self._sets[names] = _JointSet(self, self._count, colors, self._limits)
+            self._count += 1
+            self.robot.joint_colors.update(colors)
+        return self._sets.get(names)
 
     def flush(self) -> None:
-        """Log the curves."""
-        self._stream.flush()
-        self.context.joint_colors = self._stream.colors
+        for joints in self._sets.values():
+            joints.flush()
 
     def warnings(self) -> list[str]:
-        """Return that joints are not plotted."""
-        text = (
-            f"joint_states has more than {_MOST_SETS} lists of names, or long ones: not all plotted"
-        )
-        return [text] if self._stream.full else []
+        text = f"joint_states has more than {_MOST_SETS} lists of names: not all plotted"
+        return [text] if self._is_full else []
 
     def layout(self) -> LayoutPart:
         """Return the plots, but those that would stay empty."""
-        plot, robot = self._settings, self.context.robot
-        position = Plot(POSITION_ENTITY, "Joint positions (rad, m)", plot.window)
-        velocity = Plot(VELOCITY_ENTITY, "Joint velocities (rad/s, m/s)", plot.window)
+        plot, robot = self._settings, self.robot.description
         moves = robot is not None and any(joint.kind != "fixed" for joint in robot.joints)
-        shown = [(position, plot.positions and moves)]
-        shown += [(velocity, plot.velocities and self._stream.has_velocities)]
-        return LayoutPart(views=tuple(view for view, wanted in shown if wanted))
+        views = []
+        if plot.positions and moves:
+            entity = self.entity(POSITION_ENTITY)
+            views.append(Plot(entity, "Joint positions (rad, m)", plot.window))
+        if plot.velocities and self._has_velocities:
+            entity = self.entity(VELOCITY_ENTITY)
+            views.append(Plot(entity, "Joint velocities (rad/s, m/s)", plot.window))
+        return LayoutPart(views=tuple(views))
 
 
-class _Curves:
+class _JointSet:
     """A set of joints, and the entities that it is plotted on."""
 
     def __init__(
-        self,
-        recording: rr.RecordingStream,
-        number: int,
-        count: int,
-        colors: Mapping[str, Color],
-        limits: Limits,
+        self, display: JointPlotDisplay, number: int, colors: Mapping[str, Color], limits: Limits
     ) -> None:
         names = list(colors)
         limited = [name for name in names if name in limits]
-        self._recording = recording
-        self._number = number
-        self._count = count
+        self._recording, self._count = display.stage.recording, len(names)
+        self._position, self._velocity = (
+            display.entity(f"{entity}/{number}") for entity in (POSITION_ENTITY, VELOCITY_ENTITY)
+        )
         self._pending: dict[str, list[tuple[int, Floats]]] = {
-            POSITION_ENTITY: [],
-            VELOCITY_ENTITY: [],
+            self._position: [],
+            self._velocity: [],
         }
         self._edges = np.array([limits[name] for name in limited]).ravel()
         # The lines at the limits bear the joint's name, too: one entry in the legend for all three.
         edges = [name for name in limited for _ in range(2)]
-        for entity, shown in ((POSITION_ENTITY, [*names, *edges]), (VELOCITY_ENTITY, names)):
-            extra = len(shown) - len(names)
+        for entity, lines in ((self._position, [*names, *edges]), (self._velocity, names)):
+            extra = len(lines) - len(names)
             legend = rr.SeriesLines(
-                names=shown,
-                colors=[colors[name] for name in shown],
+                names=lines,
+                colors=[colors[name] for name in lines],
                 widths=[_CURVE_WIDTH] * len(names) + [_LIMIT_WIDTH] * extra,
             )
-            recording.log(f"{entity}/{number}", legend, static=True)
+            self._recording.log(entity, legend, static=True)
 
-    def add(self, stamp_ns: int, positions: Floats, velocities: Floats) -> None:
+    def add(self, stamp_ns: int, state: JointStateArrays) -> None:
         """Add the numbers that are there for each joint."""
-        if len(positions) == self._count:
-            self._pending[POSITION_ENTITY].append((stamp_ns, positions))
-        if len(velocities) == self._count:
-            self._pending[VELOCITY_ENTITY].append((stamp_ns, velocities))
+        if len(state.positions) == self._count:
+            positions = np.concatenate([state.positions, self._edges])
+            self._pending[self._position].append((stamp_ns, positions))
+        if len(state.velocities) == self._count:
+            self._pending[self._velocity].append((stamp_ns, state.velocities))
 
-    def flush(self) -> bool:
-        """Log what was collected, one call for each entity; True if there was anything."""
-        waiting = [entity for entity, rows in self._pending.items() if rows]
-        for entity in waiting:
-            self._log(entity, self._pending[entity])
-        return bool(waiting)
-
-    def _log(self, entity: str, rows: list[tuple[int, Floats]]) -> None:
-        stamps = np.array([stamp for stamp, _ in rows], np.int64)
-        values = np.stack([row for _, row in rows])
-        rows.clear()
-        if entity == POSITION_ENTITY and len(self._edges):
-            edges = np.broadcast_to(self._edges, (len(values), len(self._edges)))
-            values = np.concatenate([values, edges], axis=1)
-        self._recording.send_columns(
-            f"{entity}/{self._number}",
-            indexes=[time_column(stamps)],
-            columns=[_SCALARS.column(values, each=values.shape[1])],
-        )
-
-
-class JointStream:
-    """Logs joint positions and velocities as curves, named after the joints."""
-
-    def __init__(self, recording: rr.RecordingStream) -> None:
-        self._recording = recording
-        self._limits: dict[str, tuple[float, float]] = {}
-        self._count = 0
-        self._sets: dict[tuple[str, ...], _Curves] = {}
-        self._size = 0  # of their names, bytes
-        self.full = False  # a set is not plotted
-        self._order: dict[tuple[str, ...], int] = {}  # in which each set first came
-        self._last: tuple[object, _Curves | None] = ((), None)  # names that came last
-        self.has_velocities = False  # a velocity ever came
-        self.colors: dict[str, Color] = {}  # of every joint so far
-
-    def set_limits(self, limits: Limits) -> None:
-        """Draw the lower and upper limit (rad or m) of these joints with their positions."""
-        if self._limits == dict(limits):
-            return
-        self.flush()
-        self._limits = dict(limits)
-        self._last = ((), None)
-        self._size, self.full = 0, False
-        self._sets.clear()  # on entities of their own from now on: the rows are of other lengths
-
-    def add(
-        self, stamp_ns: int, names: tuple[str, ...], positions: Floats, velocities: Floats
-    ) -> None:
-        """Add a JointState; it is logged at the next ``flush``.
-
-        Args:
-            stamp_ns: its time, nanoseconds.
-            names: N joint names.
-            positions: (N,) radians or metres, or empty.
-            velocities: (N,) radians or metres a second, or empty.
-        """
-        if not names:
-            return
-        if names is not self._last[0]:  # it takes long to look up many
-            self._last = (names, self._curves_of(names))
-        curves = self._last[1]
-        if curves is not None:
-            self.has_velocities |= len(velocities) == len(names)
-            curves.add(stamp_ns, positions, velocities)
-
-    def flush(self) -> bool:
-        """Log what was collected, one call for each curve family; True if there was anything."""
-        return any([curves.flush() for curves in self._sets.values()])
-
-    def _curves_of(self, names: tuple[str, ...]) -> _Curves | None:
-        """The curves of this set of names; a new one gets its legend first."""
-        curves = self._sets.get(names)
-        if curves is None:
-            size = self._size + size_of_names(names)
-            if len(self._sets) >= _MOST_SETS or size > MOST_BYTES:
-                self.full = True
-                return None
-            self._size = size
-            colors = joint_colors(names, self._order.setdefault(names, len(self._order)))
-            curves = _Curves(self._recording, self._count, len(names), colors, self._limits)
-            self._sets[names] = curves
-            self._count += 1
-            self.colors.update(colors)
-        return curves
+    def flush(self) -> None:
+        for entity, rows in self._pending.items():
+            if rows:
+                stamps, values = zip(*rows, strict=True)
+                rows.clear()
+                send_curves(self._recording, entity, stamps, np.stack(values))
 
 
 def joint_colors(names: Sequence[str], offset: int = 0) -> dict[str, Color]:

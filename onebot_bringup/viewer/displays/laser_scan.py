@@ -5,25 +5,28 @@ from typing import Any
 
 import numpy as np
 
-from onebot_bringup.viewer.displays.message_display import MessageDisplay
+from onebot_bringup.viewer.displays.drawing import by_topic
 from onebot_bringup.viewer.displays.points import (
     FLAT,
     INTENSITY,
     Floats32,
     Points,
     PointsDrawing,
-    PointsLook,
+    PointsSettings,
 )
 
 
+@by_topic
 @dataclass(frozen=True)
-class LaserScanLook(PointsLook):
+class LaserScanSettings(PointsSettings):
     """Points of laser scans."""
 
 
 class LaserScanDrawing(PointsDrawing):
     """The scans of one topic."""
 
+    key, Settings = "laser_scan", LaserScanSettings
+    message_types = ("sensor_msgs/msg/LaserScan",)
     order = (INTENSITY, FLAT)
     few = True
     _directions: tuple[object, Floats32] = ((), np.empty((0, 2), np.float32))
@@ -51,12 +54,3 @@ class LaserScanDrawing(PointsDrawing):
                 found = np.column_stack([np.cos(angles), np.sin(angles)]).astype(np.float32)
             self._directions = (rays, found)
         return self._directions[1]
-
-
-class LaserScanDisplay(MessageDisplay[LaserScanLook]):
-    """Draws laser scans."""
-
-    key = "laser_scan"
-    Look = LaserScanLook
-    draws = LaserScanDrawing
-    message_types = ("sensor_msgs/msg/LaserScan",)

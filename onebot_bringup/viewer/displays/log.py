@@ -14,7 +14,7 @@ from rerun.blueprint.encodings import TextLogColumnKind
 
 from onebot_bringup.viewer.columns import TIMELINE
 from onebot_bringup.viewer.displays.display import LayoutPart
-from onebot_bringup.viewer.displays.message_display import Drawing, Look, MessageDisplay, TopicView
+from onebot_bringup.viewer.displays.drawing import Drawing, TopicSettings, TopicView, by_topic
 from onebot_bringup.viewer.settings import one_of, setting
 from onebot_description.errors import shortened
 
@@ -28,8 +28,9 @@ _LEVELS = {  # the least number of each
 _LONGEST = 5000  # characters of a line
 
 
+@by_topic
 @dataclass(frozen=True)
-class LogLook(Look):
+class LogSettings(TopicSettings):
     """What nodes log."""
 
     visible: bool = setting(False, "show it below the robot")
@@ -48,14 +49,17 @@ class LogView(TopicView):
         return rrb.TextLogView(origin=self.entity, name=self.topic, columns=columns)
 
 
-class LogDrawing(Drawing[LogLook]):
+class LogDrawing(Drawing[LogSettings]):
     """The lines of one topic."""
 
+    key, Settings = "log", LogSettings
+    message_types = ("rcl_interfaces/msg/Log",)
+    plots = True
     stamped = False
 
     def add(self, stamp_ns: int, message: Any) -> None:
         """Add a message that is of the level, or above."""
-        if message.level >= _LEVELS[self.look.level][0]:
+        if message.level >= _LEVELS[self.settings.level][0]:
             super().add(stamp_ns, message)
 
     def draw(self, message: Any) -> Sequence[rr.AsComponents]:
@@ -63,9 +67,8 @@ class LogDrawing(Drawing[LogLook]):
         text = f"[{message.name}] {message.msg}"
         return [rr.TextLog(shortened(text, _LONGEST), level=_level(message.level))]
 
-    def replace(self, before: Drawing[LogLook]) -> None:
+    def replace(self, before: Drawing[LogSettings]) -> None:
         """Go on after the lines of before, which stay."""
-        self._entities = before._entities
         self._pending.extend(before._pending)
 
     def layout(self) -> LayoutPart:
@@ -77,13 +80,3 @@ def _level(number: int) -> rr.TextLogLevel:
     """Return Rerun's word for a level; one between two is the lower."""
     names = [name for least, name in _LEVELS.values() if least <= number]
     return rr.TextLogLevel(names[-1] if names else rr.TextLogLevel.TRACE)
-
-
-class LogDisplay(MessageDisplay[LogLook]):
-    """Shows what nodes log."""
-
-    key = "log"
-    Look = LogLook
-    draws = LogDrawing
-    message_types = ("rcl_interfaces/msg/Log",)
-    plots = True

@@ -1,24 +1,20 @@
 """Occupancy grids (nav_msgs/OccupancyGrid) and their updates (map_msgs/OccupancyGridUpdate)."""
 
 import math
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
 from onebot_bringup.viewer.columns import BytesMaker, ReadyColumn, empty, one_row
-from onebot_bringup.viewer.displays.display import (
-    LARGEST,
-    SELDOM,
-    MessageType,
-    WantedTopic,
-    message_type,
-)
-from onebot_bringup.viewer.displays.message_display import Drawing, Look, MessageDisplay
+from onebot_bringup.viewer.displays.display import LARGEST, SELDOM
+from onebot_bringup.viewer.displays.drawing import AUTO, Drawing, TopicSettings, by_topic
+from onebot_bringup.viewer.inbox import message_type
 from onebot_bringup.viewer.settings import fraction, one_of, setting
 from onebot_description.model.quaternions import normalized
 
@@ -43,12 +39,12 @@ _COLORMAPS = {
     "costmap": rr.components.Colormap.RvizCostmap,
     "raw": rr.components.Colormap.Grayscale,
 }
-AUTO = "auto"
 _DATA = BytesMaker(rr.GridMap.columns(data=[b"0"]))
 
 
+@by_topic
 @dataclass(frozen=True)
-class MapLook(Look):
+class MapSettings(TopicSettings):
     """Occupancy grids."""
 
     alpha: float = setting(0.7, "opacity, 0 to 1", fraction)
@@ -68,45 +64,52 @@ class CurrentMap(NamedTuple):
     cells: NDArray[np.int8]  # (height, width), the lowest y first
 
 
-class MapDrawing(Drawing[MapLook]):
+class MapDrawing(Drawing[MapSettings]):
     """The map of one topic, with its updates; one without cells clears it."""
 
-    repeated = True
+    key, Settings = "map", MapSettings
+    message_types = ("nav_msgs/msg/OccupancyGrid",)
+    others: ClassVar = {UPDATES: UPDATE}
+    live, repeated = False, True
+    period_ns = SELDOM
     _grid: CurrentMap | None = None
-    whole_ns = 0  # the time of a map that has come since the last flush
+    _whole_ns = 0  # the time of a map that has come since the last flush
     _own = False  # the cells are a copy, to write to
 
     def style(self) -> Sequence[rr.AsComponents]:
         """Return colours and layer."""
-        scheme = self.look.color_scheme
+        scheme = self.settings.color_scheme
         if scheme == AUTO:
             scheme = "costmap" if "costmap" in self.entity else "map"
-        layer = -1.0 if self.look.draw_behind else float(scheme == "costmap")
-        colors, alpha = _COLORMAPS[scheme], self.look.alpha
+        layer = -1.0 if self.settings.draw_behind else float(scheme == "costmap")
+        colors, alpha = _COLORMAPS[scheme], self.settings.alpha
         return [rr.GridMap.from_fields(colormap=colors, opacity=alpha, draw_order=layer)]
 
     def add(self, stamp_ns: int, message: Any) -> None:
-        """Add a map, to be logged by ``flush``."""
+        """Add a map, or an update of it."""
+        if not hasattr(message, "info"):
+            self._update(stamp_ns, message)
+            return
         try:
             grid = _grid(message)
         except ValueError as error:
-            self.problem = self.problem or str(error)
+            self.problems.setdefault("", str(error))
             return
-        self._own, self.whole_ns = False, stamp_ns
+        self._own, self._whole_ns = False, stamp_ns
         self._take(stamp_ns, grid)
 
-    def update(self, stamp_ns: int, message: Any) -> None:
+    def _update(self, stamp_ns: int, message: Any) -> None:
         """Add an update, which is ignored before there is a map.
 
         Or if it is older than one that came at about the same time, on its own topic. Of others,
         as in RViz, the stamps do not matter: the clock may have been set back.
         """
-        if self._grid is None or stamp_ns < self.whole_ns:
+        if self._grid is None or stamp_ns < self._whole_ns:
             return
         try:
             grid = self._updated(self._grid, message)
         except ValueError as error:
-            self.problem = self.problem or str(error)
+            self.problems.setdefault("", str(error))
             return
         if self._pending and self._pending[-1][1].cells is grid.cells:
             self._pending.pop()  # with an update before it
@@ -138,16 +141,23 @@ class MapDrawing(Drawing[MapLook]):
         cells[rows, columns] = update.data.reshape(update.height, update.width)
         return grid._replace(cells=cells)
 
-    def replace(self, before: Drawing[MapLook]) -> None:
+    def replace(self, before: Drawing[MapSettings]) -> None:
         """Go on with the map of before."""
         super().replace(before)
-        if isinstance(before, MapDrawing):
-            self._grid = before._grid
+        assert isinstance(before, MapDrawing)
+        self._grid = before._grid
+
+    def flush(self) -> None:
+        """Log what has come; an update that comes later is of this map, or of a later one."""
+        super().flush()
+        self._whole_ns = 0
 
     def draw(self, message: Any) -> Sequence[rr.AsComponents | ReadyColumn]:
         """Return the cells, the highest y first, and where they lie."""
         if not message.cells.size:
-            return [rr.Clear(recursive=False)]
+            self.stage.clear(self.entity, self.stamp_ns, self.home)
+            self._logged_at = time.monotonic()
+            return ()
         return [_cells(message.cells), *_geometry(message.info)]
 
 
@@ -192,39 +202,3 @@ def _grid(message: Any) -> CurrentMap:
 
 def _by(size: Any) -> str:
     return f"{size.width} x {size.height} are announced"
-
-
-class MapDisplay(MessageDisplay[MapLook]):
-    """Draws occupancy grids."""
-
-    key = "map"
-    Look = MapLook
-    draws = MapDrawing
-    message_types = ("nav_msgs/msg/OccupancyGrid",)
-    live = False
-    period_ns = SELDOM
-
-    def topics(self) -> Sequence[WantedTopic]:
-        """Return the topics, and those of their updates."""
-        updates = (
-            WantedTopic(each.name + UPDATES, (UPDATE,), optional=True, as_published=True)
-            for each in super().topics()
-        )
-        return [*super().topics(), *updates]
-
-    def add(self, topic: str, kind: MessageType[Any], messages: Sequence[tuple[int, Any]]) -> None:
-        """Pass maps and updates to the drawing of their topic."""
-        if kind is not UPDATE:
-            super().add(topic, kind, messages)
-            return
-        drawing = self.items[topic.removesuffix(UPDATES)]
-        assert isinstance(drawing, MapDrawing)
-        for stamp_ns, message in messages:
-            drawing.update(stamp_ns, message)
-
-    def flush(self) -> None:
-        """Log what has come; an update that comes later is of this map, or of a later one."""
-        super().flush()
-        for drawing in self.items.values():
-            assert isinstance(drawing, MapDrawing)
-            drawing.whole_ns = 0

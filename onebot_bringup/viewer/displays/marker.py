@@ -12,14 +12,15 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
 from onebot_bringup.viewer.columns import one_row, time_column
-from onebot_bringup.viewer.displays.display import LARGEST, REPEAT_AFTER, Context, below
+from onebot_bringup.viewer.displays.display import LARGEST, below, is_old
+from onebot_bringup.viewer.displays.drawing import Drawing, TopicSettings, by_topic
 from onebot_bringup.viewer.displays.marker_shapes import (
     ARROW,
     ARROW_STRIP,
@@ -36,15 +37,12 @@ from onebot_bringup.viewer.displays.marker_shapes import (
     Piece,
     rgba,
 )
-from onebot_bringup.viewer.displays.message_display import (
-    Drawing,
-    Look,
-    MessageDisplay,
-    topic_entity,
-)
-from onebot_bringup.viewer.settings import Color, name_list, setting
+from onebot_bringup.viewer.settings import name_list, setting
 from onebot_description.errors import OneBotError, printable, shortened
 from onebot_description.model.quaternions import from_rpy, multiply, rotate, to_rpy
+
+if TYPE_CHECKING:
+    from onebot_bringup.viewer.stage import Stage
 
 ADD, DELETE, DELETE_ALL = 0, 2, 3
 _NEVER = np.iinfo(np.int64).max  # the end of no lifetime
@@ -60,8 +58,9 @@ Integers = NDArray[np.integer[Any]]
 MarkerId = tuple[str, int]  # namespace and number
 
 
+@by_topic
 @dataclass(frozen=True)
-class MarkerLook(Look):
+class MarkerSettings(TopicSettings):
     """Shapes that programs draw."""
 
     hidden_namespaces: tuple[str, ...] = setting((), "which are not drawn", name_list)
@@ -153,8 +152,9 @@ class LayerKey(NamedTuple):
 class Layer:
     """Markers of one type and namespace, on one entity."""
 
-    def __init__(self, context: Context, entity: str, key: LayerKey, kind: Kind) -> None:
-        self._context, self.entity, self._kind = context, entity, kind
+    def __init__(self, stage: "Stage", entity: str, key: LayerKey, kind: Kind) -> None:
+        self._stage, self.entity, self._kind = stage, entity, kind
+        self._frame = key.frame
         self._own: list[Piece] = [*one_row(rr.CoordinateFrame(key.frame))]  # same for all rows
         if isinstance(key.variant, MeshVariant):
             self._own += key.variant.pieces()
@@ -171,22 +171,18 @@ class Layer:
         self.ids, self.batch = ids, batch
         self.first_end = int(batch.ends.min()) if batch is not None and ids else _NEVER
 
-    def forget(self) -> None:
-        """Log all with the next row: the entity was cleared."""
-        self._logged = ()
-
     def log(self, stamp_ns: int, *, hidden: bool) -> None:
         """Log what has changed since the row before; from time to time, all."""
         visible = self.batch is not None and self.ids and not hidden
         drawn = self._kind.pieces(self.batch) if visible and self.batch is not None else ()
         if not drawn:
             if self._logged:
-                self._context.log_row(self.entity, stamp_ns, rr.Clear(recursive=False))
+                self._stage.clear(self.entity, stamp_ns, self._frame)
             self._logged = ()
             return
         pieces = [*self._own, *drawn]
         columns = pieces
-        whole = stamp_ns < self._stamp_ns or time.monotonic() - self.whole_at > REPEAT_AFTER
+        whole = stamp_ns < self._stamp_ns or is_old(self.whole_at)
         if len(self._logged) == len(pieces) and not whole:
             pairs = zip(pieces, self._logged, strict=True)
             columns = [piece for piece, before in pairs if not _is_same(piece, before)]
@@ -194,7 +190,7 @@ class Layer:
             self.whole_at = time.monotonic()
         self._logged, self._stamp_ns = pieces, stamp_ns
         if columns:
-            self._context.recording.send_columns(
+            self._stage.recording.send_columns(
                 self.entity,
                 indexes=[time_column(np.array([stamp_ns]))],
                 columns=[_column(piece) for piece in columns],
@@ -247,15 +243,18 @@ class MarkerUpdate(NamedTuple):
     where: dict[MarkerId, LayerKey]  # all markers after it
 
 
-class MarkerDrawing(Drawing[MarkerLook]):
+class MarkerDrawing(Drawing[MarkerSettings]):
     """The markers of one topic."""
 
     stamped = False
 
-    def __init__(self, context: Context, entity: str, look: MarkerLook, color: Color) -> None:
-        super().__init__(context, entity, look, color)
-        self.in_arrays = False  # its messages are of many markers
-        self.problems: dict[str, str] = {}  # the first of each kind, which are few
+    key, Settings = "marker", MarkerSettings
+    message_types = ("visualization_msgs/msg/Marker", "visualization_msgs/msg/MarkerArray")
+    live = False
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self._in_arrays = False  # its messages are of many markers
         self._layers: dict[LayerKey, Layer] = {}
         self._used: set[str] = set()  # their entities
         self._where: dict[MarkerId, LayerKey] = {}
@@ -275,13 +274,14 @@ class MarkerDrawing(Drawing[MarkerLook]):
     def add(self, stamp_ns: int, message: Any) -> None:
         """Add a message, to be logged by ``flush``."""
         self._pending.append((stamp_ns, message))
+        self._in_arrays = hasattr(message, "markers")
         if not self.frame:  # the fixed frame may have to be found by it
-            markers = message.markers if self.in_arrays else [message]
+            markers = message.markers if self._in_arrays else [message]
             self.frame = next((_frame(each) for each in markers if _frame(each)), "")
 
     def flush(self) -> None:
         """Log what has come, and remove what is no longer to be seen."""
-        self._fixed, now_ns = self.context.fixed_frame, self.context.now_ns()
+        self._fixed, now_ns = self.stage.fixed_frame, self.stage.now_ns
         if now_ns < self._now_ns - _STEP_NS:
             self._expire(_NEVER - 1)  # what is due then would be never, or years late
             self._lag_ns, self._now_ns = _NEVER, now_ns
@@ -289,7 +289,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
             came_ns = self._received(stamp_ns, now_ns)
             self._expire(came_ns)
             self._take(stamp_ns, came_ns, incoming)
-        tree = self.context.frames.version, self._fixed
+        tree = self.stage.frames.version, self._fixed
         if self._waiting and tree != self._tree:
             waiting, self._waiting = [*self._waiting.values()], {}
             latest_ns = max(stamp_ns for stamp_ns, _ in waiting)
@@ -303,7 +303,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
 
     def _received(self, stamp_ns: int, now_ns: int) -> int:
         """Return when a message of this time came, as far as can be known."""
-        if self.in_arrays:  # which have no stamp; one may be of before the clock was set back
+        if self._in_arrays:  # which have no stamp; one may be of before the clock was set back
             return stamp_ns if stamp_ns < now_ns + _STEP_NS else now_ns
         # It was since the last flush: at the very time that follows if it took as long as others.
         self._lag_ns = min(self._lag_ns, max(0, now_ns - stamp_ns))
@@ -312,15 +312,14 @@ class MarkerDrawing(Drawing[MarkerLook]):
 
     def erase(self) -> None:
         """Remove what is drawn, from its last time on."""
-        if self._layers:
-            self.log(self._stamp_ns, rr.Clear(recursive=True))
+        for layer in self._layers.values():
+            layer.log(self._stamp_ns, hidden=True)
 
-    def replace(self, before: Drawing[MarkerLook]) -> None:
+    def replace(self, before: Drawing[MarkerSettings]) -> None:
         """Draw what another look has drawn."""
-        own = {"look": self.look, "color": self.color}
+        own = {"settings": self.settings, "color": self.color}
         vars(self).update(vars(before) | own)
         for layer in self._layers.values():
-            layer.forget()
             self._changed[layer.entity] = layer
         self._log(self._stamp_ns)
 
@@ -328,7 +327,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
         """Yield the messages; single markers that come at about the same time together."""
         pending = [*self._pending]
         self._pending.clear()
-        if self.in_arrays:
+        if self._in_arrays:
             yield from ((stamp, Incoming.of_array(each.markers)) for stamp, each in pending)
             return
         together: dict[MarkerId, Any] = {}
@@ -380,7 +379,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
 
     def _plan_of(self, stamp_ns: int, incoming: Incoming, kinds: Integers) -> MarkerUpdate:
         """Return what becomes of the markers; the plan of the message before if it is alike."""
-        fixed, version = self._fixed, self.context.frames.version
+        fixed, version = self._fixed, self.stage.frames.version
         variants = _variants(incoming, kinds)
         columns = incoming.ids, incoming.actions, kinds, incoming.locked
         numbers = [column.tobytes() for column in columns]
@@ -419,7 +418,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
         if kind not in KINDS or not frame or incoming.actions[row] != ADD:
             return None
         marker = space, int(incoming.ids[row])
-        if not self.context.connected(frame):
+        if not self.stage.connected(frame):
             if marker in self._waiting or len(self._waiting) < _MOST_WAITING:
                 self._waiting[marker] = stamp_ns, incoming.messages[row]
             return None
@@ -428,7 +427,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
         key = LayerKey(space, KINDS[kind].name, home, variant)
         if key not in self._layers:
             try:
-                self._layers[key] = Layer(self.context, self._entity(key), key, KINDS[kind])
+                self._layers[key] = Layer(self.stage, self._entity(key), key, KINDS[kind])
             except OneBotError as error:
                 self._report(incoming, row, str(error), "mesh")
                 return None
@@ -481,7 +480,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
             self._make_unit(incoming, lengths)
         for frame, moving in moved.items():
             for at_ns, rows in _by_stamp(moving, incoming.stamps_ns()[moving]):
-                pose = self.context.frames.pose(frame, self._fixed, at_ns or stamp_ns)
+                pose = self.stage.frames.pose(frame, self._fixed, at_ns or stamp_ns)
                 assert pose is not None
                 turn = from_rpy(to_rpy(pose[:3, :3]))
                 poses[rows, :3] = rotate(turn, poses[rows, :3]) + pose[:3, 3]
@@ -602,7 +601,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
         changed, self._changed = self._changed, {}
         self._stamp_ns = stamp_ns
         for layer in changed.values():
-            layer.log(stamp_ns, hidden=layer.space in self.look.hidden_namespaces)
+            layer.log(stamp_ns, hidden=layer.space in self.settings.hidden_namespaces)
         if not all(layer.ids for layer in changed.values()):
             self._layers = {key: layer for key, layer in self._layers.items() if layer.ids}
             self._used = {layer.entity for layer in self._layers.values()}
@@ -610,9 +609,8 @@ class MarkerDrawing(Drawing[MarkerLook]):
 
     def _repeat(self) -> None:
         """Log the layers whole again that have not been for long."""
-        now = time.monotonic()
         for layer in self._layers.values():
-            if now - layer.whole_at > REPEAT_AFTER:
+            if is_old(layer.whole_at):
                 self._changed[layer.entity] = layer
         self._log(self._stamp_ns)
 
@@ -667,34 +665,3 @@ def _variants(incoming: Incoming, kinds: Integers) -> dict[int, object]:
             given = message.colors.array().reshape(-1, 4)[:1] if len(message.colors) else colors
             found[row] = int(rgba(np.where(np.isnan(given), colors, given))[0]) & 255
     return found
-
-
-class MarkerDisplay(MessageDisplay[MarkerLook]):
-    """Draws markers."""
-
-    key = "marker"
-    Look = MarkerLook
-    draws = MarkerDrawing
-    message_types = ("visualization_msgs/msg/Marker", "visualization_msgs/msg/MarkerArray")
-    live = False
-
-    def make(self, name: str, settings: Any, color: Color) -> MarkerDrawing:
-        """Return the drawing of a topic."""
-        drawing = MarkerDrawing(self.context, topic_entity(self.key, name), settings, color)
-        drawing.in_arrays = self._offered[name] == self.message_types[1]
-        return drawing
-
-    def flush(self) -> None:
-        """Log all that has come: a marker waits for its own frame only."""
-        for item in self.items.values():
-            item.flush()
-
-    def warnings(self) -> list[str]:
-        """Return what is wrong with markers, and which frames are waited for."""
-        wrong = [
-            f'{self.noun} "{topic}": {text}'
-            for topic, item in self.items.items()
-            if isinstance(item, MarkerDrawing)
-            for text in item.problems.values()
-        ]
-        return [*super().warnings(), *wrong]

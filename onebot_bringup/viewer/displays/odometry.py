@@ -1,25 +1,54 @@
-"""Where a robot has been (nav_msgs/Odometry): an arrow or axes now and then, as RViz draws them.
+"""Odometry: arrows where a robot has been, its trail as a line, and how sure it is of its pose.
 
-A topic that the view draws as a trail or covariance is not shown in this way, too.
+Arrows are drawn of every topic of the type, as RViz draws them; trails and covariances of those
+that the view names, which get no arrows by themselves.
 """
 
+import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 import rerun as rr
 
-from onebot_bringup.viewer.displays.message_display import Drawing, MessageDisplay
-from onebot_bringup.viewer.displays.pose import Floats, PoseLook, PosesDrawing, one_pose
-from onebot_bringup.viewer.settings import setting
+from onebot_bringup.viewer.displays.display import LARGEST, SELDOM, LayoutPart, is_old
+from onebot_bringup.viewer.displays.drawing import (
+    Archetypes,
+    Drawing,
+    DrawingsDisplay,
+    Floats,
+    by_topic,
+)
+from onebot_bringup.viewer.displays.poses import (
+    FILL_ALPHA,
+    PosesDrawing,
+    PoseShape,
+    fan,
+    one_pose,
+    outlines,
+    yaw_only,
+)
+from onebot_bringup.viewer.inbox import MessageType, WantedTopic, one_by_one
+from onebot_bringup.viewer.settings import Color, color, height, setting, topic
+from onebot_description.model.quaternions import to_matrix
+from onebot_description.parameters.reader import REQUIRED
+from onebot_description.wire.messages import OdometrySample, odometry_sample
 
-_MOST_KEPT = 1000  # also where all are to be kept: each arrow is logged with those before it
+ODOMETRY: MessageType[OdometrySample] = MessageType(
+    "nav_msgs/msg/Odometry", one_by_one(odometry_sample), lambda sample: sample.stamp_ns
+)
+T = TypeVar("T", bound="TrailSettings | CovarianceSettings")
+
+# --- arrows ---------------------------------------------------------------------------------------
+
+_MOST_KEPT = 1000  # arrows, since each is logged with those before it
 
 
+@by_topic
 @dataclass(frozen=True)
-class OdometryLook(PoseLook):
+class OdometrySettings(PoseShape):
     """Poses of odometry, as arrows along x or as axes."""
 
     keep: int = setting(100, "poses that are shown; 0 for as many as possible (1000)")
@@ -27,45 +56,238 @@ class OdometryLook(PoseLook):
     angle_tolerance: float = setting(0.1, "or radians")
 
 
-class OdometryDrawing(PosesDrawing[OdometryLook]):
+class OdometryDrawing(PosesDrawing[OdometrySettings]):
     """The last poses of one topic."""
+
+    key, Settings = "odometry", OdometrySettings
+    message_types = (ODOMETRY.name,)
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
-        self._kept: deque[Floats] = deque(maxlen=min(self.look.keep or _MOST_KEPT, _MOST_KEPT))
-        self._kept_in = ""  # the frame
+        keep = min(self.settings.keep or _MOST_KEPT, _MOST_KEPT)
+        self._history: deque[Floats] = deque(maxlen=keep)
+        self._history_frame = ""
 
-    def draw(self, message: Any) -> Sequence[rr.AsComponents]:
+    def draw(self, message: Any) -> Archetypes:
         """Return the last poses, if this one is far enough from the one before."""
         [pose] = one_pose(message.pose.pose)
-        if self._kept_in != self.frame:
-            self._kept_in = self.frame
-            self._kept.clear()
-        if self._kept and self._is_near(self._kept[-1], pose):
-            return () if self.is_fitted else self.shapes(np.array(self._kept))
-        self._kept.append(pose)
-        return self.shapes(np.array(self._kept))
+        if self._history_frame != self.frame:
+            self._history_frame = self.frame
+            self._history.clear()
+        if self._history and self._is_near(self._history[-1], pose):
+            return () if self.is_fitted else self.shapes(np.array(self._history))
+        self._history.append(pose)
+        return self.shapes(np.array(self._history))
 
     def _is_near(self, before: Floats, pose: Floats) -> bool:
         lengths = np.linalg.norm(before[3:]) * np.linalg.norm(pose[3:])
         cosine = abs(before[3:] @ pose[3:]) / lengths if lengths else 1.0
         turned = 2 * np.arccos(min(1.0, cosine))
         moved = np.linalg.norm(pose[:3] - before[:3])
-        look = self.look
-        return bool(moved < look.position_tolerance and turned < look.angle_tolerance)
+        limits = self.settings
+        return bool(moved < limits.position_tolerance and turned < limits.angle_tolerance)
 
-    def replace(self, before: Drawing[OdometryLook]) -> None:
-        """Draw also what was kept."""
+    def replace(self, before: Drawing[OdometrySettings]) -> None:
         super().replace(before)
-        if isinstance(before, OdometryDrawing):
-            self._kept.extend(before._kept)
-            self._kept_in = before._kept_in
+        assert isinstance(before, OdometryDrawing)
+        self._history.extend(before._history)
+        self._history_frame = before._history_frame
 
 
-class OdometryDisplay(MessageDisplay[OdometryLook]):
-    """Draws the last poses of a robot."""
+# --- what a view names ----------------------------------------------------------------------------
 
-    key = "odometry"
-    Look = OdometryLook
-    draws = OdometryDrawing
-    message_types = ("nav_msgs/msg/Odometry",)
+
+class OdometryDisplay(DrawingsDisplay[Mapping[str, T]]):
+    """Draws Odometry topics that the view names."""
+
+    named = True
+    draws: ClassVar[type[Drawing[Any]]]  # a topic
+
+    def wanted(self, settings: Mapping[str, T]) -> Mapping[str, tuple[Sequence[WantedTopic], T]]:
+        return {
+            name: ([WantedTopic(one.topic, (ODOMETRY,))], one) for name, one in settings.items()
+        }
+
+    def make(self, name: str, settings: T, color: Color) -> Drawing[Any]:
+        path = rr.new_entity_path([self.key, name]).lstrip("/")
+        return self.draws(self.stage, self.entity(path), settings, color)
+
+    def layout(self) -> LayoutPart:
+        """Return its drawings, without those that an earlier view had."""
+        shown = tuple(drawing.entity for drawing in self.items.values())
+        windows = super().layout().windows
+        return LayoutPart(hidden=(self.entity(self.key),), shown=shown, windows=windows)
+
+
+class SampleDrawing(Drawing[T]):
+    """Draws samples of odometry."""
+
+    def frame_of(self, message: OdometrySample) -> str:
+        return message.frame_id
+
+    def place_of(self, sample: OdometrySample) -> Floats:
+        """Return where to draw: (3,) metres."""
+        return np.array(sample.translation) + (0.0, 0.0, self.settings.height)
+
+
+# --- trails ---------------------------------------------------------------------------------------
+
+SPACING = 0.01  # metres driven until the line goes on: finer would not be seen
+# Metres between two messages that nothing drives: a teleport or a reset, which breaks the line.
+JUMP = 0.5
+
+
+@dataclass(frozen=True)
+class TrailSettings:
+    """A line along the poses of an Odometry topic."""
+
+    topic: str = setting(REQUIRED, "an Odometry topic", topic)
+    color: Color | None = setting(None, "sRGB bytes; by default one of ours", color)
+    width: float = setting(0.01, "of the line, metres")
+    height: float = setting(0.0, "metres above the poses; negative to lay it on the ground", height)
+    length: float = setting(60.0, "how many seconds of it are shown; 0 for all")
+
+
+class TrailDrawing(SampleDrawing[TrailSettings]):
+    """Where the robot has been.
+
+    Every piece of the line is a row of its own, at its own time; the layout shows those of the last
+    seconds. So the recording grows by the way driven only, never by the time stood, a late viewer
+    and a file have the trail too, and moving the time cursor back shortens it.
+    """
+
+    kept = 5000
+    _start: Floats | None = None  # of the next piece
+    _place: Floats  # of the last message
+    _place_ns = 0
+    _place_frame = ""
+
+    def style(self) -> list[rr.AsComponents]:
+        return [rr.LineStrips3D.from_fields(colors=[self.color], radii=[self.settings.width / 2])]
+
+    def draw(self, sample: OdometrySample) -> Archetypes:
+        """Return the piece that ends here, once it is long enough."""
+        place, start = self.place_of(sample), self._start
+        if not (np.abs(place) <= LARGEST).all() or not sample.frame_id:
+            self._start = None
+            return ()
+        begins = start is None or self._is_broken(place)
+        self._place, self._place_ns, self._place_frame = place, self.stamp_ns, self.frame
+        if start is None or begins:
+            self._start = place
+            return ()
+        if np.linalg.norm(place - start) < SPACING:
+            return ()
+        self._start = place
+        return [rr.LineStrips3D.from_fields(strips=[np.array([start, place])])]
+
+    def _is_broken(self, place: Floats) -> bool:
+        """Whether the robot was moved, or time or frame changed, since the last message."""
+        changed = self.stamp_ns < self._place_ns or self.frame != self._place_frame
+        return changed or bool(np.linalg.norm(place - self._place) > JUMP)
+
+    def layout(self) -> LayoutPart:
+        return LayoutPart(windows=((self.entity, self.settings.length),))
+
+    def erase(self) -> None:
+        """Leave the pieces: the layout hides them, or a drawing of another colour goes on."""
+
+    def replace(self, before: Drawing[TrailSettings]) -> None:
+        self._pending.extend(before._pending)
+
+
+class TrailDisplay(OdometryDisplay[TrailSettings]):
+    """Draws where the robot has been."""
+
+    key, Settings, noun = "trails", TrailSettings, "trail"
+    draws = TrailDrawing
+    period_ns = SELDOM  # what lags behind is under the robot
+
+
+# --- covariances ----------------------------------------------------------------------------------
+
+_CHANGE = 0.01  # of a shape's size: less would not be seen
+
+
+@dataclass(frozen=True)
+class CovarianceSettings:
+    """An ellipse and a sector that show the covariance of the poses of an Odometry topic."""
+
+    topic: str = setting(REQUIRED, "an Odometry topic", topic)
+    color: Color | None = setting(None, "sRGB bytes; by default one of ours", color)
+    width: float = setting(0.006, "of the lines, metres")
+    height: float = setting(0.0, "metres above the poses; negative to lay it on the ground", height)
+    sigma: float = setting(3.0, "how many standard deviations they are wide")
+    heading: float = setting(0.5, "radius of the sector, which shows the yaw, metres; 0 for none")
+
+
+class CovarianceDrawing(SampleDrawing[CovarianceSettings]):
+    """How sure the robot is of its pose: an ellipse around the place, a sector around the heading.
+
+    Each lies in a frame of its own, which moves with the messages. The shape itself is logged only
+    when it changes, so that a covariance costs little, however fast the robot drives.
+    """
+
+    latest = True
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        # The shape that is logged of each part, (49, 3) metres, and when.
+        self._shapes: dict[str, tuple[Floats | None, float]] = {}
+
+    def draw(self, sample: OdometrySample) -> Archetypes:
+        """Log both parts below the entity; nothing lies at the entity itself."""
+        pose = np.eye(4)
+        pose[:3, 3] = self.place_of(sample)
+        if not (np.abs(pose) <= LARGEST).all():
+            return ()
+        settings = self.settings
+        place, heading = outlines(sample.covariance, settings.sigma, settings.heading)
+        self._draw_part("place", place, pose)
+        pose[:3, :3] = to_matrix(yaw_only(sample.rotation))
+        self._draw_part("heading", heading, pose)
+        return ()
+
+    def erase(self) -> None:
+        for name in self._shapes:
+            self.stage.clear(f"{self.entity}/{name}", self.stamp_ns, f"{self.entity}/{name}")
+
+    def _draw_part(self, name: str, outline: Floats | None, pose: Floats) -> None:
+        """Log an outline (49, 3), and the shape that it encloses, at a pose (4, 4)."""
+        entity = f"{self.entity}/{name}"
+        before, logged_at = self._shapes.get(name, (None, 0.0))
+        if outline is not None:
+            self.place(self.frame, entity, pose)
+        elif before is None:
+            return
+        if _is_alike(outline, before) and not is_old(logged_at):
+            return
+        self._shapes[name] = outline, time.monotonic()
+        if outline is None:
+            self.stage.clear(entity, self.stamp_ns, entity)
+            return
+        self.stage.log_row(
+            entity,
+            self.stamp_ns,
+            rr.CoordinateFrame(entity),
+            rr.LineStrips3D([outline], colors=[self.color], radii=[self.settings.width / 2]),
+            rr.Mesh3D(
+                vertex_positions=outline,
+                triangle_indices=fan(),
+                albedo_factor=(*self.color, FILL_ALPHA),
+            ),
+        )
+
+
+def _is_alike(outline: Floats | None, before: Floats | None) -> bool:
+    """Whether an outline looks like the one before."""
+    if outline is None or before is None:
+        return outline is before
+    return bool(np.abs(outline - before).max() <= _CHANGE * np.abs(before).max())
+
+
+class CovarianceDisplay(OdometryDisplay[CovarianceSettings]):
+    """Draws how sure the robot is of its pose."""
+
+    key, Settings, noun = "covariance", CovarianceSettings, "covariance"
+    draws = CovarianceDrawing

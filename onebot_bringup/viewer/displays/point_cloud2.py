@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onebot_bringup.viewer.columns import empty
-from onebot_bringup.viewer.displays.message_display import MessageDisplay
+from onebot_bringup.viewer.displays.drawing import AUTO, DEPTH_HEAVY, by_topic
 from onebot_bringup.viewer.displays.points import (
-    AUTO,
     AXIS,
     FLAT,
     INTENSITY,
@@ -18,7 +17,7 @@ from onebot_bringup.viewer.displays.points import (
     Floats32,
     Points,
     PointsDrawing,
-    PointsLook,
+    PointsSettings,
 )
 from onebot_bringup.viewer.settings import one_of, setting
 from onebot_description.errors import listing
@@ -29,8 +28,9 @@ _POSITION = ("x", "y", "z")
 _PACKED = ("rgb", "rgba")  # colours: a byte each, the lowest is blue
 
 
+@by_topic
 @dataclass(frozen=True)
-class PointCloud2Look(PointsLook):
+class PointCloud2Settings(PointsSettings):
     """Points of clouds."""
 
     color_transformer: str = setting(
@@ -43,11 +43,14 @@ class PointCloud2Look(PointsLook):
 class PointCloud2Drawing(PointsDrawing):
     """The clouds of one topic."""
 
+    key, Settings = "point_cloud2", PointCloud2Settings
+    message_types = ("sensor_msgs/msg/PointCloud2",)
+    heavy, kept = True, DEPTH_HEAVY
     order = (RGB8, INTENSITY, AXIS)
 
     def points(self, message: Any) -> Points:
         """Return all points."""
-        fields = _fields(message, {*_POSITION, *_PACKED, self.look.channel_name})
+        fields = _fields(message, {*_POSITION, *_PACKED, self.settings.channel_name})
         if not fields.keys() >= set(_POSITION):
             known = listing(message.fields.name, 10)
             raise ValueError(f"no fields x, y and z that can be read, but {known}")
@@ -123,13 +126,3 @@ def _colors(values: NDArray[Any], name: str) -> Colors | None:
     alpha = packed >> 24 if name == "rgba" else np.uint32(0xFF)
     found: Colors = packed << 8 | alpha
     return found
-
-
-class PointCloud2Display(MessageDisplay[PointCloud2Look]):
-    """Draws point clouds."""
-
-    key = "point_cloud2"
-    Look = PointCloud2Look
-    draws = PointCloud2Drawing
-    message_types = ("sensor_msgs/msg/PointCloud2",)
-    heavy = True

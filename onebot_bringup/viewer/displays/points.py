@@ -10,24 +10,23 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.columns import ColumnMaker, ReadyColumn, empty, ready
-from onebot_bringup.viewer.displays.display import LARGEST, LayoutPart, below
-from onebot_bringup.viewer.displays.message_display import Drawing, Look
+from onebot_bringup.viewer.columns import ColumnMaker, ReadyColumn, empty
+from onebot_bringup.viewer.displays.display import LARGEST, LayoutPart
+from onebot_bringup.viewer.displays.drawing import AUTO, Drawing, TopicSettings
 from onebot_bringup.viewer.settings import Color, color, height, one_of, setting
 
 Floats32 = NDArray[np.float32]
 Colors = NDArray[np.uint32]  # 0xRRGGBBAA
 
-AUTO, RGB8, INTENSITY, AXIS, FLAT = "auto", "RGB8", "Intensity", "AxisColor", "FlatColor"
+RGB8, INTENSITY, AXIS, FLAT = "RGB8", "Intensity", "AxisColor", "FlatColor"
 _AXES = ("X", "Y", "Z")
 _OPAQUE = 0xFF
 _LARGEST_VALUE = 999_999.0  # of a channel, in its bounds: RViz's
 _ON_SCREEN = 3.0  # pixels
-PLACED_ENTITY = "placed"  # below which frames of our own are placed
 
 
 @dataclass(frozen=True)
-class PointsLook(Look):
+class PointsSettings(TopicSettings):
     """Coloured points."""
 
     size: float = setting(0.0, "of a point, metres; 0 for three pixels, however far away it is")
@@ -63,11 +62,7 @@ _POSITIONS = ColumnMaker(rr.Points3D.columns(positions=[(0.0, 0.0, 0.0)]))
 _COLORS = ColumnMaker(rr.Points3D.columns(colors=np.zeros(1, np.uint32)))
 
 
-_TRANSLATION = ColumnMaker(rr.Transform3D.columns(translation=[(0.0, 0.0, 0.0)]))
-_ROTATION = ColumnMaker(rr.Transform3D.columns(mat3x3=[np.eye(3)]))
-
-
-class PointsDrawing(Drawing[PointsLook]):
+class PointsDrawing(Drawing[PointsSettings]):
     """Draws the points of one topic."""
 
     order: ClassVar[Sequence[str]]  # of the transformers that auto takes
@@ -84,22 +79,22 @@ class PointsDrawing(Drawing[PointsLook]):
 
     def style(self) -> Sequence[rr.AsComponents]:
         """Return the size; negative radii are pixels."""
-        return [rr.Points3D.from_fields(radii=[self.look.size / 2 or -_ON_SCREEN / 2])]
+        return [rr.Points3D.from_fields(radii=[self.settings.size / 2 or -_ON_SCREEN / 2])]
 
     def layout(self) -> LayoutPart:
         """Return how long points stay."""
-        seconds = self.look.decay_time
+        seconds = self.settings.decay_time
         return LayoutPart(windows=((self.entity, seconds),) if seconds else ())
 
     def drawn_in(self) -> str:
         """Points are where they were measured, wherever the sensor goes until the next message."""
-        fixed = self.context.fixed_frame
+        fixed = self.stage.fixed_frame
         return fixed if self._transformed or self.frame == fixed else self.entity
 
     @property
     def _transformed(self) -> bool:
         """Whether points are logged in the fixed frame; those that stay must be."""
-        return self.few or self.look.decay_time > 0.0
+        return self.few or self.settings.decay_time > 0.0
 
     def draw(self, message: Any) -> Sequence[ReadyColumn]:
         """Return the points that are finite."""
@@ -108,21 +103,21 @@ class PointsDrawing(Drawing[PointsLook]):
         if usable is not None:
             positions = positions[usable]
             own = None if own is None else own[usable]
-        transform = self.look.color_transformer
+        transform = self.settings.color_transformer
         for name in self.order if transform == AUTO else (transform,):
             colors = own if name == RGB8 else self._colors(name, positions, channel, usable)
             if colors is not None:
                 break
         else:
             colors = self._flat()
-        if self._in_frame != self.frame and (pose := self.pose()) is not None:
+        if self.home != self.frame and (pose := self.pose()) is not None:
             if self._transformed:
                 matrix = pose.T.astype(np.float32)
                 with np.errstate(over="ignore", invalid="ignore"):
                     positions = positions @ matrix[:3, :3]
                     positions += matrix[3, :3]
             else:
-                self._place(pose)
+                self.place(self.stage.fixed_frame, self.entity, pose)
         return [_POSITIONS.row(positions), _COLORS.row(colors)]
 
     def _colors(
@@ -133,7 +128,7 @@ class PointsDrawing(Drawing[PointsLook]):
         usable: NDArray[np.bool_] | None,
     ) -> Colors | None:
         """Return the colours (N,), or (1,) for all; None if there is no data for them."""
-        look = self.look
+        look = self.settings
         if transformer == AXIS:
             bounds = None if look.autocompute_value_bounds else (look.min_value, look.max_value)
             return colored(self._along_axis(positions), bounds, _table(True, False))
@@ -147,18 +142,12 @@ class PointsDrawing(Drawing[PointsLook]):
             _table(look.use_rainbow, look.invert_rainbow, look.min_color, look.max_color),
         )
 
-    def _place(self, pose: NDArray[np.float64]) -> None:
-        """Log where the sensor was, at an entity that is never cleared: the points need it."""
-        places = _TRANSLATION.row(pose[:3, 3]), _ROTATION.row(pose[:3, :3].T)  # by columns
-        names = _frames(self.context.fixed_frame, self.entity)
-        self.context.log_row(below(PLACED_ENTITY, self.entity), self.stamp_ns, *places, *names)
-
     def _flat(self) -> Colors:
-        red, green, blue = self.look.color or self.color
+        red, green, blue = self.color
         return np.array([red << 24 | green << 16 | blue << 8 | _OPAQUE], np.uint32)
 
     def _along_axis(self, positions: Floats32) -> NDArray[Any]:
-        axis, pose = _AXES.index(self.look.axis), self.pose()
+        axis, pose = _AXES.index(self.settings.axis), self.pose()
         if pose is None:
             return positions[:, axis]
         row = pose[axis].astype(np.float32)
@@ -177,11 +166,6 @@ def _usable(positions: Floats32) -> NDArray[np.bool_] | None:
         return None
     within: NDArray[np.bool_] = np.abs(positions) <= LARGEST
     return within[:, 0] & within[:, 1] & within[:, 2]
-
-
-@lru_cache(maxsize=128)
-def _frames(parent: str, child: str) -> Sequence[ReadyColumn]:
-    return ready(rr.Transform3D.columns(parent_frame=[parent], child_frame=[child]))
 
 
 # --- colours ------------------------------------------------------------------------------------

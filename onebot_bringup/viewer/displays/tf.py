@@ -4,27 +4,26 @@ import time
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import compress
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from onebot_bringup.introspection.transforms import FrameTree
 from onebot_bringup.viewer.columns import ColumnMaker, ReadyColumn, ready, time_column
 from onebot_bringup.viewer.displays.display import (
     LARGEST,
-    OTHER_CLOCK_NS,
-    REPEAT_AFTER,
-    Context,
     Display,
     LayoutPart,
-    MessageType,
-    WantedTopic,
-    one_by_one,
+    is_old,
 )
-from onebot_bringup.viewer.frames import FrameTree, Transforms
+from onebot_bringup.viewer.inbox import OTHER_CLOCK_NS, MessageType, WantedTopic, one_by_one
 from onebot_bringup.viewer.settings import name_list, setting
 from onebot_description.wire.messages import TfArrays, tf_arrays
+
+if TYPE_CHECKING:
+    from onebot_bringup.viewer.stage import Stage
 
 TF_ENTITY = "tf"
 TF_STATIC_ENTITY = "tf_static"
@@ -59,13 +58,10 @@ class AxesSettings:
 class TfDisplay(Display[AxesSettings]):
     """Logs /tf and /tf_static, and draws axes in new frames."""
 
-    key = "axes"
-    Settings = AxesSettings
-    of_all = True
+    key, Settings = "axes", AxesSettings
 
-    def __init__(self, context: Context, *others: Context) -> None:
-        super().__init__(context)
-        self._contexts = (context, *others)
+    def __init__(self, stage: "Stage") -> None:
+        super().__init__(stage)
         self._settings = AxesSettings()
         self._look: tuple[object, ...] = ()  # what the axes drawn depend on
         self._only: set[str] = set()  # frames that have axes; empty for all
@@ -85,8 +81,8 @@ class TfDisplay(Display[AxesSettings]):
         """Draw other axes, if they change."""
         self._settings = settings
         self._only = set(settings.frames)
-        for each in self._contexts:
-            self._only.update(map(each.frame_of, settings.frames))
+        for robot in self.stage.robots:
+            self._only.update(map(robot.frame_of, settings.frames))
         if self._only:
             self._hide(self._drawn - self._only)
         self._shown_of = None
@@ -95,14 +91,14 @@ class TfDisplay(Display[AxesSettings]):
     def set_robot(self) -> None:
         """Draw the axes of the links; hide those of links that are no more."""
         before, self._links = self._links, set()
-        for each in self._contexts:
-            if each.robot is not None:
-                self._links.update(map(each.frame_of, each.robot.link_names))
+        for robot in self.stage.robots:
+            if robot.description is not None:
+                self._links.update(map(robot.frame_of, robot.description.link_names))
         self._show(self._links)
         self._retired = (self._retired | before) - self._links
-        self._retired_at = self.context.clock()
+        self._retired_at = self.stage.clock()
         self._shown_of = None
-        self.context.transforms.forget(self._retired)
+        self.stage.transforms.forget(self._retired)
         self._hide(self._retired)
 
     def add(
@@ -111,15 +107,15 @@ class TfDisplay(Display[AxesSettings]):
         """Add messages of /tf or /tf_static."""
         for stamp_ns, message in messages:
             if kind is TF_STATIC:
-                self.context.transforms.add_static(message)
+                self.stage.transforms.add_static(message)
             else:
-                self.context.transforms.add(stamp_ns, message)
+                self.stage.transforms.add(stamp_ns, message)
 
     def flush(self) -> None:
         """Log transforms, and axes of new frames or of another length."""
-        self.context.transforms.flush()
-        if self._retired and self.context.clock() - self._retired_at > _STRAGGLING:
-            self.context.transforms.forget(self._retired)
+        self.stage.transforms.flush()
+        if self._retired and self.stage.clock() - self._retired_at > _STRAGGLING:
+            self.stage.transforms.forget(self._retired)
             self._retired = set()
             self._shown_of = None
         self._show_connected()
@@ -127,7 +123,7 @@ class TfDisplay(Display[AxesSettings]):
 
     def warnings(self) -> list[str]:
         """Return that transforms are ignored."""
-        frame = self.context.transforms.ignored
+        frame = self.stage.transforms.ignored
         return [
             f'a transform of "{frame}" is ignored: it is not finite, or its rotation '
             "no unit quaternion"
@@ -142,7 +138,7 @@ class TfDisplay(Display[AxesSettings]):
 
         Another robot's frames, say: it publishes to the same /tf.
         """
-        frames, fixed_frame = self.context.frames, self.context.fixed_frame
+        frames, fixed_frame = self.stage.frames, self.stage.fixed_frame
         if self._shown_of == (frames.version, fixed_frame):
             return
         self._shown_of = frames.version, fixed_frame
@@ -161,9 +157,10 @@ class TfDisplay(Display[AxesSettings]):
 
     def _draw(self, frames: Collection[str]) -> None:
         """Draw axes in ``frames``; in all of them if their look has changed."""
-        settings, lengths = self._settings, self.context.axes_lengths
+        settings, robot = self._settings, self.stage.robots[0]
+        lengths = robot.axes_lengths
         names = settings.names and len(self._drawn) <= settings.names_up_to
-        usual = self.context.fitting_length or _DEFAULT_LENGTH
+        usual = robot.fitting_length or _DEFAULT_LENGTH
         look = settings.length, usual, lengths, names
         if look != self._look:
             self._look, frames = look, self._drawn
@@ -173,15 +170,14 @@ class TfDisplay(Display[AxesSettings]):
 
     def _hide(self, frames: Iterable[str]) -> None:
         # Static data cannot be cleared, only overwritten; a frame that is gone would be an error.
-        home = next((each.home for each in self._contexts if each.home), "")
+        home = next((robot.home for robot in self.stage.robots if robot.home), "")
         for frame in self._drawn.intersection(frames):
             self._drawn.discard(frame)
             self._log(frame, home, rr.TransformAxes3D.cleared())
 
     def _log(self, frame: str, parent: str, axes: rr.TransformAxes3D) -> None:
         entity = axes_entity(frame)
-        recording = self.context.transforms.recording  # the whole: no robot has all frames
-        recording.log(entity, rr.CoordinateFrame(parent), axes, static=True)
+        self.stage.recording.log(entity, rr.CoordinateFrame(parent), axes, static=True)
 
 
 def axes_entity(frame: str) -> str:
@@ -202,28 +198,17 @@ class NameColumns:
     def __init__(self) -> None:
         self._made: dict[tuple[object, ...], tuple[object, Sequence[ReadyColumn]]] = {}
 
-    def columns(
-        self, lists: Sequence[Names], single: Sequence[tuple[str, str]]
-    ) -> Sequence[ReadyColumn]:
-        """Return the columns of messages, and of single frames below them.
-
-        Args:
-            lists: parents and children of each message; nobody may change them.
-            single: parent and child of each single frame.
-        """
-        key = (*(id(names) for pair in lists for names in pair), *single)
+    def columns(self, lists: Sequence[Names]) -> Sequence[ReadyColumn]:
+        """Return the columns of messages, by their parents and children; nobody may change them."""
+        key = tuple(id(names) for pair in lists for names in pair)
         made = self._made.get(key)
         if made is None:
             parents = [name for names, _ in lists for name in names]
             children = [name for _, names in lists for name in names]
-            columns = name_columns(
-                [*parents, *(parent for parent, _ in single)],
-                [*children, *(child for _, child in single)],
-            )
             if len(self._made) >= _MOST_COLUMNS:
                 self._made.clear()
             # The lists are kept, or others could come to bear their identity.
-            made = self._made[key] = (lists, columns)
+            made = self._made[key] = (lists, name_columns(parents, children))
         return made[1]
 
 
@@ -236,20 +221,6 @@ def name_columns(parents: list[str], children: list[str]) -> Sequence[ReadyColum
 
 _TRANSLATIONS = ColumnMaker(rr.Transform3D.columns(translation=np.zeros((1, 3))))
 _ROTATIONS = ColumnMaker(rr.Transform3D.columns(quaternion=np.zeros((1, 4))))
-
-
-class _Placed(NamedTuple):
-    """A frame of ours, not of /tf."""
-
-    stamp_ns: int
-    parent: str
-    translation: Floats
-    rotation: Floats
-
-    @property
-    def usable(self) -> bool:
-        """Whether it is a transform."""
-        return bool(_usable(self.translation[None], self.rotation[None]).all())
 
 
 def _usable(translations: Floats, rotations: Floats) -> NDArray[np.bool_]:
@@ -271,18 +242,17 @@ class TransformStream:
     def __init__(self, recording: rr.RecordingStream, frames: FrameTree) -> None:
         self.recording = recording
         self._frames = frames
-        self._pending: list[tuple[int, Transforms]] = []
-        self._placed: dict[str, _Placed] = {}
+        self._pending: list[tuple[int, TfArrays]] = []
         self._static: dict[str, tuple[object, ...]] = {}
         self._names = NameColumns()
         # Lists of children, by identity, and when each came last; sorted into _logged later.
         self._received: dict[int, tuple[Sequence[str], float]] = {}
         self._logged: dict[str, float] = {}  # child -> monotonic time of its last row
         self._latest_ns = 0
-        self._next_repeat = 0.0
+        self._repeated_at = 0.0
         self.ignored = ""  # the first frame whose transform was none
 
-    def add(self, stamp_ns: int, transforms: Transforms) -> None:
+    def add(self, stamp_ns: int, transforms: TfArrays) -> None:
         """Add a message of /tf; it is logged at the next ``flush``.
 
         Args:
@@ -292,21 +262,7 @@ class TransformStream:
         if transforms.children:
             self._pending.append((stamp_ns, transforms))
 
-    def place(
-        self, stamp_ns: int, parent: str, child: str, translation: Floats, rotation: Floats
-    ) -> None:
-        """Place a frame of a display's own; its latest place is logged with ``flush``.
-
-        Args:
-            stamp_ns: its time, nanoseconds.
-            parent: the frame it is placed in.
-            child: its name.
-            translation: (3,) metres.
-            rotation: (4,) quaternion x y z w.
-        """
-        self._placed[child] = _Placed(stamp_ns, parent, translation, rotation)
-
-    def add_static(self, transforms: Transforms) -> None:
+    def add_static(self, transforms: TfArrays) -> None:
         """Log a message of /tf_static: what changed in it, an entity a frame.
 
         Several static chunks on one entity would survive in a file only in part.
@@ -330,7 +286,7 @@ class TransformStream:
                 static=True,
             )
 
-    def _only_usable(self, transforms: Transforms) -> Transforms:
+    def _only_usable(self, transforms: TfArrays) -> TfArrays:
         """Leave out what tf2 ignores, too: its numbers are no transform."""
         usable = _usable(transforms.translations, transforms.rotations)
         if usable.all():
@@ -356,38 +312,31 @@ class TransformStream:
 
     def flush(self) -> bool:
         """Log what was collected in one call; True if there was anything."""
-        pending, placed = self._pending, self._placed
-        if not pending and not placed:
+        pending, self._pending = self._pending, []
+        if not pending:
             return False
-        self._pending, self._placed = [], {}
         batch = [item for _, item in pending]
-        ours = placed.values()
-        stamps = _stack([item.stamps_ns for item in batch], [p.stamp_ns for p in ours])
-        translations = _stack([i.translations for i in batch], [p.translation for p in ours])
-        rotations = _stack([i.rotations for i in batch], [p.rotation for p in ours])
+        stamps = np.concatenate([item.stamps_ns for item in batch])
+        translations = np.concatenate([item.translations for item in batch])
+        rotations = np.concatenate([item.rotations for item in batch])
         if not _usable(translations, rotations).all():
             for stamp_ns, item in pending:
                 self.add(stamp_ns, self._only_usable(item))
-            self._placed = {child: p for child, p in placed.items() if p.usable}
             return self.flush()
-        latest = max((stamp_ns for stamp_ns, _ in pending), default=0) + OTHER_CLOCK_NS
-        if not stamps.all() or (batch and stamps.max() > latest):
+        latest = max(stamp_ns for stamp_ns, _ in pending) + OTHER_CLOCK_NS
+        if not stamps.all() or stamps.max() > latest:
             instead = [np.full(len(item.children), stamp_ns) for stamp_ns, item in pending]
-            stamps = _sane(stamps, _stack(instead, [p.stamp_ns for p in ours]))
-        names = self._names.columns(
-            [(item.parents, item.children) for item in batch],
-            [(place.parent, child) for child, place in placed.items()],
-        )
+            stamps = _sane(stamps, np.concatenate(instead))
+        names = self._names.columns([(item.parents, item.children) for item in batch])
         self._send(stamps, translations, rotations, names)
-        if batch:
-            self._remember(batch, int(stamps.max()))
+        self._remember(batch, int(stamps.max()))
         return True
 
-    def _remember(self, batch: Sequence[Transforms], latest_ns: int) -> None:
+    def _remember(self, batch: Sequence[TfArrays], latest_ns: int) -> None:
         """Update ``frames``, and log anew the frames that have not come for a while."""
         now = time.monotonic()
         # Of each list of frames, in the order in which they came last.
-        found: dict[int, list[Transforms]] = {}
+        found: dict[int, list[TfArrays]] = {}
         for item in batch:
             same = found.pop(id(item.children), [])
             same.append(item)
@@ -396,8 +345,8 @@ class TransformStream:
             self._frames.update(*_columns(items[-1]), history=items)
             self._received[names] = (items[-1].children, now)
         self._latest_ns = latest_ns
-        if now >= self._next_repeat:
-            self._next_repeat = now + REPEAT_AFTER / 2
+        if is_old(self._repeated_at):
+            self._repeated_at = now
             self._repeat_slow(now)
 
     def _sort_received(self) -> None:
@@ -409,7 +358,7 @@ class TransformStream:
     def _repeat_slow(self, now: float) -> None:
         """Log anew the frames that have not come for a while, at the time of the newest."""
         self._sort_received()
-        slow = [child for child, when in self._logged.items() if now - when > REPEAT_AFTER]
+        slow = [child for child, when in self._logged.items() if is_old(when)]
         if not slow:
             return
         edges = self._frames.edges
@@ -435,15 +384,10 @@ class TransformStream:
         )
 
 
-def _columns(transforms: Transforms) -> tuple[Sequence[str], Sequence[str], Floats, Floats]:
+def _columns(transforms: TfArrays) -> tuple[Sequence[str], Sequence[str], Floats, Floats]:
     return (
         transforms.parents,
         transforms.children,
         transforms.translations,
         transforms.rotations,
     )
-
-
-def _stack(arrays: Sequence[NDArray[Any]], rows: Sequence[Any]) -> NDArray[Any]:
-    """Put arrays, and then single rows, one below the other."""
-    return np.concatenate([*arrays, np.array(rows)] if rows else list(arrays))

@@ -1,0 +1,48 @@
+"""Subscriptions to a set of topics that changes, each with the QoS that its publishers offer."""
+
+import contextlib
+from collections.abc import Callable, Mapping
+
+from rclpy.node import Node
+
+from onebot_description.topic_subscription import (
+    TopicSubscription,
+    TypeConflictError,
+    compatible_qos,
+    offers,
+)
+
+
+class FollowedTopics:
+    """Subscribes to topics while somebody looks."""
+
+    def __init__(
+        self, node: Node, depth: int, subscribe: Callable[[str, str], TopicSubscription]
+    ) -> None:
+        """Start without any.
+
+        Args:
+            node: that subscribes.
+            depth: of the QoS.
+            subscribe: prepares the subscription to a topic, by its name and type.
+        """
+        self._node, self._depth, self._subscribe = node, depth, subscribe
+        self._subscriptions: dict[tuple[str, str], TopicSubscription] = {}
+
+    def update(self, topics: Mapping[str, str]) -> set[str]:
+        """Follow these topics, by name with their types; return the types of those that are left.
+
+        To be called several times per second: publishers come and go.
+        """
+        gone = self._subscriptions.keys() - topics.items()
+        for topic in gone:
+            self._subscriptions.pop(topic).close()
+        for name, kind in topics.items():
+            if (name, kind) not in self._subscriptions:
+                self._subscriptions[name, kind] = self._subscribe(name, kind)
+            offered = offers(self._node, name, [kind]).get(kind)
+            if offered:
+                with contextlib.suppress(TypeConflictError):  # the page steers this topic
+                    qos = compatible_qos(offered, self._depth)
+                    self._subscriptions[name, kind].update(kind, qos)
+        return {kind for _, kind in gone}

@@ -1,0 +1,447 @@
+"""Displays that draw topics, as most do: a drawing for each topic, or for each entry of a view.
+
+A message type is drawn by one class, which is all that there is to a display of this kind::
+
+    @by_topic
+    @dataclass(frozen=True)
+    class PathSettings(TopicSettings):
+        line_width: float = setting(0.02, "of the line, metres")
+
+    class PathDrawing(Drawing[PathSettings]):
+        key, Settings = "path", PathSettings
+        message_types = ("nav_msgs/msg/Path",)
+
+        def draw(self, message): ...  # -> Rerun's archetypes
+
+Messages are decoded by their type's definition (``onebot_description.wire.schema``), so that a
+type need not be installed. In a view file the settings are under the key, for all topics, and under
+``topics`` of that for one of them: ``path: {height: 0.1, topics: {/plan: {line_width: 0.1}}}``.
+"""
+
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, make_dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from numpy.typing import NDArray
+
+from onebot_bringup.viewer.columns import ColumnMaker, ReadyColumn, one_row, ready
+from onebot_bringup.viewer.displays.display import (
+    COLORS,
+    Display,
+    LayoutPart,
+    S,
+    below,
+    is_old,
+)
+from onebot_bringup.viewer.inbox import WARN_AFTER, MessageType, WantedTopic
+from onebot_bringup.viewer.settings import Color, one_of, setting
+
+if TYPE_CHECKING:
+    from onebot_bringup.viewer.stage import Stage
+
+AUTO = "auto"
+_RELIABILITIES = (AUTO, "reliable", "best_effort")
+DEPTH, DEPTH_HEAVY = 100, 5  # messages that wait in DDS, or for a transform
+PLACED_ENTITY = "placed"  # below which frames of our own are placed
+_MOST_AWAITED_NS = 1_000_000_000  # from one transform to the next, if the next is waited for
+
+Archetypes = Sequence[rr.AsComponents | ReadyColumn]
+Floats = NDArray[np.float64]
+T = TypeVar("T")
+
+
+# --- settings -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class TopicSettings:
+    """How a topic is drawn."""
+
+    visible: bool = setting(True, "draw it")
+
+
+@dataclass(frozen=True)
+class TopicQos:
+    """How one topic is subscribed, where that is not to follow from its publishers."""
+
+    reliability: str = setting(AUTO, "as the publishers are, or as named", one_of(*_RELIABILITIES))
+    depth: int = setting(0, "messages that wait in DDS; 0 for the usual number")
+
+
+def by_topic(kind: type[T]) -> type[T]:
+    """Add ``topics`` to settings: the same for one topic, and how it is subscribed."""
+    one = make_dataclass(f"{kind.__name__}OfTopic", [], bases=(kind, TopicQos), frozen=True)
+    topics: Any = ("topics", Mapping[str, one], field(default_factory=dict))  # type: ignore[valid-type]
+    made = make_dataclass(kind.__name__, [topics], bases=(kind,), frozen=True)
+    for each in (one, made):
+        each.__doc__, each.__module__ = kind.__doc__, kind.__module__
+    return made
+
+
+# --- drawings -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class TopicView(ABC):
+    """A view of one topic, under its name."""
+
+    entity: str
+    topic: str
+
+    @abstractmethod
+    def view(self) -> rrb.View:
+        """Return the view for Rerun."""
+
+
+class Drawing(ABC, Generic[S]):
+    """Draws the messages of one topic, each in place of the one before."""
+
+    # Of a display of message types:
+    key: ClassVar[str]  # in a view file, and of its ROS parameters
+    Settings: ClassVar[type]
+    message_types: ClassVar[tuple[str, ...]]  # as ROS has them, such as "nav_msgs/msg/Path"
+    named: ClassVar[bool] = False
+    heavy: ClassVar[bool] = False  # megabytes a second: only some topics are shown by themselves
+    live: ClassVar[bool] = True  # as of ``MessageType``
+    plots: ClassVar[bool] = False  # nothing of it is in the robots' own view
+    period_ns: ClassVar[int] = 0  # as of ``Display``
+    # Other topics of a topic: what their names end in, and their type.
+    others: ClassVar[Mapping[str, MessageType[Any]]] = {}
+
+    # How it is drawn:
+    stamped: ClassVar[bool] = True  # messages have a header, whose frame they are drawn in
+    placed: ClassVar[bool] = False  # drawn where the frame was at the time of the stamp
+    repeated: ClassVar[bool] = False  # logged again where messages come seldom: see REPEAT_AFTER
+    latest: ClassVar[bool] = False  # only the newest message of a flush is drawn
+    kept: ClassVar[int] = DEPTH  # messages that wait for a transform
+
+    def __init__(self, stage: "Stage", entity: str, settings: S, color: Color) -> None:
+        """Draw nothing yet.
+
+        Args:
+            stage: where to log.
+            entity: to log to.
+            settings: how to draw.
+            color: one of ours, where the settings have none.
+        """
+        self.stage, self.entity, self.settings = stage, entity, settings
+        self.color: Color = getattr(settings, "color", None) or color
+        self.frame = ""  # of the newest message, or of the one that is drawn; "" if in none
+        self.home = ""  # the frame that the entity is in
+        self.stamp_ns = 0  # of the message that is drawn
+        self.problems: dict[str, str] = {}  # what could not be drawn, the first of each kind
+        self._pending: list[tuple[int, Any]] = []
+        self._last: tuple[int, Any] | None = None  # drawn
+        self._logged_at = 0.0
+        self._frame_before = ""  # of the message that was logged, or waited, last
+        self._styled = False
+
+    @abstractmethod
+    def draw(self, message: Any) -> Archetypes:
+        """Return what replaces the message before at the entity; nothing to keep that.
+
+        Raises:
+            ValueError: the message cannot be drawn; says why, for a warning.
+        """
+
+    def style(self) -> Sequence[rr.AsComponents]:
+        """Return what is the same for all messages; logged once."""
+        return ()
+
+    def layout(self) -> LayoutPart:
+        """Return its part of the layout."""
+        return LayoutPart()
+
+    @classmethod
+    def is_duplicate(cls, topic: str, topics: Mapping[str, str]) -> bool:
+        """Whether another topic carries the same data, so this one need not be shown."""
+        return False
+
+    @property
+    def topic(self) -> str:
+        """The full name of its topic."""
+        return "/" + self.entity.partition("/")[2]
+
+    def frame_of(self, message: Any) -> str:
+        """Return the frame that a message names."""
+        return str(message.header.frame_id.lstrip("/")) if self.stamped else ""
+
+    def drawn_in(self) -> str:
+        """Return the frame that the entity is to be in."""
+        return self.frame
+
+    def pose(self) -> Floats | None:
+        """Return the (4, 4) pose of its frame in the fixed one, when the message was stamped.
+
+        None while no transforms connect them.
+        """
+        return self.stage.frames.pose(self.frame, self.stage.fixed_frame, self.stamp_ns)
+
+    def add(self, stamp_ns: int, message: Any) -> None:
+        """Add a message, to be logged by ``flush``."""
+        if self.stamped:
+            self.frame = self.frame_of(message) or self.frame
+            if not self.frame:
+                self.problems.setdefault("", "its header has no frame_id")
+                return
+        self._pending.append((stamp_ns, message))
+
+    def flush(self) -> None:
+        """Log what can be shown now; the last message again if that is long ago.
+
+        The others wait for a transform until a newer message is shown.
+        """
+        pending, self._pending = self._pending, []
+        if not pending and self.repeated and self._last is not None and is_old(self._logged_at):
+            pending = [self._last]
+        rows: list[tuple[int, Archetypes]] = []
+        for stamp_ns, message in pending[-1:] if self.latest else pending:
+            # Without a frame, as of an empty path, it is in that of the last.
+            frame = self._frame_before = self.frame_of(message) or self._frame_before
+            if not self._is_due(frame, stamp_ns):
+                self._pending.append((stamp_ns, message))
+                self.frame = frame
+                continue
+            if self._pending and frame != self.frame:
+                self.problems.setdefault("", f'messages in "{self.frame}" are not shown')
+                self._pending.clear()
+            self.frame, self.stamp_ns = frame, stamp_ns
+            self.home = self.drawn_in()
+            try:
+                archetypes = self.draw(message)
+            except ValueError as error:
+                self.problems.setdefault("", str(error))
+                archetypes = ()
+            self._last = stamp_ns, message
+            if archetypes:
+                rows.append((stamp_ns, [*archetypes, *_in_frame(self.home)]))
+        del self._pending[: -self.kept]
+        self._log_rows(rows)
+
+    def _is_due(self, frame: str, stamp_ns: int) -> bool:
+        """Whether a message can be shown: transforms lead from its frame to the fixed one.
+
+        A message newer than the last transform waits for the next one a moment, as in RViz.
+        """
+        stage = self.stage
+        if not frame:
+            return True
+        if not stage.connected(frame):
+            return False
+        ahead_ns = stamp_ns - stage.frames.known_until(frame) if self.placed else 0
+        waits = 0 <= stage.now_ns - stamp_ns < stage.transform_timeout_ns
+        return not (waits and 0 < ahead_ns < _MOST_AWAITED_NS)
+
+    def _log_rows(self, rows: Sequence[tuple[int, Archetypes]]) -> None:
+        if not rows:
+            return
+        self._logged_at = time.monotonic()
+        if not self._styled:
+            self._styled = True
+            for component in self.style():
+                self.stage.recording.log(self.entity, component, static=True)
+        self.stage.log_rows(self.entity, rows)
+
+    def place(self, parent: str, child: str, pose: Floats) -> None:
+        """Place a frame of our own, at the stamp of the message that is drawn.
+
+        It is logged to an entity that is never cleared, since what is drawn needs it.
+
+        Args:
+            parent: the frame it is placed in.
+            child: its name.
+            pose: (4, 4).
+        """
+        columns = _TRANSLATION.row(pose[:3, 3]), _ROTATION.row(pose[:3, :3].T)  # by columns
+        entity = below(PLACED_ENTITY, child)
+        self.stage.log_row(entity, self.stamp_ns, *columns, *_frames(parent, child))
+
+    def erase(self) -> None:
+        """Remove what is drawn, from its last time on.
+
+        What is logged later at that very time is drawn: a latched message, shown again.
+        """
+        if self._last is not None:
+            self.stage.clear(self.entity, self._last[0], self.home)
+
+    def replace(self, before: "Drawing[S]") -> None:
+        """Take over the last and the pending messages of a drawing with other settings."""
+        self.frame = self._frame_before = before.frame
+        self._pending.extend([before._last] if before._last is not None else [])
+        self._pending.extend(before._pending)
+
+
+_TRANSLATION = ColumnMaker(rr.Transform3D.columns(translation=[(0.0, 0.0, 0.0)]))
+_ROTATION = ColumnMaker(rr.Transform3D.columns(mat3x3=[np.eye(3)]))
+
+
+@lru_cache(maxsize=128)
+def _in_frame(frame: str) -> Archetypes:
+    return one_row(rr.CoordinateFrame(frame)) if frame else ()
+
+
+@lru_cache(maxsize=128)
+def _frames(parent: str, child: str) -> Archetypes:
+    return ready(rr.Transform3D.columns(parent_frame=[parent], child_frame=[child]))
+
+
+def topic_entity(key: str, topic: str) -> str:
+    """Return the entity of a topic that the display ``key`` draws."""
+    return rr.new_entity_path([key, *topic.strip("/").split("/")]).lstrip("/")
+
+
+# --- displays -------------------------------------------------------------------------------------
+
+
+class DrawingsDisplay(Display[S]):
+    """A display of several drawings of one kind."""
+
+    noun: str  # one of them, in warnings
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self.items: dict[str, Drawing[Any]] = {}
+        self._topics: dict[str, Sequence[WantedTopic]] = {}  # of each item
+        self._made_of: dict[str, tuple[Any, Color]] = {}
+        self._waiting_since: dict[str, float] = {}
+
+    @abstractmethod
+    def wanted(self, settings: S) -> Mapping[str, tuple[Sequence[WantedTopic], Any]]:
+        """Return for each drawing, by its name, its topics and its settings."""
+
+    @abstractmethod
+    def make(self, name: str, settings: Any, color: Color) -> Drawing[Any]:
+        """Return a new drawing; ``color`` where its settings have none."""
+
+    def apply(self, settings: S) -> None:
+        """Redraw what has other settings; erase what is gone."""
+        wanted, before = self.wanted(settings), self.items
+        colors = {name: color for name, (_, color) in self._made_of.items() if name in wanted}
+        self.items, made_of = {}, {}
+        for name, (_, of) in wanted.items():
+            if name not in colors:  # others keep theirs, whatever is published besides
+                colors[name] = min(COLORS, key=[*colors.values()].count)
+            made_of[name] = of, colors[name]
+            same = self._made_of.get(name) == made_of[name]
+            self.items[name] = before[name] if same else self.make(name, *made_of[name])
+        self._topics = {name: topics for name, (topics, _) in wanted.items()}
+        self._made_of = made_of
+        for name, drawing in before.items():
+            new = self.items.get(name)
+            if new is not drawing:
+                drawing.erase()
+                if new is not None:
+                    new.replace(drawing)
+
+    def topics(self) -> Sequence[WantedTopic]:
+        """Return the topics of each drawing."""
+        return [topic for topics in self._topics.values() for topic in topics]
+
+    def add(self, topic: str, kind: MessageType[Any], messages: Sequence[tuple[int, Any]]) -> None:
+        """Pass messages to the drawings of their topic."""
+        for name, topics in self._topics.items():
+            if any(each.name == topic for each in topics):
+                for stamp_ns, message in messages:
+                    self.items[name].add(stamp_ns, message)
+
+    def flush(self) -> None:
+        """Log what can be shown."""
+        for drawing in self.items.values():
+            drawing.flush()
+
+    def layout(self) -> LayoutPart:
+        """Return what its drawings add: what is in the robots' view needs nothing."""
+        if not self.items:  # as of most displays; it is called with every tick
+            return _NO_PART
+        parts = [drawing.layout() for drawing in self.items.values()]
+        return LayoutPart(
+            views=tuple(view for part in parts for view in part.views),
+            hidden=tuple(entity for part in parts for entity in part.hidden),
+            shown=tuple(entity for part in parts for entity in part.shown),
+            windows=tuple(window for part in parts for window in part.windows),
+            wide=tuple(view for part in parts for view in part.wide),
+        )
+
+    def warnings(self) -> list[str]:
+        """Return which drawings have waited long for a transform, and what cannot be drawn."""
+        waiting = [
+            f'{self.noun} "{name}" is in the frame "{drawing.frame}", which no transform connects '
+            f'with "{self.stage.fixed_frame}": not shown until /tf or /tf_static brings one'
+            for name, drawing in self.items.items()
+            if self._waits_long(name, drawing.frame)
+        ]
+        problems = [
+            f'{self.noun} "{name}": {text}'
+            for name, drawing in self.items.items()
+            for text in drawing.problems.values()
+        ]
+        return waiting + problems
+
+    def _waits_long(self, name: str, frame: str) -> bool:
+        if not frame or self.stage.connected(frame):
+            self._waiting_since.pop(name, None)
+            return False
+        now = self.stage.clock()
+        return now - self._waiting_since.setdefault(name, now) > WARN_AFTER
+
+
+_NO_PART = LayoutPart()
+
+
+class MessageDisplay(DrawingsDisplay[Any]):
+    """Draws the topics of some message types, whichever robot's they are, as RViz does."""
+
+    def __init__(self, stage: "Stage", draws: type[Drawing[Any]]) -> None:
+        super().__init__(stage)
+        self.draws = draws
+        self.key = draws.key
+        self.noun = draws.key.replace("_", " ")
+        self.period_ns, self.plots = draws.period_ns, draws.plots
+        self._offered: Mapping[str, str] = {}
+
+    def offer(self, topics: Mapping[str, str]) -> bool:
+        """Draw these topics, and no others, from the next ``apply`` on.
+
+        Args:
+            topics: the type of each by its full name.
+
+        Returns:
+            Whether they are others than before.
+        """
+        before, self._offered = self._offered, topics
+        return topics != before
+
+    def wanted(self, settings: Any) -> Mapping[str, tuple[Sequence[WantedTopic], Any]]:
+        """Return how each topic is subscribed, and its settings."""
+        by_name = {self.full_name(name): one for name, one in settings.topics.items()}
+        return {
+            topic: (self._subscriptions(topic, by_name.get(topic)), by_name.get(topic, settings))
+            for topic in self._offered
+        }
+
+    def _subscriptions(self, topic: str, qos: TopicQos | None) -> Sequence[WantedTopic]:
+        """Return how a topic is subscribed: by its type's definition, reliable if it is."""
+        qos, draws = qos or TopicQos(), self.draws
+        own = WantedTopic(
+            topic,
+            (self.stage.message_type(self._offered[topic], live=draws.live),),
+            reliable=qos.reliability == "reliable",
+            optional=True,
+            as_published=qos.reliability == AUTO,
+            depth=qos.depth or (DEPTH_HEAVY if draws.heavy else DEPTH),
+        )
+        others = (
+            WantedTopic(topic + end, (kind,), optional=True, as_published=True)
+            for end, kind in draws.others.items()
+        )
+        return [own, *others]
+
+    def make(self, name: str, settings: Any, color: Color) -> Drawing[Any]:
+        """Return the drawing of a topic."""
+        return self.draws(self.stage, topic_entity(self.draws.key, name), settings, color)

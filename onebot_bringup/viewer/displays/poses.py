@@ -1,0 +1,282 @@
+"""Poses as arrows or axes (PoseStamped, PoseArray), also with what is known of their covariance.
+
+A covariance is drawn as an ellipse around the place, on the ground of the message's frame, and a
+sector around the heading.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from onebot_bringup.viewer.displays.display import drawable
+from onebot_bringup.viewer.displays.drawing import (
+    Archetypes,
+    Drawing,
+    Floats,
+    TopicSettings,
+    by_topic,
+)
+from onebot_bringup.viewer.settings import Color, color, one_of, setting
+from onebot_description.model.quaternions import rotate, to_matrix
+
+ARROW, AXES, FLAT, SOLID = "Arrow", "Axes", "Arrow (Flat)", "Arrow (3D)"
+AXIS_COLORS = np.array([(204, 51, 51), (51, 204, 51), (51, 102, 255)], np.uint8)
+# A flat arrow of length 1: its shaft, and both sides of its head.
+_FLAT = np.array([(0, 0, 0), (1, 0, 0), (0.75, 0.2, 0), (1, 0, 0), (0.75, -0.2, 0)], float)
+_WIDTH: Any = [rr.Radius.ui_points(0.75)]  # of the lines of flat arrows and outlines
+_FITTING = "0: in proportion to the robot"
+
+
+@dataclass(frozen=True)
+class PoseShape(TopicSettings):
+    """Poses as arrows along x, or as axes."""
+
+    shape: str = setting(ARROW, "Arrow or Axes", one_of(ARROW, AXES))
+    color: Color | None = setting(None, "of arrows, sRGB bytes; by default one of ours", color)
+    shaft_length: float = setting(0.0, f"of an arrow, metres; {_FITTING}")
+    shaft_radius: float = setting(0.0, f"of an arrow, metres; {_FITTING}")
+    head_length: float = setting(0.0, f"of an arrow, metres; {_FITTING}")
+    axes_length: float = setting(0.0, f"metres; {_FITTING}")
+    axes_radius: float = setting(0.0, f"metres; {_FITTING}")
+
+
+L = TypeVar("L", bound=PoseShape)
+
+
+class PosesDrawing(Drawing[L]):
+    """Draws poses."""
+
+    _fitted_to = 0.0  # the robot's size when they were drawn, m
+
+    @property
+    def is_fitted(self) -> bool:
+        """Whether what is drawn is in proportion to the robot."""
+        return self._last is not None and self._fitted_to == self.stage.robot_size
+
+    def flush(self) -> None:
+        """Log what can be shown now; the last message again for a robot of another size."""
+        if self._last is not None and not self.is_fitted and not self._pending:
+            self._pending.append(self._last)
+        super().flush()
+
+    def shapes(self, poses: Floats) -> list[rr.AsComponents]:
+        """Return the shapes of poses (N, 7): x y z in metres, and a quaternion of any length."""
+        look, places, turns = self.settings, poses[:, :3], to_matrix(poses[:, 3:])
+        self._fitted_to = self.stage.robot_size
+        unit = self._fitted_to / 2 or 1.0  # m; RViz's are for a robot of 2 m
+        if look.shape == AXES:
+            vectors = (look.axes_length or unit) * turns.transpose(0, 2, 1).reshape(-1, 3)
+            origins, colors = np.repeat(places, 3, axis=0), np.tile(AXIS_COLORS, (len(poses), 1))
+            radii = [look.axes_radius or 0.1 * unit]
+            return [rr.Arrows3D(vectors=vectors, origins=origins, colors=colors, radii=radii)]
+        vectors = ((look.shaft_length or unit) + (look.head_length or 0.3 * unit)) * turns[:, :, 0]
+        radii = [look.shaft_radius or 0.05 * unit]
+        return [rr.Arrows3D(vectors=vectors, origins=places, colors=[self.color], radii=radii)]
+
+
+def one_pose(pose: Any) -> Floats:
+    """Return a pose as (1, 7).
+
+    Raises:
+        ValueError: it is not finite.
+    """
+    poses = drawable(pose.array()[None])
+    if not len(poses):
+        raise ValueError("its pose is not finite")
+    return poses
+
+
+# --- poses ----------------------------------------------------------------------------------------
+
+
+@by_topic
+@dataclass(frozen=True)
+class PoseSettings(PoseShape):
+    """Poses as arrows along x, or as axes."""
+
+
+class PoseDrawing(PosesDrawing[PoseSettings]):
+    """The pose of one topic."""
+
+    key, Settings = "pose", PoseSettings
+    message_types = ("geometry_msgs/msg/PoseStamped",)
+    live, repeated = False, True
+
+    def draw(self, message: Any) -> Archetypes:
+        return self.shapes(one_pose(message.pose))
+
+
+@by_topic
+@dataclass(frozen=True)
+class PoseArraySettings(PoseShape):
+    """Many poses, as flat arrows along x, as arrows, or as axes."""
+
+    shape: str = setting(FLAT, "Arrow (Flat), Arrow (3D) or Axes", one_of(FLAT, SOLID, AXES))
+    arrow_length: float = setting(0.3, "of a flat arrow, metres")
+    shaft_length: float = setting(0.23, "of an arrow, metres")
+    shaft_radius: float = setting(0.01, "of an arrow, metres")
+    head_length: float = setting(0.07, "of an arrow, metres")
+    axes_length: float = setting(0.3, "metres")
+    axes_radius: float = setting(0.01, "metres")
+
+
+class PoseArrayDrawing(PosesDrawing[PoseArraySettings]):
+    """The poses of one topic, such as the particles of a localization."""
+
+    key, Settings = "pose_array", PoseArraySettings
+    message_types = ("geometry_msgs/msg/PoseArray",)
+    live, repeated = False, True
+
+    def draw(self, message: Any) -> Archetypes:
+        """Return the shapes of the poses that are finite; none of an empty array."""
+        poses = drawable(message.poses.array())
+        if self.settings.shape != FLAT:
+            return self.shapes(poses)
+        self._fitted_to = self.stage.robot_size
+        turns = to_matrix(poses[:, 3:]).transpose(0, 2, 1)
+        outline = self.settings.arrow_length * _FLAT @ turns + poses[:, None, :3]
+        return [rr.LineStrips3D(outline, colors=[self.color], radii=_WIDTH)]
+
+
+# --- covariances ----------------------------------------------------------------------------------
+
+# Of an outline, which has one point more: its first again.
+CORNERS = 48
+# An eigenvalue this much below zero, of the largest one, is rounding; more is no covariance.
+_ROUNDING = 1e-9
+_LARGEST_AXIS = 100.0  # half an axis beyond this (metres) means "unknown", as 1e6 in a covariance
+FILL_ALPHA = 45
+
+
+class Ellipse(NamedTuple):
+    """Standard deviations: metres along the longer axis and across it, and its direction (rad)."""
+
+    along: float
+    across: float
+    angle: float
+
+
+def place_ellipse(covariance: Floats) -> Ellipse | None:
+    """Return how far the place scatters on the ground.
+
+    Args:
+        covariance: (36,) of a pose, row by row: x, y, z in m and the angles about x, y, z in rad.
+
+    Returns:
+        None if it is unknown (all zero, negative, not finite) or no covariance at all. If one
+        direction is sure, ``across`` is zero.
+    """
+    xx, xy, yx, yy = (float(covariance[i]) for i in (0, 1, 6, 7))
+    if not all(map(math.isfinite, (xx, xy, yx, yy))) or xx < 0 or yy < 0:
+        return None
+    xy = (xy + yx) / 2
+    mean, half = (xx + yy) / 2, math.hypot((xx - yy) / 2, xy)
+    largest, smallest = mean + half, mean - half
+    if largest <= 0 or smallest < -_ROUNDING * largest:
+        return None
+    angle = math.atan2(2 * xy, xx - yy) / 2
+    return Ellipse(math.sqrt(largest), math.sqrt(max(0.0, smallest)), angle)
+
+
+def heading_deviation(covariance: Floats) -> float | None:
+    """Return the standard deviation of the yaw, rad; None if it is unknown, as above."""
+    variance = float(covariance[35])
+    return math.sqrt(variance) if math.isfinite(variance) and variance > 0 else None
+
+
+def ellipse_outline(ellipse: Ellipse, sigma: float) -> Floats:
+    """Return (49, 3) points around an ellipse of ``sigma`` deviations, closed, metres."""
+    turns = np.linspace(0.0, 2 * math.pi, CORNERS + 1)
+    x, y = sigma * ellipse.along * np.cos(turns), sigma * ellipse.across * np.sin(turns)
+    cos, sin = math.cos(ellipse.angle), math.sin(ellipse.angle)
+    return np.column_stack([cos * x - sin * y, sin * x + cos * y, np.zeros_like(turns)])
+
+
+def sector_outline(deviation: float, sigma: float, radius: float) -> Floats:
+    """Return (49, 3) points around a sector of ``sigma`` deviations to either side of x, metres."""
+    half = min(math.pi, sigma * deviation)
+    turns = np.linspace(-half, half, CORNERS - 1)
+    arc = radius * np.column_stack([np.cos(turns), np.sin(turns), np.zeros_like(turns)])
+    middle = np.zeros((1, 3))
+    return np.concatenate([middle, arc, middle])
+
+
+def outlines(
+    covariance: Floats, sigma: float, radius: float
+) -> tuple[Floats | None, Floats | None]:
+    """Return what is drawn of a covariance.
+
+    Args:
+        covariance: (36,) as above.
+        sigma: how many standard deviations the shapes are wide.
+        radius: of the sector, metres; 0 for none.
+
+    Returns:
+        The outlines (49, 3) of the ellipse and of the sector, metres; None for what is unknown.
+    """
+    ellipse, deviation = place_ellipse(covariance), heading_deviation(covariance)
+    known_place = ellipse is not None and 0 < sigma * ellipse.along <= _LARGEST_AXIS
+    return (
+        ellipse_outline(ellipse, sigma) if ellipse is not None and known_place else None,
+        sector_outline(deviation, sigma, radius)
+        if deviation is not None and sigma * radius > 0
+        else None,
+    )
+
+
+def fan() -> NDArray[np.int64]:
+    """Return the triangles of the surface that an outline encloses."""
+    return np.array([(0, i, i + 1) for i in range(1, CORNERS)])
+
+
+def yaw_only(rotation: Floats) -> Floats:
+    """Return the turn about z alone of a quaternion x y z w, of length 1."""
+    length = math.hypot(rotation[2], rotation[3])
+    if not 0 < length < math.inf:
+        return np.array([0.0, 0.0, 0.0, 1.0])
+    return np.array([0.0, 0.0, rotation[2] / length, rotation[3] / length])
+
+
+@by_topic
+@dataclass(frozen=True)
+class PoseWithCovarianceSettings(PoseShape):
+    """A pose as an arrow along x or as axes, with an ellipse and a sector of its covariance."""
+
+    covariance: bool = setting(True, "show it")
+    sigma: float = setting(3.0, "how many standard deviations they are wide")
+    heading: float = setting(0.5, "radius of the sector, metres; 0 for none")
+
+
+class PoseWithCovarianceDrawing(PosesDrawing[PoseWithCovarianceSettings]):
+    """The pose of one topic, such as that of a localization, and its covariance if it is known."""
+
+    key, Settings = "pose_with_covariance", PoseWithCovarianceSettings
+    message_types = ("geometry_msgs/msg/PoseWithCovarianceStamped",)
+    live, repeated = False, True
+
+    def draw(self, message: Any) -> Archetypes:
+        poses = one_pose(message.pose.pose)
+        lines = self._outlines(poses[0], message.pose.covariance)
+        triangles = [fan() + sum(map(len, lines[:row])) for row in range(len(lines))]
+        return [
+            *self.shapes(poses),
+            rr.LineStrips3D(lines, colors=[self.color], radii=_WIDTH),
+            rr.Mesh3D(
+                vertex_positions=np.concatenate(lines) if lines else np.empty((0, 3)),
+                triangle_indices=np.concatenate(triangles) if lines else np.empty((0, 3), int),
+                albedo_factor=(*self.color, FILL_ALPHA),
+            ),
+        ]
+
+    def _outlines(self, pose: Floats, covariance: Floats) -> list[Floats]:
+        """Return the outlines at a pose (7,)."""
+        if not self.settings.covariance:
+            return []
+        ellipse, sector = outlines(covariance, self.settings.sigma, self.settings.heading)
+        if sector is not None:
+            sector = rotate(yaw_only(pose[3:]), sector)
+        return [outline + pose[:3] for outline in (ellipse, sector) if outline is not None]

@@ -1,0 +1,264 @@
+"""Message types that are drawn as a shape or two: paths, polygons, points, ranges, accelerations.
+
+Each is its settings and a drawing; see ``drawing``.
+"""
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import rerun as rr
+
+from onebot_bringup.viewer.displays.display import LARGEST, SELDOM, drawable
+from onebot_bringup.viewer.displays.drawing import (
+    Archetypes,
+    Drawing,
+    Floats,
+    TopicSettings,
+    by_topic,
+)
+from onebot_bringup.viewer.settings import Color, color, fraction, height, setting
+from onebot_description.model.quaternions import to_matrix
+from onebot_description.parameters.reader import parameter
+
+# --- paths ----------------------------------------------------------------------------------------
+
+
+@by_topic
+@dataclass(frozen=True)
+class PathSettings(TopicSettings):
+    """Lines along planned paths."""
+
+    color: Color | None = setting(None, "sRGB bytes; by default one of ours a topic", color)
+    line_width: float = setting(0.02, "of the lines, metres")
+    height: float = setting(0.0, "metres above the poses; negative to lay it on the ground", height)
+
+
+class PathDrawing(Drawing[PathSettings]):
+    """A planned path as a line; an empty one clears it."""
+
+    key, Settings = "path", PathSettings
+    message_types = ("nav_msgs/msg/Path",)
+    live, repeated = False, True
+    period_ns = SELDOM
+
+    def style(self) -> list[rr.AsComponents]:
+        return [_strips(colors=[self.color], radii=[self.settings.line_width / 2])]
+
+    def draw(self, message: Any) -> Archetypes:
+        points = drawable(message.poses.pose.position.array()) + (0.0, 0.0, self.settings.height)
+        return [_strips(strips=[points] if len(points) else [])]
+
+
+_strips = rr.LineStrips3D.from_fields
+
+# --- polygons -------------------------------------------------------------------------------------
+
+
+@by_topic
+@dataclass(frozen=True)
+class PolygonSettings(TopicSettings):
+    """Polygons as closed lines."""
+
+    color: Color | None = setting(None, "sRGB bytes; by default one of ours a topic", color)
+    width: float = setting(0.0, "of the line, metres; 0 for two pixels, however far away it is")
+
+
+class PolygonDrawing(Drawing[PolygonSettings]):
+    """A polygon, such as a robot's footprint, as a closed line; one without points clears it."""
+
+    key, Settings = "polygon", PolygonSettings
+    message_types = ("geometry_msgs/msg/PolygonStamped",)
+    repeated = True
+
+    def style(self) -> list[rr.AsComponents]:
+        # A negative radius is in pixels.
+        return [_strips(colors=[self.color], radii=[self.settings.width / 2 or -1.0])]
+
+    def draw(self, message: Any) -> Archetypes:
+        points = drawable(message.polygon.points.array())
+        return [_strips(strips=[np.concatenate([points, points[:1]])] if len(points) else [])]
+
+
+# --- points ---------------------------------------------------------------------------------------
+
+
+@by_topic
+@dataclass(frozen=True)
+class PointStampedSettings(TopicSettings):
+    """Points as spheres."""
+
+    color: Color | None = setting(None, "sRGB bytes; by default one of ours a topic", color)
+    radius: float = setting(0.2, "metres")
+    history_length: int = parameter(1, "points that are shown", at_least=1, at_most=10_000)
+
+
+class PointStampedDrawing(Drawing[PointStampedSettings]):
+    """The last points of one topic, such as those clicked in the page."""
+
+    key, Settings = "point_stamped", PointStampedSettings
+    message_types = ("geometry_msgs/msg/PointStamped",)
+    repeated = True
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self._history: deque[Any] = deque(maxlen=self.settings.history_length)
+        self._history_frame = ""
+
+    def style(self) -> list[rr.AsComponents]:
+        return [rr.Points3D.from_fields(colors=[self.color], radii=[self.settings.radius])]
+
+    def draw(self, message: Any) -> Archetypes:
+        place = message.point.array()
+        if not (np.abs(place) <= LARGEST).all():
+            raise ValueError("its point is not finite")
+        if self._history_frame != self.frame:
+            self._history_frame = self.frame
+            self._history.clear()
+        if self._last is None or message is not self._last[1]:  # not logged again
+            self._history.append(place)
+        return [rr.Points3D.from_fields(positions=np.array(self._history))]
+
+    def replace(self, before: Drawing[PointStampedSettings]) -> None:
+        super().replace(before)
+        assert isinstance(before, PointStampedDrawing)
+        self._history.extend(before._history)
+        self._history_frame, self._last = before._history_frame, before._last
+
+
+# --- ranges ---------------------------------------------------------------------------------------
+
+_CORNERS = 32  # of the base of a cone
+_WIDEST = math.radians(170)
+
+
+@by_topic
+@dataclass(frozen=True)
+class RangeSettings(TopicSettings):
+    """Cones of range sensors."""
+
+    color: Color = setting((255, 255, 255), "sRGB bytes", color)
+    alpha: float = setting(0.5, "1.0 hides what is behind", fraction)
+
+
+class RangeDrawing(Drawing[RangeSettings]):
+    """The cone of radiation of a sensor up to what it measured, as in RViz."""
+
+    key, Settings = "range", RangeSettings
+    message_types = ("sensor_msgs/msg/Range",)
+
+    def style(self) -> list[rr.AsComponents]:
+        """Return the colour, and the triangles: around the tip, and of the base."""
+        this = np.arange(_CORNERS) + 1
+        following = np.roll(this, -1)
+        side = np.column_stack([np.zeros_like(this), following, this])
+        base = np.column_stack([np.full_like(this, _CORNERS + 1), this, following])
+        return [
+            rr.Mesh3D.from_fields(
+                triangle_indices=np.concatenate([side, base]),
+                albedo_factor=(*self.color, round(255 * self.settings.alpha)),
+                face_rendering="Front",  # else the far side shines through
+            )
+        ]
+
+    def draw(self, message: Any) -> Archetypes:
+        """Return the cone along x; none where nothing was detected."""
+        reach, angle = displayed_range(message), float(message.field_of_view)
+        if not (0.0 < angle and reach <= LARGEST):
+            raise ValueError(f"its field of view is {angle:g} rad, its range {reach:g} m")
+        radius = reach * math.tan(min(angle, _WIDEST) / 2)
+        turns = np.linspace(0.0, 2 * math.pi, _CORNERS, endpoint=False)
+        base = np.column_stack(
+            [np.full_like(turns, reach), radius * np.cos(turns), radius * np.sin(turns)]
+        )
+        corners = np.concatenate([np.zeros((1, 3)), base, [(reach, 0.0, 0.0)]])
+        return [rr.Mesh3D.from_fields(vertex_positions=corners if reach else [])]
+
+
+def displayed_range(message: Any) -> float:
+    """Return how far the cone goes, metres; 0 for none.
+
+    A sensor that detects at one distance (``min_range`` is ``max_range``) reports -inf for
+    something in its range, and +inf for nothing.
+    """
+    measured, least, most = message.range, message.min_range, message.max_range
+    if least <= measured <= most:
+        return float(measured)
+    return float(least) if least == most and measured == -math.inf else 0.0
+
+
+# --- inertial sensors -----------------------------------------------------------------------------
+
+_AXES: tuple[Color, ...] = ((255, 60, 60), (60, 220, 60), (80, 120, 255))  # x, y, z
+_SLIMNESS = 40  # an axis is so many times longer than thick
+_PERIOD_NS = 45_000_000  # hundreds may come in a second
+_UNKNOWN = -1.0  # as the first number of a covariance: the sensor does not measure it
+
+
+@by_topic
+@dataclass(frozen=True)
+class ImuSettings(TopicSettings):
+    """Inertial sensors."""
+
+    axes: bool = setting(True, "draw the orientation, in the fixed frame")
+    axes_scale: float = setting(0.3, "length of the axes, metres")
+    acceleration: bool = setting(True, "draw the acceleration, gravity with it")
+    acceleration_scale: float = setting(0.05, "metres for a metre per second squared")
+    color: Color | None = setting(None, "of it, sRGB bytes; by default one of ours", color)
+
+
+class ImuDrawing(Drawing[ImuSettings]):
+    """The orientation as axes, the acceleration as an arrow, in the frame of the sensor."""
+
+    key, Settings = "imu", ImuSettings
+    message_types = ("sensor_msgs/msg/Imu",)
+    _drawn_ns = 0  # stamp of the message drawn last
+
+    def style(self) -> list[rr.AsComponents]:
+        radius = max(self.settings.axes_scale, 0.01) / _SLIMNESS / 2
+        return [rr.Arrows3D.from_fields(radii=[radius])]
+
+    def draw(self, message: Any) -> Archetypes:
+        """Return the arrows, some 20 times a second."""
+        if 0 < self.stamp_ns - self._drawn_ns < _PERIOD_NS:
+            return ()
+        self._drawn_ns = self.stamp_ns
+        turn = self._turn(message)
+        vectors: list[Any] = []
+        colors: list[Color] = []
+        if self.settings.axes and turn is not None:
+            vectors += (self.settings.axes_scale * turn.T).tolist()
+            colors += _AXES
+        if self.settings.acceleration and message.linear_acceleration_covariance[0] != _UNKNOWN:
+            measured = message.linear_acceleration
+            arrow = np.array([measured.x, measured.y, measured.z])
+            if not (np.abs(arrow) <= LARGEST).all():
+                raise ValueError("its acceleration is not finite")
+            arrow *= self.settings.acceleration_scale
+            # It is measured in the sensor's own axes, which are turned as the sensor reports.
+            vectors.append(arrow if turn is None else turn @ arrow)
+            colors.append(self.color)
+        return [rr.Arrows3D.from_fields(vectors=vectors, colors=colors)]
+
+    def _turn(self, message: Any) -> Floats | None:
+        """Return the measured orientation as a matrix (3, 3) from there to the sensor's frame.
+
+        It is that in the fixed frame, whatever the transforms of the sensor's frame are; None if it
+        is not measured.
+
+        Raises:
+            ValueError: it is no quaternion.
+        """
+        q = message.orientation
+        values = np.array([q.x, q.y, q.z, q.w])
+        if message.orientation_covariance[0] == _UNKNOWN:
+            return None
+        length = math.hypot(*values)
+        if not 0.0 < length <= LARGEST:
+            raise ValueError(f"its orientation {values.tolist()} is no quaternion")
+        pose = self.pose()
+        measured = to_matrix(values / length)
+        turn: Floats = measured if pose is None else pose[:3, :3].T @ measured
+        return turn

@@ -1,0 +1,350 @@
+"""The inbox: messages wait here until they are decoded together and passed to the displays.
+
+A message is shown at the time of its stamp (``Stamps``). Where more comes than can be drawn, old
+messages are dropped (``LoadLimit``).
+"""
+
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeVar
+
+from std_msgs.msg import String
+
+from onebot_description.wire.cdr import SYSTEM_TIME_NS, nanoseconds
+from onebot_description.wire.messages import BAD_MESSAGE, deserialize_message
+from onebot_description.wire.schema import Schema
+
+if TYPE_CHECKING:
+    from onebot_bringup.viewer.displays.display import Display
+
+T = TypeVar("T")
+Report = Callable[[Exception], object]
+
+OTHER_CLOCK_NS = 10_000_000_000  # times further apart than this are those of different clocks
+WARN_AFTER = 3.0  # seconds that a link, a frame or a transform may be missing without a warning
+_TF = "tf2_msgs/msg/TFMessage"
+
+
+# --- messages and topics ------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class MessageType(Generic[T]):
+    """A message type, and a decoder for batches of its messages."""
+
+    name: str  # as ROS has it, such as "nav_msgs/msg/Odometry"
+    # Messages in the order they came, and what is called with the error of a bad one -> a result
+    # for each, None for a bad one. Displays that use the same object share its results.
+    decode: Callable[[Sequence[bytes], Report], Sequence[T | None]]
+    stamp_ns: Callable[[T], int]  # of the header, nanoseconds; 0 for none
+    # Stamps are about the time of sending; false for types that are latched for long, as plans.
+    live: bool = True
+
+
+@lru_cache(maxsize=256)
+def message_type(name: str, definition: str, live: bool = True) -> "MessageType[Any]":
+    """Return a type whose messages are decoded by its definition, see ``Schema``.
+
+    Raises:
+        ValueError: the definition cannot be read.
+    """
+    schema = Schema.of(name, definition)
+    return MessageType(name, one_by_one(schema.read), _stamp_of(schema), live)
+
+
+def _stamp_of(schema: Schema) -> Callable[[Any], int]:
+    """Return what reads the stamp of a message: of its header, or its own."""
+    fields = schema.numeric_fields()
+    if "header.stamp.nanosec" in fields:
+        return lambda message: nanoseconds(message.header.stamp)
+    if "stamp.nanosec" in fields:
+        return lambda message: nanoseconds(message.stamp)
+    return lambda message: 0
+
+
+def one_by_one(read: Callable[[bytes], T]) -> Callable[[Sequence[bytes], Report], list[T | None]]:
+    """Return the ``decode`` of a type whose messages ``read`` decodes, or raises BAD_MESSAGE."""
+
+    def decode(messages: Sequence[bytes], report: Report) -> list[T | None]:
+        results: list[T | None] = []
+        for data in messages:
+            try:
+                results.append(read(data))
+            except BAD_MESSAGE as error:
+                report(error)
+                results.append(None)
+        return results
+
+    return decode
+
+
+DESCRIPTION: MessageType[str] = MessageType(
+    "std_msgs/msg/String",
+    one_by_one(lambda data: str(deserialize_message(data, String).data)),
+    lambda _: 0,
+)
+
+
+@dataclass(frozen=True)
+class WantedTopic:
+    """A topic to subscribe."""
+
+    name: str  # relative, so that the robot's namespace applies, or absolute
+    types: tuple[MessageType[Any], ...]  # the topic may have any of them
+    reliable: bool = False  # else best effort, which matches every publisher
+    latched: bool = False  # durability transient_local, which implies reliable
+    optional: bool = False  # subscribed only once it is published, if nothing else is shown of it
+    as_published: bool = False  # reliable if all publishers are: large messages need it
+    depth: int = 100  # messages that wait in DDS; of latched topics also publishers
+
+    def merged(self, other: "WantedTopic | None") -> "WantedTopic":
+        """Return one subscription for two displays, of the types that both take.
+
+        Raises:
+            ValueError: there is no such type.
+        """
+        if other is None:
+            return self
+        names = [kind.name for kind in self.types]
+        both = tuple(kind for kind in other.types if kind.name in names)
+        if not both:
+            raise ValueError(
+                f'the view\'s topic "{self.name}" cannot be subscribed as {" or ".join(names)}: '
+                f"something else is shown of it, as {other.types[0].name}"
+            )
+        return WantedTopic(
+            self.name,
+            both,
+            reliable=self.reliable or other.reliable,
+            latched=self.latched or other.latched,
+            optional=self.optional and other.optional,
+            as_published=self.as_published or other.as_published,
+            depth=max(self.depth, other.depth),
+        )
+
+
+# A topic by its full name, the display that takes it (none for a description), and how it wants it.
+Taker: TypeAlias = "tuple[str, Display[Any] | None, WantedTopic]"
+
+
+# --- queues ---------------------------------------------------------------------------------------
+
+
+class Inbox:
+    """Keeps messages until the displays that take them are due."""
+
+    def __init__(self, report: Callable[[str, Exception], object]) -> None:
+        """Keep nothing yet; ``report`` is called with the topic and the error of a bad message."""
+        self.topics: Mapping[str, WantedTopic] = {}  # to subscribe, by full names
+        self.stamps = Stamps()
+        self.report = report
+        self._queues: dict[tuple[str, str], _Queue] = {}
+
+    def set_takers(self, takers: Iterable[Taker]) -> list[str]:
+        """Make a queue for each topic and type; what waits of these is kept.
+
+        Returns:
+            What cannot be subscribed, a sentence each.
+        """
+        queues: dict[tuple[str, str], _Queue] = {}
+        topics: dict[str, WantedTopic] = {}
+        problems = []
+        for name, display, topic in takers:
+            try:
+                topics[name] = replace(topic, name=name).merged(topics.get(name))
+            except ValueError as error:
+                if not topic.optional:
+                    problems.append(str(error))
+                continue
+            for kind in topic.types:
+                queue = queues.setdefault((name, kind.name), _Queue())
+                # Several items of a display may be of one topic.
+                if display is not None and (display, topic.name, kind) not in queue.takers:
+                    queue.takers.append((display, topic.name, kind))
+        for (name, kind_name), queue in queues.items():
+            limits = [display.limit for display, *_ in queue.takers]
+            if all(limits):
+                queue.limits, queue.most = [each for each in limits if each], topics[name].depth
+            before = self._queues.get((name, kind_name))
+            if before is not None:
+                queue.messages, queue.times = before.empty()
+        self._queues, self.topics = queues, topics
+        return problems
+
+    def wants(self, topic: str, type_name: str) -> bool:
+        """Whether messages of a topic (its full name) of this type are taken."""
+        return (topic, type_name) in self._queues
+
+    def take(self, topic: str, type_name: str, data: bytes, time_ns: int) -> None:
+        """Keep a message; one that no display wants is ignored.
+
+        Args:
+            topic: its full name.
+            type_name: as ROS has it, such as "nav_msgs/msg/Odometry".
+            data: the serialized message.
+            time_ns: when it was received, nanoseconds.
+        """
+        queue = self._queues.get((topic, type_name))
+        if queue is not None:
+            queue.append(data, time_ns)
+
+    def deliver(self, displays: "Collection[Display[Any]]") -> None:
+        """Decode the messages of these displays, and pass them on."""
+        due = set(displays)
+        for (topic, _), queue in self._queues.items():
+            if not queue.messages or due.isdisjoint(display for display, *_ in queue.takers):
+                continue
+            messages, times = queue.empty()
+            decoded: dict[MessageType[Any], Sequence[tuple[int, Any]]] = {}
+            for display, name, kind in queue.takers:
+                if kind not in decoded:
+                    decoded[kind] = self._decoded(topic, kind, messages, times)
+                admitted = decoded[kind]
+                if display.limit is not None:
+                    admitted = display.limit.admit(admitted, map(len, messages))
+                display.add(name, kind, admitted)
+
+    def descriptions(self, topic: str) -> Sequence[tuple[int, str]]:
+        """Return the descriptions that have come on a topic, with their times, and keep none."""
+        return self._decoded(topic, DESCRIPTION, *self._queues[topic, DESCRIPTION.name].empty())
+
+    def _decoded(
+        self, topic: str, kind: MessageType[Any], messages: Sequence[bytes], times: Sequence[int]
+    ) -> list[tuple[int, Any]]:
+        results = kind.decode(messages, lambda error: self.report(topic, error))
+        return [
+            (self.stamps.display_time(kind.stamp_ns(message), time_ns, topic, kind), message)
+            for message, time_ns in zip(results, times, strict=True)
+            if message is not None
+        ]
+
+
+@dataclass
+class _Queue:
+    """Messages of one topic and type that wait to be decoded, and who takes them."""
+
+    messages: list[bytes] = field(default_factory=list)
+    times: list[int] = field(default_factory=list)
+    # A display, the topic as it names it, and how it wants messages decoded.
+    takers: "list[tuple[Display[Any], str, MessageType[Any]]]" = field(default_factory=list)
+    limits: "list[LoadLimit]" = field(default_factory=list)  # if each taker has one:
+    most: int = 0  # messages that wait then; of more, the oldest are dropped
+
+    def append(self, data: bytes, time_ns: int) -> None:
+        self.messages.append(data)
+        self.times.append(time_ns)
+        if self.limits and len(self.messages) > self.most:
+            del self.messages[0], self.times[0]
+            for limit in self.limits:
+                limit.dropped += 1
+
+    def empty(self) -> tuple[list[bytes], list[int]]:
+        """Return the messages and when each was received, and keep none."""
+        waiting = self.messages, self.times
+        self.messages, self.times = [], []
+        return waiting
+
+
+# --- stamps ---------------------------------------------------------------------------------------
+
+
+class Stamps:
+    """Chooses the time at which a message is shown: its stamp, or without one the receive time.
+
+    Messages without a stamp get the receive time, shifted to simulated time if the stamps of /tf,
+    or before there is any those of others, differ from it by more than 10 s. So do those from the
+    future: a message that is stamped years ahead would hold the viewer at that time.
+    """
+
+    def __init__(self) -> None:
+        self.warnings: dict[str, str] = {}  # of a wrong clock, by topic
+        self._shift = 0  # ns, from the receive time to the time of the stamps
+        self._has_tf = False
+        self._other_since: dict[str, int] = {}  # ns, by the topics whose clock differs
+
+    def display_time(
+        self, stamp_ns: int, time_ns: int, topic: str = "", kind: MessageType[Any] | None = None
+    ) -> int:
+        """Return the time, nanoseconds.
+
+        Args:
+            stamp_ns: of the header; 0 for none.
+            time_ns: when it was received.
+            topic: of the message, and
+            kind: its type; both are not needed without a stamp.
+        """
+        if SYSTEM_TIME_NS < time_ns < stamp_ns - OTHER_CLOCK_NS:
+            ahead = f"{(stamp_ns - time_ns) * 1e-9:.0f} s ahead of their receive time"
+            self.warnings.setdefault("", f"stamps {ahead} are ignored: is a clock wrong?")
+            stamp_ns = 0
+        if not stamp_ns:
+            return time_ns + self._shift
+        if kind is not None and kind.live:
+            self._compare(stamp_ns - time_ns, time_ns, topic, is_tf=kind.name == _TF)
+        return stamp_ns
+
+    def _compare(self, shift: int, time_ns: int, topic: str, *, is_tf: bool) -> None:
+        """Set the shift, or compare another with it."""
+        if is_tf or not self._has_tf:
+            self._has_tf = is_tf
+            self._shift = shift if abs(shift) > OTHER_CLOCK_NS else 0
+        elif abs(shift - self._shift) <= OTHER_CLOCK_NS:
+            self._other_since.pop(topic, None)
+        elif time_ns - self._other_since.setdefault(topic, time_ns) > WARN_AFTER * 1e9:
+            self.warnings[topic] = (
+                f"the stamps of {topic} are {shift * 1e-9:.0f} s from their receive time, "
+                f"those of /tf {self._shift * 1e-9:.0f} s: is a clock wrong?"
+            )
+
+
+# --- load -----------------------------------------------------------------------------------------
+
+# How much of its time the viewer may spend on one display, and seconds that it may save up.
+_SHARE, _SAVED = 0.25, 0.5
+_FADING, _FEW = 0.7, 0.1  # of the messages whose cost is known: what is left after each call
+_BYTES_PER_SECOND = 400e6  # that Rerun copies, encodes and sends on in threads of its own
+
+
+class LoadLimit:
+    """Drops old messages of a display whose topics bring more than can be shown.
+
+    The display has so many seconds of each second; what a message takes is measured.
+    """
+
+    def __init__(self) -> None:
+        self._left = _SAVED  # seconds
+        self._seconds = self._messages = 0.0  # that were spent on how many, of late
+        self._at: float | None = None
+        self._bytes = 0
+        self._count = 0
+        self.dropped = 0  # messages, in all
+
+    def ready(self, now: float) -> bool:
+        """Whether there is time for a message at ``now``, seconds."""
+        if self._at is not None:
+            self._left = min(_SAVED, self._left + _SHARE * max(0.0, now - self._at))
+        self._at = now
+        return self._left > 0.0
+
+    def admit(self, messages: Sequence[T], sizes: Iterable[int]) -> Sequence[T]:
+        """Return the newest messages that there is time for, one at least."""
+        cost = self._seconds / self._messages if self._messages else 0.0
+        most = max(1, int(self._left / cost)) if cost else len(messages)
+        self.dropped += max(0, len(messages) - most)
+        admitted = messages[-most:]
+        self._count += len(admitted)
+        self._bytes += sum(list(sizes)[-most:])
+        return admitted
+
+    def spent(self, seconds: float) -> None:
+        """Take the time that the messages admitted have taken, or those of a moment ago.
+
+        Some wait for a transform.
+        """
+        seconds += self._bytes / _BYTES_PER_SECOND
+        self._left -= seconds
+        if self._count or self._messages > _FEW:
+            self._seconds = _FADING * self._seconds + seconds
+            self._messages = _FADING * self._messages + self._count
+        self._bytes = self._count = 0

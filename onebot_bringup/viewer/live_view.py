@@ -1,0 +1,162 @@
+"""The view of a running viewer: its parameters and its file, whichever of them changes."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from std_srvs.srv import Trigger
+
+from onebot_bringup.viewer.view_config import ViewConfig
+from onebot_bringup.viewer.view_source import ViewSource
+from onebot_description.errors import OneBotError
+from onebot_description.parameters.reader import (
+    ConfigError,
+    Problem,
+    declare,
+    is_parameter,
+    refuse_undeclared,
+    replaced,
+    ros_parameter,
+    values_of,
+)
+from onebot_description.parameters.values import plain
+
+_FIXED_FRAME = "fixed_frame"
+_SAVE_TO = "save_view_to"
+
+
+class LiveView:
+    """Keeps the node's parameters and its view equal; a mistake is logged, and changes nothing.
+
+    Attributes:
+        source: has the view.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        own: Any,
+        apply: Callable[[], None],
+        use_blueprint: Callable[[Path], None],
+    ) -> None:
+        """Declare the settings as parameters, with the view's values where none are given.
+
+        Args:
+            node: whose parameters they are; it also serves ``~/save_view``.
+            own: the node's other parameters, with ``view`` and ``save_view_to``.
+            apply: called after each change of the view.
+            use_blueprint: called with the file of a layout that was edited.
+
+        Raises:
+            OneBotError: there is no such view, or a parameter has a value that it cannot have.
+        """
+        self._node, self._own, self._log = node, own, node.get_logger()
+        self._apply, self._use_blueprint = apply, use_blueprint
+        self.source = ViewSource(own.view, self._log.warning)
+        self._mirroring = False
+        self._refused: set[Path] = set()  # files with a mistake
+        self._declare()
+        self._mirror()
+        refuse_undeclared(node, ViewConfig)
+        node.add_on_set_parameters_callback(self._check)
+        node.add_post_set_parameters_callback(self._take)
+        node.create_service(Trigger, "~/save_view", self._save)
+
+    # --- parameters -----------------------------------------------------------------------------
+
+    def _declare(self) -> None:
+        usual = values_of(self.source.view)
+        problems: list[Problem] = []
+        for name, value in declare(self._node, ViewConfig, usual).items():
+            if value == usual[name] or (name == _FIXED_FRAME and value == ""):
+                continue
+            try:
+                self.source.change(name, value)
+            except ConfigError as error:
+                problems += error.problems
+        if problems:
+            raise ConfigError(problems)
+
+    def _mirror(self) -> None:
+        """Set the parameters to the settings of the view."""
+        stale = [
+            ros_parameter(name, value)
+            for name, value in values_of(self.source.view).items()
+            if plain(self._node.get_parameter(name).value) != value
+        ]
+        self._mirroring = True
+        try:
+            self._node.set_parameters(stale)
+        finally:
+            self._mirroring = False
+
+    def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+        view = self.source.view
+        try:
+            for parameter in parameters:
+                if parameter.name == _SAVE_TO:
+                    replaced(self._own, parameter.name, parameter.value)
+                elif is_parameter(ViewConfig, parameter.name):
+                    view = replaced(view, parameter.name, plain(parameter.value))
+        except ConfigError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _take(self, parameters: Sequence[Parameter]) -> None:
+        settings = [one for one in parameters if is_parameter(ViewConfig, one.name)]
+        if self._mirroring or not settings:
+            return
+        for one in settings:
+            self.source.change(one.name, plain(one.value))
+        self._apply()
+
+    def _save(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        to = str(self._node.get_parameter(_SAVE_TO).value)
+        try:
+            response.message = f"saved as {self.source.save(Path(to) if to else None)}"
+            response.success = True
+            self._log.info(f"the view was {response.message}")
+        except OneBotError as error:
+            response.success, response.message = False, str(error)
+            self._log.warning(str(error))
+        return response
+
+    # --- files ----------------------------------------------------------------------------------
+
+    def poll(self) -> None:
+        """Apply what was edited; call it now and then."""
+        saved, removed = self.source.poll()
+        for file in removed:
+            self._log.warning(f"{file} was removed: keeping the view shown so far")
+        for file in saved:
+            changed = False
+            try:
+                if file == self.source.blueprint_file:
+                    self._use_blueprint(file)
+                else:
+                    changed = self.source.reload()
+            except OneBotError as error:
+                self._refused.add(file)
+                self._log.warning(f"keeping the view shown so far: {error}")
+                continue
+            if changed:
+                self._changed(f"{file} was edited: the view is up to date")
+            elif file in self._refused:
+                self._log.info(f"{file} is right again: it is in use")
+            self._refused.discard(file)
+
+    def set_robot(self, robot: str) -> None:
+        """Use the view of the robot's description, unless the user has given another one."""
+        try:
+            if self.source.set_robot(robot):
+                self._changed(f"its view is {self.source.file or 'the usual one'}")
+        except OneBotError as error:
+            self._log.warning(f"keeping the view shown so far: {error}")
+
+    def _changed(self, text: str) -> None:
+        self._mirror()
+        self._apply()
+        self._log.info(text)

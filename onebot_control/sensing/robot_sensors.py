@@ -1,0 +1,285 @@
+"""The topics of sensors, and who decides which sensors a robot has: its URDF and a file."""
+
+from array import array
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from sensor_msgs.msg import CameraInfo, Image, LaserScan, PointCloud2, PointField
+from sensor_msgs.msg import Imu as ImuMessage
+from std_msgs.msg import Header
+
+from onebot_control.parameters import ControlConfig
+from onebot_control.poses import prefixed
+from onebot_control.sensing.camera import focal_length
+from onebot_control.sensing.instruments import Instrument
+from onebot_control.sensing.lidar import angles
+from onebot_control.sensing.rays import HAS_EMBREE
+from onebot_description.description import Description
+from onebot_description.description.description import Camera, Fan, Imu, Lidar, Sensor
+from onebot_description.description.loading import SensorFile, load_sensors
+from onebot_description.errors import OneBotError, listing
+from onebot_description.file_watch import FileWatch
+from onebot_description.wire.messages import time_message
+
+InvalidHandle = rclpy_implementation.InvalidHandle
+
+_DEPTH = 10  # ROS's system default; reliable and volatile, as drivers and bridges publish
+_TYPES = {
+    "scan": LaserScan,
+    "imu": ImuMessage,
+    "image": Image,
+    "depth": Image,
+    "camera_info": CameraInfo,
+    "points": PointCloud2,
+}
+_NO_FILE = SensorFile((), (), (), ())
+_FIELDS = {np.dtype("<f4"): PointField.FLOAT32, np.dtype("<u2"): PointField.UINT16}
+
+
+class SensorPublisher:
+    """Publishes what one sensor measures."""
+
+    def __init__(
+        self, sensor: Sensor, frame: str, rate: float, publishers: Mapping[str, Publisher]
+    ) -> None:
+        """Publish.
+
+        Args:
+            sensor: of the description.
+            frame: of the messages.
+            rate: of the measurements, Hz.
+            publishers: by output.
+        """
+        self._sensor, self._frame, self._rate = sensor, frame, rate
+        self._publishers = publishers
+
+    def wanted(self) -> frozenset[str]:
+        """Return the outputs that are subscribed to."""
+        try:
+            return frozenset(
+                output
+                for output, publisher in self._publishers.items()
+                if publisher.get_subscription_count()
+            )
+        except InvalidHandle:  # the sensor was taken away meanwhile
+            return frozenset()
+
+    def publish(self, stamp: int, outputs: Mapping[str, Any]) -> None:
+        """Publish arrays by output; see ``Outlet``."""
+        header = Header(stamp=time_message(stamp), frame_id=self._frame)
+        for output, values in outputs.items():
+            message = _MESSAGES[output](self, values)
+            message.header = header
+            try:
+                self._publishers[output].publish(message)
+            except InvalidHandle:
+                return
+
+    def _scan(self, ranges: NDArray[np.float32]) -> LaserScan:
+        lidar = self._sensor.model
+        assert isinstance(lidar, Lidar)
+        fan: Fan = lidar.horizontal
+        first, last = angles(fan)[[0, -1]].tolist()
+        return LaserScan(
+            angle_min=first,
+            angle_max=last,
+            angle_increment=(last - first) / (fan.samples - 1) if fan.samples > 1 else 0.0,
+            scan_time=1.0 / self._rate,
+            range_min=lidar.least,
+            range_max=lidar.greatest,
+            ranges=array("f", ranges.tobytes()),
+        )
+
+    def _imu(self, values: tuple[NDArray[np.float64], ...]) -> ImuMessage:
+        imu = self._sensor.model
+        assert isinstance(imu, Imu)
+        message = ImuMessage()
+        orientation, angular, linear = (each.tolist() for each in values)
+        for part, names, numbers in (
+            (message.orientation, "xyzw", orientation),
+            (message.angular_velocity, "xyz", angular),
+            (message.linear_acceleration, "xyz", linear),
+        ):
+            for name, number in zip(names, numbers, strict=True):
+                setattr(part, name, number)
+        variances = [
+            [each.stddev**2 for each in noises]
+            for noises in (imu.angular_velocity, imu.linear_acceleration)
+        ]
+        message.angular_velocity_covariance = np.diag(variances[0]).ravel()
+        message.linear_acceleration_covariance = np.diag(variances[1]).ravel()
+        return message
+
+    def _image(self, pixels: NDArray[Any]) -> Image:
+        height, width = pixels.shape[:2]
+        encoding = "rgb8" if pixels.dtype == np.uint8 else "32FC1"
+        step = pixels.nbytes // height
+        data = array("B", pixels.tobytes())
+        return Image(height=height, width=width, encoding=encoding, step=step, data=data)
+
+    def _camera_info(self, _: object) -> CameraInfo:
+        return self._info
+
+    @cached_property
+    def _info(self) -> CameraInfo:
+        camera = self._sensor.model
+        assert isinstance(camera, Camera)
+        focal, x, y = focal_length(camera), camera.width / 2.0, camera.height / 2.0
+        return CameraInfo(
+            height=camera.height,
+            width=camera.width,
+            distortion_model="plumb_bob",
+            d=[0.0] * 5,
+            k=[focal, 0.0, x, 0.0, focal, y, 0.0, 0.0, 1.0],
+            r=[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+            p=[focal, 0.0, x, 0.0, 0.0, focal, y, 0.0, 0.0, 0.0, 1.0, 0.0],
+        )
+
+    def _points(self, points: NDArray[np.void]) -> PointCloud2:
+        height, width = points.shape
+        kinds = points.dtype.fields
+        assert kinds is not None
+        fields = [
+            # Colours are packed into a float, as PCL has them.
+            PointField(name=name, offset=kind[1], datatype=_FIELDS.get(kind[0], 7), count=1)
+            for name, kind in kinds.items()
+        ]
+        return PointCloud2(
+            height=height,
+            width=width,
+            fields=fields,
+            point_step=points.itemsize,
+            row_step=points.itemsize * width,
+            data=array("B", points.tobytes()),
+            is_dense=bool(np.isfinite(points["x"]).all()),
+        )
+
+
+_MESSAGES: Mapping[str, Callable[[SensorPublisher, Any], Any]] = {
+    "scan": SensorPublisher._scan,
+    "imu": SensorPublisher._imu,
+    "image": SensorPublisher._image,
+    "depth": SensorPublisher._image,
+    "camera_info": SensorPublisher._camera_info,
+    "points": SensorPublisher._points,
+}
+
+
+class RobotSensors:
+    """The sensors of one robot: those of its description, and those of a file, live."""
+
+    def __init__(self, node: Node, changed: Callable[[], None]) -> None:
+        """Begin without sensors.
+
+        Args:
+            node: of the robot.
+            changed: called when the file was edited.
+        """
+        self._node, self._changed = node, changed
+        self._sensors: list[Sensor] = []
+        self._publishers: dict[tuple[str, str], Publisher] = {}  # by type and topic
+        self._file, self._read = "", _NO_FILE
+        self._watch = FileWatch(())
+
+    def poll(self) -> None:
+        """Look whether the file was edited; to be called several times a second."""
+        if any(self._watch.poll()):
+            self._changed()
+
+    def update(self, row: int, description: Description, config: ControlConfig) -> list[Instrument]:
+        """Return the robot's instruments; where a block has a fault, the last good one stays.
+
+        Args:
+            row: of the robot in its fleet.
+            description: of the robot.
+            config: its parameters.
+
+        Raises:
+            OneBotError: a file that was not in use cannot be used.
+        """
+        self._follow(config.sensors, description)
+        warn = self._node.get_logger().warning
+        found = [*description.sensors, *self._read.sensors]
+        bad = {*description.bad_sensors, *self._read.bad_sensors} - {each.name for each in found}
+        for sensor in self._sensors:
+            if sensor.name in bad and sensor.link in description.link_names:
+                warn(f'sensor "{sensor.name}" stays as it was: there is a fault in its block')
+                found.append(sensor)
+        self._sensors = [*_usable(found, config.update_rate, warn)]
+        self._announce()
+        space = self._node.get_namespace()
+        instruments = []
+        for sensor in self._sensors:
+            rate = min(sensor.rate or config.update_rate, config.update_rate)
+            enabled, prefix = config.tf_frame_prefix_enable, config.tf_frame_prefix
+            frame = prefixed(sensor.frame, enabled, prefix, space)
+            topics = {
+                output: self._publishers[_TYPES[output].__name__, topic]
+                for output, topic in sensor.topics.items()
+            }
+            outlet = SensorPublisher(sensor, frame, rate, topics)
+            own = Instrument(sensor, row, space, outlet, config.update_rate, config.sensor_noise)
+            instruments.append(own)
+        return instruments
+
+    def _follow(self, file: str, description: Description) -> None:
+        """Read the file, as it is now."""
+        if not file:
+            self._file, self._read, self._watch = "", _NO_FILE, FileWatch(())
+            return
+        logger = self._node.get_logger()
+        try:
+            read = load_sensors(file, description)
+        except OneBotError as error:
+            if file != self._file:
+                raise
+            logger.error(f"{error}\nThe sensors stay as they were until this is mended.")
+            return
+        for notice in read.notices:
+            logger.warning(notice)
+        if file != self._file:
+            self._watch = FileWatch(read.files)
+        self._watch.watch(read.files)
+        self._file, self._read = file, read
+
+    def _announce(self) -> None:
+        """Have a publisher for each topic, and no other ones."""
+        wanted = {
+            (_TYPES[output].__name__, topic): _TYPES[output]
+            for sensor in self._sensors
+            for output, topic in sensor.topics.items()
+        }
+        for key in self._publishers.keys() - wanted.keys():
+            self._node.destroy_publisher(self._publishers.pop(key))
+        space = f"{self._node.get_namespace().strip('/')}/"
+        for key, kind in wanted.items():
+            if key not in self._publishers:
+                topic = key[1].removeprefix(space)  # some robots have their namespace in it
+                self._publishers[key] = self._node.create_publisher(kind, topic, _DEPTH)
+
+
+def _usable(
+    sensors: Sequence[Sensor], cycles: float, warn: Callable[[str], object]
+) -> Iterator[Sensor]:
+    """Yield the sensors that can be simulated together; warn of the others."""
+    taken: set[str] = set()
+    for sensor in sensors:
+        topics = {*sensor.topics.values()}
+        if isinstance(sensor.model, Camera) and not HAS_EMBREE:
+            reason = "cameras need the package embreex, which is not installed here"
+        elif taken & topics:
+            reason = f"{listing(taken & topics)} is another sensor's topic"
+        else:
+            if sensor.rate > cycles:
+                rates = f"{sensor.rate:g} Hz is more than update_rate, {cycles:g} Hz"
+                warn(f'sensor "{sensor.name}": {rates}, as often as which it is published')
+            taken |= topics
+            yield sensor
+            continue
+        warn(f'{sensor.where}: sensor "{sensor.name}" is not simulated: {reason}')

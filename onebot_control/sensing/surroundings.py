@@ -1,0 +1,184 @@
+"""What sensors see: ground, world, boxes and robots, by their visual shapes."""
+
+from collections.abc import Hashable, Mapping, Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from onebot_control.poses import Transform
+from onebot_control.sensing.rays import NOTHING, Surface, Targets
+from onebot_control.sensing.solids import solid_of
+from onebot_control.simulation.bodies import link_poses
+from onebot_description.description import Description
+from onebot_description.description.description import Geometry
+from onebot_description.model.robot_model import RobotModel
+
+Floats = NDArray[np.float64]
+
+
+class SensedRobot(NamedTuple):
+    """A robot that is seen."""
+
+    description: Description
+    joints: Sequence[str]  # that move, in the order of their positions
+    held: Mapping[str, float]  # others, to their positions
+
+
+class RobotState(NamedTuple):
+    """Where a robot is."""
+
+    translation: Floats  # (3,) of the root link in the world
+    rotation: Floats  # (4,), likewise, x y z w
+    positions: Floats  # of ``SensedRobot.joints``
+
+
+class LinkPose(NamedTuple):
+    """A link's frame in the world."""
+
+    rotation: Floats  # (3, 3)
+    position: Floats  # (3,)
+
+
+class Surroundings:
+    """What can be seen.
+
+    Attributes:
+        still: what does not move, in the world's frame.
+        kinds: the robots that can be seen, by their descriptions.
+    """
+
+    def __init__(self, world: Description | None, robots: Sequence[SensedRobot]) -> None:
+        self._made: dict[tuple[Geometry, ...], Surface] = {}
+        firsts = link_poses(world) if world else {}
+        boxes = [joint.child for joint in world.joints if joint.kind == "floating"] if world else []
+        parts: dict[str, list[tuple[Geometry, Floats]]] = {name: [] for name in ("", *boxes)}
+        for link in world.links if world else ():
+            first, pose = firsts[link.name]
+            body = first if first in parts else ""
+            parts[body] += [(visual, pose) for visual in link.visuals]
+        self.still = Surface(solid_of(parts[""]))
+        self._surfaces = [Surface(solid_of(parts[box])) for box in boxes]
+        self._targets = [self._enter(robot.description) for robot in robots]
+        rows: dict[Hashable, list[int]] = {}
+        for row, robot in enumerate(robots):
+            key = robot.description.urdf, tuple(robot.joints), tuple(robot.held.items())
+            rows.setdefault(key, []).append(row)
+        self.kinds = [RobotKind(robots[few[0]], few, self._targets) for few in rows.values()]
+        spheres = [surface.solid.sphere for surface in self._surfaces]
+        self._centers = np.array([center for center, _ in spheres]).reshape(-1, 3)
+        self._radii = np.array([radius for _, radius in spheres])
+        indices: dict[Surface, list[int]] = {}
+        for index, surface in enumerate(self._surfaces):
+            indices.setdefault(surface, []).append(index)
+        self._alike = {surface: np.array(few, np.intp) for surface, few in indices.items()}
+
+    def _enter(self, robot: Description) -> dict[str, int]:
+        """Add the surfaces of a robot's links; return the targets that they are, by name."""
+        targets = {}
+        for link in robot.links:
+            if link.visuals not in self._made:
+                solid = solid_of([(visual, np.eye(4)) for visual in link.visuals])
+                self._made[link.visuals] = Surface(solid)
+            if len(self._made[link.visuals].solid.faces):
+                self._surfaces.append(self._made[link.visuals])
+                targets[link.name] = len(self._surfaces)
+        return targets
+
+    def target(self, row: int, link: str) -> int:
+        """Return the index of a robot's link among the targets, as ``cast`` counts them."""
+        return self._targets[row].get(link, NOTHING)
+
+    def targets(
+        self, boxes: Sequence[Transform], links: Sequence[tuple[Floats, Floats]]
+    ) -> Targets:
+        """Return what moves, with its boxes at these poses, and the links of each of ``kinds``."""
+        turned, at = np.empty((len(self._surfaces), 3, 3)), np.empty((len(self._surfaces), 3))
+        if boxes:
+            at[: len(boxes)] = [place for place, _ in boxes]
+            turned[: len(boxes)] = matrices(np.array([turn for _, turn in boxes]))
+        for kind, (rotations, positions) in zip(self.kinds, links, strict=True):
+            turned[kind.targets] = rotations[:, kind.seen]
+            at[kind.targets] = positions[:, kind.seen]
+        centers = np.einsum("bij,bj->bi", turned, self._centers) + at
+        return Targets(self._surfaces, self._alike, turned, at, centers, self._radii)
+
+
+class Placed:
+    """Surroundings at one time; what nobody asks for is not computed."""
+
+    def __init__(
+        self,
+        surroundings: Surroundings,
+        boxes: Sequence[Transform],
+        states: Sequence[RobotState],
+    ) -> None:
+        self._surroundings, self._boxes, self._states = surroundings, boxes, states
+
+    @cached_property
+    def targets(self) -> Targets:
+        """What may have moved."""
+        return self._surroundings.targets(self._boxes, self._links)
+
+    @cached_property
+    def _links(self) -> list[tuple[Floats, Floats]]:
+        kinds = self._surroundings.kinds
+        return [kind.links([self._states[row] for row in kind.rows]) for kind in kinds]
+
+    def link(self, row: int, name: str) -> LinkPose | None:
+        """Return where a link of a robot is; None if it has no such link."""
+        for kind, (rotations, positions) in zip(self._surroundings.kinds, self._links, strict=True):
+            if row in kind.rows and name in kind.numbers:
+                place = kind.rows.index(row), kind.numbers[name]
+                return LinkPose(rotations[place], positions[place])
+        return None
+
+
+class RobotKind:
+    """Robots of one description, whose links are computed at once.
+
+    Attributes:
+        rows: of these R robots.
+        numbers: of the L links, by name.
+        seen: numbers of the S links that have a shape.
+        targets: (R, S), the indices of these links among the surfaces.
+    """
+
+    def __init__(
+        self, robot: SensedRobot, rows: Sequence[int], targets: Sequence[Mapping[str, int]]
+    ) -> None:
+        self._model = model = RobotModel.from_description(robot.description)
+        self.rows, self.numbers = rows, {name: row for row, name in enumerate(model.links)}
+        self.seen = [self.numbers[name] for name in targets[rows[0]]]
+        self.targets = np.array([[*targets[row].values()] for row in rows], np.intp) - 1
+        self._positions = model.positions(
+            {name: at for name, at in robot.held.items() if name in model.joints}
+        )
+        self._joints = [model.row(name) for name in robot.joints]
+
+    def links(self, states: Sequence[RobotState]) -> tuple[Floats, Floats]:
+        """Return rotations (R, L, 3, 3) and positions (R, L, 3) of all links in the world."""
+        positions = np.tile(self._positions, (len(states), 1))
+        positions[:, self._joints] = [state.positions for state in states]
+        poses = self._model.link_poses(positions)
+        bases = matrices(np.array([state.rotation for state in states]))
+        turns = matrices(poses[..., 3:].reshape(-1, 4)).reshape(*poses.shape[:2], 3, 3)
+        places = poses[..., :3] @ bases.transpose(0, 2, 1)
+        places += np.array([state.translation for state in states])[:, None]
+        return bases[:, None] @ turns, places
+
+
+def matrices(rotations: Floats) -> Floats:
+    """Rotation matrices (N, 3, 3) of unit quaternions (N, 4), x y z w."""
+    x, y, z, w = rotations.T
+    xx, yy, zz = 2 * x * x, 2 * y * y, 2 * z * z
+    xy, xz, yz = 2 * x * y, 2 * x * z, 2 * y * z
+    wx, wy, wz = 2 * w * x, 2 * w * y, 2 * w * z
+    rows = (
+        (1 - yy - zz, xy - wz, xz + wy),
+        (xy + wz, 1 - xx - zz, yz - wx),
+        (xz - wy, yz + wx, 1 - xx - yy),
+    )
+    result: Floats = np.array(rows).transpose(2, 0, 1)
+    return result
