@@ -19,29 +19,8 @@ Publishes:
 Serves:
     ~/save_view (std_srvs/Trigger): writes the settings of now into the view file.
 
-Parameters:
-    viewer (string, "web"): web, native (a window) or none.
-    save (string, ""): a .rrd file to write the recording to, alone or beside the viewer.
-    view (string, ""): a saved view: .yaml (see viewer/view_config.py), .rviz (RViz's own), or .rbl
-        (a layout saved in the viewer); "" for config/view.yaml of the package
-        <robot name>_description, if there is one; "none" for none. Edits of the file are shown at
-        once.
-    save_view_to (string, ""): the file that ~/save_view writes; "" for the one the view is from.
-    fixed_frame (string, ""): the frame to show everything in; "" for the view's, or else for the
-        frame above the robot's root link (such as odom; else the root link).
-    axes.visible, collision, grid.spacing, ... : each setting of the view under its name there (not
-        trails, covariance, speeds.lines and curves.lines); they can be changed while it runs.
-    robots (string[], []): the namespaces of several robots, to show them all; [] for the one robot
-        of the node's own namespace. A fixed frame that each of them has, and a camera that follows
-        a link, are for one robot: several are shown in the frame above all, with a camera that
-        sees all; camera.follow may be the frame of one, such as robot2/base_link.
-    plots (string[], []): those of robots with curves, in a tab each; [] for the first five.
-    frame_prefix (string, ""): as robot_state_publisher's parameter of that name; with robots, the
-        prefix of each is its namespace.
-    grpc_port (int, 9876), web_port (int, 9090): on 127.0.0.1; another if it is in use, 0 for any.
-    open_browser (bool, true): open the page, if there is a display.
-    embedded (bool, false): another page holds this one: its address is not logged, nor opened.
-    memory_limit (string, "256MB"): what is kept for viewers that join later.
+Parameters are those of ViewerParameters, and the settings of the view under their names, such as
+axes.visible, which can be changed while it runs.
 """
 
 import json
@@ -89,7 +68,10 @@ class ViewerParameters:
     viewer: str = parameter("web", "where to see it", choices=VIEWERS, read_only=True)
     save: str = parameter("", "a .rrd file to write the recording to", read_only=True)
     view: str = parameter(
-        "", "a saved view, .yaml, .rviz or .rbl; empty: the robot's own; none: none", read_only=True
+        "",
+        "a view file .yaml, .rviz or .rbl, reloaded when edited; empty: config/view.yaml of the "
+        "package <robot name>_description; none: none",
+        read_only=True,
     )
     robots: tuple[str, ...] = parameter(
         (),
