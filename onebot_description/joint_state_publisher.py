@@ -81,13 +81,13 @@ class JointParameters:
         """
         self._node = node
         self._name = node.get_fully_qualified_name()
-        self._places: Mapping[str, str] = {}  # of the file being applied
+        self._places: Mapping[str, str] = {}  # lines of the file being applied
         self.describing = False
         set_doubles(node, JointsConfig)
         self.live = LiveParameters(arguments.files, self._name, JointsConfig)
-        given = [name for to, name in arguments.names if to in ("", node.get_name())]
-        self.values = self._declare(given)
-        self.live.pin(given, self.values)
+        set_names = [name for to, name in arguments.names if to in ("", node.get_name())]
+        self.values = self._declare(set_names)
+        self.live.pin(set_names, self.values)
         if self.live.warning:
             node.get_logger().warning(self.live.warning)
         try:
@@ -197,7 +197,7 @@ class JointsState:
     config: JointsConfig  # the same, checked
     description: Description | None = None  # the robot, once it is known
     source: JointStateSource | None = None  # moves the robot's joints
-    plan: Plan | None = None  # what is still to be applied to the source
+    plan: Plan | None = None  # not applied to the source yet
 
     def describing(self, description: Description, *, tolerant: bool) -> "JointsState":
         """Return the state with another robot, whose joints go on from where they are.
@@ -249,7 +249,7 @@ class JointFiles:
         self._reading: Future[Parameters] | None = None
         self._watch = FileWatch(())
         self._description: DescriptionFiles | None = None
-        self._polled_ns = time.time_ns()  # what is written later is an edit
+        self._polled_ns = time.time_ns()  # a file that is written later was edited
 
     def watch(self) -> None:
         """Watch the files as they are now."""
@@ -276,7 +276,7 @@ class JointFiles:
             self._is_unread = False
             self._reading = in_background(self._parameters.live.read)
         if self._reading is None:
-            self._poll_description()  # which comes after the parameters
+            self._poll_description()  # only after the parameters
         elif self._reading.done():
             reading, self._reading = self._reading, None
             self._finish(reading)

@@ -13,7 +13,7 @@ from onebot_description.joints.config import Dependent
 from onebot_description.joints.limits import FloatArray, JointLimits
 from onebot_description.parameters.reader import Problem
 
-Followers = dict[str, Dependent]  # by name of the joint that follows
+Followers = dict[str, Dependent]  # keys: the joints that follow
 _Chain = tuple[str, float, float]  # its leader, and factor and offset of all of it
 
 

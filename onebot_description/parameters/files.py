@@ -40,8 +40,8 @@ _INT64 = range(-(2**63), 2**63)
 class Parameters:
     """Parameters that files hold for one node."""
 
-    values: dict[str, Any] = field(default_factory=dict)  # by dotted name
-    places: dict[str, str] = field(default_factory=dict)  # where each was written: joints.yaml:7
+    values: dict[str, Any] = field(default_factory=dict)  # keys: dotted names
+    places: dict[str, str] = field(default_factory=dict)  # file and line of each, joints.yaml:7
     shared: set[str] = field(default_factory=set)  # names in a section for several nodes
     sections: list[str] = field(default_factory=list)  # node names that the files have
 
@@ -169,13 +169,13 @@ class _File(_Yaml):
                 self._fail(key, f'"{key.value}" must hold a map with "{_MARK}:" in it')
 
     def _parameters(self, node: yaml.Node) -> Parameters:
-        found = Parameters()
+        parameters = Parameters()
         for name, key, value in self._entries(node):
             # rcl cannot infer the type of an empty list, and treats it as not given.
             if value.value or isinstance(value, yaml.ScalarNode):
-                found.values[name] = self._value(name, value)
-                found.places[name] = self._place(key)
-        return found
+                parameters.values[name] = self._value(name, value)
+                parameters.places[name] = self._place(key)
+        return parameters
 
     def _value(self, name: str, node: yaml.Node) -> Any:
         if isinstance(node, yaml.ScalarNode):
@@ -232,15 +232,15 @@ def read_map(text: str, name: str) -> Parameters:
 
 class _Map(_Yaml):
     def read(self, text: str) -> Parameters:
-        found, loader = Parameters(), yaml.SafeLoader("")
+        content, loader = Parameters(), yaml.SafeLoader("")
         root = self._compose(text, aliases=True)
         for name, key, node in self._entries(root) if root is not None else ():
             try:
-                found.values[name] = loader.construct_object(node, deep=True)
-            except Exception as error:  # of whichever kind, for a value that does not suit its tag
+                content.values[name] = loader.construct_object(node, deep=True)
+            except Exception as error:  # any kind, if a value does not suit its tag
                 self._fail(node, f"invalid YAML: {' '.join(str(error).split())}")
-            found.places[name] = self._place(key)
-        return found
+            content.places[name] = self._place(key)
+        return content
 
 
 # The parameter files of one node, read as one --------------------------------------------------
@@ -282,7 +282,7 @@ def refuse_other_sections(file: Path, nodes: Sequence[str]) -> None:
             name = section.rpartition("/")[2]
             same = [node for node in nodes if node.rpartition("/")[2] == name] or nodes
             names = dict.fromkeys(node.rpartition("/")[2] for node in same)
-            possible = listing([*same, *(f"/**/{each}" for each in names)])
+            possible = listing([*same, *(f"/**/{name}" for name in names)])
             text = f'{file}: section "{section}" is for no node that it is given to: {possible}'
             problems.append(Problem("", text))
     if problems:

@@ -59,7 +59,7 @@ class Problem:
     # Dotted name of the parameter or of its group, such as motions.elbow.frequency; empty when no
     # parameter is the cause.
     key: str
-    text: str  # what is wrong and what would be right
+    text: str  # the fault, and what would be right
 
     def message(self, places: Mapping[str, str] | None = None) -> str:
         """Return ``place: key: text``.
@@ -131,7 +131,7 @@ class _Field(NamedTuple):
     """One field of a dataclass."""
 
     field: str  # its name in the dataclass
-    name: str  # in ROS or YAML
+    name: str  # the one in ROS or YAML
     shape: "_Shape"
     default: Any  # REQUIRED if there is none
 
@@ -147,7 +147,7 @@ class _Map(NamedTuple):
     """A map with names of the user's own."""
 
     item: "_Shape"
-    key: str  # what the names are, such as joint; empty: no parameters of a node
+    key: str  # a word for its names, such as joint; empty: no parameters of a node
 
 
 _Shape = ValueType | _Group | _Map
@@ -157,11 +157,11 @@ _Shape = ValueType | _Group | _Map
 def _group(kind: Any) -> _Group:
     hints = typing.get_type_hints(kind)
     fields = []
-    for one in dataclasses.fields(kind):
-        rule = one.metadata.get(_RULE, Rule())
-        default = one.default if one.default_factory is MISSING else one.default_factory()
-        shape = _shape(hints[one.name], rule)
-        fields.append(_Field(one.name, rule.name or one.name, shape, default))
+    for item in dataclasses.fields(kind):
+        rule = item.metadata.get(_RULE, Rule())
+        default = item.default if item.default_factory is MISSING else item.default_factory()
+        shape = _shape(hints[item.name], rule)
+        fields.append(_Field(item.name, rule.name or item.name, shape, default))
     return _Group(kind, tuple(fields))
 
 
@@ -169,7 +169,7 @@ def _shape(hint: Any, rule: Rule) -> _Shape:
     origin, args = typing.get_origin(hint), typing.get_args(hint)
     if dataclasses.is_dataclass(hint):
         return _group(typing.cast(Any, hint))
-    if origin in (typing.Union, types.UnionType):  # with None
+    if origin in (typing.Union, types.UnionType):  # one with None
         return dataclasses.replace(typing.cast(ValueType, _shape(args[0], rule)), optional=True)
     if origin is tuple:
         return ValueType(args[0], rule, True, None if args[-1] is Ellipsis else len(args))
@@ -182,7 +182,7 @@ def _shape(hint: Any, rule: Rule) -> _Shape:
 class Leaf(NamedTuple):
     """A parameter, or all whose names differ in words of the user's own."""
 
-    name: str  # with a word such as <joint> for a name of the user's own
+    name: str  # it has <joint> for a name of the user's own
     type: ValueType
     default: Any
 
@@ -468,8 +468,8 @@ def declare(
     for name, default in first.items():
         if not node.has_parameter(name):
             _declare(node, kind, name, default, ignore_override=name in (fixed or {}))
-    found = {n: plain(node.get_parameter(n).value) for n in first if is_parameter(kind, n)}
-    return {name: value for name, value in found.items() if value is not None}
+    current = {n: plain(node.get_parameter(n).value) for n in first if is_parameter(kind, n)}
+    return {name: value for name, value in current.items() if value is not None}
 
 
 def _declare(node: "Node", kind: type, name: str, default: Any, *, ignore_override: bool) -> None:
@@ -479,9 +479,9 @@ def _declare(node: "Node", kind: type, name: str, default: Any, *, ignore_overri
     # rclpy cannot infer the type of an empty list: it is set afterwards, as is a double.
     first = None if default == [] else default
     node.declare_parameter(name, first, ParameterDescriptor(dynamic_typing=True), ignore_override)
-    given = node.get_parameter(name)
-    final = _with_double(kind, ros_parameter(name, default) if given.value is None else given)
-    if final.type_ != given.type_:
+    present = node.get_parameter(name)
+    final = _with_double(kind, ros_parameter(name, default) if present.value is None else present)
+    if final.type_ != present.type_:
         node.set_parameters([final])
     # Out of range, it is left to ``read`` to report.
     with contextlib.suppress(InvalidParameterValueException):
@@ -546,14 +546,14 @@ def descriptor(kind: type, name: str) -> "ParameterDescriptor":
     if leaf.many or rule.nan or not rule.range:
         return result
     low = rule.at_least if rule.above is None else rule.above
-    given = {"from_value": low, "to_value": rule.at_most}
-    ends = {end: leaf.base(value) for end, value in given.items() if value is not None}
+    bounds = {"from_value": low, "to_value": rule.at_most}
+    ends = {end: leaf.base(value) for end, value in bounds.items() if value is not None}
     if leaf.base is float:
         widest = {"from_value": -sys.float_info.max, "to_value": sys.float_info.max}
         result.floating_point_range = [FloatingPointRange(**{**widest, **ends})]
     elif leaf.base is int:
-        whole = {"from_value": -(2**63), "to_value": 2**63 - 1, "step": 1}
-        result.integer_range = [IntegerRange(**{**whole, **ends})]
+        widest = {"from_value": -(2**63), "to_value": 2**63 - 1, "step": 1}
+        result.integer_range = [IntegerRange(**{**widest, **ends})]
     return result
 
 
