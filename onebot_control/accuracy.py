@@ -73,7 +73,7 @@ class Segment(NamedTuple):
 class DrivenPath(NamedTuple):
     """Segments driven one after the other, from rest."""
 
-    name: str  # for the table
+    name: str  # in the table
     segments: tuple[Segment, ...]
     turning: bool = False  # a turn on the spot, whose error is in heading, not in position
 
@@ -122,7 +122,7 @@ class Result(NamedTuple):
     path: DrivenPath
     commanded: PlanarPose  # final pose of the limited command, integrated along exact arcs
     odometry: PlanarPose  # final pose by wheel odometry
-    covariance: PoseCovariance  # of that pose
+    covariance: PoseCovariance  # the odometry's
     truth: PlanarPose  # final pose of the simulated robot
     length: float  # m, of the commanded path
     turned: float  # rad, all commanded turning, left and right added up
@@ -275,20 +275,20 @@ def robots_table(files: Sequence[str], config: ControlConfig) -> str:
 
 
 def _robot(file: str, config: ControlConfig) -> tuple[str, ...]:
-    shown = "/".join(Path(file).parts[-2:])
+    name = "/".join(Path(file).parts[-2:])
     try:
         description = load_description(file)
     except OneBotError as error:
-        return "", shown, f"unreadable: {_first_sentence(error)}", "", ""
+        return "", name, f"unreadable: {_first_sentence(error)}", "", ""
     try:
         wheels = wheels_of(description, config)
         straight_on, turned = measure(description, config, PATHS[:2], rest=0.1).results
     except OneBotError as error:
-        return description.robot_name, shown, f"refused: {_first_sentence(error)}", "", ""
+        return description.robot_name, name, f"refused: {_first_sentence(error)}", "", ""
     x, y, yaw = straight_on.truth
     return (
         description.robot_name,
-        shown,
+        name,
         f"{len(wheels.names)}; {wheels.separation:.3f} m, {wheels.radius:.3f} m",
         f"{straight_on.odometry.x:.4f} m; {x:.4f} m, {round(1e3 * y, 1) + 0.0:.1f} mm aside, "
         f"{round(math.degrees(yaw), 2) + 0.0:.2f}°",
@@ -309,11 +309,11 @@ def write(file: Path, text: str, name: str = ACCURACY) -> None:
     first, last = f"<!-- {name} -->", f"<!-- /{name} -->"
     try:
         old = file.read_text(encoding="utf-8") if file.exists() else f"{first}\n{last}\n"
-        before, begin, rest = old.partition(first)
-        _, end, after = rest.partition(last)
+        head, begin, tail = old.partition(first)
+        _, end, tail = tail.partition(last)
         if not (begin and end):
             raise OneBotError(f"{file}: has no lines {first} and {last} to write the table between")
-        file.write_text(f"{before}{first}\n{text}{last}{after}", encoding="utf-8")
+        file.write_text(f"{head}{first}\n{text}{last}{tail}", encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise OneBotError(f"{file}: {error}") from None
 

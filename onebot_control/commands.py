@@ -19,7 +19,7 @@ _QOS = QoSProfile(depth=10)  # ROS's system default
 _PACKAGE = "geometry_msgs/msg/"
 _TWIST = f"{_PACKAGE}Twist"
 _TYPES = {_TWIST: Twist, f"{_PACKAGE}TwistStamped": TwistStamped}
-_USUAL = "cmd_vel"  # where tutorials publish commands
+_USUAL = "cmd_vel"  # tutorials publish commands there
 _SETTLED = 2.0  # s after which a subscriber of that would have been discovered
 
 Warn = Callable[[str, str], None]  # key, text
@@ -115,19 +115,19 @@ class CommandSubscription:
             return
         published = {kind for kind, qos in offers(self._node, self._topic).items() if qos}
         if self._choice == "auto":
-            known = published & _TYPES.keys()
-            self._change(choose_type(known, self._wanted) or self._wanted)
+            usable = published & _TYPES.keys()
+            self._change(choose_type(usable, self._wanted) or self._wanted)
         ignored = sorted(published - {self._wanted})
         if ignored:
             hint = "" if self._choice == "auto" else f" (cmd_vel_type is {self._choice})"
-            others, used = ", ".join(ignored), self._wanted.removeprefix(_PACKAGE)
-            text = f"{_TOPIC} is also published as {others}, which is ignored"
+            types, used = ", ".join(ignored), self._wanted.removeprefix(_PACKAGE)
+            text = f"{_TOPIC} is also published as {types}, which is ignored"
             self._warn("type", f"{text}{hint}; {used} is subscribed to")
 
     def _look_for_unreceived(self) -> None:
         node, name = self._node, self._usual
-        found = node.count_publishers(name) and not node.count_subscribers(name)
-        if self._unreceived.new([name] if found else [], time.monotonic()):
+        topics = [name] if node.count_publishers(name) and not node.count_subscribers(name) else []
+        if self._unreceived.new(topics, time.monotonic()):
             text = f"{name} is published, but no node subscribes to it"
             self._warn("unreceived", f"{text}: the topic of this robot's commands is {self._topic}")
 

@@ -126,10 +126,10 @@ class SystemStamps:
 
         On a busy machine the thread may be off the processor for long between two readings.
         """
-        before = self._monotonic()
+        start = self._monotonic()
         system = self._system()
-        after = self._monotonic()
-        return system - (before + after) // 2, after - before
+        end = self._monotonic()
+        return system - (start + end) // 2, end - start
 
 
 class Divider:

@@ -59,11 +59,9 @@ class DiffDriveController:
 
     def configure(self, config: ControlConfig, kinematics: DiffDriveKinematics) -> None:
         """Apply other parameters; pose, command and speed stay as they are."""
-        before, self._config = self._config, config
-        if (config.open_loop, config.position_feedback) != (
-            before.open_loop,
-            before.position_feedback,
-        ):
+        feedback = self._config.open_loop, self._config.position_feedback
+        self._config = config
+        if (config.open_loop, config.position_feedback) != feedback:
             # Where they were last used as feedback, the wheels are no longer.
             self.odometry.rereference_wheels()
         self._linear_limiter = SpeedLimiter(config.linear)
@@ -162,10 +160,10 @@ class DiffDriveController:
 
     def _limited(self, dt: float) -> tuple[float, float]:
         # A timed-out command becomes a zero reference, ramped down by the limiter.
-        wanted = (0.0, 0.0) if self.timed_out else self._reference
+        linear, angular = (0.0, 0.0) if self.timed_out else self._reference
         limited = (
-            self._linear_limiter.limit(wanted[0], self._last[0], self._before_last[0], dt),
-            self._angular_limiter.limit(wanted[1], self._last[1], self._before_last[1], dt),
+            self._linear_limiter.limit(linear, self._last[0], self._before_last[0], dt),
+            self._angular_limiter.limit(angular, self._last[1], self._before_last[1], dt),
         )
         self._before_last, self._last = self._last, limited
         return limited

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from onebot_control.poses import PlanarPose
 
 _STRETCH = 1.0  # m or rad, over which the two are compared
-_MOST = 0.1  # of a stretch, by which they may differ
+_MOST = 0.1  # share of a stretch by which they may differ
 # The same for turns of robots whose wheels skid: their separation is an estimate for slow turns.
 _MOST_SKIDDING = 0.3
 _STILL = 1e-4  # m or rad; what moves less stands still

@@ -48,13 +48,13 @@ class Snapshot(NamedTuple):
     """
 
     tick: int  # cycles done before this one
-    joints: JointStates  # of all joints that move
-    odometry: PlanarPose  # by the wheels, in the odometry's frame
-    covariance: PoseCovariance  # of that pose
+    joints: JointStates  # all joints that move
+    odometry: PlanarPose  # the wheels' pose, in the odometry's frame
+    covariance: PoseCovariance  # that pose's
     twist: tuple[float, float]  # linear and angular velocity by the wheels, m/s and rad/s
     pose: Pose  # the true one in the world
     velocity: Twist  # the true one, in the base's frame
-    command: DriveCommand  # of the wheels
+    command: DriveCommand  # the wheels' velocities
 
 
 class JointStateBroadcaster:
@@ -114,7 +114,6 @@ class Side:
     def __init__(
         self, names: Sequence[str], directions: Mapping[str, float], joints: Sequence[str]
     ) -> None:
-        self._directions = [(name, directions[name]) for name in names]
         self._rows = [(joints.index(name), directions[name]) for name in names]
 
     def mean(self, values: Floats) -> float:
@@ -125,9 +124,9 @@ class Side:
             total += direction * values.item(row)
         return total / len(self._rows)
 
-    def velocities(self, speed: float) -> dict[str, float]:
+    def velocities(self, speed: float) -> list[float]:
         """Return the velocity of each joint for this ``speed`` of the wheels."""
-        return {name: direction * speed for name, direction in self._directions}
+        return [direction * speed for _, direction in self._rows]
 
 
 class DrivenSpawn(NamedTuple):
@@ -278,9 +277,9 @@ class DrivenRobot:
 
     def turn(self) -> None:
         """Set the wheels' velocities, as ``begin`` has decided, for the world's next step."""
-        velocities = self._left.velocities(self._command.left)
-        velocities.update(self._right.velocities(self._command.right))
-        self.plant.turn(velocities)
+        left, right = self._command.left, self._command.right
+        # The driven joints are those of ``Wheels.names``.
+        self.plant.turn([*self._left.velocities(left), *self._right.velocities(right)])
         self.ticks += 1
 
     def snapshot(self) -> Snapshot:

@@ -23,8 +23,8 @@ class Member(NamedTuple):
 
     description: Description
     config: ControlConfig
-    name: str = ""  # for errors; empty if there is no other robot
-    places: Mapping[str, str] = MappingProxyType({})  # where its parameters were written
+    name: str = ""  # named in errors; empty if there is no other robot
+    places: Mapping[str, str] = MappingProxyType({})  # files and lines of its parameters
 
 
 class Fleet:

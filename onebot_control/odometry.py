@@ -26,8 +26,8 @@ class DiffDriveKinematics:
     """
 
     separation: float  # distance between the left and the right wheels, m
-    left_radius: float  # of the wheels on the left, m
-    right_radius: float  # of those on the right, m
+    left_radius: float  # left wheels', m
+    right_radius: float  # right wheels', m
 
     def __post_init__(self) -> None:
         """Check that they are finite, and not too short."""
@@ -187,10 +187,10 @@ class Odometry:
         self._since += dt
         if not (math.isfinite(left) and math.isfinite(right)):
             return
-        before, self._wheels = self._wheels, (left, right)
+        last, self._wheels = self._wheels, (left, right)
         since, self._since = self._since, 0.0
-        if before is not None and since > 0.0:
-            self._follow(left - before[0], right - before[1], since)
+        if last is not None and since > 0.0:
+            self._follow(left - last[0], right - last[1], since)
 
     def update_from_velocities(self, left: float, right: float, dt: float) -> None:
         """Follow the wheels' velocities (rad/s) over ``dt`` seconds, unless one is not finite."""
@@ -210,15 +210,15 @@ class Odometry:
 
     def _integrate(self, way: float, turn: float) -> None:
         """Move along the arc that constant wheel velocities make."""
-        before, middle = self.heading, self.heading + turn / 2.0
+        start, middle = self.heading, self.heading + turn / 2.0
         cos, sin = math.cos(middle), math.sin(middle)
         self.heading += turn
         if abs(turn) < _STRAIGHT:  # second-order Runge-Kutta: along the middle direction
             dx, dy = way * cos, way * sin
         else:
             radius = way / turn
-            dx = radius * (math.sin(self.heading) - math.sin(before))
-            dy = -radius * (math.cos(self.heading) - math.cos(before))
+            dx = radius * (math.sin(self.heading) - math.sin(start))
+            dy = -radius * (math.cos(self.heading) - math.cos(start))
         self.x += dx
         self.y += dy
         if way or turn:

@@ -255,7 +255,7 @@ class _File:
 
     def read(self, controller: str) -> Parameters:
         types = {f"{controller}.type": CONTROLLER_TYPE, f"{BROADCASTER}.type": BROADCASTER_TYPE}
-        found, problems = self._section(controller, lambda n: unknown_parameters(ControlConfig, n))
+        drive, problems = self._section(controller, lambda n: unknown_parameters(ControlConfig, n))
         manager, more = self._section("controller_manager", _unknown_but("update_rate", *types))
         problems += more + _wrong_types(manager.values, types)
         broadcaster, more = self._section(
@@ -263,26 +263,26 @@ class _File:
         )
         problems += more
         if problems:
-            raise ConfigError(problems, {**broadcaster.places, **manager.places, **found.places})
-        _take(found, manager, {"update_rate": "update_rate"})
-        _take(found, broadcaster, {name: f"{BROADCASTER}.{name}" for name in broadcaster.values})
-        return found
+            raise ConfigError(problems, {**broadcaster.places, **manager.places, **drive.places})
+        _add(drive, manager, {"update_rate": "update_rate"})
+        _add(drive, broadcaster, {name: f"{BROADCASTER}.{name}" for name in broadcaster.values})
+        return drive
 
     def _section(self, node: str, unknown: Unknown) -> tuple[Parameters, list[Problem]]:
         """Return the parameters of a node, and which of them it does not have."""
-        found = read_parameters(self._text, self._name, f"{self._namespace}/{node}")
-        found.drop_shared(unknown)
-        return found, unknown(found.values)
+        section = read_parameters(self._text, self._name, f"{self._namespace}/{node}")
+        section.drop_shared(unknown)
+        return section, unknown(section.values)
 
 
-def _unknown_but(*known: str) -> Unknown:
-    """Return what finds the names that are neither known nor every node's."""
+def _unknown_but(*names: str) -> Unknown:
+    """Return what finds the names that are neither among these nor every node's."""
 
-    def unknown(names: Iterable[str]) -> list[Problem]:
+    def unknown(written: Iterable[str]) -> list[Problem]:
         return [
-            Problem(name, f"no such parameter{did_you_mean(name, known)}")
-            for name in names
-            if name not in known and not is_of_every_node(name)
+            Problem(name, f"no such parameter{did_you_mean(name, names)}")
+            for name in written
+            if name not in names and not is_of_every_node(name)
         ]
 
     return unknown
@@ -296,13 +296,13 @@ def _wrong_types(values: Mapping[str, Any], types: Mapping[str, str]) -> list[Pr
     ]
 
 
-def _take(found: Parameters, other: Parameters, names: Mapping[str, str]) -> None:
-    """Take parameters of another node, unless the controller's own section has them."""
-    for name, known_as in names.items():
-        known = is_parameter(ControlConfig, known_as)
-        if known and name in other.values and known_as not in found.values:
-            found.values[known_as] = other.values[name]
-            found.places[known_as] = other.places[name]
+def _add(drive: Parameters, section: Parameters, names: Mapping[str, str]) -> None:
+    """Add parameters of another section, unless the controller's own one has them."""
+    for name, controllers_name in names.items():
+        is_one = is_parameter(ControlConfig, controllers_name)
+        if is_one and name in section.values and controllers_name not in drive.values:
+            drive.values[controllers_name] = section.values[name]
+            drive.places[controllers_name] = section.places[name]
 
 
 # The parameters of the node ---------------------------------------------------------------------
@@ -311,9 +311,9 @@ def _take(found: Parameters, other: Parameters, names: Mapping[str, str]) -> Non
 class ControlParameters:
     """The parameters of a node."""
 
-    values: dict[str, Any]  # in force, by name
+    values: dict[str, Any]  # the values in force, by name
     config: ControlConfig  # the same, checked
-    places: dict[str, str]  # where those of the files were written
+    places: dict[str, str]  # file and line of each value from a file
 
     def __init__(self, node: "Node", arguments: "RosArguments") -> None:
         """Declare them, with what the files and the command line have.
@@ -323,12 +323,12 @@ class ControlParameters:
         """
         namespace, name = node.get_namespace(), node.get_name()
         file = read_control_files(arguments.files, namespace, name)
-        given = [n for to, n in arguments.names if to in ("", name)]
-        if problems := unknown_parameters(ControlConfig, given):
+        names = [n for to, n in arguments.names if to in ("", name)]
+        if problems := unknown_parameters(ControlConfig, names):
             raise ConfigError(problems)
-        # Unless -p sets them, as the files have them: of several sections for one node, rcl takes
-        # that which comes last in the first of the files, whatever later files have.
-        written = {name: v for name, v in file.values.items() if name not in given}
+        # Values of the files count unless -p sets them. rcl would use the last of several sections
+        # for one node in the first file, whatever later files have.
+        written = {name: v for name, v in file.values.items() if name not in names}
         self.values = declare(node, ControlConfig, file.values, fixed=written)
         self.places = {
             k: at for k, at in file.places.items() if self.values.get(k) == file.values[k]

@@ -119,7 +119,7 @@ class Publishers:
     def use(self, robot: DrivenRobot) -> None:
         """Publish this robot from now on, with its parameters as they are now."""
         self._robot, config = robot, robot.config
-        self._in_scene = robot.plant.world.scene is not None  # which stops and tilts the robot
+        self._in_scene = robot.plant.world.scene is not None  # a scene stops and tilts the robot
         frames = Frames.of(config, robot.description, self._namespace, in_scene=self._in_scene)
         self._world, odom, base, _ = frames
         self.odom_frame = odom
@@ -267,7 +267,7 @@ class ScenePublisher:
 
     def _static(self, stamp_ns: int) -> TFMessage:
         description = self._scene.description
-        joints = JointArrays.of([each for each in description.joints if each.kind == "fixed"])
+        joints = JointArrays.of([joint for joint in description.joints if joint.kind == "fixed"])
         parents, children, values = list(joints.parents), list(joints.children), joints.constant
         if description.root_link != self._world:
             parents.append(self._world)

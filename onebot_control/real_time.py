@@ -11,7 +11,7 @@ _SLOW = 0.9  # share of the wanted factor below which it is logged
 class Pace:
     """How fast simulated time passed over some seconds."""
 
-    seconds: float = 0.0  # of real time
+    seconds: float = 0.0  # real ones
     simulated: float = 0.0  # s
     cycles: int = 0  # control cycles done
     missed: int = 0  # control cycles left out

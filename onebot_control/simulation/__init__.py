@@ -1,8 +1,8 @@
-"""Robots on flat ground in PyBullet, without ROS: wheel speeds in, motion out.
+"""Robots on flat ground in PyBullet, without ROS: wheel velocities in, motion out.
 
 with World([RobotSpawn(description, ("left_wheel_joint", "right_wheel_joint"))]) as world:
     [robot] = world.robots
-    robot.turn({"left_wheel_joint": 3.0, "right_wheel_joint": 3.0})
+    robot.turn([3.0, 3.0])
     world.step(1.0)
     print(robot.base_pose().translation)
 """

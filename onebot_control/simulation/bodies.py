@@ -52,11 +52,11 @@ class Body:
 
     link: str  # name of that link
     mass: float = 0.0  # kg
-    center: Floats = field(default_factory=lambda: np.zeros(3))  # of mass, m
+    center: Floats = field(default_factory=lambda: np.zeros(3))  # centre of mass, m
     inertia: Floats = field(default_factory=lambda: np.zeros((3, 3)))  # about it, kg m^2
     collisions: list[tuple[Shape, Floats]] = field(default_factory=list)  # pose (4, 4) in the body
     friction: float | None = None  # lateral, the minimum of its links'
-    meshes: list[tuple[Mesh, Link]] = field(default_factory=list)  # of the collisions
+    meshes: list[tuple[Mesh, Link]] = field(default_factory=list)  # the collisions' meshes
 
     def add(self, link: Link, pose: Floats) -> None:
         """Add the mass and the shapes of ``link``, whose frame is at ``pose`` (4, 4)."""

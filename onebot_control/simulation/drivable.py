@@ -22,7 +22,7 @@ _GRAVITY = 9.81  # m/s^2
 # Least moment of inertia of a wheel, in masses of the robot at its rim: with less, the solver's
 # iterations do not reach the wheel's speed.
 _LIGHTEST = 0.005
-_LEAST = 0.2  # of the mobility of a wheel that skids, due to its own turning
+_LEAST = 0.2  # share of a skidding wheel's mobility due to its own turning
 
 
 class Drivable(NamedTuple):

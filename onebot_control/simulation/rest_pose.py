@@ -31,7 +31,7 @@ _AWAY = 0.1  # m that a robot may slide before it rests
 class RestPose(NamedTuple):
     """Height and tilt of the robot at rest."""
 
-    height: float  # of the root link's frame above the ground, m
+    height: float  # height of the root link's frame above the ground, m
     tilt: Quaternion  # rotation of that frame, x y z w, without any yaw
 
     def at(self, x: float, y: float, yaw: float) -> Transform:

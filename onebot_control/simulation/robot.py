@@ -1,13 +1,12 @@
 """One robot of a world: the motors of its driven joints, its state, and where it is put."""
 
 import math
-import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from onebot_control.poses import Transform, Triple, conjugate, cross, rotate
 from onebot_control.simulation.engine import engine
@@ -61,8 +60,8 @@ class Robot:
     driven: tuple[str, ...]  # names of the joints with a motor, in the given order
     rest_pose: RestPose  # height and tilt at rest on level ground
     parts: LoadedRobot
-    pose: Transform  # of the root link's frame, as last read
-    positions: list[float]  # of the joints, by row of ``joints``, as last read
+    pose: Transform  # the root link's frame, as last read
+    positions: list[float]  # the joints', by row of ``joints``, as last read
     finite: bool  # whether the last state was finite
 
     def __init__(self, world: "World", spawn: RobotSpawn) -> None:
@@ -80,10 +79,7 @@ class Robot:
         self._driven_rows = [self.joints.index(joint.name) for joint in _driven_joints(spawn)]
         motors = [spawn.description.moving_joints[row] for row in self._driven_rows]
         self._strengths = [joint.effort for joint in motors]
-        # Not infinity, so that every value that is not finite is out of range.
-        self._fastest = [
-            sys.float_info.max if joint.velocity is None else joint.velocity for joint in motors
-        ]
+        self._fastest = [math.inf if joint.velocity is None else joint.velocity for joint in motors]
         self.finite = True
 
     def load(self, ground: int) -> None:
@@ -98,7 +94,7 @@ class Robot:
         self._read_motors = partial(engine.getJointStates, body, self._driven_indices, client)
         self._read_velocity = partial(engine.getBaseVelocity, body, client)
         self._targets = [0.0] * len(self.driven)
-        self._efforts = [0.0] * len(self.joints)  # of the motors
+        self._efforts = [0.0] * len(self.joints)  # the motors'
         self._recorded: list[float] = []  # the same of each physics step
         self._update(self._read_joints())
 
@@ -111,15 +107,16 @@ class Robot:
         points = engine.getContactPoints(self.parts.body, physicsClientId=self.world.client)
         return any(not {point[1], point[2]} <= own for point in points)
 
-    def turn(self, velocities: Mapping[str, float] | ArrayLike) -> None:
+    def turn(self, velocities: Sequence[float]) -> None:
         """Set the target velocities of the motors, which stay until others are set.
 
         Args:
-            velocities: of every driven joint, rad/s (m/s for prismatic ones), by name or in the
-                order of ``driven``. A joint is no faster than its limit.
+            velocities: of the driven joints, in the order of ``driven``, rad/s (m/s for prismatic
+                ones). A joint is no faster than its limit.
 
         Raises:
-            ValueError: one is missing, unknown or not finite; then nothing has changed.
+            ValueError: they are too few or too many, or one is not finite; then nothing has
+                changed.
         """
         targets = self.targets(velocities)
         self.world.check_open()
@@ -127,30 +124,17 @@ class Robot:
         if targets != self._targets:
             self._drive(targets)
 
-    def targets(self, velocities: Mapping[str, float] | ArrayLike) -> list[float]:
-        """Return velocities in the order of ``driven``, within the joints' limits; see ``turn``."""
-        if isinstance(velocities, Mapping):
-            if velocities.keys() != set(self.driven):
-                raise ValueError(
-                    f"velocities must be of exactly {', '.join(self.driven)}, "
-                    f"not of {', '.join(map(str, velocities)) or 'nothing'}"
-                )
-            # Plain floats: for a few numbers arrays would be slower than the rest.
-            values = [float(velocities[name]) for name in self.driven]
-        else:
-            array = np.asarray(velocities, float)
-            if array.shape != (len(self.driven),):
-                raise ValueError(
-                    f"velocities must be {len(self.driven)} numbers, not {velocities!r}"
-                )
-            values = array.tolist()
-        for row, fastest in enumerate(self._fastest):
-            if not -fastest <= values[row] <= fastest:
-                if not math.isfinite(values[row]):
-                    # A single NaN would make the whole world NaN permanently.
-                    raise ValueError(f"velocities must be finite, not {values[row]}")
-                values[row] = math.copysign(fastest, values[row])
-        return values
+    def targets(self, velocities: Sequence[float]) -> list[float]:
+        """Return velocities within the joints' limits; see ``turn``."""
+        if len(velocities) != len(self.driven):
+            raise ValueError(f"velocities must be {len(self.driven)} numbers, not {velocities!r}")
+        if not all(map(math.isfinite, velocities)):
+            # A single NaN would make the whole world NaN permanently.
+            raise ValueError(f"velocities must be finite, not {velocities!r}")
+        return [
+            min(max(velocity, -fastest), fastest)
+            for velocity, fastest in zip(velocities, self._fastest, strict=True)
+        ]
 
     def joint_states(self) -> JointStates:
         """Return positions, velocities and motor efforts, in the order of ``joints``."""
@@ -204,12 +188,6 @@ class Robot:
         """
         self.world.stand(self, checked_spawn_pose(x, y, yaw), at_start=False)
 
-    def brake(self) -> None:
-        """Stop at once: all velocities are exactly 0, positions do not change."""
-        self.check()
-        self.put(self.pose, self.positions)
-        self.check()
-
     def put(self, pose: Transform, positions: Sequence[float] | None = None) -> None:
         """Place the robot at rest, with these positions of its joints; by default 0."""
         self.parts.place(pose, positions or [0.0] * len(self.joints))
@@ -240,7 +218,7 @@ class Robot:
         if not self.finite:
             raise OneBotError(
                 f"{self.spawn.description.source}: the simulation diverged: its state is no longer "
-                "finite; reset it"
+                "finite; start it again"
             )
 
     def record_efforts(self) -> None:

@@ -177,7 +177,7 @@ class SceneBodies:
         if not self.finite:
             raise OneBotError(
                 f"{self.description.source}: the simulation of the world diverged: its state is no "
-                "longer finite; reset it"
+                "longer finite; start it again"
             )
 
     def fixed_at(self, robot: LoadedRobot) -> dict[int, str]:

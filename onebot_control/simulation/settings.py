@@ -72,7 +72,7 @@ class RobotSpawn(NamedTuple):
     x: float = 0.0  # m
     y: float = 0.0  # m
     yaw: float = 0.0  # heading, rad
-    name: str = ""  # for errors
+    name: str = ""  # named in errors
 
 
 SpawnPose = tuple[float, float, float]  # x and y of the root link's frame, m, and yaw, rad

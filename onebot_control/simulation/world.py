@@ -56,25 +56,23 @@ class World:
         self._alone = len(self.robots) == 1 and scene is None
         if not self._alone:
             self._find_rest_poses()
-        self._build()
+        client: int = engine.connect(engine.DIRECT)
+        self.client = client
+        self._disconnect = weakref.finalize(self, engine.disconnect, client)
         try:
+            self._build()
             if at_start:
-                self.reset()
+                self._start()
         except BaseException:
             self.close()
             raise
-
-    @property
-    def time(self) -> float:
-        """Simulated seconds since the start or the last reset."""
-        return self._steps / self.settings.rate
 
     def step(self, duration: float) -> None:
         """Advance by ``duration`` seconds, a whole number of physics steps.
 
         Raises:
             ValueError: it is not a whole number of steps.
-            OneBotError: the state is no longer finite; ``reset`` recovers.
+            OneBotError: the state is no longer finite.
         """
         count = self.settings.steps(duration)
         self.check_usable()
@@ -84,33 +82,10 @@ class World:
             for robot in robots:
                 robot.record_efforts()
         engine.stepSimulation(client)
-        self._steps += count
         for robot in robots:
             robot.read(count)
         if self.scene is not None:
             self.scene.read()
-        self.check_usable()
-
-    def reset(self) -> None:
-        """Put everything back to the start, bit for bit; time is 0 again.
-
-        Raises:
-            OneBotError: a robot cannot stand at its start.
-        """
-        self.check_open()
-        finite = [robot.finite for robot in self.robots]
-        if not all(finite) or (self.scene is not None and not self.scene.finite):
-            # PyBullet does not recover from a NaN, not even by restoring an earlier state.
-            self.close()
-            self._build()
-        engine.restoreState(self._saved, physicsClientId=self.client)
-        self._steps = 0
-        if self.scene is not None:
-            self.scene.read()
-        for robot in self.robots:
-            robot.put(self._pose_at(robot, robot.start))
-            self._check_boxes(robot, robot.start)
-        self._check_overlaps()
         self.check_usable()
 
     def stand(self, robot: Robot, where: SpawnPose, *, at_start: bool) -> None:
@@ -127,7 +102,7 @@ class World:
         """
         self.check_usable()
         positions = [0.0] * len(robot.joints) if at_start else robot.positions
-        before: int = engine.saveState(physicsClientId=self.client)
+        present: int = engine.saveState(physicsClientId=self.client)
         try:
             if len(self.robots) == 1 and (at_start or self.scene is None):
                 # Without other robots the contacts of all that is at rest can be restored.
@@ -139,10 +114,10 @@ class World:
             self._check_boxes(robot, where)
             self._check_overlaps(robot)
         except OneBotError:
-            engine.restoreState(before, physicsClientId=self.client)
+            engine.restoreState(present, physicsClientId=self.client)
             raise
         finally:
-            engine.removeState(before, physicsClientId=self.client)
+            engine.removeState(present, physicsClientId=self.client)
         robot.put(pose, positions)
         if self.scene is not None:
             self.scene.read()
@@ -206,26 +181,29 @@ class World:
             robot.rest_pose = rest_poses[key]
 
     def _build(self) -> None:
-        """Create the world with all its bodies, and save that state."""
-        client: int = engine.connect(engine.DIRECT)
-        self.client, self._steps = client, 0
-        self._disconnect = weakref.finalize(self, engine.disconnect, client)
-        try:
-            ground = make_world(client, self.settings)
-            for robot in self.robots:
-                robot.load(ground)
-                if self._alone:
-                    description, parts = robot.spawn.description, robot.parts
-                    robot.rest_pose = settle(parts, description, robot.driven, self.settings)
-                else:
-                    # Away from the origin, where the next one is loaded.
-                    robot.parts.place(robot.rest_pose.at(*robot.start))
-            if self.scene is not None:
-                self.scene.enter(client, ground, self.settings)
-        except BaseException:
-            self._disconnect()
-            raise
+        """Load all bodies, and save that state."""
+        client, settings = self.client, self.settings
+        ground = make_world(client, settings)
+        for robot in self.robots:
+            robot.load(ground)
+            if self._alone:
+                description, parts = robot.spawn.description, robot.parts
+                robot.rest_pose = settle(parts, description, robot.driven, settings)
+            else:
+                # Away from the origin, where the next one is loaded.
+                robot.parts.place(robot.rest_pose.at(*robot.start))
+        if self.scene is not None:
+            self.scene.enter(client, ground, settings)
         self._saved: int = engine.saveState(physicsClientId=client)
+
+    def _start(self) -> None:
+        """Place all robots at their starts, from the saved state, as ``Robot.reset`` does."""
+        engine.restoreState(self._saved, physicsClientId=self.client)
+        for robot in self.robots:
+            robot.put(self._pose_at(robot, robot.start))
+            self._check_boxes(robot, robot.start)
+        self._check_overlaps()
+        self.check_usable()
 
     def _pose_at(self, robot: Robot, where: SpawnPose) -> Transform:
         """Place the robot at rest on what stands still there; return its pose.

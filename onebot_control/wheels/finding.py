@@ -21,10 +21,10 @@ from onebot_description.model import RobotModel, quaternions
 Floats = NDArray[np.float64]
 
 _MIDDLE = 0.005  # m from the middle line; a wheel there is on neither side
-_GROUND = 0.1  # of its radius that a wheel may end above the lowest one
+_GROUND = 0.1  # share of its radius that a wheel may end above the lowest one
 _ALIKE = 0.01  # m of radius and height by which the wheels of a set differ at most
 _ACROSS = math.cos(math.radians(1.0))  # cosine of the angle to the lateral axis, of wheels' axles
-_TRAIL = 0.1  # of its radius by which a wheel at least trails what swivels it, if that is a caster
+_TRAIL = 0.1  # least share of its radius by which a caster's wheel trails what swivels it
 _VERTICAL = 0.9  # cosine of the angle to the vertical, of joints that swivel wheels
 _PASSIVE = re.compile(r"cast[eo]r|passive|free|idler|support|omni|dummy", re.IGNORECASE)
 # In the names of wheels and of their meshes.
@@ -62,8 +62,8 @@ class DriveWheels(NamedTuple):
 
 
 class _Wheel(NamedTuple):
-    name: str  # of the joint
-    x: float  # of its middle, in the frame of the root link, m
+    name: str  # the joint's
+    x: float  # its middle, in the frame of the root link, m
     y: float
     bottom: float  # z where it touches the ground, m
     radius: float  # m

@@ -17,7 +17,7 @@ from onebot_description.parameters.reader import ConfigError, Problem
 Floats = NDArray[np.float64]
 
 _SAME = 1e-6  # m by which lengths may differ and still count as the same
-_STEPS = 200  # of a fixed-point iteration that needs one for four equal loads
+_STEPS = 200  # fixed-point iterations; four equal loads need one
 _LEAST = 0.01  # load of a wheel, of the mean of all
 
 
@@ -25,7 +25,7 @@ class WheelGeometry(NamedTuple):
     """What a differential drive's odometry rests on."""
 
     separation: float  # distance between left and right wheels, m; of skid steer the effective one
-    radius: float  # of all the wheels, m
+    radius: float  # all the wheels', m
 
 
 class Wheels:

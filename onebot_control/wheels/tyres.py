@@ -30,7 +30,7 @@ class Tyre(NamedTuple):
     """The round shape that a wheel rolls on."""
 
     radius: float  # m
-    offset: float  # of its middle from the joint, along the joint's axis, m
+    offset: float  # its middle's distance from the joint, along the joint's axis, m
 
 
 class Tyres:

@@ -174,7 +174,7 @@ EQUIVALENT = (
     ),
     Equivalent(
         "onebot_description/joints/motions.py",
-        "_segments",
+        "_keyframes",
         "factor = 1.0 if motion.blend <= LINEAR else MINIMUM_JERK_PEAK",
         "no blend comes before linear",
     ),

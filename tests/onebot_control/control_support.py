@@ -1,7 +1,7 @@
 """A small robot, an ideal plant and a configuration, for tests of the controller."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -85,11 +85,11 @@ class IdealPlant:
         self.closed = False
         self.reset()
 
-    def turn(self, velocities: Mapping[str, float]) -> None:
+    def turn(self, velocities: Sequence[float]) -> None:
         self.targets = velocities
 
     def step(self, duration: float) -> None:
-        left, right = (self.targets[name] for name in self.joints)
+        left, right = self.targets
         assert math.isfinite(left) and math.isfinite(right)
         self.speeds = (left, right)
         self.left += left * duration

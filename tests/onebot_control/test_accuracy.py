@@ -19,7 +19,6 @@ from onebot_control.accuracy import (
     Result,
     Segment,
     deviation,
-    eight,
     follow,
     main,
     measure,
@@ -164,17 +163,6 @@ def test_share_is_relative_to_the_path():
     assert spot.share(Deviation(5.0, 0.003)) == pytest.approx(0.003)
 
 
-def test_segments_take_whole_cycles_and_cover_the_same_way():
-    """Whatever the control period."""
-    for segment in (*turn(2.0 * math.pi), *eight(0.5)):
-        for period in (0.01, 0.003, 0.02):
-            linear, angular = segment.command(period)
-            time = segment.cycles(period) * period
-            assert linear * time == pytest.approx(segment.linear * segment.duration)
-            assert angular * time == pytest.approx(segment.angular * segment.duration)
-            assert 0 <= time - segment.duration < period
-
-
 def test_missed_goals_are_named():
     """Each with what was found and what was wanted; NaN meets no goal."""
     off = result(odometry=PlanarPose(1.001, 0.0, 0.0), commanded=PlanarPose(1.1, 0.0, 0.0))
@@ -184,16 +172,6 @@ def test_missed_goals_are_named():
     nan = result(truth=PlanarPose(math.nan, 0.0, 0.0))
     assert len(missed(Report((nan,), math.nan, 60.0, math.nan, 100.0))) == 3
     assert missed(Report((result(),), 0.0, 60.0, 20.0, 100.0)) == []
-
-
-def test_table_is_markdown():
-    """All rows have as many cells as the head."""
-    lines = table(Report((result(), result()), 1e-9, 60.0, 20.0, 100.0)).splitlines()
-    rows = [line for line in lines if line.startswith("|")]
-    assert len(rows) == 4
-    assert len({row.count("|") for row in rows}) == 1
-    assert "1000.000 mm, 0.000 mm, 0.0000°" in rows[2]
-    assert "0.000001 mm in 60 s" in lines[-1]
 
 
 def test_writing_replaces_what_is_between_the_marks(tmp_path):

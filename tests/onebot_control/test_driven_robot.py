@@ -235,10 +235,9 @@ class FourWheels(IdealPlant):
     joints = ("left_2_joint", "right_2_joint", "right_wheel_joint", "left_wheel_joint")
 
     def step(self, duration: float) -> None:
-        velocities = self.targets
-        assert velocities["left_2_joint"] == velocities["left_wheel_joint"]
-        assert velocities["right_2_joint"] == velocities["right_wheel_joint"]
-        self.speeds = (velocities["left_2_joint"], velocities["right_2_joint"])
+        left, left_2, right, right_2 = self.targets
+        assert left == left_2 and right == right_2
+        self.speeds = (left, right)
         self.left += self.speeds[0] * duration
         self.right += self.speeds[1] * duration
 

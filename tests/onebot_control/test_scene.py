@@ -201,15 +201,12 @@ def test_one_of_several_robots_puts_boxes_back_unless_a_robot_is_there():
         assert world.scene.poses[1] == pushed[1]
 
 
-def test_a_scene_that_diverged_is_reset():
-    """A box whose pose is not finite stops the world with a message, and reset recovers."""
+def test_a_scene_that_diverged_is_reported():
+    """A box whose pose is not finite stops the world with a message."""
     with among(scene(BOX)) as simulation:
-        start = bits(simulation)
+        simulation.scene.put([((math.nan, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))])
         with pytest.raises(OneBotError, match="diverged"):
-            simulation.scene.put([((math.nan, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))])
             simulation.step([0.0, 0.0], 0.01)
-        simulation.reset()
-        assert bits(simulation) == start
 
 
 def test_what_is_fixed_to_a_box_moves_with_it():

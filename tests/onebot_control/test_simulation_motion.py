@@ -41,7 +41,6 @@ def test_starts_exactly_where_it_is_told_and_at_rest():
         assert pose.rotation == pytest.approx(upright, abs=1e-9)
         for array in (*twist, *joints):
             assert not array.any()
-        assert simulation.time == 0.0
 
 
 def test_rests_without_creeping(simulation):
@@ -52,7 +51,6 @@ def test_rests_without_creeping(simulation):
         x, y, yaw = planar(simulation)
         farthest = max(farthest, math.hypot(x, y), abs(yaw))
     assert farthest < 5e-7
-    assert simulation.time == 60.0
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.7, -2.5])
@@ -127,7 +125,7 @@ def test_caster_turns_round_when_the_robot_reverses(simulation):
 def test_joint_states_are_in_the_descriptions_order(simulation):
     """Whatever order the physics has its joints in."""
     assert simulation.joints == (LEFT, RIGHT, "caster_swivel_joint", "caster_wheel_joint")
-    simulation.step({RIGHT: 1.0, LEFT: 0.5}, 0.2)
+    simulation.step([0.5, 1.0], 0.2)
     assert simulation.joint_states().velocities[:2] == pytest.approx([0.5, 1.0], abs=1e-3)
     assert (simulation.joint_states().efforts[2:] == 0.0).all()
 

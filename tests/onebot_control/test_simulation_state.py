@@ -17,8 +17,6 @@ from onebot_control.simulation import Settings
 from onebot_control.simulation.engine import engine
 from onebot_description.errors import OneBotError
 from tests.onebot_control.simulation_support import (
-    LEFT,
-    RIGHT,
     bits,
     drive,
     planar,
@@ -91,8 +89,7 @@ def test_one_long_step_is_many_short_ones():
     with simulate() as one, simulate() as other:
         one.step([2.0, 3.0], 0.5)
         for _ in range(200):
-            other.step({LEFT: 2.0, RIGHT: 3.0}, 1 / 400)
-        assert one.time == other.time
+            other.step([2.0, 3.0], 1 / 400)
         for first, second in zip(
             (*one.base_pose(), *one.base_twist(), *one.joint_states()[:2]),
             (*other.base_pose(), *other.base_twist(), *other.joint_states()[:2]),
@@ -105,7 +102,7 @@ def test_teleport_is_exact_and_hides_from_the_wheels():
     """Place and heading to rounding, at rest; wheel positions and time go on."""
     with simulate() as simulation:
         drive(simulation, 0.2, 0.4, 2.0)
-        before, now = simulation.joint_states(), simulation.time
+        before = simulation.joint_states()
         simulation.step([5.0, 5.0], 0.01)
         moving = simulation.joint_states().positions
         simulation.teleport(-3.5, 12.25, 2.75)
@@ -113,7 +110,6 @@ def test_teleport_is_exact_and_hides_from_the_wheels():
         assert (simulation.joint_states().positions == moving).all()
         assert not simulation.joint_states().velocities.any()
         assert not any(value.any() for value in simulation.base_twist())
-        assert simulation.time == pytest.approx(now + 0.01)
         assert before.positions[0] != moving[0]
         simulation.step([0.0, 0.0], 10.0)
         assert planar(simulation) == pytest.approx((-3.5, 12.25, 2.75), abs=1e-6)
@@ -133,29 +129,13 @@ def test_drives_the_same_wherever_it_stands():
         assert planar(there) == pytest.approx(expected, abs=5e-4)
 
 
-def test_brake_stops_at_once_where_it_is():
-    """All speeds are exactly 0, and it stays."""
-    with simulate() as simulation:
-        for _ in range(100):
-            simulation.step(wheels(0.5, 0.5), 0.01)
-        before = simulation.base_pose()
-        simulation.brake()
-        after = simulation.base_pose()
-        assert after.translation == pytest.approx(before.translation, abs=1e-14)
-        assert after.rotation == pytest.approx(before.rotation, abs=1e-14)
-        assert not simulation.joint_states().velocities.any()
-        assert not any(value.any() for value in simulation.base_twist())
-        simulation.step([0.0, 0.0], 1.0)
-        assert simulation.base_pose().translation == pytest.approx(before.translation, abs=1e-4)
-
-
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 def test_speeds_that_are_not_finite_never_reach_the_physics(bad):
     """They are refused, nothing has moved, and driving goes on."""
     with simulate() as simulation:
         simulation.step([1.0, 1.0], 0.1)
         before = bits(simulation)
-        for velocities in ([bad, 1.0], {LEFT: 1.0, RIGHT: bad}, np.array([bad, bad])):
+        for velocities in ([bad, 1.0], [1.0, bad]):
             with pytest.raises(ValueError, match="finite"):
                 simulation.step(velocities, 0.01)
         for place in ((bad, 0.0, 0.0), (0.0, bad, 0.0), (0.0, 0.0, bad)):
@@ -167,23 +147,22 @@ def test_speeds_that_are_not_finite_never_reach_the_physics(bad):
             simulate(x=bad)
 
 
-def test_a_state_that_is_not_finite_goes_no_further_and_reset_heals():
-    """Every reading refuses; after a reset the bits are the old ones."""
+def test_a_state_that_is_not_finite_goes_no_further():
+    """Every reading refuses it, and so does the world."""
     with simulate() as simulation:
-        drive(simulation, 0.2, 0.0, 1.0)
-        expected = bits(simulation)
-        index = simulation.parts.joints["caster_wheel_joint"]
-        engine.resetJointState(
-            simulation.parts.body, index, math.nan, math.nan, physicsClientId=simulation.client
-        )
-        with pytest.raises(OneBotError, match="no longer finite"):
-            simulation.step([0.0, 0.0], 0.01)
-        for reading in (simulation.base_pose, simulation.base_twist, simulation.joint_states):
-            with pytest.raises(OneBotError, match="no longer finite"):
-                reading()
-        simulation.reset()
-        drive(simulation, 0.2, 0.0, 1.0)
-        assert bits(simulation) == expected
+        parts = simulation.parts
+        index = parts.joints["caster_wheel_joint"]
+        engine.resetJointState(parts.body, index, math.nan, math.nan, parts.client)
+        for use in (
+            lambda: simulation.step([0.0, 0.0], 0.01),
+            lambda: simulation.step([0.0, 0.0], 0.01),
+            simulation.base_pose,
+            simulation.base_twist,
+            simulation.joint_states,
+            simulation.reset,
+        ):
+            with pytest.raises(OneBotError, match="no longer finite; start it again"):
+                use()
 
 
 def test_closed_simulation_says_so():

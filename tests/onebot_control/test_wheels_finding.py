@@ -178,13 +178,6 @@ def test_a_mesh_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
         drive.plant.close()
 
 
-def test_a_box_is_no_wheel() -> None:
-    """Neither a box nor a mesh that is none."""
-    box = '<box size="0.2 0.2 0.2"/>'
-    with pytest.raises(OneBotError, match="cannot be driven"):
-        Wheels(base(part("l", "0 0.2 0", box), part("r", "0 -0.2 0", box)))
-
-
 def test_what_is_simulated() -> None:
     """Wheels are thin and have motors, casters glide, an arm is held; a swivel follows."""
     description = base(*TWO, *BALLS, SWIVEL, ARM)
