@@ -230,6 +230,10 @@ def test_joints_that_nothing_else_moves_swing_within_limits() -> None:
     assert speed[elbow] == pytest.approx(0.25, rel=0.01)
     phases = {round(float(value), 3) for value in positions[-1, [elbow, wheel, finger]]}
     assert len(phases) == 3
+    slow = source_of({"swing": 40.0})
+    course = [float(slow.sample(moment)[0][0]) for moment in np.arange(0.0, 200.0, 0.5)]
+    assert course[-1] == pytest.approx(-course[-41], abs=1e-6)
+    assert abs(course[-1]) > 0.01
 
 
 def test_the_wheel_takes_the_short_way() -> None:
@@ -384,7 +388,7 @@ def test_a_clock_set_back_goes_on_with_the_same_motion() -> None:
         assert source.moving == (step > 0.0)
 
 
-@pytest.mark.parametrize(("loop", "first"), [(True, 0.4), (False, 0.25)])
+@pytest.mark.parametrize(("loop", "first"), [(True, 0.3), (False, 0.25)])
 def test_a_first_pose_without_the_joint_is_where_the_loop_leaves_it(
     loop: bool, first: float
 ) -> None:
@@ -392,17 +396,18 @@ def test_a_first_pose_without_the_joint_is_where_the_loop_leaves_it(
     source = source_of(
         {
             "zeros": {"elbow": 0.25},
-            "poses": {"a": {"wheel": 0.0}, "b": {"elbow": 0.4}},
+            "poses": {"a": {"wheel": 0.0}, "b": {"elbow": 0.4}, "c": {"elbow": 0.3}},
             "sequence": {
-                "poses": ["a", "b"],
-                "durations": [1.0, 1.0],
+                "poses": ["a", "b", "c"],
+                "durations": [1.0, 1.0, 1.0],
                 "blend": "linear",
                 "loop": loop,
             },
         }
     )
     course = [float(source.sample(t)[0][0]) for t in np.arange(0.0, 4.1, 0.5)]
-    assert course == pytest.approx([0.25, (0.25 + first) / 2, first, (first + 0.4) / 2, *[0.4] * 5])
+    begin = [0.25, (0.25 + first) / 2, first, (first + 0.4) / 2]
+    assert course == pytest.approx([*begin, 0.4, 0.35, 0.3, 0.3, 0.3])
 
 
 def test_a_sequence_holds_its_last_pose_or_goes_back_to_its_first() -> None:
