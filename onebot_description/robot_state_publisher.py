@@ -38,7 +38,7 @@ from std_msgs.msg import String
 
 from onebot_description.clock_check import StampCheck
 from onebot_description.description import Description, load_description, parse_description
-from onebot_description.description.places import keep_places
+from onebot_description.description.loading import keep_places
 from onebot_description.description_files import DescriptionFiles, Source
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel

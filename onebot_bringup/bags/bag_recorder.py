@@ -53,7 +53,7 @@ _WRITE_PERIOD = 1.0  # seconds between checkpoints, and longer where writing tak
 _LEAST_IDLE = 10.0  # times as long as a checkpoint takes, there is none
 _AWAY = 3.0  # seconds between two polls after which the recorder was away
 _CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)  # goes on while the computer sleeps
-_DEPTH = 1000  # what may queue up while the disk is slow: 10 s at 100 Hz
+_DEPTH = 1000  # messages that queue up while the disk is slow: 10 s at 100 Hz
 _DEFAULT = QoSProfile(depth=_DEPTH)
 _LATCHED = QoSProfile(depth=_DEPTH, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _FOREVER = 2**63 - 1  # ns; DDS's infinite duration
@@ -61,8 +61,8 @@ _LIVELINESS = {
     LivelinessPolicy.AUTOMATIC: "automatic",
     LivelinessPolicy.MANUAL_BY_TOPIC: "manual_by_topic",
 }
-# Type and transient_local of what a robot of ours publishes. It is subscribed to from the start, so
-# that nothing is missed until its publishers are discovered.
+# Type and transient_local of the topics that a robot of ours publishes. They are subscribed to from
+# the start: nothing is missed until their publishers are discovered.
 _KNOWN = {
     "/tf": ("tf2_msgs/msg/TFMessage", False),
     "/tf_static": ("tf2_msgs/msg/TFMessage", True),
@@ -97,22 +97,17 @@ class BagRecorder(Node):
     """The node; see the module's docstring."""
 
     def __init__(self) -> None:
-        """Create the recording and subscribe to the topics that are known already.
-
-        Raises:
-            OneBotError: a parameter is wrong, or the folder cannot be made.
-        """
         super().__init__("bag_recorder")
         self._bag: BagWriter | None = None
-        given = read(RecorderParameters, declare(self, RecorderParameters))
+        parameters = read(RecorderParameters, declare(self, RecorderParameters))
         refuse_undeclared(self, RecorderParameters)
         selection = Selection(
-            {self.resolve_topic_name(name) for name in given.topics},
-            _pattern("regex", given.regex),
-            _pattern("exclude_regex", given.exclude_regex),
+            {self.resolve_topic_name(name) for name in parameters.topics},
+            _pattern("regex", parameters.regex),
+            _pattern("exclude_regex", parameters.exclude_regex),
         )
-        folder = Path(given.folder).expanduser().absolute()
-        self._bag = BagWriter(folder, compress=given.compression == "zstd")
+        folder = Path(parameters.folder).expanduser().absolute()
+        self._bag = BagWriter(folder, compress=parameters.compression == "zstd")
         self._topics = TopicRecorder(self, self._bag, selection)
         self._next_write = 0.0
         # Not ROS time: it may stand still or run fast.
@@ -132,11 +127,7 @@ class BagRecorder(Node):
             self._next_write = now + _LEAST_IDLE * (now - start) - _WRITE_PERIOD
 
     def destroy_node(self) -> None:
-        """Write what is left, log how much was recorded, and destroy the node.
-
-        Raises:
-            OneBotError: it cannot be written.
-        """
+        """Write what is left, log how much was recorded, and destroy the node."""
         bag, self._bag = self._bag, None
         try:
             if bag is not None and bag.open:
@@ -163,8 +154,8 @@ class Selection:
     """Which topics are chosen; without names and pattern all but hidden ones and ROS's own."""
 
     names: Set[str] = frozenset()  # full ones
-    pattern: re.Pattern[str] | None = None  # of further ones
-    excluded: re.Pattern[str] | None = None  # of those that are not chosen, whatever the others say
+    pattern: re.Pattern[str] | None = None  # further topics
+    excluded: re.Pattern[str] | None = None  # topics that are left out in any case
 
     def has(self, topic: str) -> bool:
         """Return whether a topic, by its full name, is chosen."""
@@ -195,13 +186,6 @@ class TopicRecorder:
     """
 
     def __init__(self, node: Node, bag: BagWriter, selection: Selection) -> None:
-        """Prepare; ``poll`` subscribes.
-
-        Args:
-            node: makes the subscriptions.
-            bag: gets the messages.
-            selection: which topics.
-        """
         self._node = node
         self._bag = bag
         self._simulated = bool(node.get_parameter("use_sim_time").value)
@@ -242,11 +226,10 @@ class TopicRecorder:
                     self._update(topic)
 
     def _report_absence(self) -> None:
-        """Warn after a time without polls."""
-        before, self._polled = self._polled, time.clock_gettime(_CLOCK)
-        if self._polled - before > _AWAY:
+        last_poll, self._polled = self._polled, time.clock_gettime(_CLOCK)
+        if self._polled - last_poll > _AWAY:
             self._node.get_logger().warning(
-                f"received nothing for {self._polled - before:.1f} s: the recorder was stopped, "
+                f"received nothing for {self._polled - last_poll:.1f} s: the recorder was stopped, "
                 "the computer slept or is overloaded; messages may be missing"
             )
 
@@ -260,17 +243,17 @@ class TopicRecorder:
         """Subscribe by the publishers of ``topic``, or else by its other subscribers."""
         recorded = self._topics.get(topic)
         current = recorded.subscription.type if recorded is not None else None
-        found = offers(self._node, topic)
-        types = self._installed(topic, found)
+        offered = offers(self._node, topic)
+        types = self._installed(topic, offered)
         kind = choose_type(types, current)
         if kind is None:
             return
         if len(types) > 1:
             self._warn(f"{topic} has several types ({', '.join(types)}); it is recorded as {kind}")
         if recorded is None:
-            self._record(topic, kind, compatible_qos(found[kind], _DEPTH))
-        elif kind != current or found[kind]:
-            self._change(topic, recorded, kind, compatible_qos(found[kind], _DEPTH))
+            self._record(topic, kind, compatible_qos(offered[kind], _DEPTH))
+        elif kind != current or offered[kind]:
+            self._change(topic, recorded, kind, compatible_qos(offered[kind], _DEPTH))
 
     def _change(self, topic: str, recorded: _Recorded, kind: str, qos: QoSProfile) -> None:
         """Subscribe anew, but once recorded only with a relaxed QoS: that misses no publisher."""
@@ -286,7 +269,7 @@ class TopicRecorder:
 
     def _installed(self, topic: str, types: Iterable[str]) -> list[str]:
         """Those of the types that are installed, sorted; it warns of the others."""
-        found = []
+        installed = []
         for kind in sorted(types):
             try:
                 message_class(kind)
@@ -294,8 +277,8 @@ class TopicRecorder:
             except OneBotError as error:
                 self._warn(f"{topic} is not recorded: {error}")
                 continue
-            found.append(kind)
-        return found
+            installed.append(kind)
+        return installed
 
     def _record(self, topic: str, kind: str, qos: QoSProfile) -> None:
         @ends_node
@@ -320,9 +303,9 @@ class TopicRecorder:
         # Our own subscription has the hash, too, if the publisher has gone already.
         ends = [*publishers, *self._node.get_subscriptions_info_by_topic(name)]
         hashes = [str(end.topic_type_hash) for end in ends if end.topic_type == kind]
-        known = next((text for text in hashes if text.startswith("RIHS")), "")
+        type_hash = next((text for text in hashes if text.startswith("RIHS")), "")
         offered = tuple(dict.fromkeys(offered_qos(end.qos_profile) for end in publishers))
-        return RecordedTopic(name, kind, known, offered)
+        return RecordedTopic(name, kind, type_hash, offered)
 
     def _now(self) -> int:
         """When a message is received, ns: on this computer's clock, or else in simulated time."""
@@ -331,7 +314,6 @@ class TopicRecorder:
         return time.time_ns()
 
     def _warn(self, text: str) -> None:
-        """Log a warning, each once."""
         if text not in self._warned:
             self._warned.add(text)
             self._node.get_logger().warning(text)

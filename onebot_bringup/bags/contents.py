@@ -17,7 +17,7 @@ from onebot_description.errors import OneBotError
 from onebot_description.parameters import bounded_yaml
 from onebot_description.wire.cdr import NANO
 
-OFFERED = "offered_qos_profiles"  # of a topic, in both formats
+OFFERED = "offered_qos_profiles"  # a topic's, in both formats
 # What mcap, the decompressors and sqlite3 raise for damaged files.
 DAMAGE = (
     McapError, OSError, struct.error, zstandard.ZstdError, sqlite3.Error, ValueError, KeyError,
@@ -76,16 +76,16 @@ def _offered(text: str) -> list[Qos]:
     """Parse the QoS that publishers offered; empty if it is no valid YAML."""
     with suppress(yaml.YAMLError, ValueError, TypeError, AttributeError, OverflowError):
         return [
-            Qos(  # in words, or the numbers of rmw
-                reliability=_word(one.get("reliability"), {2: "best_effort"}, "reliable"),
-                durability=_word(one.get("durability"), {1: "transient_local"}, "volatile"),
-                depth=int(one.get("depth", 0)),
-                liveliness=_word(one.get("liveliness"), {3: "manual_by_topic"}, "automatic"),
-                deadline=_limit(one.get("deadline")),
-                lifespan=_limit(one.get("lifespan")),
-                lease=_limit(one.get("liveliness_lease_duration")),
+            Qos(  # words, or the numbers of rmw
+                reliability=_word(qos.get("reliability"), {2: "best_effort"}, "reliable"),
+                durability=_word(qos.get("durability"), {1: "transient_local"}, "volatile"),
+                depth=int(qos.get("depth", 0)),
+                liveliness=_word(qos.get("liveliness"), {3: "manual_by_topic"}, "automatic"),
+                deadline=_limit(qos.get("deadline")),
+                lifespan=_limit(qos.get("lifespan")),
+                lease=_limit(qos.get("liveliness_lease_duration")),
             )
-            for one in bounded_yaml.load(text) or ()
+            for qos in bounded_yaml.load(text) or ()
         ]
     return []
 
@@ -98,17 +98,13 @@ def _limit(duration: Mapping[str, Any] | None) -> int | None:
     """A duration, ns; None for an infinite one, or none."""
     if duration is None:
         return None
-    seconds, rest = int(duration.get("sec", 0)), int(duration.get("nsec", 0))
-    limit = seconds * NANO + rest
+    seconds, nanoseconds = int(duration.get("sec", 0)), int(duration.get("nsec", 0))
+    limit = seconds * NANO + nanoseconds
     return limit if seconds < _INFINITE_S and 0 < limit < _INFINITE_S * NANO else None
 
 
 def open_file(path: Path) -> IO[bytes]:
-    """Open a file of a recording.
-
-    Raises:
-        OneBotError: it cannot be read, or is no regular file.
-    """
+    """Open a regular file of a recording, or raise an OneBotError."""
     try:
         return bounded_yaml.open_regular(path)
     except OSError as error:

@@ -33,7 +33,7 @@ _CDR = "cdr"
 _MSG = "ros2msg"  # the encoding of definitions that are .msg text, not IDL
 _RECORD = struct.Struct("<BQ")  # how a record begins: what it is, and its length
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, time of receipt and of publishing
-_FOOTER = struct.Struct("<Q12x8s")  # where the summary starts, and the magic bytes
+_FOOTER = struct.Struct("<Q12x8s")  # the summary's start, and the magic bytes
 _READ = {
     Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.CHUNK, Opcode.CHUNK_INDEX,
     Opcode.STATISTICS, Opcode.DATA_END, Opcode.FOOTER,
@@ -55,7 +55,7 @@ class _Declared:
 
     def add(self, opcode: int, data: bytes) -> None:
         """Keep what a record declares; records of other kinds are passed over."""
-        number = int.from_bytes(data[:2], "little")  # of a schema or channel; they may be repeated
+        number = int.from_bytes(data[:2], "little")  # a schema or channel may be repeated
         if opcode == Opcode.SCHEMA and number in self.schemas:
             return
         if opcode == Opcode.CHANNEL and number in self.channels:
@@ -101,15 +101,7 @@ class McapFile:
     """An MCAP file that is open."""
 
     def __init__(self, path: Path, max_size: int) -> None:
-        """Open it.
-
-        Args:
-            path: the file.
-            max_size: bytes of a record, a chunk, or of what else is in memory at once, at most.
-
-        Raises:
-            OneBotError: it cannot be opened, or is none.
-        """
+        """Open it, or raise an OneBotError; at most ``max_size`` bytes are in memory at once."""
         self._path, self._max_size = path, max_size
         self._file = open_file(path)
         start = self._file.read(len(MCAP0_MAGIC))
@@ -137,12 +129,8 @@ class McapFile:
             contents.add_messages(declared.channels[number].topic, *extent)
 
     def messages(self, topics: Collection[str]) -> Iterator[BagMessage]:
-        """Yield messages by time; without a sound index, in the file's order.
-
-        Raises:
-            DAMAGE: after the last one before the damage.
-        """
-        channels = {n for n, found in self._declared.channels.items() if found.topic in topics}
+        """Yield messages by time, or without an index as they lie; damage raises ``DAMAGE``."""
+        channels = {n for n, channel in self._declared.channels.items() if channel.topic in topics}
         types: dict[int, tuple[str, str]] = {}
         for number, time, data in self._by_time(channels) if self._indexed else self._in_order():
             if number not in types:
@@ -152,11 +140,7 @@ class McapFile:
                 yield BagMessage(topic, kind, time, data)
 
     def _summary(self) -> _Declared | None:
-        """The summary; None where the file has to be read in order.
-
-        It was cut off or is damaged, or it was written without an index of its chunks, statistics,
-        or channels or schemas in its summary, all of which are optional.
-        """
+        """The summary; None without one that is whole, and for what writers may leave out of it."""
         index = _Declared(self._max_size)
         try:
             self._file.seek(-_FOOTER.size, os.SEEK_END)
@@ -180,13 +164,12 @@ class McapFile:
             return {n: (count, *times) for n, count in summed.channel_message_counts.items()}
         with suppress(*DAMAGE):
             for number, time, _ in self._in_order():
-                self._declared.channels[number]  # or it is damage
+                self._declared.channels[number]  # a KeyError is damage
                 count, start, end = extents.get(number, (0, time, time))
                 extents[number] = count + 1, min(start, time), max(end, time)
         return extents
 
     def _records(self, file: IO[bytes]) -> Iterator[tuple[int, bytes]]:
-        """Yield the records from here on: what they are, and their content."""
         place = file.tell()
         end = file.seek(0, os.SEEK_END)
         file.seek(place)
@@ -202,7 +185,6 @@ class McapFile:
                 file.seek(place)
 
     def _unpacked(self, data: bytes) -> Iterator[tuple[int, bytes]]:
-        """Yield the records of a chunk."""
         chunk = Chunk.read(ReadDataStream(io.BytesIO(data)))
         size, content = chunk.uncompressed_size, chunk.data
         check_size("a chunk", size, self._max_size)

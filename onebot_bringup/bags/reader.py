@@ -51,15 +51,7 @@ class Bag(Contents):
     """
 
     def __init__(self, source: Path, max_size: int = MAX_SIZE) -> None:
-        """Open a recording.
-
-        Args:
-            source: its file or folder.
-            max_size: bytes that are read or unpacked at once, of a message or a chunk, at most.
-
-        Raises:
-            OneBotError: there is none, or it cannot be read.
-        """
+        """Open a file or folder, or raise an OneBotError; ``max_size`` bytes are read at once."""
         super().__init__()
         self.source = source
         self._max_size = max_size
@@ -100,14 +92,7 @@ class Bag(Contents):
                 self.warnings.append(f"{name}: {_reason(error)}; what comes before is read")
 
     def definition(self, type_name: str) -> str:
-        """Return the definition of a message type: the recording's, or else the installed one.
-
-        Args:
-            type_name: ``package/msg/Type``.
-
-        Raises:
-            OneBotError: it is neither in the recording, as .msg text, nor installed.
-        """
+        """Return a type's definition, the recording's or the installed; without, an OneBotError."""
         if type_name in self.definitions:
             return self.definitions[type_name]
         try:
@@ -128,7 +113,7 @@ class Bag(Contents):
         try:
             with open_file(file) as source, target.open("wb") as plain:
 
-                def read(size: int) -> bytes:  # in Python: Ctrl-C counts between two calls
+                def read(size: int) -> bytes:  # Ctrl-C counts between two calls of Python
                     check_size("a gap", source.tell() - plain.tell(), self._max_size)
                     return source.read(size)
 
@@ -173,10 +158,10 @@ class Bag(Contents):
 
     def _in_folder(self) -> list[Path]:
         """The files that metadata.yaml names, or else those that are there."""
-        there = {path.name: path for path in self.source.iterdir()}
+        paths = {path.name: path for path in self.source.iterdir()}
         information = self._metadata()
         if information is None:
-            files = [path for path in there.values() if _is_storage(path)]
+            files = [path for path in paths.values() if _is_storage(path)]
             if not files:
                 raise OneBotError(
                     f"{self.source} is no recording: it holds neither {METADATA} nor a .mcap or "
@@ -189,10 +174,9 @@ class Bag(Contents):
                 f"{self.source} is compressed by {compression}, not {_ZSTD}: decompress it by "
                 "ros2 bag convert"
             )
-        paths = information["relative_file_paths"] or ()
-        names = dict.fromkeys(Path(path).name for path in paths)
-        missing = [name for name in names if name not in there]
-        files = [there[name] for name in names if name in there and _is_storage(there[name])]
+        names = dict.fromkeys(Path(path).name for path in information["relative_file_paths"] or ())
+        missing = [name for name in names if name not in paths]
+        files = [paths[name] for name in names if name in paths and _is_storage(paths[name])]
         if not files:
             raise OneBotError(f"{self.source} lacks its files: {', '.join(missing) or 'none'}")
         if missing:
@@ -203,8 +187,8 @@ class Bag(Contents):
         path = self.source / METADATA
         try:
             text = bounded_yaml.read_text(path)
-            found = bounded_yaml.load(text)["rosbag2_bagfile_information"]
-            names = found["relative_file_paths"] or []
+            information: Mapping[str, Any] = bounded_yaml.load(text)["rosbag2_bagfile_information"]
+            names = information["relative_file_paths"] or []
             if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
                 raise TypeError("no list of names")
         except OSError:
@@ -213,13 +197,11 @@ class Bag(Contents):
         except (yaml.YAMLError, TypeError, KeyError, AttributeError, ValueError):
             self.warnings.append(f"{path} is damaged; the files beside it are read")
             return None
-        information: Mapping[str, Any] = found
         self.distro = str(information.get("ros_distro") or "")
         return information
 
 
 def _is_storage(path: Path) -> bool:
-    """Whether its name is that of a file with messages, compressed or not."""
     return (Path(path.stem) if path.suffix == _COMPRESSED else path).suffix in _STORAGES
 
 

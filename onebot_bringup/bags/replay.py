@@ -36,8 +36,8 @@ class Shown:
     """What of a recording is shown."""
 
     robot: str  # the first one's name; "" where the recording has no description
-    messages: int  # that could be shown
-    seconds: float  # from the first to the last of them
+    messages: int  # number shown
+    seconds: float  # duration, first to last message
 
 
 def log_bag(
@@ -82,9 +82,9 @@ def log_bag(
         progress(f"showing the robots in {spaces}; namespace:= chooses one")
     elif not first.description:
         warn(f"{bag.source} holds no {_DESCRIPTION_NAME}: showing the rest without the robot")
-    others = sorted({*_tf_spaces(bag)} - {"", first.tf_space})
-    if others and not namespace:
-        warn(f"not shown: the transforms in {listing(others)}; namespace:= chooses one")
+    hidden_spaces = sorted({*_tf_spaces(bag)} - {"", first.tf_space})
+    if hidden_spaces and not namespace:
+        warn(f"not shown: the transforms in {listing(hidden_spaces)}; namespace:= chooses one")
     descriptions = descriptions_in(bag, [robot.description for robot in robots])
     source = ViewSource("" if view is None else str(view), warn)
     if descriptions:
@@ -200,11 +200,7 @@ class RecordedRobot:
 
 
 def robots_of(bag: Bag, namespace: str = "") -> list[RecordedRobot]:
-    """Return the robot in ``namespace``, or all; without any description what may be of one.
-
-    Raises:
-        OneBotError: there is none in the namespace.
-    """
+    """Return the robot in ``namespace``, or all; without any description what may be of one."""
     described = _spaces(bag, _DESCRIPTION_NAME, DESCRIPTION.name)
     joints = _spaces(bag, _JOINTS_NAME, JOINT_STATE.name)
     transforms = _tf_spaces(bag)
@@ -254,16 +250,16 @@ def _robots_to_show(
 
 def descriptions_in(bag: Bag, topics: Collection[str]) -> dict[str, Description]:
     """Return the first description on each of these topics that can be read."""
-    wanted = [topic for topic in topics if topic]
+    named = [topic for topic in topics if topic]
     descriptions: dict[str, Description] = {}
-    for message in bag.messages(wanted) if wanted else ():
+    for message in bag.messages(named) if named else ():
         if message.topic not in descriptions:
             with suppress(OneBotError, ValueError):  # it is reported when it is shown
                 [text] = DESCRIPTION.decode([message.data], lambda _: None)
                 descriptions[message.topic] = parse_description(text or "", _DESCRIPTION_NAME)
-        if len(descriptions) == len(wanted):
+        if len(descriptions) == len(named):
             break
-    return {topic: descriptions[topic] for topic in wanted if topic in descriptions}
+    return {topic: descriptions[topic] for topic in named if topic in descriptions}
 
 
 def frames_of(bag: Bag, robot: RecordedRobot) -> set[str]:

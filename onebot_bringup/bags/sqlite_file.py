@@ -15,8 +15,8 @@ from onebot_bringup.bags.contents import (
 )
 from onebot_description.errors import OneBotError
 
-_LOGGED = b"\2\2"  # in the header of a SQLite file: it is written by way of a log
-_STEPS = 100_000  # of SQLite, some milliseconds, between two moments at which Ctrl-C counts
+_LOGGED = b"\2\2"  # a SQLite file's header: it is written by way of a log
+_STEPS = 100_000  # SQLite's, some ms, between two moments at which Ctrl-C counts
 # A view may have rows without end, and so may what is computed: only what is stored is read.
 _TABLES = """
     SELECT name FROM sqlite_master
@@ -27,7 +27,7 @@ _TOPICS = "SELECT * FROM topics WHERE serialization_format = 'cdr'"
 _DEFINITIONS = """
     SELECT topic_type, encoded_message_definition FROM message_definitions
     WHERE encoding = 'ros2msg'
-"""  # from Iron on
+"""  # since Iron
 _EXTENTS = "SELECT topic_id, count(*), min(timestamp), max(timestamp) FROM messages GROUP BY 1"
 _MESSAGES = """
     SELECT topic_id, timestamp, length(data), CASE WHEN length(data) <= ? THEN data END
@@ -40,7 +40,7 @@ class SqliteFile:
 
     def __init__(self, path: Path, max_size: int) -> None:
         self._path, self._max_size = path, max_size
-        options = "mode=ro"  # or a file that is missing would be made
+        options = "mode=ro"  # SQLite would make a missing file
         with open_file(path) as file:
             # A log beside it would be made, too, where one can be: Foxy's files have one while
             # they are written.

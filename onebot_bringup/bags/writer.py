@@ -25,14 +25,14 @@ _FastDumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # libyaml's, if PyY
 class Qos:
     """The quality of service that a publisher offers, in rosbag2's words."""
 
-    reliability: str = "reliable"  # or best_effort
-    durability: str = "volatile"  # or transient_local
-    liveliness: str = "automatic"  # or manual_by_topic
+    reliability: str = "reliable"  # alternative: best_effort
+    durability: str = "volatile"  # alternative: transient_local
+    liveliness: str = "automatic"  # alternative: manual_by_topic
     history: str = "unknown"  # DDS does not report it; or keep_last, keep_all
-    depth: int = 0  # of the history
+    depth: int = 0  # the history's length
     deadline: int | None = None  # ns; None for infinite, as in the next two
     lifespan: int | None = None
-    lease: int | None = None  # of the liveliness
+    lease: int | None = None  # the liveliness's
 
 
 @dataclass(frozen=True)
@@ -41,8 +41,8 @@ class RecordedTopic:
 
     name: str
     type: str  # package/msg/Type
-    hash: str = ""  # of the type, RIHS01_...
-    offered: tuple[Qos, ...] = ()  # by its publishers
+    hash: str = ""  # the type's, RIHS01_...
+    offered: tuple[Qos, ...] = ()  # each publisher's
 
 
 class BagWriter:
@@ -50,7 +50,8 @@ class BagWriter:
 
     Whatever ends the process, the folder is left as of the last checkpoint. (Only a kill within the
     very call that writes to the file may leave it without its end; all messages up to the
-    checkpoint before can be read then, too.)
+    checkpoint before can be read then, too.) All methods raise an OneBotError where nothing can be
+    written, such as on a full disk; the recording ends as of the last checkpoint.
 
     Attributes:
         folder: the recording.
@@ -61,21 +62,12 @@ class BagWriter:
     def __init__(
         self, folder: Path, *, compress: bool = True, chunk_size: int = CHUNK_SIZE
     ) -> None:
-        """Make the folder, with a recording of no messages.
-
-        Args:
-            folder: must not exist, as ``ros2 bag record`` wants it; the one above it must.
-            compress: the chunks of messages, with zstd.
-            chunk_size: bytes that are compressed together, at most.
-
-        Raises:
-            OneBotError: it cannot be made.
-        """
+        """Make a new folder with a recording of no messages, compressed with zstd or not."""
         self.folder = folder
         self.open = False
         self.message_count = 0
         self._start = self._end = 0  # ns, of the messages
-        self._counts: dict[int, int] = {}  # of messages, by the topic's number
+        self._counts: dict[int, int] = {}  # messages by the topic's number
         self._topics: dict[int, RecordedTopic] = {}
         self._schemas: dict[str, int] = {}
         self._changed = False
@@ -94,11 +86,7 @@ class BagWriter:
         return len(self._topics)
 
     def add_topic(self, topic: RecordedTopic) -> int:
-        """Add a topic; return its number for ``write``.
-
-        Raises:
-            OneBotError: the definition of its type is not installed.
-        """
+        """Add a topic, whose type is installed; return its number for ``write``."""
         schema = self._schema(topic.type)
         offered = _yaml([_qos(qos) for qos in topic.offered])
         metadata = {"offered_qos_profiles": offered, "topic_type_hash": topic.hash}
@@ -116,16 +104,7 @@ class BagWriter:
         return self._schemas[type_name]
 
     def write(self, topic: int, time_ns: int, data: bytes) -> None:
-        """Add a message, to be in the folder by the next checkpoint at the latest.
-
-        Args:
-            topic: from ``add_topic``.
-            time_ns: when it was received, nanoseconds.
-            data: CDR, as on the wire.
-
-        Raises:
-            OneBotError: it cannot be written; what was written before is kept.
-        """
+        """Add a message in CDR, received at ``time_ns``; the next checkpoint writes it."""
         if not self.open:
             return
         self._start = min(time_ns, self._start) if self.message_count else time_ns
@@ -139,11 +118,7 @@ class BagWriter:
             self.checkpoint()
 
     def checkpoint(self) -> None:
-        """Make the folder a complete recording of all that was added; about once a second.
-
-        Raises:
-            OneBotError: it cannot be written, or the folder is gone.
-        """
+        """Make the folder a complete recording of all that was added; about once a second."""
         if not self.open:
             return
         with self._explained():
@@ -189,11 +164,7 @@ class BagWriter:
         return {"rosbag2_bagfile_information": information}
 
     def close(self) -> None:
-        """Write what is left.
-
-        Raises:
-            OneBotError: it cannot be written.
-        """
+        """Write what is left."""
         try:
             self.checkpoint()
         finally:
@@ -238,7 +209,7 @@ class _McapFile:
     def __init__(self, path: Path, compress: bool, chunk_size: int) -> None:
         self.path = path
         self._output = _Output()
-        self._ending = b""  # what the file holds from the output's start on
+        self._ending = b""  # content of the file from the output's start on
         self.writer = Writer(
             self._output,
             chunk_size=chunk_size,

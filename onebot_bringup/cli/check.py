@@ -42,13 +42,11 @@ def run(argv: Sequence[str]) -> int:
 
     # Slower to import.
     from onebot_description.description import describe, load_description
-    from onebot_description.description.meshes import mesh_faults
     from onebot_description.description.sizes import shape_sizes, size_warnings
 
     description = load_description(file, xacro_values)
-    problems = (*description.problems, *mesh_faults(description))
-    replace(description, problems=problems).raise_problems()
-    sizes = shape_sizes(description)
+    sizes, faults = shape_sizes(description)
+    replace(description, problems=(*description.problems, *faults)).raise_problems()
     print(describe(description, sizes))
     for warning in (*description.warnings, *size_warnings(description, sizes)):
         print(f"warning: {warning}", file=sys.stderr)

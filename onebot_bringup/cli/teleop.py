@@ -167,13 +167,7 @@ class Driver:
 
 @contextlib.contextmanager
 def single_keys() -> Iterator["Keys"]:
-    """Switch the terminal to unbuffered input without echo; restore it afterwards.
-
-    Ctrl-C still interrupts.
-
-    Raises:
-        OneBotError: stdin is not a terminal.
-    """
+    """Switch the terminal to single keys without echo, and back afterwards; Ctrl-C interrupts."""
     if sys.stdin is None or not sys.stdin.isatty():
         raise OneBotError("this reads keys from a terminal, but standard input is not a terminal")
     fd = sys.stdin.fileno()

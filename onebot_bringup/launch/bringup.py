@@ -89,7 +89,7 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
         The exit code: 0 when stopped by the user, 1 when a node that matters has failed.
     """
     from onebot_description.description import load_description
-    from onebot_description.description.places import PLACES, keep_places
+    from onebot_description.description.loading import PLACES, keep_places
     from onebot_description.description_files import Source
 
     arguments = split(argv)

@@ -27,12 +27,7 @@ class GrpcGate(LoopThread):
     """Passes connections of native viewers through, in a thread, until it is stopped."""
 
     def __init__(self, listener: socket.socket, backend: tuple[str, int]) -> None:
-        """Start the thread.
-
-        Args:
-            listener: the socket that viewers connect to.
-            backend: address and port of Rerun's server.
-        """
+        """Start the thread, between viewers and the address and port of Rerun's server."""
         self._listener, self._backend = listener, backend
         self._clients: set[asyncio.StreamWriter] = set()
         super().__init__("grpc gate")

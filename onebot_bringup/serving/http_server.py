@@ -31,11 +31,7 @@ _LOGGER.addFilter(_is_of_the_server)
 
 
 async def body_of(request: web.Request) -> bytes:
-    """Return the body of a request.
-
-    Raises:
-        HTTPRequestTimeout: it was not received in whole within seconds.
-    """
+    """Return the body of a request; it has seconds to be received in whole."""
     try:
         return await asyncio.wait_for(request.read(), _BODY_TIMEOUT)
     except asyncio.TimeoutError:
@@ -73,7 +69,7 @@ class ServerThread(LoopThread):
             access_log=None,
             logger=_LOGGER,
             handle_signals=False,
-            shutdown_timeout=STOP_TIMEOUT / 4,  # for pending responses
+            shutdown_timeout=STOP_TIMEOUT / 4,  # time for pending responses
             keepalive_timeout=_IDLE_TIMEOUT,
             lingering_time=_LINGERING,
         )

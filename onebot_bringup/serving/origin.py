@@ -52,10 +52,10 @@ def is_own_name(address: str, host: str) -> bool:
 
     Any port will do: a tunnel may lead to it from another one.
     """
-    found = _HOST.fullmatch(host)
-    if found is None:
+    name = _HOST.fullmatch(host)
+    if name is None:
         return False
-    return not is_loopback(address) or found[1].lower() in _LOOPBACK_NAMES | {address}
+    return not is_loopback(address) or name[1].lower() in _LOOPBACK_NAMES | {address}
 
 
 def guard(address: str) -> Middleware:

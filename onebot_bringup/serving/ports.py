@@ -14,26 +14,17 @@ LOOPBACK = "127.0.0.1"
 
 
 def _resolve(host: str, port: int) -> tuple[socket.AddressFamily, tuple[Any, ...]]:
-    """Return the socket family and address of ``host``, a name or an IP address.
-
-    Raises:
-        OneBotError: it has none.
-    """
     try:
-        found = socket.getaddrinfo(host or None, port, type=socket.SOCK_STREAM)
+        addresses = socket.getaddrinfo(host or None, port, type=socket.SOCK_STREAM)
     except (OSError, UnicodeError):
         raise _not_here(host) from None
     # IPv4 first: "localhost" is expected to be 127.0.0.1.
-    family, _, _, _, address = min(found, key=lambda one: one[0] != socket.AF_INET)
+    family, _, _, _, address = min(addresses, key=lambda one: one[0] != socket.AF_INET)
     return family, address
 
 
 def is_loopback(host: str) -> bool:
-    """Return whether ``host``, a name or an IP address, is a loopback address.
-
-    Raises:
-        OneBotError: it has no address.
-    """
+    """Return whether ``host``, a name or an IP address of a computer, is a loopback address."""
     try:
         return ipaddress.ip_address(host.partition("%")[0]).is_loopback
     except ValueError:
@@ -44,13 +35,9 @@ def is_loopback(host: str) -> bool:
 def listen(host: str, port: int, name: str = "port") -> socket.socket:
     """Listen on ``port`` of ``host``, or on any free one if it is in use (or 0).
 
-    Args:
-        host: a name or an IP address of this computer.
-        port: the preferred port.
-        name: of the parameter with the port, for error messages.
-
     Raises:
-        OneBotError: this computer does not have the address, or no port is available.
+        OneBotError: this computer does not have the address, or no port is available; the message
+            has the ``name`` of the parameter with the port.
     """
     if not 0 <= port <= MAX_PORT:
         raise OneBotError(
@@ -81,11 +68,7 @@ def listen(host: str, port: int, name: str = "port") -> socket.socket:
 
 
 def free_port(wanted: int, name: str = "port") -> int:
-    """Return ``wanted`` if it is free on loopback, else (or for 0) any free port.
-
-    Raises:
-        OneBotError: as ``listen``.
-    """
+    """Return ``wanted`` if it is free on loopback, else (or for 0) any free port."""
     with listen(LOOPBACK, wanted, name) as probe:
         return int(probe.getsockname()[1])
 
@@ -128,12 +111,11 @@ def _own_address(family: int, any_address: str) -> str:
             probe.connect((outside, 9))
         except OSError:
             return "127.0.0.1" if family == socket.AF_INET else "::1"
-        found = str(probe.getsockname()[0])
-    return found if found != any_address else "127.0.0.1"
+        address = str(probe.getsockname()[0])
+    return address if address != any_address else "127.0.0.1"
 
 
 def _not_here(host: str) -> OneBotError:
-    """The error for a host that is not an address of this computer."""
     return OneBotError(
         f"host:={host} is not an address of this computer: write 127.0.0.1, or 0.0.0.0 for all"
     )

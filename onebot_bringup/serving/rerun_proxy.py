@@ -61,18 +61,7 @@ class RerunProxy:
     async def forward_data(
         self, request: web.Request, port: int, path: str, host: str = LOOPBACK
     ) -> web.StreamResponse:
-        """Respond to a call by gRPC-web, which may have no end.
-
-        Args:
-            request: the call.
-            port: of the server to forward it to.
-            path: service and method.
-            host: the server's address.
-
-        Raises:
-            HTTPForbidden: the method writes into the recording.
-            HTTPRequestTimeout: the call was not received in whole within seconds.
-        """
+        """Respond to a call by gRPC-web that only reads; the response may have no end."""
         if path not in _READS:
             raise web.HTTPForbidden(text="The view is for looking: nothing is written into it.\n")
         body = await body_of(request)
@@ -104,12 +93,12 @@ class RerunProxy:
                 data=body,
                 allow_redirects=False,
                 timeout=aiohttp.ClientTimeout(total=None, sock_connect=5.0, sock_read=sock_read),
-            ) as found:
-                self._streams[found] = request
+            ) as response:
+                self._streams[response] = request
                 try:
-                    await self._copy(found, request, answer)
+                    await self._copy(response, request, answer)
                 finally:
-                    del self._streams[found]
+                    del self._streams[response]
         except (aiohttp.ClientError, ConnectionError):
             if not answer.prepared:
                 raise web.HTTPBadGateway(text=f"{self._unavailable}\n") from None
@@ -119,24 +108,24 @@ class RerunProxy:
         return answer
 
     async def _copy(
-        self, found: aiohttp.ClientResponse, request: web.Request, answer: web.StreamResponse
+        self, response: aiohttp.ClientResponse, request: web.Request, answer: web.StreamResponse
     ) -> None:
         """Respond as a server of Rerun does, piece by piece as it comes."""
-        answer.set_status(found.status, found.reason)
-        for name, value in found.headers.items():
+        answer.set_status(response.status, response.reason)
+        for name, value in response.headers.items():
             if name.lower().startswith("grpc-") or name.lower() in _HEADERS:
                 answer.headers[name] = value
         answer.headers["Content-Security-Policy"] = self._policy
         html = b""
-        if found.content_type == "text/html":
+        if response.content_type == "text/html":
             # The policy does not keep a browser from connecting ahead to foreign hosts.
-            html = _FOREIGN_LINK.sub(b"", await found.read()).replace(b"<head>", self._head, 1)
+            html = _FOREIGN_LINK.sub(b"", await response.read()).replace(b"<head>", self._head, 1)
             answer.headers["Content-Length"] = answer.headers["rerun-final-length"] = str(len(html))
         await answer.prepare(request)
         if request.method != "HEAD":
             if html:
                 await answer.write(html)
-            async for chunk in found.content.iter_any():
+            async for chunk in response.content.iter_any():
                 await answer.write(chunk)
         await answer.write_eof()
 
@@ -144,14 +133,14 @@ class RerunProxy:
         self._session = aiohttp.ClientSession(
             connector=aiohttp.TCPConnector(limit=0),
             cookie_jar=aiohttp.DummyCookieJar(),
-            headers={"Accept-Encoding": "identity"},  # for this proxy reads what is HTML
+            headers={"Accept-Encoding": "identity"},  # this proxy reads the HTML
             auto_decompress=False,
         )
 
     async def _close(self, _: web.Application) -> None:
         """End what is being forwarded: a recording has no end, and a browser may not read on."""
-        for found, request in self._streams.items():
-            found.close()
+        for response, request in self._streams.items():
+            response.close()
             if request.transport is not None:
                 request.transport.abort()
         if self._session is not None:
@@ -166,13 +155,7 @@ def data_url(host: str) -> str:
 
 
 def page_app(page: int, options: str, data: tuple[str, int]) -> web.Application:
-    """Make the application that serves Rerun's page, and its data, on 127.0.0.1.
-
-    Args:
-        page: the port of Rerun's server of the page on 127.0.0.1.
-        options: the parameters of the page beside ``url=``.
-        data: address and port of the recording's server.
-    """
+    """Serve Rerun's page (a port of 127.0.0.1) and its data, from an address and port."""
     app = web.Application(middlewares=[guard(LOOPBACK)])
     policy = f"{content_policy()}; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
     unavailable = "Rerun's server does not answer; it is being restarted"

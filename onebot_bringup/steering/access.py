@@ -93,7 +93,7 @@ def _bytes(text: str) -> bytes:
 class BindAddress(NamedTuple):
     """Where the page is served, checked before its node is started."""
 
-    host: str  # as given
+    host: str  # the given one
     port: int  # a free one
     token: str  # required in the page's address; "" for none
     warning: str = ""  # a sentence if the port is another one than given
@@ -105,12 +105,7 @@ class BindAddress(NamedTuple):
 
 
 def choose_bind_address(host: str, port: int, token: str) -> BindAddress:
-    """Return a free address to serve the page on.
-
-    Args:
-        host: a name or an IP address of this computer.
-        port: another one is chosen if it is in use; 0 for any.
-        token: generated if it is empty and other computers can reach the page.
+    """Return a free address to serve the page on, with a token where other computers can reach it.
 
     Raises:
         OneBotError: the page cannot be served on this host or port.

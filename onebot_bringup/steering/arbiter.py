@@ -190,7 +190,7 @@ class Arbiter:
 
     @contextmanager
     def _update(self) -> Iterator[None]:
-        """Lock for a change; publish at once if it matters, and notify pages of a new state."""
+        """Publish at once what a change does to the robot, and notify pages of a new state."""
         with self._lock:
             before, acts = self._state(), (self._driver, self._moving, self._stops)
             yield

@@ -19,7 +19,7 @@ from onebot_description.topic_subscription import RCLError
 
 _TYPES = {"geometry_msgs/msg/Twist": Twist, "geometry_msgs/msg/TwistStamped": TwistStamped}
 _DEPTH = 10
-_CONTROLLER = re.compile(r"/\w*controller$")  # in whose namespace its topic of commands is
+_CONTROLLER = re.compile(r"/\w*controller$")  # its command topic is in its namespace
 _WARN_EVERY = 5.0  # s
 _OBSERVERS = (  # they subscribe to commands, but are certainly not robots
     "rerun_viewer",
@@ -72,7 +72,7 @@ def command_topics(node: Node) -> tuple[str, ...]:
 class CommandedRobot:
     """A robot that takes commands."""
 
-    topic: str  # of the commands, its full name
+    topic: str  # the command topic's full name
     name: str  # the robot's namespace; the topic where that names no robot, or several
 
 
@@ -125,7 +125,7 @@ class RobotLock:
 
     def __init__(self, node: Node, topic: str, changed: Callable[[bool], None]) -> None:
         self._node, self._changed = node, changed
-        self.locked = False  # as far as known
+        self.locked = False  # last known state
         self._publisher = node.create_publisher(Bool, f"{topic}_lock", _DEPTH)
         self._state = node.create_subscription(Bool, f"{topic}_locked", self._on_state, LATCHED)
 
@@ -196,11 +196,7 @@ class CommandTopic:
         self.update()
 
     def update(self, controllers: Container[str] = ()) -> None:
-        """Adapt to the type that the robot subscribes to; to be called several times per second.
-
-        Args:
-            controllers: the nodes that are known to be the robot's; the type is theirs.
-        """
+        """Adapt to the type of ``controllers``, or else of all subscribers; to be called often."""
         self.subscribers = command_subscribers(self._node, self.topic)
         self.others = self._other_publishers()
         foreign = foreign_type(self._node, self.topic)

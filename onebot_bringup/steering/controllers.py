@@ -27,12 +27,7 @@ class Controllers:
     """The controllers on the command topic."""
 
     def __init__(self, node: Node, changed: Callable[[], None]) -> None:
-        """Start without any.
-
-        Args:
-            node: that requests the parameters.
-            changed: called when ``known`` has changed.
-        """
+        """Start without any; ``changed`` is called when ``known`` has changed."""
         self._node, self._changed = node, changed
         self._inquiries: dict[str, _Inquiry] = {}
         self.known: tuple[Controller, ...] = ()
@@ -58,7 +53,7 @@ class Controllers:
             try:
                 self._inquiries[name] = _Inquiry(self._node, name, self._learn)
             except InvalidServiceNameException:
-                pass  # of a program that is no ROS node
+                pass  # a program that is no ROS node
         for inquiry in self._inquiries.values():
             inquiry.poll()
         self._learn()

@@ -19,13 +19,7 @@ class FollowedTopics:
     def __init__(
         self, node: Node, depth: int, subscribe: Callable[[str, str], TopicSubscription]
     ) -> None:
-        """Start without any.
-
-        Args:
-            node: that subscribes.
-            depth: of the QoS.
-            subscribe: prepares the subscription to a topic, by its name and type.
-        """
+        """``subscribe`` prepares the subscription to a topic, by its name and type."""
         self._node, self._depth, self._subscribe = node, depth, subscribe
         self._subscriptions: dict[tuple[str, str], TopicSubscription] = {}
 

@@ -28,7 +28,7 @@ _MAP = "map"  # the name of the topic, and of the frame
 _TF = "tf2_msgs/msg/TFMessage"
 _GRID = "nav_msgs/msg/OccupancyGrid"
 _DEPTH = 100
-_KNOWN = np.arange(256) <= 100  # by the cell's byte, a share of 100; all else is unknown
+_KNOWN = np.arange(256) <= 100  # a cell's byte is a share of 100, or unknown
 _SHADES = np.where(_KNOWN, 255 - np.arange(256) * 255 // 100, 0).astype(np.uint8)
 _ALPHA = (_KNOWN * 255).astype(np.uint8).tobytes()
 _UNUSED = 3.0  # s without a request until it unsubscribes
@@ -71,11 +71,7 @@ class Ground:
         self.grid: PublishedMap | None = None
 
     def update(self, namespace: str) -> None:
-        """Follow publishers that come and go; to be called several times per second.
-
-        Args:
-            namespace: of the robot; its map is below it, or else the map of all robots.
-        """
+        """Follow publishers of the robot's map, or that of all robots; to be called often."""
         topics: dict[str, str] = {}
         if time.monotonic() < self._used + _UNUSED:
             own = f"{namespace}/{_MAP}"

@@ -47,8 +47,8 @@ class Controller:
 
 
 def _speed_limits(axis: str, values: Mapping[str, float]) -> dict[str, float]:
-    given = {name: values[f"{axis}.{name}"] for name in _NAMES if f"{axis}.{name}" in values}
-    return {name: value for name, value in given.items() if _is_possible(name, value)}
+    limits = {name: values[f"{axis}.{name}"] for name in _NAMES if f"{axis}.{name}" in values}
+    return {name: value for name, value in limits.items() if _is_possible(name, value)}
 
 
 def _is_possible(name: str, value: float) -> bool:
@@ -76,7 +76,7 @@ class Limits:
 
     linear: Bound
     angular: Bound
-    chosen: SetLimits = SetLimits()  # by an operator
+    chosen: SetLimits = SetLimits()  # an operator's
 
     @property
     def in_force(self) -> Velocity:
@@ -99,12 +99,7 @@ def _in_force(bound: Bound, chosen: float | None) -> float:
 
 
 def limits_of(controllers: Sequence[Controller], fixed: Velocity = _NONE) -> Limits:
-    """Return the limits that these controllers and the page's parameters set, none chosen.
-
-    Args:
-        controllers: all that get the commands.
-        fixed: the parameters max_linear and max_angular; 0 for none.
-    """
+    """Return the limits that all ``controllers`` set, and the page's parameters (0 for none)."""
     linear = _bound([(c.node, c.linear) for c in controllers], ("max_linear", fixed.linear))
     angular = _bound([(c.node, c.angular) for c in controllers], ("max_angular", fixed.angular))
     return Limits(
@@ -116,14 +111,14 @@ def limits_of(controllers: Sequence[Controller], fixed: Velocity = _NONE) -> Lim
 def _bound(
     controllers: Iterable[tuple[str, SpeedLimits]], parameter: tuple[str, float]
 ) -> Bound | None:
-    found = [(node, one) for node, one in controllers if not math.isnan(one.max_velocity)]
-    limits = [(one.max_velocity, node) for node, one in found]
+    limited = [(node, each) for node, each in controllers if not math.isnan(each.max_velocity)]
+    limits = [(speeds.max_velocity, node) for node, speeds in limited]
     if parameter[1]:
         limits.append((parameter[1], parameter[0]))
     if not limits:
         return None
     most, source = min(limits)
-    reverse = [-one.min_velocity for _, one in found if not math.isnan(one.min_velocity)]
+    reverse = [-speeds.min_velocity for _, speeds in limited if not math.isnan(speeds.min_velocity)]
     return Bound(most, min([most, *reverse]), most, source)
 
 

@@ -109,7 +109,6 @@ class OdometryTopic:
         self._data = data, time.monotonic()
 
     def _publishers(self) -> dict[str, list[str]]:
-        """The nodes that publish each topic of odometry."""
         find = self._node.get_publishers_info_by_topic
         publishers = {
             name: [full_name(end) for end in find(name)]

@@ -149,11 +149,7 @@ MESSAGES: Mapping[str, tuple[type[Message], Mapping[str, Check]]] = {
 
 
 def parse(data: str) -> Message:
-    """Return the message that a page sent.
-
-    Raises:
-        ProtocolError: it is none of ``MESSAGES``.
-    """
+    """Return the message that a page sent, or raise a ProtocolError."""
     fields = _json_object(data, MAX_LENGTH)
     kind = fields.pop("type", None)
     if not isinstance(kind, str) or kind not in MESSAGES:
@@ -169,11 +165,7 @@ def parse(data: str) -> Message:
 def read_request(
     what: str, data: str, checks: Mapping[str, Check], most: int = MAX_LENGTH
 ) -> dict[str, Any]:
-    """Return the fields of a request, a JSON object of ``most`` characters with these fields.
-
-    Raises:
-        ProtocolError: it is none.
-    """
+    """Return the fields of a JSON object of ``most`` characters, or raise a ProtocolError."""
     return _checked(what, _json_object(data, most), checks)
 
 

@@ -41,9 +41,9 @@ class RobotStatus:
     """The part of a page's state that the node provides."""
 
     topic: str  # the full name of the command topic
-    topic_type: str  # of Twist or TwistStamped
+    topic_type: str  # Twist's or TwistStamped's
     topics: tuple[str, ...]  # the topics to choose from, those with subscribers first
-    robots: tuple[CommandedRobot, ...]  # to choose from
+    robots: tuple[CommandedRobot, ...]  # robots to choose from
     listeners: int  # the number of subscribers
     others: tuple[str, ...]  # the other nodes that publish commands
     locked: bool  # it ignores all commands until a page drives again
@@ -67,13 +67,13 @@ class ServerContext:
     # server replies to that page if the topic cannot be used.
     choose_topic: Callable[[str, str], None]
     logger: RcutilsLogger
-    rate: float  # of commands, Hz
+    rate: float  # commands per second, Hz
 
 
-@dataclass
+@dataclass(eq=False)
 class _Page:
     socket: web.WebSocketResponse
-    host: str  # of this server, as the browser has it
+    host: str  # this server, as the browser names it
     name: str = field(default_factory=lambda: secrets.token_hex(4))
     received: int = 0  # messages
     changed: asyncio.Event = field(default_factory=asyncio.Event)

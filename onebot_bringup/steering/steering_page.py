@@ -83,11 +83,7 @@ class SteeringParameters(PageParameters):
 
     @classmethod
     def of(cls, node: Node) -> "SteeringParameters":
-        """Declare the parameters on ``node`` and return their values.
-
-        Raises:
-            OneBotError: a value is invalid.
-        """
+        """Declare the parameters on ``node`` and return their values."""
         settings = read(cls, declare(node, cls))
         refuse_undeclared(node, cls)
         topics: dict[str, Any] = {n: _topic(node, n, getattr(settings, n)) for n in _TOPICS}
@@ -110,11 +106,6 @@ class SteeringPage(Node):
     """The node; see the module's docstring."""
 
     def __init__(self) -> None:
-        """Serve the page.
-
-        Raises:
-            OneBotError: a parameter is invalid.
-        """
         super().__init__("steering_page")
         self._server: ServerThread | None = None
         self._settings = settings = SteeringParameters.of(self)
@@ -127,7 +118,7 @@ class SteeringPage(Node):
         self._choices: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()  # page, topic
         self._arbiter = Arbiter(settings.limits(()), commands.publish, commands.lock)
         self._viewer = Viewer(self, settings.viewer_page, self._on_view)
-        self._timeouts = 0  # of drivers, that were logged
+        self._timeouts = 0  # number of drivers' timeouts that were logged
         self._ground = Ground(self, self._odometry)
         self._senses = Senses(self, self._odometry)
         self._thread = OtherThread(self)
@@ -211,7 +202,6 @@ class SteeringPage(Node):
         )
 
     def _nodes(self) -> Mapping[str, Any]:
-        """The nodes with parameters, the viewer, and what it shows."""
         first = self._controllers.names
         services = (name.rpartition("/") for name, _ in self.get_service_names_and_types())
         nodes = sorted({node for node, _, service in services if service == "list_parameters"})
@@ -269,7 +259,6 @@ class SteeringPage(Node):
             self._arbiter.changed()
 
     def _on_controllers(self) -> None:
-        """Apply the limits of the controllers, and report which count where there are several."""
         controllers = self._controllers.known
         limits = self._settings.limits(controllers)
         self._braking = braking_of(controllers)

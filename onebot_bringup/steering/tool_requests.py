@@ -216,11 +216,7 @@ def _values(name: str, value: Any) -> Mapping[str, str]:
 
 
 def parse_values(data: str) -> tuple[str, Mapping[str, str]]:
-    """Return the node and the values in YAML, by name, that a page wants to set.
-
-    Raises:
-        ProtocolError: the text is no such request.
-    """
+    """Return the node and the values in YAML that a page wants to set, or raise a ProtocolError."""
     fields = read_request(
         "a request to set parameters", data, {"node": text, "values": _values}, _LONGEST
     )

@@ -39,12 +39,12 @@ _ESTIMATE[5, 5] = (np.pi / 12.0) ** 2
 class Click:
     """A place on the ground that a page sent."""
 
-    tool: str  # of TOOLS
+    tool: str  # one of TOOLS
     frame: str
     x: float  # m
     y: float  # m
     yaw: float  # rad; a point has none
-    command_topic: str  # of the robot that it is for
+    command_topic: str  # the robot that it is for
 
 
 def _tool(name: str, value: Any) -> str:
@@ -59,11 +59,7 @@ _FIELDS = {
 
 
 def parse_click(data: str) -> Click:
-    """Return the click that a page sent: JSON with the fields of ``Click``.
-
-    Raises:
-        ProtocolError: it is none.
-    """
+    """Return the click that a page sent, or raise a ProtocolError."""
     return Click(**read_request("a click", data, _FIELDS))
 
 
@@ -88,7 +84,7 @@ class ToolPublishers:
 
     def __init__(self, node: Node, commands: CommandTopic) -> None:
         self._node, self._commands = node, commands
-        self._publishers: dict[str, Any] = {}  # by full name
+        self._publishers: dict[str, Any] = {}  # key: full name
 
     def prepare(self) -> None:
         """Have publishers before the first click: subscribers take a moment to discover one."""
@@ -99,7 +95,7 @@ class ToolPublishers:
             try:
                 self._publishers[topic] = self._node.create_publisher(topics[topic], topic, _DEPTH)
             except RCLError:
-                pass  # of another type in this process; reported when it is clicked
+                pass  # another type in this process; reported when it is clicked
 
     def reaches_all(self, click: Click) -> bool:
         """Whether all who subscribe to a click's topic have discovered its publisher."""

@@ -40,7 +40,7 @@ _PAGE = re.compile(r"http://127\.0\.0\.1:(\d{1,5})/\?(\S+)")
 class View:
     """The address of a viewer's page on this computer."""
 
-    port: int  # of the page and its data, on 127.0.0.1
+    port: int  # the page's and its data's, on 127.0.0.1
     options: tuple[str, ...] = ()  # the parameters of the page's address beside url=
     # Required in the path of the view's requests. Each viewer has its own: when it changes, a page
     # loads the view again.
@@ -72,13 +72,7 @@ class Viewer:
     """
 
     def __init__(self, node: Node, page_topic: str, changed: Callable[[], None]) -> None:
-        """Subscribe to a viewer's ~/page, and to its ~/displays.
-
-        Args:
-            node: that subscribes.
-            page_topic: the full name.
-            changed: called when ``view`` may have changed.
-        """
+        """Subscribe to its ~/page and ~/displays; ``changed`` is called when ``view`` may have."""
         self._node, self._topic, self._changed = node, page_topic, changed
         self._name = page_topic.rpartition("/")[0]
         self._shown: list[Mapping[str, Any]] = []

@@ -87,9 +87,9 @@ def main(args: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--dimensions", type=Path, help="another file of dimensions")
     parser.add_argument("--output", type=Path, help="another folder than the package's own")
-    given = parser.parse_args(args)
+    arguments = parser.parse_args(args)
     try:
-        _write(given.dimensions, given.output)
+        _write(arguments.dimensions, arguments.output)
     except OneBotError as error:
         print(error, file=sys.stderr)
         return 1

@@ -26,17 +26,17 @@ from onebot_description.cad.solids import (
 from onebot_description.errors import OneBotError
 
 _SECTION_POINTS = 36
-_SECTION_POWER = 5.0  # of the superellipse: 2 is an ellipse, a high power a rectangle
+_SECTION_POWER = 5.0  # a superellipse's: 2 is an ellipse, a high power a rectangle
 _LEAN = 0.07  # the sides lean inwards, by this share of the half width
 # How far from nose and tail the width, the top and the bottom begin to close (m), and how squarely
 # they do (the superellipse's power).
 _NOSE = {"width": (0.115, 2.5), "top": (0.155, 2.3), "bottom": (0.06, 2.6)}
 _TAIL = {"width": (0.085, 2.8), "top": (0.085, 2.5), "bottom": (0.05, 2.4)}
 _RAMP = 0.028  # length of the rise from the bottom to the tail's
-NOSE_HEIGHT = -0.027  # of the foremost point
+NOSE_HEIGHT = -0.027  # the foremost point's
 TAIL_HEIGHT = 0.031
 
-_MAX_DENSITY = 7850.0  # of the ballast, kg/m3, steel
+_MAX_DENSITY = 7850.0  # the ballast's, kg/m3: steel
 
 _FAR = 1.0  # m, beyond all parts, for cuts
 _DEPTH = 0.006  # m, of insets in the shell
@@ -125,8 +125,8 @@ def solve_ballast(dimensions: Dimensions, rest: MassProperties, room: Manifold) 
         raise OneBotError(
             f"the base weighs {rest.mass:.3f} kg without ballast, more than {dimensions.base_mass}"
         )
-    wanted = dimensions.base_mass * np.array(dimensions.base_center_of_mass)
-    center = (wanted - rest.mass * rest.center) / mass
+    moment = dimensions.base_mass * np.array(dimensions.base_center_of_mass)
+    center = (moment - rest.mass * rest.center) / mass
     block = dimensions.base.ballast
     size = (block.length, block.width, block.height)
     density = mass / float(np.prod(size))
@@ -168,10 +168,10 @@ def make_base(dimensions: Dimensions) -> Part:
 def _walls(base: Base, seen: Sequence[tuple[str, Manifold]]) -> list[tuple[str, Manifold]]:
     """Hollow the solids; where two overlap, the later one displaces the earlier."""
     walls = []
-    taken = hull(base, -base.wall) + _sensor(base, _SENSOR_INSIDE)
+    space = hull(base, -base.wall) + _sensor(base, _SENSOR_INSIDE)
     for name, solid in reversed(seen):
-        walls.append((name, solid - taken))
-        taken += solid
+        walls.append((name, solid - space))
+        space += solid
     return walls
 
 

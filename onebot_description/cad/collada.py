@@ -117,8 +117,8 @@ def _skin(
     mesh.update_faces(mesh.area_faces > _MIN_AREA)
     faces, normals = mesh.faces, corner_normals(mesh, _EDGE)
     if hidden is not None:
-        shown = ~hidden(points)[faces].all(axis=1)
-        faces, normals = faces[shown], normals[shown]
+        visible = ~hidden(points)[faces].all(axis=1)
+        faces, normals = faces[visible], normals[visible]
     used, index = np.unique(faces, return_inverse=True)
     directions, pointer = np.unique(
         np.round(normals.reshape(-1, 3), _NORMAL_DIGITS) + 0.0, axis=0, return_inverse=True

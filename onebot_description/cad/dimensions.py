@@ -120,5 +120,5 @@ class Dimensions:
 
 def read_dimensions(path: Path) -> Dimensions:
     """Read the file of dimensions."""
-    found = read_map(read_text(path), str(path))
-    return read(Dimensions, found.values, found.places)
+    content = read_map(read_text(path), str(path))
+    return read(Dimensions, content.values, content.places)

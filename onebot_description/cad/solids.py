@@ -23,16 +23,16 @@ def loft(sections: NDArray[np.float64]) -> Manifold:
     ends = [sections[0].mean(axis=0), sections[-1].mean(axis=0)]
     points = np.concatenate([sections.reshape(-1, 3), ends])
     ring = np.arange(size)
-    after = (ring + 1) % size
+    successor = (ring + 1) % size
     faces = []
     for step in range(count - 1):
         low, high = step * size, (step + 1) * size
-        faces.append(np.column_stack([low + ring, high + ring, low + after]))
-        faces.append(np.column_stack([low + after, high + ring, high + after]))
+        faces.append(np.column_stack([low + ring, high + ring, low + successor]))
+        faces.append(np.column_stack([low + successor, high + ring, high + successor]))
     first, last = count * size, count * size + 1
     top = (count - 1) * size
-    faces.append(np.column_stack([np.full(size, first), ring, after]))
-    faces.append(np.column_stack([np.full(size, last), top + after, top + ring]))
+    faces.append(np.column_stack([np.full(size, first), ring, successor]))
+    faces.append(np.column_stack([np.full(size, last), top + successor, top + ring]))
     return _solid(points, np.concatenate(faces))
 
 
@@ -135,9 +135,9 @@ class MassProperties:
 class Part:
     """One link of the robot, in the frame of that link."""
 
-    name: str  # as in meshes/<name>.dae
+    name: str  # meshes/<name>.dae
     seen: tuple[tuple[str, Manifold], ...]  # material and solid, in drawing order
-    inertial: MassProperties  # of all solids with a mass
+    inertial: MassProperties  # all solids with a mass
     # Returns which of (N, 3) points are inside the part and never visible.
     hidden: Callable[[NDArray[np.float64]], NDArray[np.bool_]] | None = None
 

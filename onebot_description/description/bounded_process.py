@@ -94,7 +94,7 @@ def _spawn(function: str, request: Any, bounds: Bounds) -> bytes:
         try:
             answer, _ = process.communicate(json.dumps([function, request, bounds]).encode())
         except BaseException:
-            os.killpg(process.pid, signal.SIGKILL)  # and its fork
+            os.killpg(process.pid, signal.SIGKILL)  # its fork, too
             raise
     return answer or json.dumps({"failed": f"the interpreter ended with {process.wait()}"}).encode()
 
@@ -103,7 +103,7 @@ def main() -> None:
     """Run what ``_spawn`` writes on stdin and answer on stdout."""
     function, request, bounds = json.load(sys.stdin)
     out = os.dup(1)
-    os.dup2(2, 1)  # what the function prints is no answer
+    os.dup2(2, 1)  # a function that prints does not answer by it
     answer = _fork(function, request, Bounds(*bounds))
     with open(out, "wb") as file:
         file.write(answer)
@@ -195,7 +195,7 @@ def _limit(bounds: Bounds) -> None:
 
 def _lower(kind: int, limit: int) -> None:
     soft, hard = resource.getrlimit(kind)
-    for other in (soft, hard):
-        if other != resource.RLIM_INFINITY:
-            limit = min(limit, other)
+    for bound in (soft, hard):
+        if bound != resource.RLIM_INFINITY:
+            limit = min(limit, bound)
     resource.setrlimit(kind, (limit, hard))

@@ -39,16 +39,16 @@ def check_root(findings: Findings) -> None:
 
 def _wrong_root(root: Element) -> str:
     """What to write instead of a document that holds no robot."""
-    other = _FORMATS.get(local_name(root))
-    if other is not None:
-        return f"is a robot in {other}, which is not read; convert it to URDF"
-    found = listing(child.tag for child in root)
-    return f'the outermost element must be <robot name="...">; this one holds: {found}'
+    form = _FORMATS.get(local_name(root))
+    if form is not None:
+        return f"is a robot in {form}, which is not read; convert it to URDF"
+    children = listing(child.tag for child in root)
+    return f'the outermost element must be <robot name="...">; this one holds: {children}'
 
 
 def named(findings: Findings, tag: str) -> dict[str, Element]:
     """Return the robot's elements of a ``tag`` by name; bad and repeated names are reported."""
-    found: dict[str, Element] = {}
+    elements: dict[str, Element] = {}
     for element in findings.document.root.findall(tag):
         name = element.get("name")
         if name is None or not name.strip():
@@ -57,12 +57,12 @@ def named(findings: Findings, tag: str) -> dict[str, Element]:
         if re.search(r"[\s/]", name):
             text = f'the name "{name}" holds a space or slash, which TF dislikes'
             findings.warning(element, text)
-        if name in found:
-            first = findings.document.places.get(found[name], "above")
+        if name in elements:
+            first = findings.document.places.get(elements[name], "above")
             findings.error(element, f"there is a {tag} of that name already, at {first}; rename it")
             continue
-        found[name] = element
-    return found
+        elements[name] = element
+    return elements
 
 
 def check_tree(
@@ -279,12 +279,12 @@ def _check_texture(findings: Findings, element: Element, material: Material) -> 
         return
     try:
         path, uri = findings.resources.locate(material.texture)
-        there = path.is_file()
+        is_file = path.is_file()
     except (OneBotError, OSError, ValueError) as error:
         findings.warning(texture, str(error))
         return
     texture.set("filename", uri)
-    if not there:
+    if not is_file:
         findings.warning(texture, f'there is no file "{material.texture}"')
 
 
@@ -343,16 +343,16 @@ def _check_attributes(
     findings: Findings, element: Element, leftovers: list[tuple[Element, str]]
 ) -> None:
     """Warn of unknown attributes and collect xacro expressions."""
-    known = ELEMENTS[element.tag].attributes if element.tag in ELEMENTS else None
+    attributes = ELEMENTS[element.tag].attributes if element.tag in ELEMENTS else None
     for name, value in element.attrib.items():
         if left := _XACRO_LEFT.search(value):
             leftovers.append((element, f'{name}="{left[0]}"'))
-        if known is None or name.startswith("{") or name in known:
+        if attributes is None or name.startswith("{") or name in attributes:
             continue
         if element.tag == "origin" and name == "quat_xyzw":
             findings.error(element, "quat_xyzw is not supported; write rpy in radians")
         else:
-            hint = findings.hint(name, known) if known else ""
+            hint = findings.hint(name, attributes) if attributes else ""
             findings.warning(element, f'unknown attribute "{name}", so it is ignored{hint}')
 
 

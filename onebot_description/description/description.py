@@ -64,7 +64,7 @@ class Capsule:
 class Mesh:
     """A mesh file, its axes scaled by ``scale``; ``meshes.locate_mesh`` finds it."""
 
-    uri: str  # by which other programs find it, too: file://, or package:// of an installed package
+    uri: str  # valid for other programs, too: file://, or package:// of an installed package
     scale: Triple
     path: Path | None = field(default=None, compare=False)  # None if there is no such file
     problem: str = field(default="", compare=False)  # why there is none
@@ -92,8 +92,8 @@ class Geometry:
     """One <visual> or <collision> of a link."""
 
     shape: Shape
-    origin: Origin  # in the link's frame
-    color: Rgba | None = None  # of a visual's material, 0 to 1; None if it gives none
+    origin: Origin  # frame: the link's
+    color: Rgba | None = None  # the visual's material, 0 to 1; None if it gives none
     where: str = field(default="", compare=False)
 
 
@@ -114,7 +114,7 @@ class Link:
     visuals: tuple[Geometry, ...]
     collisions: tuple[Geometry, ...]
     inertial: Inertial | None
-    friction: float | None  # of <contact><lateral_friction>, which PyBullet has added to URDF
+    friction: float | None  # <contact><lateral_friction>, which PyBullet has added to URDF
     where: str = field(default="", compare=False)
     # What is wrong with the visuals and collisions that could not be read.
     left_out: tuple[str, ...] = field(default=(), compare=False)
@@ -124,8 +124,8 @@ class Link:
 class Mimic:
     """A joint follows another: position = multiplier * position of ``joint`` + offset."""
 
-    joint: str  # which may itself follow one
-    multiplier: float = 1.0  # without unit, or m/rad and rad/m between kinds
+    joint: str  # it may follow another one itself
+    multiplier: float = 1.0  # no unit, or m/rad and rad/m between kinds
     offset: float = 0.0  # rad, or m for a prismatic joint
 
 
@@ -137,16 +137,16 @@ class Joint:
     kind: str  # one of JOINT_KINDS
     parent: str  # link
     child: str  # link
-    origin: Origin = Origin()  # of the joint frame (the child link's) in the parent link's
+    origin: Origin = Origin()  # the joint frame (the child link's) in the parent link's
     axis: Triple = (1.0, 0.0, 0.0)  # unit vector in the joint frame
     lower: float | None = None  # least position, at most ``upper``; revolute and prismatic only
     upper: float | None = None
     velocity: float | None = None  # greatest speed, rad/s or m/s
     effort: float | None = None  # greatest torque or force, Nm or N
-    soft_lower: float | None = None  # of <safety_controller>
+    soft_lower: float | None = None  # <safety_controller>
     soft_upper: float | None = None
-    damping: float = 0.0  # of <dynamics>, Nm s/rad or N s/m
-    friction: float = 0.0  # of <dynamics>, Nm or N
+    damping: float = 0.0  # <dynamics>, Nm s/rad or N s/m
+    friction: float = 0.0  # <dynamics>, Nm or N
     mimic: Mimic | None = None
     where: str = field(default="", compare=False)
 
@@ -230,10 +230,10 @@ class Description:
     source: str  # absolute path of the file loaded, or the name given to parse_description
     files: tuple[Path, ...]  # absolute paths of all files read, the loaded one first (to watch)
     root_link: str  # the link that is no joint's child; the first one of a robot in parts
-    links: tuple[Link, ...]  # in the order of the XML
+    links: tuple[Link, ...]  # order of the XML
     joints: tuple[Joint, ...]  # likewise
-    problems: tuple[str, ...]  # what ``onebot check`` refuses, and nodes warn of
-    warnings: tuple[str, ...]  # what works but is probably not meant
+    problems: tuple[str, ...]  # ``onebot check`` refuses them, nodes warn of them
+    warnings: tuple[str, ...]  # it works but is probably not meant
     # Where each element of ``urdf`` was written, in document order.
     places: tuple[str, ...] = field(default=(), compare=False, repr=False)
     sensors: tuple[Sensor, ...] = ()

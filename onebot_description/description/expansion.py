@@ -36,7 +36,7 @@ from onebot_description.errors import (
     shortened,
 )
 
-_MOST_BYTES = 50_000_000  # of the result, as of a file
+_MOST_BYTES = 50_000_000  # the result's, like a file's
 _MOST_PLACES = 4
 _UNKNOWN = (NameError, NameNotDefined, FunctionNotDefined)
 _DEEP = 50  # calls in calls; nobody means so many
@@ -52,24 +52,24 @@ def expand_file(request: dict[str, Any], place: Place) -> dict[str, Any]:
     path = Path(request["path"])
     run = _Run(place)
     run.replace_functions(str(path))
-    found: dict[str, Any] = {"problems": []}
+    answer: dict[str, Any] = {"problems": []}
     failure: Exception | None = None
     try:
         document = xacro.process_file(str(path), mappings=dict(request["arguments"]))
-        found |= _result(document, path)
+        answer |= _result(document, path)
     except MemoryError:
         raise
     except DescriptionError as error:
-        found["problems"] = list(error.problems)
+        answer["problems"] = list(error.problems)
     except Exception as error:
         failure = error
     declared, used = arguments_in((file, root_of(file)) for file in run.files)
     if failure is not None:
-        found["problems"] = [explain(failure, path, declared)]
+        answer["problems"] = [explain(failure, path, declared)]
     included = [str(Path(name).absolute()) for name in xacro.all_includes]
     files = list(dict.fromkeys([*map(str, run.files), *included]))
     arguments = sorted({*declared, *used})
-    return {**found, "files": files, "warnings": run.warnings, "arguments": arguments}
+    return {**answer, "files": files, "warnings": run.warnings, "arguments": arguments}
 
 
 def _result(document: minidom.Document, path: Path) -> dict[str, Any]:
@@ -97,7 +97,7 @@ class _CopyPlaces:
         """Called by minidom for each node cloned, children first."""
         clone.setUserData(key, (data + self.call)[:_MOST_PLACES], self)
         if source.parentNode is None:
-            self.call = ()  # that was the macro's whole body
+            self.call = ()  # the macro's whole body is cloned
 
 
 class _Children(minicompat.NodeList[Any]):
@@ -126,7 +126,7 @@ class _Run:
         self.files: list[Path] = []
         self.warnings: list[str] = []
         self._place = place
-        self._packages: dict[Path, Resources] = {}  # by the folder of the file that names them
+        self._packages: dict[Path, Resources] = {}  # key: folder of the file that names them
         self._copy_places = _CopyPlaces()
         self._handle_macro_call = xacro.handle_macro_call
 
@@ -158,14 +158,14 @@ class _Run:
             # An optional include may be missing; xacro recognises that by the inner error.
             xacro.filestack.pop()
             raise xacro.XacroException("", exc=FileNotFoundError(2, "no such file", str(path)))
-        shown = shown_path(path)
-        self._place.note(shown)
+        name = shown_path(path)
+        self._place.note(name)
         data = xml.read_bytes(path)
         self.files.append(path)
-        lines = xml.scan(data, shown).lines
+        places = xml.parse(data, name).places.values()
         document = minidom.parseString(data)
-        for element, line in zip(document.getElementsByTagName("*"), lines, strict=True):
-            element.setUserData("places", (f"{shown}:{line}",), self._copy_places)
+        for element, place in zip(document.getElementsByTagName("*"), places, strict=True):
+            element.setUserData("places", (place,), self._copy_places)
         return document
 
     def open(self, filename: str) -> io.BytesIO:
@@ -196,13 +196,13 @@ class _Run:
 
     def eval(self, expression: str, context: Any) -> str:
         """Replace ``$(eval expression)``."""
-        given = context.get("arg", {})
+        values = context.get("arg", {})
 
         def convert(name: str) -> Any:
-            return substitution_args.convert_value(given[name], "auto")
+            return substitution_args.convert_value(values[name], "auto")
 
         names = {
-            **{name: convert(name) for name in given},
+            **{name: convert(name) for name in values},
             **self._eval_names,
             "arg": convert,
             "dirname": lambda: os.path.dirname(os.path.abspath(context["filename"])),
@@ -283,10 +283,10 @@ def _argument_without_value(name: str, frames: list[FrameType], arguments: list[
 def _expression(chain: list[Exception]) -> str:
     """The innermost ``${...}`` that was being evaluated, "" if none."""
     for error in reversed(chain):
-        if found := re.search(
+        if match := re.search(
             r"when evaluating expression '(.*)'", getattr(error, "suffix", None) or ""
         ):
-            return shortened(found[1])
+            return shortened(match[1])
     return ""
 
 
@@ -321,9 +321,9 @@ def _recursing(frames: list[FrameType]) -> str:
 def _names(frames: list[FrameType], table: str) -> list[str]:
     """The names in the innermost of xacro's tables of this kind (``symbols`` or ``macros``)."""
     for frame in reversed(frames):
-        found = frame.f_locals.get(table)
-        if isinstance(found, dict):
-            return list(_own_names(found))
+        names = frame.f_locals.get(table)
+        if isinstance(names, dict):
+            return list(_own_names(names))
     return []
 
 

@@ -1,6 +1,8 @@
 """From a file or a text to a Description."""
 
+import json
 import os
+import zlib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +21,6 @@ from onebot_description.description.checks import (
 )
 from onebot_description.description.description import Description, Sensor
 from onebot_description.description.packages import resolve
-from onebot_description.description.places import kept_places
 from onebot_description.description.reading import (
     Findings,
     read_ends,
@@ -29,6 +30,10 @@ from onebot_description.description.reading import (
 )
 from onebot_description.description.sensors import read_sensors
 from onebot_description.errors import DescriptionError, OneBotError, condensed, printable
+
+# The environment variable with a folder that says where the elements of each URDF were written: a
+# bringup knows its files, and its nodes get the text alone.
+PLACES = "ONEBOT_PLACES"
 
 
 def load_description(source: str | Path, arguments: Mapping[str, str] | None = None) -> Description:
@@ -59,18 +64,18 @@ def _read(
     path: Path, arguments: Mapping[str, str]
 ) -> tuple[xml.Document, tuple[Path, ...], tuple[str, ...]]:
     """Return the document in a file, xacro expanded, the files read, and warnings."""
-    given = {name: str(value) for name, value in arguments.items()}
-    shown = xml.shown_path(path)
-    data, blank = xml.declaration_first(xml.read_bytes(path), shown)
-    found = xml.scan(data, shown)
-    if found.has_xacro or path.suffix == ".xacro":
+    values = {name: str(value) for name, value in arguments.items()}
+    name = xml.shown_path(path)
+    data, blank = xml.declaration_first(xml.read_bytes(path), name)
+    document = xml.parse(data, name, path.parent)
+    if document.has_xacro or path.suffix == ".xacro":
         from onebot_description.description.xacro import expand
 
-        return expand(path, given)
-    if given:
-        names = ", ".join(sorted(given))
-        raise DescriptionError([f"{shown}: is plain URDF and takes no arguments (given: {names})"])
-    return xml.to_document(data, found, shown, path.parent), (path,), blank
+        return expand(path, values)
+    if values:
+        names = ", ".join(sorted(values))
+        raise DescriptionError([f"{name}: is plain URDF and takes no arguments (given: {names})"])
+    return document, (path,), blank
 
 
 class SensorFile(NamedTuple):
@@ -79,7 +84,7 @@ class SensorFile(NamedTuple):
     sensors: tuple[Sensor, ...]
     bad_sensors: tuple[str, ...]  # names of those that could not be read
     notices: tuple[str, ...]  # why, and warnings
-    files: tuple[Path, ...]  # that were read
+    files: tuple[Path, ...]  # all files read
 
 
 def load_sensors(source: str | Path, robot: Description) -> SensorFile:
@@ -116,13 +121,32 @@ def parse_description(urdf: str, name: str = "<string>") -> Description:
         data, blank = xml.declaration_first(urdf.encode("utf-8"), name)
     except UnicodeEncodeError as error:
         raise DescriptionError([f"{name}: holds a character that is none ({error})"]) from None
-    found = xml.scan(data, name, "utf-8")
-    document = xml.to_document(data, found, name, _folder(name), "utf-8")
-    known = kept_places(urdf)
-    if len(known) == len(document.places):
-        document.places.update(zip(document.root.iter(), known, strict=True))
+    document = xml.parse(data, name, _folder(name), "utf-8")
+    places = _kept_places(urdf)
+    if len(places) == len(document.places):
+        document.places.update(zip(document.root.iter(), places, strict=True))
     files = (Path(name).absolute(),) if document.folder is not None else ()
     return _check(document, name, files, blank)
+
+
+def keep_places(description: Description) -> None:
+    """Have processes that get the description's text know where it was written."""
+    if file := _places_file(description.urdf):
+        file.write_text(json.dumps(description.places))
+
+
+def _kept_places(urdf: str) -> list[str]:
+    """Return where each element of a text was written; none if that is not known."""
+    try:
+        file = _places_file(urdf)
+        return list(json.loads(file.read_text())) if file else []
+    except (OSError, UnicodeEncodeError):
+        return []
+
+
+def _places_file(urdf: str) -> Path | None:
+    folder = os.environ.get(PLACES)
+    return Path(folder, f"{len(urdf):x}-{zlib.crc32(urdf.encode()):08x}") if folder else None
 
 
 def _folder(name: str) -> Path | None:
@@ -164,9 +188,9 @@ def _check(
     for name in check_mimics(findings, joints, elements):
         joints[name] = replace(joints[name], mimic=None)
     materials = read_materials(findings)
-    read = read_links(findings, materials)
+    link_elements = read_links(findings, materials)
     check_meshes(findings)
-    for element, link in read.items():
+    for element, link in link_elements.items():
         if link.inertial is not None:
             check_inertial(findings, element, link.inertial)
     check_materials(findings, materials)
@@ -179,7 +203,7 @@ def _check(
         source=source,
         files=files,
         root_link=root_link,
-        links=tuple(read[element] for element in links.values()),
+        links=tuple(link_elements[element] for element in links.values()),
         joints=tuple(joints.values()),
         problems=condensed(findings.of("problem")),
         warnings=condensed([*map(printable, warnings), *findings.of("warning")]),

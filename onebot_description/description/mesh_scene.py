@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
 from onebot_description.description.description import Mesh
-from onebot_description.description.meshes import fault_of
 from onebot_description.errors import OneBotError
 
 if TYPE_CHECKING:
@@ -23,6 +22,8 @@ if TYPE_CHECKING:
     import yourdfpy
     from numpy.typing import NDArray
 
+_LFS_POINTER = b"version https://git-lfs.github.com/spec/"
+_MOST_BYTES = 100_000_000  # readers take ten times as much memory
 _LOOKS = ("bind_material", "library_materials", "library_effects", "library_images")
 _MATERIAL = re.compile(rb"^\s*usemtl\s", re.MULTILINE)
 
@@ -38,20 +39,33 @@ def mesh_scene(mesh: Mesh, *, materials: bool = True) -> "trimesh.Scene":
     path = mesh.path
     if path is None:
         raise OneBotError(mesh.problem)
-    if fault := fault_of(path):
-        raise OneBotError(f"{path} {fault}")
     try:
+        _check_file(path)
         if path.suffix.lower() == ".dae":
             scene = _collada_scene(path, materials).convert_units("meters")
         else:
             scene = geometry_scene(_mesh_geometry(path))
+    except OneBotError:
+        raise
     except Exception as error:  # trimesh and its parsers raise exceptions of many types
         reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
-        raise OneBotError(f"{path} cannot be read: {reason}") from error
+        text = f"{path} cannot be read: {reason}; is it malformed or cut short?"
+        raise OneBotError(text) from error
     parts = scene.geometry.values()
     if not any(isinstance(part, trimesh.Trimesh) and len(part.faces) for part in parts):
-        raise OneBotError(f"{path} holds no triangles")
+        raise OneBotError(f"{path} holds no triangles, or is cut short; export it again")
     return scene
+
+
+def _check_file(path: Path) -> None:
+    """Refuse what its readers would explain badly or not at all."""
+    if (size := path.stat().st_size) > _MOST_BYTES:
+        most = _MOST_BYTES // 1_000_000
+        raise OneBotError(f"{path} is of {size // 1_000_000} MB, more than {most}; simplify it")
+    with path.open("rb") as file:
+        if file.read(len(_LFS_POINTER)) == _LFS_POINTER:
+            text = "is a Git LFS pointer in place of the mesh; fetch it with git lfs pull"
+            raise OneBotError(f"{path} {text}")
 
 
 def surfaces(scene: "trimesh.Scene") -> list[Any]:

@@ -30,8 +30,8 @@ _VALID = re.compile(r"\w[\w.-]{0,199}", re.ASCII)
 _ROS_PATH = "ROS_PACKAGE_PATH"
 _AMENT_PATH = "AMENT_PREFIX_PATH"
 _DEEPEST = 4  # below a folder that is searched, which may be anybody's home
-_MOST_PACKAGES = 100  # of one description; the message about a missing one takes milliseconds
-_INDEX = "share/ament_index/resource_index/packages"  # in a prefix
+_MOST_PACKAGES = 100  # a description; the message about a missing one takes milliseconds
+_INDEX = "share/ament_index/resource_index/packages"  # below a prefix
 _NO_SOURCES = ("build", "node_modules", "__pycache__")
 
 
@@ -102,24 +102,26 @@ class Resources:
                     f"more than {_MOST_PACKAGES} packages are named; no more are found"
                 )
             self._packages[name] = self._find(name) or str(_missing(name, self._folder))
-        found = self._packages[name]
-        if isinstance(found, str):
-            raise OneBotError(found)
-        return found
+        package = self._packages[name]
+        if isinstance(package, str):
+            raise OneBotError(package)
+        return package
 
     def _find(self, name: str) -> Path | None:
         if not _VALID.fullmatch(name):
             return None
-        found = self._on_ros_path(name) or _in_index(name) or _in_share(name)
-        return found or (None if self._folder is None else self._around(name, self._folder))
+        source = self._on_ros_path(name) or _in_index(name) or _in_share(name)
+        return source or (None if self._folder is None else self._around(name, self._folder))
 
     def _on_ros_path(self, name: str) -> Path | None:
         """The package of that name, else a folder of that name: a package's, a top or in a top."""
         tops = [Path(entry) for entry in _entries(_ROS_PATH)]
-        found = [below[name] for top in tops if name in (below := self._packages_below(top))]
-        folders = (each for top in tops for each in (top, top / name, *self._below[top].values()))
-        named = (each for each in folders if each.name == name and os.path.isdir(each))
-        first = next(iter(found), None) or next(named, None)
+        packages = [below[name] for top in tops if name in (below := self._packages_below(top))]
+        folders = (
+            folder for top in tops for folder in (top, top / name, *self._below[top].values())
+        )
+        named = (folder for folder in folders if folder.name == name and os.path.isdir(folder))
+        first = next(iter(packages), None) or next(named, None)
         return first and first.resolve()
 
     def _around(self, name: str, folder: Path) -> Path | None:
@@ -141,14 +143,14 @@ class Resources:
     def _packages_below(self, top: Path) -> dict[str, Path]:
         """The packages in and below ``top``; of one name, the nearest."""
         if top not in self._below:
-            found: dict[str, Path] = {}
+            packages: dict[str, Path] = {}
             folders = [top]
             for _ in range(_DEEPEST + 1):
                 for folder in folders:
-                    found.setdefault(_package_name(folder), folder)
+                    packages.setdefault(_package_name(folder), folder)
                 folders = [child for folder in folders for child in _folders_in(folder)]
-            found.pop("", None)
-            self._below[top] = found
+            packages.pop("", None)
+            self._below[top] = packages
         return self._below[top]
 
 
@@ -184,13 +186,13 @@ def _file_uri(path: Path) -> str:
 
 def use_package_path(folders: str) -> None:
     """Look for packages in ``folders`` (joined by ``:``) first, here and in child processes."""
-    wanted = [Path(entry).expanduser().absolute() for entry in folders.split(os.pathsep) if entry]
-    for folder in wanted:
+    paths = [Path(entry).expanduser().absolute() for entry in folders.split(os.pathsep) if entry]
+    for folder in paths:
         if not folder.is_dir():
             raise OneBotError(f"{PACKAGE_PATH}:={folders}: there is no folder {folder}")
-    present = [entry for entry in _entries(_ROS_PATH) if Path(entry) not in wanted]
-    if wanted:
-        os.environ[_ROS_PATH] = os.pathsep.join([*map(str, wanted), *present])
+    present = [entry for entry in _entries(_ROS_PATH) if Path(entry) not in paths]
+    if paths:
+        os.environ[_ROS_PATH] = os.pathsep.join([*map(str, paths), *present])
 
 
 def use_environment_prefix() -> None:
@@ -206,10 +208,10 @@ def use_environment_prefix() -> None:
 
 def package_share(name: str) -> Path:
     """Return the share folder of the installed ROS package ``name``."""
-    found = _in_index(name)
-    if found is None:
+    share = _in_index(name)
+    if share is None:
         raise _missing(name, None)
-    return found
+    return share
 
 
 def _entries(variable: str) -> list[str]:
@@ -342,7 +344,7 @@ def cache_folder() -> Path:
     folder = Path(tempfile.gettempdir(), f"onebot-{os.getuid()}")
     with contextlib.suppress(OSError):
         folder.mkdir(mode=0o700, exist_ok=True)
-        if folder.stat().st_uid == os.getuid():  # and not a trap of another user's
+        if folder.stat().st_uid == os.getuid():  # else it may be a trap of another user's
             return folder
     raise OneBotError(f"neither ~/.cache nor {folder} can be written; set XDG_CACHE_HOME")
 

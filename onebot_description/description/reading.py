@@ -46,7 +46,7 @@ _DEFAULT_AXIS: Triple = (1.0, 0.0, 0.0)
 _AXIS_ROUNDING = 1e-3
 _MOST_HINTS = 100
 _TURN = 2 * math.pi + 0.01  # rad, as 6.29 is a turn rounded up
-_MOST_DEGREES = 720  # of a joint's limit; what is more means no limit
+_MOST_DEGREES = 720  # a joint's limit; more means no limit
 
 Severity = Literal["error", "problem", "warning"]
 
@@ -60,9 +60,9 @@ class Findings:
 
     def __init__(self, document: Document) -> None:
         self.document = document
-        self.texts: list[tuple[Severity, str]] = []  # with file, line and element in front
+        self.texts: list[tuple[Severity, str]] = []  # each begins with file, line and element
         self.resources = Resources(document.folder)
-        self.meshes: list[tuple[Element, Mesh]] = []  # in the order they were read
+        self.meshes: list[tuple[Element, Mesh]] = []  # order of reading
         self._hints = 0
 
     def error(self, element: Element, text: str) -> None:
@@ -88,7 +88,7 @@ class Findings:
         self._hints += 1
         if self._hints > _MOST_HINTS:
             return ""
-        return did_you_mean(name, [other for other in candidates if other != without], what)
+        return did_you_mean(name, [item for item in candidates if item != without], what)
 
     def of(self, *severities: Severity) -> tuple[str, ...]:
         """Return the findings of these severities, in the order they were found."""
@@ -109,7 +109,7 @@ class Findings:
 
     def label(self, element: Element) -> str:
         """Return for example ``link "base" <visual> <box>``."""
-        path = [other for other in self._path(element) if other is not self.document.root]
+        path = [part for part in self._path(element) if part is not self.document.root]
         return " ".join(map(_short, reversed(path or [element])))
 
     def _path(self, element: Element) -> Iterator[Element]:
@@ -190,8 +190,8 @@ class Numbers(NamedTuple):
     """An attribute that holds numbers."""
 
     size: int = 1  # how many
-    default: float | Triple | None = None  # of an attribute that is not written
-    write: str = ""  # what to write where it lacks, with {} for its name; "": it need not be there
+    default: float | Triple | None = None  # the value of an attribute that is not written
+    write: str = ""  # remedy where it lacks, {} for its name; "": it need not be there
     check: Callable[[Findings, Element, str, Sequence[float]], bool] | None = None
 
 
@@ -605,20 +605,30 @@ def _read_limit(findings: Findings, element: Element, kind: str) -> _Limits:
                 limit, f"{text}; delete them, or if it must stop there make it revolute"
             )
         return None, None, effort, velocity
-    # The last joints of real arms turn by more than a turn, but not by whole numbers of radians.
-    ends = [end for end in (lower, upper) if end is not None and kind == "revolute"]
-    if all(end.is_integer() and abs(end) <= _MOST_DEGREES for end in ends):
-        _radians(findings, limit, "", ends)
     if velocity == 0:
         findings.warning(limit, "velocity is 0, so the joint cannot move")
+    if kind == "revolute":
+        _check_degrees(findings, limit, [end for end in (lower, upper) if end is not None])
+    return *_ordered(findings, limit, lower, upper), effort, velocity
+
+
+def _check_degrees(findings: Findings, limit: Element, ends: Sequence[float]) -> None:
+    # The last joints of real arms turn by more than a turn, but not by whole numbers of radians.
+    if all(end.is_integer() and abs(end) <= _MOST_DEGREES for end in ends):
+        _radians(findings, limit, "", ends)
+
+
+def _ordered(
+    findings: Findings, limit: Element, lower: float | None, upper: float | None
+) -> tuple[float | None, float | None]:
+    """Return the least and the greatest position; None if either cannot be read."""
     if lower is None or upper is None:
-        return None, None, effort, velocity
+        return None, None
     if lower > upper:
         findings.problem(limit, f"lower {lower:g} is above upper {upper:g}; swap them")
-        lower, upper = upper, lower
     elif lower == upper == 0:
         findings.warning(limit, "lower and upper are both 0, so the joint cannot move")
-    return lower, upper, effort, velocity
+    return min(lower, upper), max(lower, upper)
 
 
 def _read_mimic(findings: Findings, element: Element) -> Mimic | None:

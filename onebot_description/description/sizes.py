@@ -19,30 +19,34 @@ from onebot_description.errors import OneBotError
 LARGEST = 20.0
 _LARGEST_WORLD = 200.0
 _MILLIMETRES = 100.0  # m, from which on centimetres are as unlikely
-_TIMES = 100.0  # by which a shape may be larger than most others
+_TIMES = 100.0  # a shape may be larger than most others by this
 
 
-def shape_sizes(description: Description) -> dict[Shape, Triple]:
-    """Return the lengths of the shapes' sides, m; those of meshes that cannot be read are absent.
+def shape_sizes(description: Description) -> tuple[dict[Shape, Triple], list[str]]:
+    """Return the lengths of the shapes' sides, m, and what is wrong with the meshes' files.
 
-    Meshes are opened.
+    Meshes are opened; those that cannot be read have no size.
     """
     sizes: dict[Shape, Triple] = {}
+    faults: dict[str, str] = {}  # key: what is wrong
     for link in description.links:
-        for shape in (part.shape for part in (*link.visuals, *link.collisions)):
-            if shape not in sizes and (size := _size(shape)) is not None:
-                sizes[shape] = size
-    return sizes
+        for part in (*link.visuals, *link.collisions):
+            shape = part.shape
+            is_missing = isinstance(shape, Mesh) and shape.path is None  # already a problem
+            if shape not in sizes and not is_missing:
+                try:
+                    sizes[shape] = _size(shape)
+                except OneBotError as error:
+                    text = f'{part.where}: link "{link.name}": mesh {error}'
+                    faults.setdefault(str(error), text)
+    return sizes, list(faults.values())
 
 
-def _size(shape: Shape) -> Triple | None:
+def _size(shape: Shape) -> Triple:
     if isinstance(shape, Box):
         return shape.size
     if isinstance(shape, Mesh):
-        try:
-            corners = mesh_corners(shape)
-        except OneBotError:  # reported by who needs the mesh
-            return None
+        corners = mesh_corners(shape)
         x, y, z = (abs(corners.max(axis=0) - corners.min(axis=0)) * shape.scale).tolist()
         return abs(x), abs(y), abs(z)
     width = 2.0 * shape.radius
@@ -59,21 +63,21 @@ def _large_shapes(
     description: Description, sizes: Mapping[Shape, Triple], largest: float
 ) -> Iterator[str]:
     usual = _usual(sizes)
-    shown: set[Shape] = set()
+    reported: set[Shape] = set()
     for link in description.links:
         for part in (*link.visuals, *link.collisions):
             size, kind = sizes.get(part.shape, ZERO), type(part.shape).__name__.lower()
             length = max(size)
-            if part.shape in shown or length <= min(largest, _TIMES * usual):
+            if part.shape in reported or length <= min(largest, _TIMES * usual):
                 continue
-            shown.add(part.shape)
+            reported.add(part.shape)
             sides = " x ".join(f"{side:.4g}" for side in size)
-            others = "" if length > largest else f", over {_TIMES:g} times the other shapes"
+            excess = "" if length > largest else f", over {_TIMES:g} times the other shapes"
             factor = "0.001" if length >= _MILLIMETRES else "0.01"
             scale = f'write scale="{factor} {factor} {factor}"'
             remedy = scale if isinstance(part.shape, Mesh) else "lengths are in m"
             yield (
-                f'{part.where}: link "{link.name}": its {kind} is {sides} m large{others}; is it '
+                f'{part.where}: link "{link.name}": its {kind} is {sides} m large{excess}; is it '
                 f"in {_unit(length)}? {remedy}"
             )
 

@@ -38,8 +38,8 @@ def describe(description: Description, sizes: Mapping[Shape, Triple] = MappingPr
     for branch, name, joint in _walk(description):
         link = links[name]
         cells = (name, *_joint_cells(joint), _mass(link), _shapes(link, sizes))
-        first, *others = map(cell, cells)
-        rows.append((branch + first, *others))
+        first, *columns = map(cell, cells)
+        rows.append((branch + first, *columns))
     lines = [_title(description), "", *aligned(rows)]
     if description.sensors:
         sensors = [tuple(map(cell, _sensor_cells(sensor))) for sensor in description.sensors]
@@ -134,10 +134,10 @@ def _mass(link: Link) -> str:
 
 def _shapes(link: Link, sizes: Mapping[Shape, Triple]) -> str:
     """The shapes seen, or, if there are none, those that collide."""
-    shown = ", ".join(_shape(part.shape, sizes) for part in link.visuals or link.collisions)
+    shapes = ", ".join(_shape(part.shape, sizes) for part in link.visuals or link.collisions)
     if link.visuals:
-        return shown + ("" if link.collisions else " (no collision)")
-    return shown + (" (collision only)" if link.collisions else "")
+        return shapes + ("" if link.collisions else " (no collision)")
+    return shapes + (" (collision only)" if link.collisions else "")
 
 
 def _shape(shape: Shape, sizes: Mapping[Shape, Triple]) -> str:

@@ -19,8 +19,8 @@ def branches(roots: Iterable[str], below: Callable[[str], Sequence[str]]) -> lis
         children = list(below(name))
         for index, child in reversed(list(enumerate(children))):
             last = index == len(children) - 1
-            mark, rest = ("└─ ", "   ") if last else ("├─ ", "│  ")
-            waiting.append((child, inner + mark, _shortened(inner + rest)))
+            mark, indent = ("└─ ", "   ") if last else ("├─ ", "│  ")
+            waiting.append((child, inner + mark, _shortened(inner + indent)))
     return result
 
 
@@ -31,8 +31,8 @@ def _shortened(indent: str) -> str:
 
 def cell(text: str) -> str:
     """Return ``text`` as it stands in a table: printable, and not too long."""
-    shown = printable(text)
-    return shown if len(shown) <= _MOST_CELL else shown[: _MOST_CELL - 1] + "…"
+    line = printable(text)
+    return line if len(line) <= _MOST_CELL else line[: _MOST_CELL - 1] + "…"
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:

@@ -15,12 +15,12 @@ def load_world(world: str) -> Description:
 
     It is named by its name, such as "maze", if it ships; else as ``load_description`` has it.
     """
-    known = shipped_worlds()
-    if world in known:
-        return load_description(known[world])
+    worlds = shipped_worlds()
+    if world in worlds:
+        return load_description(worlds[world])
     if "/" not in world and "." not in world and not Path(world).is_file():
         raise OneBotError(
-            f'no world "{world}"{did_you_mean(world, known, "those that ship")}; write one of '
+            f'no world "{world}"{did_you_mean(world, worlds, "those that ship")}; write one of '
             "these, or the path of a URDF or xacro file"
         )
     description = load_description(world)

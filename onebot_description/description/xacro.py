@@ -6,7 +6,6 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
-from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 from onebot_description.description import xml
@@ -31,19 +30,19 @@ def expand(
         DescriptionError: xacro cannot expand it, takes too much time or memory, or has no argument
             of a name given.
     """
-    shown = xml.shown_path(path)
+    name = xml.shown_path(path)
     request = {"path": str(path), "arguments": dict(arguments)}
     try:
-        found = run_bounded(_EXPAND, request, _BOUNDS)
+        answer = run_bounded(_EXPAND, request, _BOUNDS)
     except BoundMet as met:
-        text = f"{met.place or shown}: expanding it was stopped here: it takes more than {met}"
+        text = f"{met.place or name}: expanding it was stopped here: it takes more than {met}"
         raise DescriptionError([text]) from None
     except (OSError, RuntimeError) as error:  # such as too many processes, or one that was killed
-        raise DescriptionError([f"{shown}: cannot be expanded: {error}"]) from None
-    problems = [*found["problems"], *_unknown_arguments(shown, arguments, found["arguments"])]
+        raise DescriptionError([f"{name}: cannot be expanded: {error}"]) from None
+    problems = [*answer["problems"], *_unknown_arguments(name, arguments, answer["arguments"])]
     if problems:
         raise DescriptionError(problems)
-    return _to_document(found, path), tuple(map(Path, found["files"])), tuple(found["warnings"])
+    return _to_document(answer, path), tuple(map(Path, answer["files"])), tuple(answer["warnings"])
 
 
 def _unknown_arguments(
@@ -57,12 +56,11 @@ def _unknown_arguments(
 
 def _to_document(found: Mapping[str, Any], path: Path) -> xml.Document:
     """Parse what xacro made, keeping the places of its elements."""
-    shown = xml.shown_path(path)
+    name = xml.shown_path(path)
     data = found["text"].encode("utf-8", "replace")
-    scanned = xml.scan(data, f"{shown} (expanded)", "utf-8")
-    fresh = xml.to_document(data, scanned, shown, path.parent, "utf-8")
-    places = dict(zip(fresh.root.iter(), found["places"], strict=True))
-    return xml.Document(fresh.root, places, shown, path.parent)
+    root = xml.parse(data, f"{name} (expanded)", encoding="utf-8").root
+    places = dict(zip(root.iter(), found["places"], strict=True))
+    return xml.Document(root, places, name, path.parent)
 
 
 # Arguments that are used without being declared are arguments all the same.
@@ -74,7 +72,7 @@ class XacroArgument(NamedTuple):
 
     name: str
     default: str
-    description: str  # which file declares or uses it
+    description: str  # names the file that declares or uses it
 
 
 @dataclass(frozen=True)
@@ -124,10 +122,8 @@ def included_files(source: str) -> tuple[Path, ...]:
 def root_of(file: Path) -> Element:
     """Return the root of an XML file, an empty element if it cannot be read."""
     try:
-        data = xml.read_bytes(file)
-        xml.scan(data, str(file))
-        return ElementTree.fromstring(data)
-    except (OneBotError, ElementTree.ParseError, ValueError):
+        return xml.parse(xml.read_bytes(file), str(file)).root
+    except OneBotError:
         return Element("unreadable")
 
 
@@ -143,16 +139,13 @@ def _path_of(source: str) -> Path:
 
 def _files(file: Path) -> Iterator[tuple[Path, Element]]:
     """Yield a file and those it includes, each once."""
-    waiting, found = [file], set()
+    waiting, names = [file], set()
     packages: dict[Path, Resources] = {}
     while waiting:
         file = waiting.pop(0)
-        try:
-            real = os.path.realpath(file)
-        except ValueError:
-            real = str(file)
-        if real not in found:
-            found.add(real)
+        real = os.path.realpath(file)
+        if real not in names:
+            names.add(real)
             root = root_of(file)
             yield file, root
             waiting += filter(None, _includes(file, root, packages))
@@ -160,7 +153,8 @@ def _files(file: Path) -> Iterator[tuple[Path, Element]]:
 
 def _includes(file: Path, root: Element, packages: dict[Path, Resources]) -> list[Path | None]:
     """The files that ``file`` includes; None for one whose name is known when it is expanded."""
-    names = (each.get("filename", "") for each in root.iter() if _xacro_kind(each) == "include")
+    elements = (element for element in root.iter() if _xacro_kind(element) == "include")
+    names = [element.get("filename", "") for element in elements]
     folder = file.absolute().parent
     return [_included(name, file, packages.setdefault(folder, Resources(folder))) for name in names]
 

@@ -1,8 +1,7 @@
 """XML that may be anything at all: every fault in it becomes one clear DescriptionError.
 
-Each document is scanned by expat before any other parser sees it. The scan refuses DOCTYPE, and
-with it entity bombs and external entities, refuses absurd nesting, and notes the line of every
-element.
+Each document is parsed here before any other parser sees it: DOCTYPE is refused, and with it entity
+bombs and external entities, and so is absurd nesting. The line of every element is noted.
 """
 
 import codecs
@@ -23,6 +22,7 @@ XACRO_NAMESPACES = (
     "http://wiki.ros.org/xacro",
     "https://www.ros.org/wiki/xacro",
 )
+_SEPARATOR = "\1"  # between namespace, name and prefix; no document can hold it
 _MOST_BYTES = 50_000_000
 _DEEPEST = 100
 _MOST_PARTS = 1_000_000  # elements and attributes; a robot of 10,000 joints has a fifth of that
@@ -35,21 +35,14 @@ _SUFFIXES = (
 
 
 @dataclass(frozen=True)
-class Scan:
-    """What one pass over a document finds."""
-
-    lines: tuple[int, ...]  # of each element's start tag, in document order, from 1
-    has_xacro: bool  # the xacro namespace is declared
-
-
-@dataclass(frozen=True)
 class Document:
     """A parsed document and where its elements were written."""
 
     root: ElementTree.Element
-    places: dict[ElementTree.Element, str]  # ``file:line`` of each element
+    places: dict[ElementTree.Element, str]  # ``file:line`` of each element, in document order
     shown: str  # its name for messages
-    folder: Path | None  # where relative paths start; None for text that is in no file
+    folder: Path | None  # relative paths start here; None for text that is in no file
+    has_xacro: bool = False  # the xacro namespace is declared
 
 
 def shown_path(path: str | Path) -> str:
@@ -63,11 +56,11 @@ def shown_path(path: str | Path) -> str:
 
 def read_bytes(path: Path) -> bytes:
     """Return what is in the file ``path``, unless it is missing, too large or no regular file."""
-    shown = shown_path(path)
+    name = shown_path(path)
     try:
         mode = path.stat().st_mode
         if stat.S_ISDIR(mode):
-            raise DescriptionError([f"{shown}: is a folder; name the file{_choices(path, '')}"])
+            raise DescriptionError([f"{name}: is a folder; name the file{_choices(path, '')}"])
         if not stat.S_ISREG(mode):  # a pipe would have the reader wait, a device may never end
             raise DescriptionError([missing_file(path)])
         with path.open("rb") as file:
@@ -76,20 +69,20 @@ def read_bytes(path: Path) -> bytes:
         raise DescriptionError([missing_file(path)]) from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise DescriptionError([f"{shown}: cannot be read: {reason}"]) from None
+        raise DescriptionError([f"{name}: cannot be read: {reason}"]) from None
     if len(data) > _MOST_BYTES:
-        raise DescriptionError([f"{shown}: is larger than {_MOST_BYTES // 1_000_000} MB"])
+        raise DescriptionError([f"{name}: is larger than {_MOST_BYTES // 1_000_000} MB"])
     return data
 
 
 def missing_file(path: Path) -> str:
     """Return the message about a ``path`` that is no file, with what is there."""
-    folder, shown = path.parent, shown_path(path)
+    folder, name = path.parent, shown_path(path)
     if not folder.is_dir():
-        return f"{shown}: no such file (there is no folder {shown_path(folder)})"
+        return f"{name}: no such file (there is no folder {shown_path(folder)})"
     if path.exists():
-        return f"{shown}: is a {'folder' if path.is_dir() else 'device or pipe'}, not a file"
-    return f"{shown}: no such file{_choices(folder, path.name)}"
+        return f"{name}: is a {'folder' if path.is_dir() else 'device or pipe'}, not a file"
+    return f"{name}: no such file{_choices(folder, path.name)}"
 
 
 def _choices(folder: Path, name: str) -> str:
@@ -108,27 +101,31 @@ def declaration_first(data: bytes, shown: str) -> tuple[bytes, tuple[str, ...]]:
 
     The elements stay on their lines. If the document was changed, there is a warning of it.
     """
-    rest = data.lstrip(b" \t\r\n")
-    blank, end = data[: len(data) - len(rest)], rest.find(b"?>") + 2
-    if not blank or not rest.startswith(b"<?xml ") or end < 2:
+    document = data.lstrip(b" \t\r\n")
+    blank, end = data[: len(data) - len(document)], document.find(b"?>") + 2
+    if not blank or not document.startswith(b"<?xml ") or end < 2:
         return data, ()
     warning = f"{shown}:1: blank lines before <?xml ...?>, which some programs refuse: delete them"
-    return rest[:end] + blank + rest[end:], (warning,)
+    return document[:end] + blank + document[end:], (warning,)
 
 
-def scan(data: bytes, shown: str, encoding: str | None = None) -> Scan:
-    """Check that ``data`` is well-formed XML without DOCTYPE and note where its elements begin.
+def parse(
+    data: bytes, shown: str, folder: Path | None = None, encoding: str | None = None
+) -> Document:
+    """Parse XML without DOCTYPE; see ``Document`` for the name ``shown`` and the ``folder``.
 
     ``encoding`` overrides the one that the document declares.
 
     Raises:
-        DescriptionError: it is not, with line and column.
+        DescriptionError: it is none, with line and column.
     """
     if not data.strip():
         raise DescriptionError([f'{shown}: is empty; it should hold <robot name="...">'])
-    parser = expat.ParserCreate(encoding, namespace_separator=" ")
+    parser = expat.ParserCreate(encoding, namespace_separator=_SEPARATOR)
     parser.namespace_prefixes = True
-    lines: list[int] = []
+    parser.buffer_text = True
+    tree = ElementTree.TreeBuilder()
+    places: dict[ElementTree.Element, str] = {}
     namespaces: set[str] = set()
     opened: list[tuple[str, int]] = []  # the elements around the place, each with its line
     parts = 0
@@ -145,10 +142,12 @@ def scan(data: bytes, shown: str, encoding: str | None = None) -> Scan:
             raise DescriptionError([f"{place()}: {text}"])
         if len(opened) > _DEEPEST:
             raise DescriptionError([f"{place()}: elements are nested deeper than {_DEEPEST}"])
-        lines.append(parser.CurrentLineNumber)
+        element = tree.start(_tag(name), {_tag(key): text for key, text in attributes.items()})
+        places[element] = place()
 
     def end(name: str) -> None:
         opened.pop()
+        tree.end(_tag(name))
 
     def doctype(*_: object) -> NoReturn:
         raise DescriptionError(
@@ -156,19 +155,30 @@ def scan(data: bytes, shown: str, encoding: str | None = None) -> Scan:
         )
 
     def declare(prefix: str | None, uri: str | None) -> None:
-        if "}" in (uri or ""):  # which is what the parsers after this one put behind a namespace
+        if "}" in (uri or ""):  # ElementTree ends a namespace by it
             raise DescriptionError([f'{place()}: the namespace "{uri}" holds a }}'])
         namespaces.add(uri or "")
 
     parser.StartElementHandler = start
     parser.EndElementHandler = end
+    parser.CharacterDataHandler = tree.data
     parser.StartDoctypeDeclHandler = doctype
     parser.StartNamespaceDeclHandler = declare
     try:
         parser.Parse(data, True)
     except (expat.ExpatError, LookupError, ValueError) as error:
         raise DescriptionError([_malformed(data, shown, error, opened)]) from None
-    return Scan(tuple(lines), not namespaces.isdisjoint(XACRO_NAMESPACES))
+    return Document(
+        tree.close(), places, shown, folder, not namespaces.isdisjoint(XACRO_NAMESPACES)
+    )
+
+
+def _tag(name: str) -> str:
+    """Return expat's name of an element or attribute as ElementTree has it."""
+    if _SEPARATOR not in name:
+        return name
+    uri, local, *_ = name.split(_SEPARATOR)
+    return f"{{{uri}}}{local}"
 
 
 def _malformed(data: bytes, shown: str, error: Exception, opened: Sequence[tuple[str, int]]) -> str:
@@ -197,20 +207,9 @@ def _malformed(data: bytes, shown: str, error: Exception, opened: Sequence[tuple
         return f"{place}: is not XML: URDF starts with <robot ...>"
     if opened and reason in ("mismatched tag", "no element found"):
         name, line = opened[-1]
-        words = name.split(" ")  # namespace, name, prefix, or fewer
+        words = name.split(_SEPARATOR)  # namespace, name, prefix, or fewer
         reason += f": <{':'.join(reversed(words[1:] or words))}> of line {line} is not closed"
     return f"{place}: malformed XML: {reason}"
-
-
-def to_document(
-    data: bytes, found: Scan, shown: str, folder: Path | None, encoding: str | None = None
-) -> Document:
-    """Parse ``data``, which ``scan`` has accepted, as it stands."""
-    root = ElementTree.fromstring(data, ElementTree.XMLParser(encoding=encoding))
-    places = {
-        element: f"{shown}:{line}" for element, line in zip(root.iter(), found.lines, strict=True)
-    }
-    return Document(root, places, shown, folder)
 
 
 def to_text(root: ElementTree.Element) -> str:

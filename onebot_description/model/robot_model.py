@@ -231,8 +231,8 @@ class RobotModel:
         try:
             return self._rows[joint]
         except KeyError:
-            known = did_you_mean(joint, self.joints, "joints")
-            raise OneBotError(f'robot "{self.name}" has no moving joint "{joint}"{known}') from None
+            hint = did_you_mean(joint, self.joints, "joints")
+            raise OneBotError(f'robot "{self.name}" has no moving joint "{joint}"{hint}') from None
 
     def follower(self, joint: str, given: Mapping[str, object]) -> Follower | None:
         """Return which of the ``given`` joints determines ``joint``: itself, or what it mimics.

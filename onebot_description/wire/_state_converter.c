@@ -19,7 +19,7 @@
 #define NANO INT64_C(1000000000)
 #define MODERATE 1e100
 enum {
-  KNOWN = 64, /* as in state_converter.py */
+  KNOWN = 16, /* as in state_converter.py */
   BODY_AT = 4,
   STAMP_AT = 4, /* in a serialized message that begins with a header */
   NAMES_AT = 12,

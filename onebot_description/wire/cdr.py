@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 NANO = 1_000_000_000  # nanoseconds in a second
-SYSTEM_TIME_NS = 10**18  # of the year 2001: stamps of simulated time are less
+SYSTEM_TIME_NS = 10**18  # the year 2001: stamps of simulated time are less
 
 ENCAPSULATION = b"\x00\x01\x00\x00"
 _BODY = len(ENCAPSULATION)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from onebot_description.errors import printable, shortened
 
-NUMBERS = {  # as NumPy has them
+NUMBERS = {  # NumPy's names
     **{"bool": "?", "byte": "u1", "char": "u1", "float32": "<f4", "float64": "<f8"},
     **{
         f"{sign}int{8 * size}": f"<{sign or 'i'}{size}"
@@ -19,7 +19,7 @@ NUMBERS = {  # as NumPy has them
     },
 }
 STRINGS = {"string": 1, "wstring": 2}  # bytes of a character
-_KNOWN = {  # what some writers leave out
+_KNOWN = {  # some writers leave them out
     "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
     "builtin_interfaces/Duration": "int32 sec\nuint32 nanosec",
 }
@@ -42,8 +42,8 @@ class Field(NamedTuple):
     """A line of a .msg file that defines a field."""
 
     name: str
-    type: str  # as in NUMBERS or STRINGS, or package/Name
-    size: int | None  # of an array; 0: as many as the message has; None: one
+    type: str  # one of NUMBERS or STRINGS, or package/Name
+    size: int | None  # an array's; 0: as many as the message has; None: one
     where: str  # type, line and text, for a message
 
 
@@ -56,11 +56,11 @@ def short_name(name: str) -> str:
 
 def files(name: str, definition: str) -> dict[str, str]:
     """Split the definition of a type of this short name into .msg files, by ``package/Name``."""
-    first, *rest = _SECTION.split(definition)
-    if "IDL" in rest[::3] or re.match(r"\s*(#include|module)\b", first):
+    first, *parts = _SECTION.split(definition)
+    if "IDL" in parts[::3] or re.match(r"\s*(#include|module)\b", first):
         raise DefinitionError(f"{name}: its definition is in IDL; only .msg text can be read")
-    others = zip(rest[1::3], rest[2::3], strict=True)
-    texts = _KNOWN | {kind.replace("/msg/", "/"): text for kind, text in others}
+    sections = zip(parts[1::3], parts[2::3], strict=True)
+    texts = _KNOWN | {kind.replace("/msg/", "/"): text for kind, text in sections}
     return texts | {name: first} if first.strip() or name not in texts else texts
 
 

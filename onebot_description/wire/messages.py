@@ -15,11 +15,13 @@ from rclpy import serialization
 from std_msgs.msg import Header
 
 from onebot_description.wire.cdr import NANO, Floats, nanoseconds
-from onebot_description.wire.remembered import Remembered, size_of_names
 from onebot_description.wire.schema import Message, Schema
 from onebot_description.wire.tf_message import TFMessage
 
 BAD_MESSAGE = (ValueError, IndexError)  # raised for bytes that are no such message
+
+# Bytes. Nothing is kept of a larger message: how large they are is up to whoever publishes.
+LARGEST_KEPT = 2**19
 
 _COVARIANCE = 36
 _UNKNOWN: Floats = np.zeros(_COVARIANCE)
@@ -58,7 +60,7 @@ class OdometrySample(NamedTuple):
     """An Odometry message without the covariance of its velocities."""
 
     stamp_ns: int
-    frame_id: str  # in which the pose is given
+    frame_id: str  # the pose's frame
     child_frame_id: str  # the frame that moves, in which the velocities are given
     translation: Floats  # (3,) metres
     rotation: Floats  # (4,) quaternion x y z w
@@ -107,15 +109,14 @@ def tf_arrays(data: bytes) -> TfArrays:
     header = transforms.header
     values = transforms.transform.array()
     stamps = header.stamp.sec.astype(np.int64) * NANO + header.stamp.nanosec
-    parents, children = _names((tuple(header.frame_id), tuple(transforms.child_frame_id)))
+    lists = _lists if len(data) <= LARGEST_KEPT else _lists.__wrapped__
+    parents, children = lists(tuple(header.frame_id), tuple(transforms.child_frame_id))
     return TfArrays(parents, children, stamps, values[:, :3], values[:, 3:])
 
 
-def _lists(names: tuple[tuple[str, ...], tuple[str, ...]]) -> tuple[list[str], list[str]]:
-    return list(names[0]), list(names[1])
-
-
-_names = Remembered(_lists, lambda names: sum(map(size_of_names, names)))
+@functools.lru_cache(maxsize=64)
+def _lists(parents: tuple[str, ...], children: tuple[str, ...]) -> tuple[list[str], list[str]]:
+    return list(parents), list(children)
 
 
 def one_joint_state(data: bytes) -> JointStateArrays:
@@ -163,7 +164,9 @@ def deserialize_message(data: bytes, kind: type) -> Any:
     try:
         return serialization.deserialize_message(data, kind)
     except Exception as error:
-        reason = " ".join(str(error).split()).partition("., at /")[0]  # of rclpy's source code
+        reason = " ".join(str(error).split()).partition("., at /")[
+            0
+        ]  # a place in rclpy's source code
         raise ValueError(f"it is no {kind.__name__}: {reason}") from error
 
 

@@ -42,7 +42,7 @@ from onebot_description.wire.library import load_library
 
 # A definition may come from anywhere.
 _MAX_FIELDS = 10_000
-_MAX_DEPTH = 64  # of types in types
+_MAX_DEPTH = 64  # types in types
 _MAX_SIZE = 2**31 - 1  # bytes
 _PLAIN = ENCAPSULATION[:2]  # the other two bytes are options, which receivers ignore
 _PHASES = 8  # the largest alignment: a layout depends on where it starts modulo this
@@ -51,7 +51,7 @@ _PHASES = 8  # the largest alignment: a layout depends on where it starts modulo
 # ---- What reads a field ----
 
 _COPIED, _SEQUENCE, _STRUCTS = range(3)  # kinds of operations
-_SLOT = struct.Struct("<II")  # in a row: where a sequence lies in the message, how many elements
+_SLOT = struct.Struct("<II")  # a row's: where a sequence lies in the message, how many elements
 
 
 class _Rows(NamedTuple):
@@ -77,8 +77,8 @@ class _Leaf:
     count = 0  # elements in every message, 0 if that varies
     smallest = 4  # bytes in a message at least, without padding
     boolean = False  # bytes need a check
-    dtype: np.dtype[Any] | None = None  # of the elements, if they are numbers
-    program: "_Program | None" = None  # of the elements, if they are structs
+    dtype: np.dtype[Any] | None = None  # the elements', if they are numbers
+    program: "_Program | None" = None  # the elements', if they are structs
 
     def __init__(self, element: int) -> None:
         self.element = element  # bytes of an element, to which it is aligned
@@ -117,7 +117,7 @@ class _Number(_Leaf):
         return np.ndarray(shape, self.dtype, rows.rows, rows.at + offset, strides)
 
 
-_STANDARD = str.maketrans("lL", "qQ")  # of NumPy's letters, those that ``struct`` has for others
+_STANDARD = str.maketrans("lL", "qQ")  # NumPy's letters that ``struct`` has for others
 _COUNT = _Number(np.dtype("<u4"))
 
 
@@ -199,16 +199,16 @@ class _Group:
 
     def find(self, path: str) -> tuple["_Leaf | _Group", int]:
         """Return a field, or one of a field's: names are joined by dots."""
-        name, dot, rest = path.partition(".")
+        name, dot, inner = path.partition(".")
         if name not in self.fields:
-            known = did_you_mean(name, filter(None, self.fields), "fields")
-            raise LookupError(f'{self.name} has no field "{name}"{known}')
-        found = self.fields[name]
+            hint = did_you_mean(name, filter(None, self.fields), "fields")
+            raise LookupError(f'{self.name} has no field "{name}"{hint}')
+        field = self.fields[name]
         if not dot:
-            return found
-        if not isinstance(found[0], _Group):
-            raise LookupError(f'{self.name}.{name} has no field "{rest}": it is no message')
-        return found[0].find(rest)
+            return field
+        if not isinstance(field[0], _Group):
+            raise LookupError(f'{self.name}.{name} has no field "{inner}": it is no message')
+        return field[0].find(inner)
 
     @functools.cached_property
     def array(self) -> tuple[_Number, int]:
@@ -246,7 +246,7 @@ class _Program:
         self._name, self._leaves = name, leaves
         self.smallest = sum(leaf.smallest for leaf in leaves.values())
         inner = (leaf.program.depth for leaf in leaves.values() if leaf.program)
-        self.depth: int = 1 + max(inner, default=0)  # of arrays in arrays: _schema.c calls itself
+        self.depth: int = 1 + max(inner, default=0)  # arrays in arrays: _schema.c calls itself
         self._on_wire = [(leaf.element, leaf.count) for leaf in leaves.values()]
         self._constant = all(leaf.kind == _COPIED for leaf in leaves.values())
         in_row = [(e.element, e.count) if e.kind == _COPIED else (4, 2) for e in leaves.values()]
@@ -271,7 +271,7 @@ class _Program:
         """
         first = _places(self._on_wire, phase)
         second = _places(self._on_wire, first[-1])
-        distances = {after - before for before, after in zip(first, second, strict=True)}
+        distances = {next_place - place for place, next_place in zip(first, second, strict=True)}
         return distances.pop() if self._constant and len(distances) == 1 else 0
 
     def table(self, data: bytes, block: bytes, at: int, count: int) -> "Table | list[str]":
@@ -305,15 +305,15 @@ class _Program:
 
     def operations(self) -> list[list[int]]:
         """Return each ``struct operation``; numbers of one size that lie together are one."""
-        made: list[list[int]] = []
+        steps: list[list[int]] = []
         for leaf, to in zip(self._leaves.values(), self._offsets, strict=True):
             number = leaf.program.number if leaf.program else 0
             fixed = [leaf.kind, leaf.element, number, int(leaf.boolean)]
-            if made and leaf.kind == _COPIED and [*made[-1][:2], *made[-1][4:]] == fixed:
-                made[-1][2] += leaf.count
+            if steps and leaf.kind == _COPIED and [*steps[-1][:2], *steps[-1][4:]] == fixed:
+                steps[-1][2] += leaf.count
             else:
-                made.append([*fixed[:2], leaf.count, to, *fixed[2:]])
-        return made
+                steps.append([*fixed[:2], leaf.count, to, *fixed[2:]])
+        return steps
 
 
 class _Compiler:
@@ -409,7 +409,7 @@ class _Attribute:
         if view is None:
             return self
         value = self._read(view._rows, self._offset)
-        setattr(view, self._name, value)  # which Python finds first
+        setattr(view, self._name, value)  # Python finds it first
         return value
 
 

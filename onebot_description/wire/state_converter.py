@@ -11,6 +11,7 @@ There are two ways, to the same result:
 """
 
 import ctypes
+import functools
 import itertools
 import struct
 from collections.abc import Callable, Sequence
@@ -33,18 +34,20 @@ from onebot_description.wire.cdr import (
 )
 from onebot_description.wire.library import load_library
 from onebot_description.wire.messages import (
+    LARGEST_KEPT,
     JointStateArrays,
     one_joint_state,
     time_message,
     transforms_message,
 )
-from onebot_description.wire.remembered import MOST, MOST_BYTES, Remembered, size_of_names
 from onebot_description.wire.tf_message import TFMessage
 
 Warn = Callable[[str, str], None]
 ConvertBytes = Callable[[bytes, int], bytes | None]
 
-_KNOWN = MOST  # as in _state_converter.c
+# Publishers of one topic, times the subsets of joints each sends; more only costs time. The same in
+# _state_converter.c.
+_KNOWN = 16
 # A stamp this much older than the last one is of another clock, or the last one was wrong. Messages
 # are under way for less, and tf2 takes none that is so old.
 _OTHER_CLOCK_NS = 10 * NANO
@@ -212,8 +215,7 @@ class _Known(NamedTuple):
 
     layout: _Layout  # holds addresses of the rest
     key: tuple[str, tuple[str, ...]]  # frame_id and names of its messages
-    size: int  # of all of it, bytes
-    plan: JointStatePlan  # what the names mean
+    plan: JointStatePlan  # the names' meaning
     joints: NDArray[np.void]  # (K,) of ``_JOINT``
 
     @classmethod
@@ -230,8 +232,7 @@ class _Known(NamedTuple):
         joints, message = _blank_message(plan)
         counts = len(plan.names), joints.ctypes.data, len(joints), plan.rows.ctypes.data
         layout = _Layout(block, mask, len(block), first, *counts, message, len(message))
-        size = 2 * len(block) + len(message) + joints.nbytes
-        return cls(layout, (frame_id, plan.names), size, plan, joints)
+        return cls(layout, (frame_id, plan.names), plan, joints)
 
 
 def _blank_message(plan: JointStatePlan) -> tuple[NDArray[np.void], bytes]:
@@ -262,7 +263,8 @@ class _CompiledCall:
             times.newest_call.ctypes.data,
             times.stamps.ctypes.data,
         )
-        self._forget()
+        self._known: list[_Known] = []
+        self._next = 0
 
     def bind(self, otherwise: ConvertBytes) -> ConvertBytes:
         """Return the builtin, which calls ``otherwise`` with what it does not recognise."""
@@ -276,24 +278,19 @@ class _CompiledCall:
     def learn(self, frame_id: str, plan: JointStatePlan) -> None:
         """Recognise messages of this frame and plan, which moves joints, from now on.
 
-        The oldest of too many is forgotten; where they are too large together, all others are.
+        The oldest of too many is forgotten.
         """
         if any(known.key == (frame_id, plan.names) for known in self._known):
             return
         known = _Known.of(frame_id, plan)
-        if known.size + sum(other.size for other in self._known) > MOST_BYTES:
-            self._forget()
+        if known.layout.size > LARGEST_KEPT:
+            return
         place = self._next % _KNOWN
         self._next += 1
         # The place is written before the layout whose memory it held may go.
         self._state.layouts[place] = known.layout
         self._known[place : place + 1] = [known]
         self._state.known = len(self._known)
-
-    def _forget(self) -> None:
-        self._state.known = self._state.recent = 0
-        self._known: list[_Known] = []
-        self._next = 0
 
 
 class StateConverter:
@@ -326,8 +323,8 @@ class StateConverter:
             warn: called with a key and a text about input that is ignored.
         """
         self._model, self._prefix, self._warn = model, frame_prefix, warn
-        self._plan = Remembered(
-            lambda names: JointStatePlan(model, names, frame_prefix), size_of_names
+        self._plans = functools.lru_cache(_KNOWN)(
+            lambda names: JointStatePlan(model, names, frame_prefix)
         )
         self._times = PublishedTimes(len(model.joints), interval_ns, ignore_timestamp)
         self._compiled = _CompiledCall(self._times)
@@ -384,6 +381,10 @@ class StateConverter:
             names = tuple(itertools.compress(state.names, kept))
             state = state._replace(names=names, positions=state.positions[kept])
         return state
+
+    def _plan(self, names: tuple[str, ...]) -> JointStatePlan:
+        plans = self._plans if sum(map(len, names)) <= LARGEST_KEPT else self._plans.__wrapped__
+        return plans(names)
 
     def _warn_of_sizes(self, names: int, positions: int) -> None:
         self._warn(

@@ -179,8 +179,8 @@ def _find_version(package: str) -> str | None:
             text = Path(prefix, "share", package, "package.xml").read_text(encoding="utf-8")
         except OSError:
             continue
-        found = re.search(r"<version>\s*([^<\s]+)", text)
-        return found[1] if found else None
+        version = re.search(r"<version>\s*([^<\s]+)", text)
+        return version[1] if version else None
     return None
 
 

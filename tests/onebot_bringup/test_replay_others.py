@@ -242,15 +242,6 @@ def test_types_that_are_not_installed(tmp_path, plugin, plotted):
     assert all("VelocityReport is neither in" in problem for problem in problems)
 
 
-def test_a_topic_alone(tmp_path):
-    """Without a robot and without transforms it is shown in the frame of its messages."""
-    with OtherRobot(tmp_path / "bag") as robot:
-        robot.write("/plan", path(0, 2), frame="somewhere")
-    replayed = Replayed(tmp_path / "bag")
-    assert (replayed.fixed_frame, replayed.shown.messages) == ("somewhere", 1)
-    assert replayed.ends("/plan") == [2]
-
-
 @pytest.mark.parametrize(
     ("wanted", "fixed", "warnings"),
     [
@@ -327,18 +318,6 @@ def test_nothing_is_dropped(tmp_path):
         for step in range(600):
             robot.write("/plan", path(0, step), step / 1000, frame="map")
     assert Replayed(tmp_path / "bag").ends("/plan") == list(range(600))
-
-
-def test_a_topic_in_several_frames(tmp_path):
-    """Each message is drawn in its own frame, also when others are drawn later."""
-    with OtherRobot(tmp_path / "bag") as robot:
-        for child in ("left", "right"):
-            robot.write("/tf", transform("map", child, 0.0, 0.0), 0.0)
-        for step in range(40):
-            robot.write("/plan", path(0, step), step / 10, frame="left" if step % 2 else "right")
-    replayed = Replayed(tmp_path / "bag")
-    assert frames(replayed.file, "/path/plan") == ["right", "left"] * 20
-    assert replayed.ends("/plan") == list(range(40))
 
 
 def test_markers_are_placed_by_the_transforms_of_their_time(tmp_path):

@@ -1,9 +1,10 @@
-"""Who may talk to the steering server."""
+"""Where the steering page is served, and who may talk to its server."""
 
 import pytest
 
-from onebot_bringup.serving.ports import is_loopback
-from onebot_bringup.steering.access import Access, new_token
+from onebot_bringup.serving.ports import is_loopback, listen
+from onebot_bringup.steering.access import Access, choose_bind_address, new_token
+from onebot_description.errors import OneBotError
 
 LOCAL = Access("", "127.0.0.1", 8080)
 OPEN = Access("the token", "0.0.0.0", 8080)
@@ -18,12 +19,13 @@ def test_its_own_names_are_let_in_at_any_port(host):
 
 
 @pytest.mark.parametrize(
-    "host",
-    ["evil.example", "evil.example:8080", "127.0.0.1.evil.example", "", "127.0.0.1:8080:1", "a b"],
+    "host", ["evil.example:8080", "127.0.0.1.evil.example", "", "127.0.0.1:8080:1", "<b>"]
 )
 def test_no_other_name_leads_to_loopback(host):
-    """A foreign page whose name is made to lead here (DNS rebinding) is refused."""
-    assert "open it as 127.0.0.1" in LOCAL.refusal(host, None, None, None)
+    """A foreign page whose name is made to lead here (DNS rebinding); no markup is repeated."""
+    refusal = LOCAL.refusal(host, None, None, None)
+    assert "open it as 127.0.0.1" in refusal and "<" not in refusal
+    assert "open it as" in LOCAL.view_refusal(host, "null")
 
 
 @pytest.mark.parametrize(
@@ -53,7 +55,6 @@ def test_the_view_needs_its_own_frame_or_page():
     for origin in ("http://evil.example", "http://localhost:8081", "http://[::1]:8080", ""):
         assert "no access" in LOCAL.view_refusal("127.0.0.1:8080", origin)
     assert "no access" in OPEN.view_refusal("192.0.2.1:8080", ORIGIN)
-    assert "open it as" in LOCAL.view_refusal("evil.example:8080", "null")
 
 
 @pytest.mark.parametrize("token", [None, "", "the toke", "the token ", "The token", "\udcff"])
@@ -64,36 +65,29 @@ def test_a_wrong_token_is_refused(token):
 
 
 def test_the_right_token_or_its_cookie_is_enough():
-    """The cookie stands for the token without telling it; each token has its own."""
+    """The cookie stands for the token without telling it; on loopback it is asked for, too."""
     assert OPEN.refusal("robot:8080", None, "the token", None) == ""
     assert OPEN.refusal("robot:8080", "http://robot:8080", None, OPEN.cookie) == ""
     assert "token" not in OPEN.cookie
     assert OPEN.cookie != Access("another", "0.0.0.0", 8080).cookie
-
-
-def test_a_token_is_asked_for_on_loopback_too_if_there_is_one():
-    """A host of several users may want it."""
-    access = Access("secret", "127.0.0.1", 8080)
-    assert access.refusal("127.0.0.1:8080", ORIGIN, None, None)
-    assert not access.refusal("127.0.0.1:8080", ORIGIN, "secret", None)
-
-
-def test_an_answer_repeats_nothing_dangerous():
-    """A header that comes back in the sentence is no markup."""
-    said = LOCAL.refusal("<script>alert(1)</script>", None, None, None)
-    assert "<" not in said and ">" not in said
+    local = Access("secret", "127.0.0.1", 8080)
+    assert local.refusal("127.0.0.1:8080", ORIGIN, None, None)
+    assert not local.refusal("127.0.0.1:8080", ORIGIN, "secret", None)
 
 
 def test_new_tokens_differ_and_are_long():
-    """128 bits, as text that an address can hold."""
-    tokens = {new_token() for _ in range(100)}
-    assert len(tokens) == 100 and all(len(token) >= 22 and token.isascii() for token in tokens)
+    """128 bits, as text that an address can hold; one is made where it is needed."""
+    made = [choose_bind_address("0.0.0.0", 0, "").token for _ in range(2)]
+    tokens = {*made, *(new_token() for _ in range(100))}
+    assert len(tokens) == 102 and all(len(token) >= 22 and token.isascii() for token in tokens)
+    assert choose_bind_address("127.0.0.1", 0, "").token == ""
+    assert choose_bind_address("127.0.0.1", 0, "mine").token == "mine"
+    assert choose_bind_address("0.0.0.0", 0, "mine").token == "mine"
 
 
 @pytest.mark.parametrize(
     "address, loopback",
     [
-        ("127.0.0.1", True),
         ("127.8.9.1", True),
         ("::1", True),
         ("localhost", True),
@@ -104,3 +98,27 @@ def test_new_tokens_differ_and_are_long():
 def test_loopback_is_known(address, loopback):
     """An address for all of the network is not."""
     assert is_loopback(address) is loopback
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "0.0.0.0", ""])
+def test_an_address_of_this_computer_can_be_listened_on(host):
+    """All of them, too; any port will do for 0, and that it is another one needs no word."""
+    chosen = choose_bind_address(host, 0, "")
+    assert chosen.host == host and chosen.port > 0 and chosen.warning == ""
+
+
+@pytest.mark.parametrize("host", ["192.0.2.77", "no.such.host.invalid", "a b", "x" * 300])
+def test_a_host_elsewhere_or_nowhere_is_found_out_beforehand(host):
+    """With what would be right."""
+    with pytest.raises(OneBotError, match="is not an address of this computer: write 127.0.0.1"):
+        choose_bind_address(host, 0, "")
+
+
+def test_a_port_in_use_gives_way_to_another_one():
+    """It says so; the port is the node's parameter, for its later starts, too."""
+    with listen("127.0.0.1", 0) as other:
+        used = other.getsockname()[1]
+        chosen = choose_bind_address("127.0.0.1", used, "")
+    assert chosen.port not in (0, used)
+    assert chosen.warning == f"port {used} is in use; using {chosen.port} instead"
+    assert chosen.parameters == {"host": "127.0.0.1", "port": chosen.port, "token": ""}

@@ -40,16 +40,9 @@ def test_help_says_how_to_use_it():
 @pytest.mark.parametrize(
     "words, complaint",
     [
-        (["port:=eighty"], "port:=eighty is not possible; write an integer from 0 to 65535"),
-        (["port:="], "port:= is not possible; write an integer"),
-        (["domain_id:=1_0"], "domain_id:=1_0 is not possible; write an integer from 0 to 232"),
         (["rate:=1"], "rate:=1 is not possible; write a number from 5 to 100"),
-        (["max_linear:=nan"], "max_linear:=nan is not possible; write a number from 0"),
-        (["viewer:=rviz"], "viewer:=rviz is not possible; it can be one of: auto, web, none"),
         (["hots:=0.0.0.0"], 'no argument "hots" (did you mean "host"?'),
-        (["/a", "/b"], 'unexpected "/b"'),
         (["/a", "topic:=/b"], "write the topic or topic:=, not both"),
-        (["namespace:=1x"], "namespace:=1x is not possible; write a ROS name: words of letters"),
         (["viewer:=none", "view:=none"], "leave out view:="),
     ],
 )
@@ -67,7 +60,6 @@ def test_a_wrong_command_line_is_explained(ros_domain, words, complaint):
         (["view:=nowhere.yaml"], "error: view:=nowhere.yaml: no such file"),
         (["a//b", "viewer:=none"], 'error: "a//b" is no name'),
         (["host:=192.0.2.77"], "error: host:=192.0.2.77 is not an address of this computer"),
-        (["host:=a..b"], "error: host:=a..b is not an address of this computer"),
     ],
 )
 def test_a_wrong_name_or_file_is_explained(ros_domain, words, complaint):

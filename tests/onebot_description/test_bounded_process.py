@@ -57,8 +57,6 @@ STOPPED = "expanding it was stopped here: it takes more than "
 MEMORY, PROCESSOR = f"{STOPPED}0.15 GB of memory", f"{STOPPED}1 s of processor time"
 HOSTILE = {
     "ljust": ("<link name=\"${''.ljust(10**10)}\"/>", MEMORY),
-    "precision": ("<link name=\"${'%.1000000000f' % 1}\"/>", MEMORY),
-    "replace": ("<link name=\"${('a' * 10**4).replace('a', 'a' * 10**5)}\"/>", MEMORY),
     "doubled texts": (
         '<xacro:macro name="m0" params="t"><link name="${t}"/></xacro:macro>'
         f'{TEXTS}<xacro:m59 t="abcdefgh"/>',
@@ -66,11 +64,6 @@ HOSTILE = {
     ),
     "aliases": ("<link name=\"${xacro.load_yaml('aliases.yaml')}\"/>", MEMORY),
     "power": ('<link name="${10**10**10}"/>', PROCESSOR),
-    "factorial": ('<link name="${math.factorial(10**7)}"/>', PROCESSOR),
-    "regular expression": (
-        "<link name=\"${len(xacro.tokenize('b' + 'a' * 64, 'b](a+)+[c'))}\"/>",
-        PROCESSOR,
-    ),
     "includes": (
         '<xacro:property name="depth" value="0"/><xacro:include filename="ping.xacro"/>',
         PROCESSOR,
@@ -80,7 +73,6 @@ HOSTILE = {
 
 @pytest.mark.parametrize("name", HOSTILE)
 def test_what_would_not_end_is_stopped(tmp_path: Path, monkeypatch, name: str) -> None:
-    """By a bound of memory or processor time; the next file is read as ever."""
     inside, ending = HOSTILE[name]
     # One of the two is never met first, however slow the machine is.
     monkeypatch.setattr(xacro, "_BOUNDS", SMALL if ending == MEMORY else SHORT)
@@ -107,13 +99,11 @@ def test_what_would_not_end_is_stopped(tmp_path: Path, monkeypatch, name: str) -
     ],
 )
 def test_what_is_no_file_is_not_read(tmp_path: Path, inside: str, problem: str) -> None:
-    """Neither waits for somebody to write into it, nor takes what never ends."""
     assert problem_of(tmp_path, inside).endswith(problem)
 
 
 @pytest.mark.parametrize("name", ["pipe.urdf", "zero.xacro"])
 def test_a_description_that_is_no_file(tmp_path: Path, name: str) -> None:
-    """Nor does the file itself; its arguments are none."""
     os.mkfifo(tmp_path / "pipe.urdf")
     (tmp_path / "zero.xacro").symlink_to("/dev/zero")
     with pytest.raises(DescriptionError, match=f"{name}: is a device or pipe, not a file$"):
@@ -122,7 +112,6 @@ def test_a_description_that_is_no_file(tmp_path: Path, name: str) -> None:
 
 
 def test_arguments_are_found_in_each_file_once(tmp_path: Path) -> None:
-    """However often files include each other, under whatever names."""
     includes = "".join(
         f'<xacro:include filename="../{tmp_path.name}/{n}.xacro"/>' * 9 for n in "ab"
     )
@@ -132,7 +121,6 @@ def test_arguments_are_found_in_each_file_once(tmp_path: Path) -> None:
 
 
 def test_no_process_can_be_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """One problem, too."""
     monkeypatch.setattr(bounded_process, "_spawn", unstartable)
     monkeypatch.setattr(bounded_process, "_fork", unstartable)
     problem = problem_of(tmp_path, "<link name='a'/>")

@@ -57,7 +57,6 @@ def test_good_robot_loads_without_warning(name: str) -> None:
 
 
 def test_all_problems_come_at_once() -> None:
-    """One run reports every problem of a robot that is broken everywhere."""
     with pytest.raises(DescriptionError) as caught:
         load_description(ROBOTS / "broken_everywhere.urdf").raise_problems()
     parts = ("<mass>", "<inertia>", '"big"', '"revolut"', '"bas"', 'xyz="0 1" holds 2')

@@ -106,7 +106,6 @@ def test_a_limit_below_zero_is_none(name: str) -> None:
     ],
 )
 def test_a_joint_without_limits_stays_at_0(limit: str, problem: str) -> None:
-    """And has its transform, wherever another node says it is."""
     description = taken(robot(hinge("j", "a", limit)), problem)
     assert (description.joints[0].lower, description.joints[0].upper) == (None, None)
     assert moved(description, j=2.0) == {"a": "base"}
@@ -138,17 +137,6 @@ def test_a_joint_that_can_follow_nothing_moves_by_itself(
     assert all(joint.mimic is None for joint in description.joints)
     assert at_rest(description)["j"] == 0.0
     assert moved(description, j=0.5)["a"] == "base"
-
-
-def test_a_mimic_on_a_fixed_joint_is_ignored() -> None:
-    """As in robot_state_publisher's own test, and in TALOS."""
-    urdf = robot(
-        hinge("second", "a", '<origin xyz="0 1 0"/>', "fixed"),
-        hinge("third", "b", '<mimic joint="second" multiplier="1" offset="0"/>', "fixed"),
-    )
-    description = taken(urdf, "a fixed joint has no single position, so it cannot mimic")
-    assert moved(description) == {"a": "base", "b": "base"}
-    assert at_rest(description) == {}
 
 
 def test_loose_links_have_joint_states_but_no_transforms() -> None:
@@ -193,7 +181,6 @@ def test_blank_lines_before_the_declaration_are_skipped(tmp_path: Path) -> None:
     ],
 )
 def test_other_formats_are_refused(text: str, problem: str) -> None:
-    """By name."""
     with pytest.raises(DescriptionError, match=problem):
         parse_description(text)
 

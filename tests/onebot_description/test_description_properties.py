@@ -51,7 +51,6 @@ KINDS = st.sampled_from(["fixed", "revolute", "continuous", "prismatic", "floati
 @settings(max_examples=300, deadline=None)
 @given(st.sampled_from(SEEDS), EDITS)
 def test_damage_is_always_explained(seed: bytes, edits: list[tuple[int, int, bytes]]) -> None:
-    """Whatever is done to a file, it loads or a DescriptionError says why not."""
     for start, length, piece in edits:
         seed = seed[:start] + piece + seed[start + length :]
     with tempfile.TemporaryDirectory() as folder:

@@ -10,7 +10,6 @@ ROBOTS = Path(__file__).parents[1] / "robots"
 
 
 def test_a_line_costs_what_it_shows() -> None:
-    """However deep the tree and long the names; what a terminal would obey is escaped."""
     count = 10_000
     links = "".join(f'<link name="l{i}"/>' for i in range(count))
     joints = "".join(
@@ -125,7 +124,6 @@ def test_the_title_adds_up() -> None:
 def test_shapes_seen_are_shown_before_those_that_collide(
     seen: str, collide: str, cell: str
 ) -> None:
-    """And it is said if one of the two is missing."""
     parts = "".join(
         f"<{tag}><geometry>{shape}</geometry></{tag}>"
         for tag, shape in (("visual", seen), ("collision", collide))

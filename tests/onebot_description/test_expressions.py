@@ -106,7 +106,6 @@ def test_values_are_pythons(expression: str, value: Any) -> None:
     ],
 )
 def test_nothing_else_is_in_reach(expression: str) -> None:
-    """Whatever the way to it."""
     errors = (simpleeval.InvalidExpression, NameError, AttributeError, SyntaxError, TypeError)
     with pytest.raises(errors):
         value_of(expression)
@@ -161,7 +160,6 @@ def test_what_a_file_can_hold(tmp_path: Path, written: str, name: str) -> None:
     ],
 )
 def test_what_a_file_cannot_hold(tmp_path: Path, written: str, problem: str) -> None:
-    """One problem, with the line."""
     with pytest.raises(DescriptionError) as error:
         load_description(_file(tmp_path, written))
     (text,) = error.value.problems

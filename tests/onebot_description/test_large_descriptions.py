@@ -56,12 +56,10 @@ def seconds(urdf: str) -> float:
     ],
 )
 def test_time_grows_with_the_size(mimic: str, parent: str) -> None:
-    """Of the joints, right or wrong."""
     assert_time_grows_with_size(lambda count: seconds(chain(mimic, count, parent)), COUNT)
 
 
 def test_xacro_takes_time_by_the_number_of_calls(tmp_path: Path) -> None:
-    """Of a macro, in one element."""
     assert_time_grows_with_size(lambda count: expanded(tmp_path, count), 4 * COUNT)
 
 

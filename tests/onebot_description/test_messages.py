@@ -107,7 +107,6 @@ def test_odometry_is_read_as_rclpy_wrote_it(values, frame, child, stamp):
 
 @given(numbers, names, stamps)
 def test_twists_are_read_as_rclpy_wrote_them(values, frame, stamp):
-    """With and without a header."""
     twist = Twist(linear=_vector(values), angular=_vector(values[3:]))
     stamped = TwistStamped(twist=twist)
     stamped.header.frame_id = frame

@@ -215,7 +215,6 @@ def test_the_search_path_comes_first_and_its_changes_count(tmp_path, monkeypatch
     ("top", "file"), [("p", "a/b/arm/package.xml"), ("p/arm", "arm/x"), ("p", "arm/x")]
 )
 def test_a_folder_of_the_search_path_may_have_the_name_instead(tmp_path, monkeypatch, top, file):
-    """Of a package whose package.xml has another one, or of the folder given and those in it."""
     at = tmp_path / "p" / file
     at.parent.mkdir(parents=True)
     at.write_text("<package><name>arm_data</name></package>")
@@ -224,7 +223,6 @@ def test_a_folder_of_the_search_path_may_have_the_name_instead(tmp_path, monkeyp
 
 
 def test_package_path_is_put_first_and_children_inherit_it(tmp_path, monkeypatch):
-    """Of ``package_path:=``; what was set stays behind it, and nothing is listed twice."""
     one, two = _package(tmp_path / "one", "arm"), _package(tmp_path / "two", "arm")
     monkeypatch.setenv("ROS_PACKAGE_PATH", str(one))
     for _ in range(2):
@@ -268,7 +266,6 @@ def test_an_installed_package_keeps_its_uri_and_others_become_files(tmp_path, mo
 
 
 def test_a_package_on_the_search_path_and_in_the_index_is_installed(monkeypatch):
-    """Wherever it was found first."""
     checkout = Path(__file__).parents[2]
     monkeypatch.setenv("ROS_PACKAGE_PATH", str(checkout))
     uri = "package://onebot_description/meshes/wheel.dae"
@@ -276,7 +273,6 @@ def test_a_package_on_the_search_path_and_in_the_index_is_installed(monkeypatch)
 
 
 def test_a_missing_package_is_explained(tmp_path, monkeypatch):
-    """Where it was looked for and what to set, without the names of other packages."""
     monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "mine"))
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "sourced"))
     with pytest.raises(OneBotError) as caught:
@@ -293,7 +289,6 @@ def test_a_missing_package_is_explained(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("name", ["x" * 5000, "..", "a b", "\N{BLACK STAR}", "a\0b"])
 def test_what_can_be_no_package_is_not_looked_for(name, tmp_path):
-    """Nor does it end in an error of the file system."""
     with pytest.raises(OneBotError, match="no ROS package"):
         Resources(tmp_path).package(name)
 

@@ -29,7 +29,6 @@ def due(times: PublishedTimes, rows: np.ndarray, stamp: int, now: int = SECOND) 
 
 
 def test_a_message_without_known_joints_is_never_published() -> None:
-    """Whatever its stamp, and without a word."""
     nothing = np.array([], np.intp)
     for ignore in (False, True):
         times = PublishedTimes(2, 0, ignore)
@@ -39,7 +38,6 @@ def test_a_message_without_known_joints_is_never_published() -> None:
 
 @pytest.mark.parametrize("stamp", [0, -1])
 def test_a_stamp_that_is_no_time_is_reported_and_not_published(stamp: int) -> None:
-    """Nothing is noted of it."""
     times, warnings = PublishedTimes(1), Warnings()
     assert not times.due(FIRST, stamp, 0, warnings)
     assert warnings == ["stamp"] and times.stamps.tolist() == [0]
@@ -78,7 +76,6 @@ def test_stamps_may_be_ignored() -> None:
 
 
 def test_a_clock_set_back_starts_afresh() -> None:
-    """With a warning, once; what was published before does not hold up what comes now."""
     times, warnings = PublishedTimes(2, SECOND), Warnings()
     assert times.due(ALL, 100 * SECOND, 100 * SECOND, warnings)
     assert times.due(FIRST, 3 * SECOND, 3 * SECOND, warnings)
@@ -90,7 +87,6 @@ def test_a_clock_set_back_starts_afresh() -> None:
 
 
 def test_a_clock_that_stands_still_or_jumps_ahead_is_no_reset() -> None:
-    """Nor is a stamp that is older than the one before."""
     times = PublishedTimes(1, SECOND)
     assert due(times, FIRST, 5 * SECOND, now=5)
     assert not due(times, FIRST, 4 * SECOND, now=5)
@@ -109,7 +105,6 @@ def test_a_clock_set_back_is_noticed_by_messages_that_are_not_published() -> Non
 
 
 def test_to_forget_is_to_publish_the_next_message() -> None:
-    """Whatever its stamp; the clock is still known."""
     times, warnings = PublishedTimes(2, SECOND), Warnings()
     assert times.due(ALL, 9 * SECOND, 9, warnings)
     times.forget()

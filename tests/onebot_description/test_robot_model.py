@@ -73,16 +73,6 @@ def test_link_poses_are_the_chain_of_transforms(urdf, data):
     np.testing.assert_array_equal(root, np.broadcast_to(np.eye(4), root.shape))
 
 
-@given(st.tuples(*[st.floats(-3.2, 3.2)] * 3), st.tuples(*[st.floats(-3.2, 3.2)] * 3))
-def test_quaternions_form_a_group(first, second):
-    """A product of rotations rotates like one after the other, and stays of unit length."""
-    a, b = quaternions.from_rpy(first), quaternions.from_rpy(second)
-    product = quaternions.multiply(a, b)
-    matrices = [quaternions.to_matrix(q) for q in (a, b, product)]
-    np.testing.assert_allclose(matrices[0] @ matrices[1], matrices[2], atol=1e-12)
-    np.testing.assert_allclose(np.linalg.norm(product), 1.0, atol=1e-12)
-
-
 @given(st.tuples(*[st.floats(-3.2, 3.2)] * 3))
 def test_rpy_is_the_urdf_convention(rpy):
     """Roll, pitch, yaw turn about the fixed axes, as scipy's extrinsic xyz."""
@@ -116,7 +106,6 @@ def _formula(joints, q):
 @settings(deadline=None)
 @given(robots(), st.data())
 def test_batches_follow_the_formula(urdf, data):
-    """Of any shape, and of positions that are not aligned."""
     model = RobotModel.from_description(parse_description(urdf))
     size = len(model.joints)
     numbers = data.draw(st.lists(st.floats(-4, 4), min_size=6 * size, max_size=6 * size))
@@ -145,16 +134,6 @@ def test_sines_of_any_angle():
         sine, cosine = (numbers.astype(float)[:, None] for numbers in exact)
         expected = joints.constant[:, 3:] * cosine + joints.sine * sine
         assert np.abs(joints.transforms(2.0 * half)[:, 3:] - expected).max() < 4e-16
-
-
-def test_at_zero_a_joint_is_exactly_where_its_origin_is():
-    """No rounding, and no lane is filled by its neighbour's number."""
-    joints = RobotModel.from_description(parse_description(chain(9))).moving
-    for moved in range(9):
-        positions = np.zeros(9)
-        positions[moved] = 1.0
-        still = np.arange(9) != moved
-        np.testing.assert_array_equal(joints.transforms(positions)[still], joints.constant[still])
 
 
 _ARM = """<robot name="arm"><link name="base"/><link name="a"/><link name="b"/><link name="c"/>
@@ -233,7 +212,6 @@ def test_what_nothing_determines_stands_at_zero_and_its_followers_at_their_offse
 
 
 def test_a_quaternion_of_no_length_is_no_rotation():
-    """And one of any length the rotation of its direction."""
     np.testing.assert_array_equal(quaternions.to_matrix(np.zeros(4)), np.eye(3))
     batch = np.array([[0, 0, 0, 1e-9], [0, 0, 5.0, 5.0]])
     quarter = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]

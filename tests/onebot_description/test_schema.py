@@ -336,7 +336,6 @@ def test_wstrings_and_bounded_types():
 
 @pytest.mark.parametrize("text", [b"a\0b\0", b"abc", b"ab\0\0", b"\0a", b"\0", b"", b"a\xff"])
 def test_a_string_ends_as_with_rclpy(text):
-    """By its first NUL, or without any."""
     data = ENCAPSULATION + struct.pack("<I", len(text)) + text
     ours = Schema.of("std_msgs/msg/String", "string data").read(data).data
     assert ours == deserialize_message(data, String).data

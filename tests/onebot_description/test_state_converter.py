@@ -97,35 +97,10 @@ def test_the_compiled_call_equals_ordinary_messages(urdf, data, ignore_timestamp
             assert norm == pytest.approx(1.0, abs=1e-12)
 
 
-def test_every_named_joint_is_published_at_its_angle():
-    """A known angle gives the known half-angle quaternion, stamped as the message."""
-    model = _model(chain(2).replace('rpy="0.1 0.2 0.3"', ""))
-    [_, (compiled, _)] = _both(model, [_message(["joint_1"], [1.0], (7, 9))] * 2)
-    [edge] = compiled.transforms
-    assert (edge.header.frame_id, edge.child_frame_id) == ("link_1", "link_2")
-    assert (edge.header.stamp.sec, edge.header.stamp.nanosec) == (7, 9)
-    assert edge.transform.rotation.z == pytest.approx(np.sin(0.5))
-    assert edge.transform.rotation.w == pytest.approx(np.cos(0.5))
-    assert edge.transform.translation.z == 0.2
-
-
 LATEST = (2**31 - 1, 2**32 - 1)  # a stamp beyond what the number of seconds can hold
 
 
-def test_a_stamp_in_the_future_does_not_silence_tf():
-    """Both ways copy the stamp as it came, and publish the next message by its own."""
-    warnings = []
-    options = {"warn": lambda key, _: warnings.append(key)}
-    states = [_message(["joint_0"], [0.5], stamp) for stamp in ((1, 0), LATEST, (2, 0), (3, 0))]
-    for state, both in zip(states, _both(_model(chain(1)), states, **options), strict=True):
-        for message in both:
-            [edge] = message.transforms
-            assert edge.header.stamp == state.header.stamp
-    assert warnings == ["back", "back"]
-
-
 def test_a_stamp_beyond_all_seconds_with_a_bad_position_is_published():
-    """It once ended the node."""
     model = _model(chain(2))
     message = _message(["joint_0", "joint_1"], [np.nan, 0.5], LATEST)
     for published in next(_both(model, [message])):
@@ -135,14 +110,15 @@ def test_a_stamp_beyond_all_seconds_with_a_bad_position_is_published():
 
 
 @pytest.mark.usefixtures("quick_collector")
-def test_what_is_remembered_of_messages_is_bounded():
-    """Of 100 MB of names about a tenth at most, whatever the sizes of the messages are."""
+@pytest.mark.parametrize("size", [400, 1000])
+def test_what_is_kept_of_messages_is_bounded(size):
+    """Of 40 or 100 MB of names a few at most, whatever the sizes of the messages are."""
     converter = StateConverter(_model(chain(1)), ignore_timestamp=True)
     gc.collect()
     tracemalloc.start()
     try:
         for number in range(100):
-            names = ["joint_0", *(f"{number}_{index}" + "x" * 990 for index in range(1000))]
+            names = ["joint_0", *(f"{number}_{index}" + "x" * 990 for index in range(size))]
             data = serialize_message(_message(names, [0.0] * len(names)))
             assert converter.convert_bytes(data, NOW) is not None
             assert one_joint_state(data).names[0] == "joint_0"
@@ -164,7 +140,6 @@ def test_what_is_remembered_of_messages_is_bounded():
     ],
 )
 def test_unusable_messages_are_ignored_with_a_reason(message, key):
-    """Neither way publishes them, and each warns of it once."""
     warnings = []
     options = {"warn": lambda key, _: warnings.append(key)}
     assert list(_both(_model(chain(1)), [message], **options)) == [(None, None)]
@@ -273,7 +248,7 @@ def _count_ordinary(monkeypatch):
     return calls
 
 
-@pytest.mark.parametrize("publishers", [1, 64])
+@pytest.mark.parametrize("publishers", [1, 16])
 def test_the_usual_message_takes_the_compiled_call(monkeypatch, publishers):
     """All but the first of each publisher, also where their padding differs each time."""
     calls = _count_ordinary(monkeypatch)
@@ -309,22 +284,6 @@ def test_what_is_not_usual_takes_ordinary_messages(monkeypatch):
     assert ordinary(0.0, (5, 0)) == 1
     assert ordinary(0.0, (4, 0), NOW - 1) == 1
     assert ordinary(0.0, (4, 1), NOW - 1) == 0
-
-
-def test_what_is_not_moderate_is_found_anywhere(monkeypatch):
-    """At every place, and at any alignment."""
-    calls = _count_ordinary(monkeypatch)
-    model = _model(chain(5))
-    for frame in ("", "f", "frames", "frame_id"):
-        converter = StateConverter(model, ignore_timestamp=True)
-        for place in [None, *range(5), None]:
-            positions = [0.0 if at != place else np.nan for at in range(5)]
-            calls.clear()
-            message = _message(model.joints, positions, frame_id=frame)
-            data = converter.convert_bytes(serialize_message(message), NOW)
-            assert len(_read(data).transforms) == 5 - (place is not None)
-            assert (len(calls) == 1) or place is None
-    assert not calls
 
 
 @pytest.mark.parametrize(
@@ -381,7 +340,6 @@ def test_the_builtin_outlives_its_converter():
 @settings(deadline=None)
 @given(robots(), st.data())
 def test_a_plan_agrees_with_the_model(urdf, data):
-    """Any kinds, mimics and order: to the rounding of sine and cosine."""
     model = _model(urdf)
     names = data.draw(st.permutations(model.joints))
     size = len(names)

@@ -373,22 +373,6 @@ def test_publish_and_subscribe(node: Any) -> None:
     assert [decode(data) for data in raw] == [[content(message.transforms[0])]] * 2
 
 
-@own_only
-def test_malformed_bytes_on_the_wire(node: Any) -> None:
-    """A node that receives malformed messages drops them and goes on."""
-    received: list[Any] = []
-    publisher = node.create_publisher(TFMessage, "/tf", 1000)
-    node.create_subscription(TFMessage, "/tf", received.append, 1000)
-    spin_until(node, lambda: publisher.get_subscription_count() == 1, "the subscription")
-    last = TFMessage(transforms=[make_transform(child="last")])
-    for data in malformed_messages():
-        if len(data) >= 4:  # less is refused by the middleware of the sender
-            publisher.publish(data)
-    publisher.publish(last)
-    spin_until(node, lambda: received, "the message after the malformed ones")
-    assert received == [last]
-
-
 MANY_THREADS = """
     import threading, time, rclpy
     from rclpy.executors import SingleThreadedExecutor

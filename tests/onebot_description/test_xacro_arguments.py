@@ -109,6 +109,5 @@ def test_includes_of_includes_end(tmp_path: Path) -> None:
 
 
 def test_a_file_of_a_package() -> None:
-    """By the package's name, with what it includes."""
     found = xacro_arguments("package://onebot_description/urdf/onebot.urdf.xacro")
     assert "mesh_enabled" in {argument.name for argument in found.arguments} and found.complete
