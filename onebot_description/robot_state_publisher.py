@@ -23,8 +23,7 @@ Floating and planar joints are published at their origin, static: their pose is 
 
 import sys
 import time
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
@@ -53,41 +52,14 @@ from onebot_description.node import (
     steady_timer,
     warn_of_two_robots,
 )
-from onebot_description.parameters.reader import (
-    Problem,
-    declare,
-    parameter,
-    read,
-    refuse_undeclared,
-)
+from onebot_description.parameters.reader import declare, read, refuse_undeclared
+from onebot_description.state_parameters import StateParameters
 from onebot_description.wire.cdr import NANO
 from onebot_description.wire.state_converter import StateConverter
 from onebot_description.wire.tf_message import TFMessage
 
-_LEAST_HERTZ = 0.001
 _POLL_EVERY = 0.1  # s, of the description's files
 _FOLLOW = "--follow"  # the option by which a bringup gives a Source
-
-
-@dataclass(frozen=True)
-class StateParameters:
-    """The node's parameters."""
-
-    robot_description: str = parameter("", "the URDF; required without FILE")
-    publish_frequency: float = parameter(
-        0.0,
-        "the most often a joint is published, Hz; 0: every message, else from 0.001",
-        at_least=0.0,
-        at_most=1e3,
-    )
-    ignore_timestamp: bool = parameter(False, "publish joint states whatever their stamp is")
-    frame_prefix: str = parameter("", "prepended to every frame as it is")
-
-    def check(self) -> Iterator[Problem]:
-        """Report an interval that is longer than time."""
-        if 0.0 < self.publish_frequency < _LEAST_HERTZ:
-            text = f"{self.publish_frequency:g} is below {_LEAST_HERTZ:g}"
-            yield Problem("publish_frequency", f"{text}; write 0 for every message, or more")
 
 
 class RobotStatePublisher(Node):

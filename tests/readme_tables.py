@@ -19,7 +19,7 @@ from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_control.parameters import ControlConfig
 from onebot_description.joints.config import JointsConfig
 from onebot_description.parameters.table import rows
-from onebot_description.robot_state_publisher import StateParameters
+from onebot_description.state_parameters import StateParameters
 from tests.readme import CHECKOUT
 
 PARAMETERS: dict[str, tuple[type, ...]] = {  # of each node

@@ -18,6 +18,7 @@ from onebot_description.errors import UsageError as UsageError
 from onebot_description.errors import did_you_mean, printable
 from onebot_description.parameters.reader import Leaf, leaves
 from onebot_description.parameters.values import MAX_PORT, Rule, ValueType
+from onebot_description.state_parameters import StateParameters
 
 # What launch files of ROS call otherwise, and how it is written here.
 _VIEWER = "write viewer:=web, viewer:=native or viewer:=none"
@@ -258,7 +259,6 @@ PACKAGES = Argument(
 _NAMESPACE = re.compile(r"/?|/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*/?")
 _MAX_DOMAIN = 232  # beyond it the ports of DDS (RTPS 2.2, section 9.6.1.1) exceed 65535
 _LEVELS = ("debug", "info", "warn", "error", "fatal")
-_MAX_FREQUENCY = 1000  # Hz
 _CYCLES = 0.001, 1000.0  # control cycles, Hz
 _AS_IN_FILE = "empty: as params_file has it"
 _FOUND = "empty: as in params_file, or found in the URDF"
@@ -325,14 +325,7 @@ def description_arguments(model: str, joints: str, view: str) -> list[Argument]:
         Argument(
             "frame_prefix", "", "of the robot's frames; not given: the namespace, r1/; empty: none"
         ),
-        number(
-            "publish_frequency",
-            "0.0",
-            "maximum rate of each transform, Hz; 0: no limit",
-            0.0,
-            _MAX_FREQUENCY,
-        ),
-        switch("ignore_timestamp", False, "publish transforms whatever the stamps of joint states"),
+        *parameters_of(StateParameters, "publish_frequency", "ignore_timestamp"),
         switch("use_sim_time", False, "take the time from /clock"),
         Argument("log_level", "info", "the least severe log messages shown", _LEVELS),
         *discovery,
