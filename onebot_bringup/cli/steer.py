@@ -10,7 +10,6 @@ from onebot_bringup.cli.robots import chosen_commands, description_topics
 from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.launch.arguments import (
     Argument,
-    UsageError,
     complete,
     parameters_of,
     ros_settings,
@@ -24,7 +23,7 @@ from onebot_bringup.launcher.launcher import Launcher
 from onebot_bringup.steering.access import BindAddress, choose_bind_address
 from onebot_bringup.steering.page_parameters import PageParameters
 from onebot_control.poses import prefixed
-from onebot_description.errors import OneBotError
+from onebot_description.errors import OneBotError, UsageError
 
 _VIEWER = "steering_viewer"  # not rerun_viewer: the robot may start one later
 _NUMBERS = ("rate", "max_linear", "max_angular")
@@ -124,8 +123,8 @@ def _robots(session: Session, namespace: str) -> dict[str, object]:
     """
     from onebot_bringup.cli.param import frame_prefix
 
-    own = f"/{namespace}".rstrip("/")
-    topics = session.spin(lambda: description_topics(session, own), PATIENCE)
+    space = f"/{namespace}".rstrip("/")
+    topics = session.spin(lambda: description_topics(session, space), PATIENCE)
     if len(topics) > 1:
         return {"robots": [topic.rpartition("/")[0] for topic in topics]}
     if not topics:
@@ -135,20 +134,20 @@ def _robots(session: Session, namespace: str) -> dict[str, object]:
 
 
 def _finds_viewer(session: Session) -> bool:
-    """Whether the robot has a viewer; that there is none is reported."""
+    """Whether the robot has a viewer; prints a notice if not."""
     from std_msgs.msg import String
 
     from onebot_description.node import LATCHED
 
     pages: list[String] = []
     session.node.create_subscription(String, "rerun_viewer/page", pages.append, LATCHED)
-    found = session.look_for(
+    is_there = session.look_for(
         lambda: any(_answers(page.data) for page in pages),
         "the robot's view, a rerun_viewer with a page",
     )
-    if not found:
+    if not is_there:
         print("no viewer found: starting one")
-    return bool(found)
+    return bool(is_there)
 
 
 def _answers(address: str) -> bool:
