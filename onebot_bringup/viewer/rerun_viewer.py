@@ -19,8 +19,8 @@ Publishes:
 Serves:
     ~/save_view (std_srvs/Trigger): writes the settings of now into the view file.
 
-Parameters are those of ViewerParameters, and the settings of the view under their names, such as
-axes.visible, which can be changed while it runs.
+Its parameters are ``ViewerParameters``, which are read at the start, and each setting of the view
+(``ViewConfig``) under its name there, such as axes.visible, which can be changed while it runs.
 """
 
 import json
@@ -110,18 +110,18 @@ class ViewerParameters:
         """Return the robots to show; ``resolve`` returns the full name of a topic.
 
         Raises:
-            OneBotError: ``plots`` has one that ``robots`` has not.
+            OneBotError: ``plots`` names a robot that ``robots`` does not.
         """
         spaces = [resolve(name) for name in self.robots]
         plotted = [resolve(name) for name in self.plots] or spaces[:MOST_PLOTTED]
         for space in plotted:
             if space not in spaces:
                 raise OneBotError(f'plots: no "{space}"{did_you_mean(space, spaces, "robots")}')
-        found = [
+        robots = [
             RobotToShow(space, prefixed("", True, "", space), plotted=space in plotted)
             for space in spaces
         ]
-        return found or [RobotToShow(frame_prefix=self.frame_prefix)]
+        return robots or [RobotToShow(frame_prefix=self.frame_prefix)]
 
     @property
     def recording(self) -> Path | None:
@@ -216,7 +216,7 @@ class RerunViewer(Node):
         self._update_feed()
 
     def _update_feed(self) -> None:
-        """Show what others publish now, and publish what of it is shown."""
+        """Show the topics that are published now, and publish which are shown."""
         for problem in self._feed.update():
             self._warn(problem, problem, every=60.0)
         offered = [topic._asdict() for topic in self._view.offered]
