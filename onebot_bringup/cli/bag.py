@@ -19,7 +19,7 @@ from onebot_bringup.cli.options import (
     positional,
     positive,
 )
-from onebot_bringup.cli.session import Session
+from onebot_bringup.cli.session import Session, await_acknowledgements
 from onebot_description.discovery import use_local_discovery
 from onebot_description.errors import OneBotError, UsageError, did_you_mean
 from onebot_description.signals import KeyboardInterrupts
@@ -226,7 +226,8 @@ class _Player:
         self._play_once()
         while self._args.loop:
             self._play_once()
-        self._finish()
+        for publisher in self._publishers.values():
+            await_acknowledgements(publisher)
 
     def _play_once(self) -> None:
         start = time.monotonic()
@@ -325,14 +326,6 @@ class _Player:
             self._clock.publish(Clock(clock=time_message(self._next_tick)))
             self._next_tick += max(1, int(_NANO / self._args.clock * self._args.rate))
         self._session.spin_until(due(stamp))
-
-    def _finish(self) -> None:
-        """Wait until reliable messages have been received, for a second at most."""
-        from rclpy.duration import Duration
-
-        for publisher in self._publishers.values():
-            if publisher.get_subscription_count():
-                publisher.wait_for_all_acked(Duration(seconds=1.0))
 
 
 def _are_latched(offered: Sequence["Qos"]) -> bool:

@@ -7,12 +7,12 @@ from dataclasses import replace
 from onebot_bringup.launch.arguments import (
     PACKAGES,
     Argument,
-    UsageError,
     split,
     table,
     take_package_path,
 )
 from onebot_description.description.xacro import xacro_arguments
+from onebot_description.errors import UsageError
 
 HELP = """\
 usage: onebot check FILE [name:=value ...] [package_path:=FOLDER]

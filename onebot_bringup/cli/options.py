@@ -23,34 +23,25 @@ class Option:
 
 
 @dataclass(frozen=True)
-class Exclusive:
-    """Options of which one at most may be given."""
+class Group:
+    """Options below a title in ``--help``; without a title, one of them at most may be given."""
 
     options: Sequence[Option]
+    title: str = ""
+    description: str = ""
 
     def add_to(self, parser: argparse.ArgumentParser) -> None:
         """Add them to a parser."""
-        group = parser.add_mutually_exclusive_group()
+        group = (
+            parser.add_argument_group(self.title, self.description)
+            if self.title
+            else parser.add_mutually_exclusive_group()
+        )
         for entry in self.options:
             entry.add_to(group)
 
 
-@dataclass(frozen=True)
-class Titled:
-    """Options that ``--help`` shows below a title of their own."""
-
-    title: str
-    description: str
-    options: Sequence[Option]
-
-    def add_to(self, parser: argparse.ArgumentParser) -> None:
-        """Add them to a parser."""
-        group = parser.add_argument_group(self.title, self.description)
-        for entry in self.options:
-            entry.add_to(group)
-
-
-Options = Sequence[Option | Exclusive | Titled]
+Options = Sequence[Option | Group]
 
 
 def flag(names: str, help: str, **settings: Any) -> Option:
@@ -89,7 +80,7 @@ class Subcommand:
         self,
         summary: str,
         run: Callable[[argparse.Namespace], int | None],
-        *options: Option | Exclusive | Titled,
+        *options: Option | Group,
     ) -> None:
         """Declare it: ``summary`` is one line for ``--help``; ``run`` may return the exit code."""
         self.summary, self.run, self.options = summary, run, options

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 from onebot_bringup.launch.arguments import (
     Argument,
-    UsageError,
     complete,
     number,
     port,
@@ -18,7 +17,7 @@ from onebot_bringup.launch.arguments import (
     table,
 )
 from onebot_description.description.packages import use_environment_prefix
-from onebot_description.errors import OneBotError
+from onebot_description.errors import OneBotError, UsageError
 from onebot_description.signals import KeyboardInterrupts
 
 if TYPE_CHECKING:

@@ -245,6 +245,14 @@ def is_hidden(name: str) -> bool:
     return any(part.startswith("_") for part in name.split("/"))
 
 
+def await_acknowledgements(publisher: Any, seconds: float = 1.0) -> None:
+    """Wait until all reliable subscribers have the messages, but not longer."""
+    from rclpy.duration import Duration
+
+    if publisher.get_subscription_count():
+        publisher.wait_for_all_acked(Duration(seconds=seconds))
+
+
 SPIN_TIME = option(
     "--spin-time",
     "SECONDS",

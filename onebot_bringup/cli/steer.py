@@ -10,7 +10,6 @@ from onebot_bringup.cli.robots import chosen_commands, description_topics
 from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.launch.arguments import (
     Argument,
-    UsageError,
     complete,
     number,
     port,
@@ -25,7 +24,7 @@ from onebot_bringup.launch.nodes import AWAIT_VIEW, STEERING_PAGE, VIEWER, RosNo
 from onebot_bringup.launcher.launcher import Launcher
 from onebot_bringup.steering.access import BindAddress, choose_bind_address
 from onebot_control.poses import prefixed
-from onebot_description.errors import OneBotError
+from onebot_description.errors import OneBotError, UsageError
 
 _VIEWER = "steering_viewer"  # not rerun_viewer: the robot may start one later
 _ARGUMENTS = [
@@ -34,7 +33,7 @@ _ARGUMENTS = [
     Argument("host", "127.0.0.1", "address of the page; 0.0.0.0: for other computers, too"),
     port("port", "8080", "of the page; another one if it is in use, 0: any"),
     Argument("token", "", "required in the page's address; generated if others can reach it"),
-    number("rate", "20.0", "commands per second, Hz, 5 to 100", 5.0, 100.0),
+    number("rate", "20.0", "commands per second, Hz", 5.0, 100.0),
     number("max_linear", "0.0", "limit of commands, m/s; 0: the controller's limit", 0.0),
     number("max_angular", "0.0", "limit of commands, rad/s; 0: the controller's limit", 0.0),
     Argument(
@@ -131,8 +130,8 @@ def _robots(session: Session, namespace: str) -> dict[str, object]:
     """
     from onebot_bringup.cli.param import frame_prefix
 
-    own = f"/{namespace}".rstrip("/")
-    topics = session.spin(lambda: description_topics(session, own), PATIENCE)
+    space = f"/{namespace}".rstrip("/")
+    topics = session.spin(lambda: description_topics(session, space), PATIENCE)
     if len(topics) > 1:
         return {"robots": [topic.rpartition("/")[0] for topic in topics]}
     if not topics:
@@ -142,20 +141,20 @@ def _robots(session: Session, namespace: str) -> dict[str, object]:
 
 
 def _finds_viewer(session: Session) -> bool:
-    """Whether the robot has a viewer; that there is none is reported."""
+    """Whether the robot has a viewer; prints a notice if not."""
     from std_msgs.msg import String
 
     from onebot_description.node import LATCHED
 
     pages: list[String] = []
     session.node.create_subscription(String, "rerun_viewer/page", pages.append, LATCHED)
-    found = session.look_for(
+    is_there = session.look_for(
         lambda: any(_answers(page.data) for page in pages),
         "the robot's view, a rerun_viewer with a page",
     )
-    if not found:
+    if not is_there:
         print("no viewer found: starting one")
-    return bool(found)
+    return bool(is_there)
 
 
 def _answers(address: str) -> bool:

@@ -16,7 +16,7 @@ from typing import Any
 
 from onebot_bringup.cli.options import Parser, flag, not_negative, option, positive
 from onebot_bringup.cli.robots import chosen_commands
-from onebot_bringup.cli.session import Session
+from onebot_bringup.cli.session import Session, await_acknowledgements
 from onebot_description.errors import OneBotError
 
 # Key: x (forward), y (left), z (up), turn to the left; each -1, 0 or 1. As teleop_twist_keyboard:
@@ -319,12 +319,9 @@ class _Teleop:
 
     def stop(self) -> None:
         """Publish zero and wait for acknowledgements."""
-        from rclpy.duration import Duration
-
         for _ in range(_ZEROS):
             self._publish(TeleopTwist())
-        if self._publisher.get_subscription_count():
-            self._publisher.wait_for_all_acked(Duration(seconds=0.5))
+        await_acknowledgements(self._publisher, 0.5)
         with contextlib.suppress(OSError):  # the terminal's window is closed
             print(flush=True)
 

@@ -15,7 +15,7 @@ from onebot_description.description.tree_text import aligned, branches, cell
 from onebot_description.errors import OneBotError
 
 _TOPICS = ("/tf", "/tf_static")
-_DEPTH = 100  # of the subscriptions, as tf2's
+_DEPTH = 100  # messages, as tf2's subscriptions have it
 _WINDOW = 1000  # samples of a rate
 _NANO = 1e-9
 
@@ -40,7 +40,7 @@ def received_frames(session: Session) -> list[str]:
 
 
 def _drawn(transforms: "_Transforms") -> list[str]:
-    frames, now = transforms.frames, transforms.now_ns()
+    frames, now = transforms.frames, transforms.session.node.get_clock().now().nanoseconds
     roots = frames.roots
     edges = frames.edges
     below: dict[str, list[str]] = {name: [] for name in frames.names}
@@ -64,19 +64,19 @@ def _rate_and_age(transforms: "_Transforms", name: str, now: int) -> tuple[str, 
 def _faults(transforms: "_Transforms") -> list[str]:
     """What is wrong with the tree as a whole."""
     roots, children = transforms.frames.roots, transforms.frames.edges
-    found = []
+    faults = []
     if len(roots) > 1:
-        found.append(f"{len(roots)} unconnected trees, of {', '.join(map(cell, roots))}")
+        faults.append(f"{len(roots)} unconnected trees, of {', '.join(map(cell, roots))}")
     for root in roots:
         if root in children:
-            found.append(f"{cell(root)} is in a loop: it is below itself")
-    for name, count in Counter(transforms.publishers("/tf")).items():
+            faults.append(f"{cell(root)} is in a loop: it is below itself")
+    for name, count in Counter(transforms.session.publishers("/tf")).items():
         if count > 1:
-            found.append(
+            faults.append(
                 f"/tf is published by {count} nodes named {name}: their frames jump between two "
                 "robots. Stop one, or start one with namespace:=NAME"
             )
-    return found
+    return faults
 
 
 @in_session
@@ -90,8 +90,8 @@ def echo(session: Session, args: Namespace) -> None:
     _await_transform(transforms, args, args.timeout)
     due, period = time.monotonic(), 1.0 / (args.echo_rate or args.rate)
     while True:
-        found = transforms.frames.lookup(args.a, args.b)
-        print(_shown(found.stamp_ns, found.transform, args.precision))
+        pose = transforms.frames.lookup(args.a, args.b)
+        print(_shown(pose.stamp_ns, pose.transform, args.precision))
         if args.once:
             return
         due = max(due + period, time.monotonic())
@@ -110,7 +110,7 @@ def _await_transform(transforms: "_Transforms", args: Namespace, timeout: float 
         return ""
 
     began, printed = time.monotonic(), ""
-    transforms.spin(lambda: not problem(), min(PATIENCE, timeout or PATIENCE))
+    transforms.session.spin(lambda: not problem(), min(PATIENCE, timeout or PATIENCE))
     while why := problem():
         if timeout is not None and time.monotonic() - began >= timeout:
             raise OneBotError(f"no transform {args.a} -> {args.b}: {why}")
@@ -118,7 +118,7 @@ def _await_transform(transforms: "_Transforms", args: Namespace, timeout: float 
             printed = why
             text = f"Waiting for transform {args.a} ->  {args.b}: {why}"
             print(text, file=sys.stderr)
-        transforms.spin(lambda: not problem(), 0.1)
+        transforms.session.spin(lambda: not problem(), 0.1)
 
 
 def _shown(stamp_ns: int, transform: Any, precision: int) -> str:
@@ -139,10 +139,10 @@ def _shown(stamp_ns: int, transform: Any, precision: int) -> str:
         " " + "".join(f" {number:{precision + 3}.{precision}f}" for number in row)
         for row in (*matrix, [0.0, 0.0, 0.0, 1.0])
     ]
-    seconds, rest = divmod(stamp_ns, 1_000_000_000)
+    seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
     return "\n".join(
         (
-            f"At time {seconds}.{rest:09d}",
+            f"At time {seconds}.{nanoseconds:09d}",
             f"- Translation: {vector(translation)}",
             f"- Rotation: in Quaternion (xyzw) {vector(quaternion)}",
             f"- Rotation: in RPY (radian) {vector(angles)}",
@@ -157,6 +157,7 @@ class _Transforms:
     """What a session receives on /tf and /tf_static.
 
     Attributes:
+        session: receives them.
         frames: the transforms.
         arrivals: how each child frame arrives.
     """
@@ -169,7 +170,7 @@ class _Transforms:
 
         self.frames = FrameTree()
         self.arrivals: dict[str, Intervals] = {}
-        self._session = session
+        self.session = session
         self._warned: set[str] = set()
         for topic, durability in zip(
             _TOPICS, (DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL), strict=True
@@ -200,29 +201,22 @@ class _Transforms:
 
         return received
 
-    def spin(self, until: Callable[[], Any], timeout: float) -> Any:
-        """Receive until ``until()`` is true, for ``timeout`` seconds at most."""
-        return self._session.spin(until, timeout)
-
     def warn(self, text: str) -> None:
         """Print a warning, once."""
         if text not in self._warned:
             self._warned.add(text)
             print(f"warning: {text}", file=sys.stderr)
 
-    def now_ns(self) -> int:
-        return int(self._session.node.get_clock().now().nanoseconds)
-
     def await_first(self) -> None:
         """Wait for the first transform."""
-        if not self._session.look_for(lambda: self.frames.names, "transforms"):
-            found = ((topic, sorted(set(self.publishers(topic)))) for topic in _TOPICS)
-            named = "; ".join(f"publishers of {t}: {' or '.join(n) or 'none'}" for t, n in found)
-            raise OneBotError(f"no transform was received on /tf and /tf_static ({named})")
-
-    def publishers(self, topic: str) -> list[str]:
-        """The names of the nodes that publish a topic, of each publisher one."""
-        return self._session.publishers(topic)
+        if not self.session.look_for(lambda: self.frames.names, "transforms"):
+            texts = []
+            for topic in _TOPICS:
+                names = sorted(set(self.session.publishers(topic)))
+                texts.append(f"publishers of {topic}: {' or '.join(names) or 'none'}")
+            raise OneBotError(
+                f"no transform was received on /tf and /tf_static ({'; '.join(texts)})"
+            )
 
 
 COMMANDS = {

@@ -11,7 +11,7 @@ from onebot_bringup.cli import qos
 from onebot_bringup.cli.names import TOPICS
 from onebot_bringup.cli.options import (
     ALLOW_NON_FINITE,
-    Exclusive,
+    Group,
     Subcommand,
     count,
     expression,
@@ -22,7 +22,7 @@ from onebot_bringup.cli.options import (
     positional,
     positive,
 )
-from onebot_bringup.cli.session import SPIN_TIME, Session, in_session
+from onebot_bringup.cli.session import SPIN_TIME, Session, await_acknowledgements, in_session
 from onebot_bringup.introspection.interfaces import message_class
 from onebot_bringup.introspection.rates import Bandwidth, Intervals
 from onebot_description.errors import OneBotError
@@ -338,7 +338,7 @@ _PUB = (
     flag("--stdin", "read the values from stdin"),
     option("-r --rate", "HZ", "messages per second (1)", positive, 1.0),
     option("-p --print", "N", "print every N-th message (1)", natural, 1),
-    Exclusive(
+    Group(
         (
             flag("-1 --once", "publish one message and exit"),
             option("-t --times", "N", "publish N and exit", count),
@@ -374,7 +374,8 @@ class _Publisher:
         self._await_subscribers(wait)
         print("publisher: beginning loop")
         self._loop(message, times, most)
-        self._finish()
+        await_acknowledgements(self._publisher)
+        self._session.spin_for(self._args.keep_alive)
 
     def _await_subscribers(self, number: int) -> None:
         began = reported = time.monotonic() - 1.0
@@ -422,13 +423,6 @@ class _Publisher:
         if not types:
             return ""
         return f" (subscribers of {', '.join(types)} found; type and QoS have to match)"
-
-    def _finish(self) -> None:
-        from rclpy.duration import Duration
-
-        if self._publisher.get_subscription_count():
-            self._publisher.wait_for_all_acked(Duration(seconds=1.0))
-        self._session.spin_for(self._args.keep_alive)
 
 
 _NAMES = TOPICS.commands()

@@ -13,8 +13,7 @@ from typing import Any
 from onebot_control.poses import prefixed
 from onebot_description.description.packages import PACKAGE_PATH, use_package_path
 from onebot_description.discovery import ARGUMENT, LOCALHOST, WANTED
-from onebot_description.errors import UsageError as UsageError
-from onebot_description.errors import did_you_mean, printable
+from onebot_description.errors import UsageError, did_you_mean, printable
 from onebot_description.parameters.values import MAX_PORT, Rule, ValueType
 
 # What launch files of ROS call otherwise, and how it is written here.
@@ -96,21 +95,16 @@ def number(
     description: str,
     at_least: float | None = None,
     at_most: float | None = None,
+    kind: type = float,
 ) -> Argument:
-    """Return an argument that is a finite number."""
-    kind = ValueType(float, Rule(at_least=at_least, at_most=at_most))
-    return Argument(name, default, description, type=kind)
-
-
-def whole(name: str, default: str, description: str, at_least: int, at_most: int) -> Argument:
-    """Return an argument that is an integer."""
-    kind = ValueType(int, Rule(at_least=at_least, at_most=at_most))
-    return Argument(name, default, description, type=kind)
+    """Return an argument that is a finite number, or an integer."""
+    value = ValueType(kind, Rule(at_least=at_least, at_most=at_most))
+    return Argument(name, default, description, type=value)
 
 
 def port(name: str, default: str, description: str) -> Argument:
     """Return an argument that is a port, 0 for any."""
-    return whole(name, default, description, 0, MAX_PORT)
+    return number(name, default, description, 0, MAX_PORT, int)
 
 
 @dataclass(frozen=True)
@@ -205,11 +199,11 @@ def complete(declared: Iterable[Argument], given: Mapping[str, str]) -> dict[str
     return values
 
 
-def unknown(name: str, known: Iterable[str], what: str = "arguments") -> str:
+def unknown(name: str, names: Iterable[str]) -> str:
     """Return the message about an argument that does not exist."""
     if name in _FORMER:
         return f'no argument "{name}": {_FORMER[name]}'
-    return f'no argument "{name}"{did_you_mean(name, known, what)}'
+    return f'no argument "{name}"{did_you_mean(name, names, "arguments")}'
 
 
 def _switch_value(value: str) -> str:
@@ -277,7 +271,7 @@ def ros_settings() -> list[Argument]:
 def discovery_settings() -> list[Argument]:
     """Return the arguments about which nodes are discovered."""
     return [
-        whole("domain_id", "", "ROS_DOMAIN_ID; empty: the environment's", 0, _MAX_DOMAIN),
+        number("domain_id", "", "ROS_DOMAIN_ID; empty: the environment's", 0, _MAX_DOMAIN, int),
         Argument(
             "discovery",
             LOCALHOST,

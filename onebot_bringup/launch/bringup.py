@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, NamedTuple
 from onebot_bringup.launch.arguments import (
     Argument,
     Arguments,
-    UsageError,
     checked_values,
     description_arguments,
     refuse_positional,
@@ -28,7 +27,7 @@ from onebot_bringup.launcher.console import wants_colour
 from onebot_bringup.launcher.launcher import Launcher
 from onebot_control.poses import prefixed
 from onebot_description.discovery import discovery_variables
-from onebot_description.errors import OneBotError, did_you_mean
+from onebot_description.errors import OneBotError, UsageError, did_you_mean
 from onebot_description.shared_memory import remove_stale_in_background
 from onebot_description.signals import KeyboardInterrupts
 
@@ -156,8 +155,8 @@ def _divide(
 ) -> tuple[dict[str, str], dict[str, str]]:
     """Sort the arguments given into those of the launcher and those of the model's xacro."""
     ours = {argument.name for argument in declared}
-    known = [*ours, *(argument.name for argument in of_model.arguments)]
-    problems = [unknown(name, known) for name in given if name not in known]
+    names = [*ours, *(argument.name for argument in of_model.arguments)]
+    problems = [unknown(name, names) for name in given if name not in names]
     if problems and of_model.complete:  # else expanding it shows whether they exist
         raise UsageError("\n".join(problems))
     own = {name: value for name, value in given.items() if name in ours}

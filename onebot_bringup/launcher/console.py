@@ -8,6 +8,7 @@ import os
 import queue
 import re
 import select
+import sys
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -46,21 +47,17 @@ class Console:
     """Standard output and error, shared by the nodes and the launcher."""
 
     def __init__(
-        self,
-        out: TextIO | None,
-        err: TextIO | None,
-        names: Sequence[str],
-        reader_left: Callable[[], object],
+        self, program: str, names: Sequence[str], reader_left: Callable[[], object]
     ) -> None:
-        """Start the thread that writes to ``out`` and ``err``.
+        """Start the thread that writes.
 
         Args:
-            out: standard output; None if it is closed.
-            err: standard error, likewise.
+            program: the prefix of the launcher's own messages.
             names: the nodes'; each gets its own colour.
-            reader_left: called in that thread when nobody reads ``out`` any more.
+            reader_left: called in that thread when nobody reads standard output any more.
         """
-        self.out, self.err = OutputStream.of(out), OutputStream.of(err)
+        self.out, self.err = OutputStream.of(sys.stdout), OutputStream.of(sys.stderr)
+        self._program = program
         self._colours = {name: _COLOURS[i % len(_COLOURS)] for i, name in enumerate(names)}
         self._reader_left = reader_left
         self._queue: queue.Queue[tuple[int, bytes] | None] = queue.Queue(_MAX_LINES)
@@ -75,16 +72,20 @@ class Console:
             prefix = f"\x1b[{self._colours.get(name, '1')}m{prefix}\x1b[0m"
         self._put(stream, prefix.encode() + b" " + _escaped(text.rstrip(b"\r")) + b"\n")
 
-    def info(self, text: str) -> None:
-        """Write a message of the launcher's own."""
+    def print(self, text: str) -> None:
+        """Write text, which may have several lines."""
         for line in text.split("\n"):
             self._put(self.out, printable(line).encode() + b"\n")
+
+    def info(self, text: str) -> None:
+        """Write a message of the launcher's own."""
+        self.print(f"[{self._program}] {text}")
 
     def warn(self, text: str) -> None:
         """Write a message of the launcher's own on something that went wrong."""
         start, end = ("\x1b[1;31m", "\x1b[0m") if self.err.colour else ("", "")
-        for line in text.split("\n"):
-            self._put(self.err, f"{start}{printable(line)}{end}\n".encode())
+        line = printable(f"[{self._program}] {text}")
+        self._put(self.err, f"{start}{line}{end}\n".encode())
 
     def close(self, timeout: float) -> None:
         """Let what waits be written; ``timeout`` (s) is for a reader that stalls."""
@@ -112,7 +113,8 @@ class Console:
             except OSError:  # the reader or the terminal is gone, or the disk is full
                 closed.add(descriptor)
                 if descriptor == self.out.descriptor:
-                    self._reader_left()
+                    with suppress(RuntimeError):  # the event loop is closed: all has stopped
+                        self._reader_left()
 
 
 def _write(descriptor: int, line: bytes) -> None:

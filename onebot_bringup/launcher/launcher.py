@@ -3,9 +3,7 @@
 import asyncio
 import os
 import signal
-import sys
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -113,11 +111,10 @@ class Launcher:
             is the last line printed.
         """
         names = [node.name for node in nodes]
-        if len(set(names)) < len(names):
-            raise ValueError("two nodes have the same name")
         for folder in temporary:
             self._guard.remove_later(folder)
-        self._console = Console(sys.stdout, sys.stderr, names, self._on_reader_left)
+        stop = partial(self._loop.call_soon_threadsafe, self._stop)
+        self._console = Console(self._name, names, stop)
         self._loop.run_until_complete(self._run(nodes, started_message))
         return 1 if self._failed else 0
 
@@ -130,7 +127,7 @@ class Launcher:
         try:
             ended = asyncio.gather(*await self._start_all(nodes))
             if started_message and not self._stopping.is_set():
-                self._console.info(started_message)
+                self._console.print(started_message)
             await asyncio.wait([ended, self._given_up], return_when=asyncio.FIRST_COMPLETED)
             if ended.done():
                 ended.result()
@@ -139,7 +136,7 @@ class Launcher:
 
     async def _start_all(self, nodes: Sequence[NodeProcess]) -> list[asyncio.Task[None]]:
         """Start ``nodes`` one after the other; return what waits for the end of each."""
-        self._info(f"starting {', '.join(node.name for node in nodes)}")
+        self._console.info(f"starting {', '.join(node.name for node in nodes)}")
         tasks = []
         for node in nodes:
             if not self._stopping.is_set():
@@ -157,10 +154,10 @@ class Launcher:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
         if not self._stopping.is_set():
-            self._info("no node is left to run")
+            self._console.info("no node is left to run")
         if self._failed:
             nodes = ", ".join(f"{name} ({how})" for name, how in self._failed.items())
-            self._warn(f"failed: {nodes}")
+            self._console.warn(f"failed: {nodes}")
         self._console.close(timeout=0.2)
 
     # One node
@@ -171,7 +168,7 @@ class Launcher:
         try:
             process = await spawn(node, self._guard, out, err)
         except OSError as error:
-            self._warn(f"{node.name} cannot be started: {error}")
+            self._console.warn(f"{node.name} cannot be started: {error}")
             return None
         self._running[process] = node
         if self._stopping.is_set():
@@ -188,7 +185,7 @@ class Launcher:
             wait = self._after_end(node, restarts, lived, code)
             if wait is None or await _is_set_within(wait, self._stopping):
                 return
-            self._info(f"starting {node.name} again")
+            self._console.info(f"starting {node.name} again")
             process = await self._start(node)
 
     async def _until_end(self, node: NodeProcess, process: RunningProcess) -> tuple[float, int]:
@@ -204,12 +201,12 @@ class Launcher:
             if code == -signal.SIGKILL and not self._stop_now.is_set():
                 self._failed[node.name] = "had to be killed"
             elif code not in _STOPPED and not self._escalated:
-                self._warn(f"{node.name} stopped with an error: {describe_exit(code)}")
+                self._console.warn(f"{node.name} stopped with an error: {describe_exit(code)}")
                 self._failed[node.name] = describe_exit(code)
         else:
             process.signal_all(signal.SIGKILL)  # its children have no owner any more
             await self._forget(process)
-            self._warn(f"{node.name} exited unexpectedly: {describe_exit(code)}")
+            self._console.warn(f"{node.name} exited unexpectedly: {describe_exit(code)}")
         return lived, code
 
     async def _forget(self, process: RunningProcess) -> None:
@@ -224,31 +221,27 @@ class Launcher:
         """Apply the node's policy; return the seconds until its restart, None for none."""
         wait = None
         if node.on_exit == "ignore":
-            self._warn(f"going on without {node.name}")
+            self._console.warn(f"going on without {node.name}")
         elif node.on_exit == "restart":
             wait = restarts.next_wait(lived)
             count = f"{restarts.count} of {node.restart.limit}"
             if wait is None:
-                self._warn(f"{node.name} was restarted {count} times, giving up")
+                self._console.warn(f"{node.name} was restarted {count} times, giving up")
             else:
-                self._warn(f"starting {node.name} again in {wait:g} s (attempt {count})")
+                self._console.warn(f"starting {node.name} again in {wait:g} s (attempt {count})")
         if wait is None and (code != 0 or node.on_exit != "ignore"):
             self._failed[node.name] = "not started" if code is None else describe_exit(code)
-        if wait is None and node.on_exit != "ignore":
-            self._stop_others()
+        if wait is None and node.on_exit != "ignore" and not self._stopping.is_set():
+            if self._running:
+                self._console.warn("stopping the others")
+            self._stop()
         return wait
 
     # Stopping
 
-    def _stop_others(self) -> None:
-        if not self._stopping.is_set():
-            if self._running:
-                self._warn("stopping the others")
-            self._stop()
-
     def _on_signal(self, number: signal.Signals) -> None:
         if not self._stopping.is_set():
-            self._info(f"{number.name}: stopping (once more to kill at once)")
+            self._console.info(f"{number.name}: stopping (once more to kill at once)")
             self._stop()
         elif number != signal.SIGHUP and self._loop.time() - self._stopped_at > _SAME_SIGNAL:
             self._stop_now.set()
@@ -268,13 +261,8 @@ class Launcher:
         for file in ended:
             self._loop.remove_reader(file)
             os.close(file)
-        self._info("what has started it is gone: stopping")
+        self._console.info("what has started it is gone: stopping")
         self._stop()
-
-    def _on_reader_left(self) -> None:
-        """Stop; the console's thread calls it."""
-        with suppress(RuntimeError):  # the event loop is closed: everything has stopped
-            self._loop.call_soon_threadsafe(self._stop)
 
     def _stop(self) -> None:
         """Ask all nodes to stop, unless that was done."""
@@ -294,7 +282,7 @@ class Launcher:
         self._signal_all(signal.SIGKILL)
         await asyncio.sleep(self._since_stop(self._grace.give_up))
         for process, node in self._running.items():
-            self._warn(f"{node.name} cannot be killed (process {process.group})")
+            self._console.warn(f"{node.name} cannot be killed (process {process.group})")
         self._given_up.set_result(None)
 
     def _since_stop(self, moment: float) -> float:
@@ -304,16 +292,8 @@ class Launcher:
     def _signal_all(self, number: signal.Signals) -> None:
         self._escalated = True
         for process, node in self._running.items():
-            self._warn(f"{node.name} has not stopped yet: {number.name}")
+            self._console.warn(f"{node.name} has not stopped yet: {number.name}")
             process.signal_all(number)
-
-    # Messages
-
-    def _info(self, text: str) -> None:
-        self._console.info(f"[{self._name}] {text}")
-
-    def _warn(self, text: str) -> None:
-        self._console.warn(f"[{self._name}] {text}")
 
 
 async def _is_set_within(timeout: float, event: asyncio.Event) -> bool:

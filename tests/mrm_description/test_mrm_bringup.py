@@ -1,7 +1,5 @@
 """MRM from the command that users type to transforms in another process, and back to nothing."""
 
-import os
-import signal
 import sys
 import uuid
 from collections.abc import Callable, Iterator
@@ -35,7 +33,6 @@ def mark(monkeypatch: pytest.MonkeyPatch) -> str:
 
 @pytest.fixture
 def transforms(ros_domain: int) -> Iterator[Transforms]:
-    """Listen to /tf in the test's own ROS domain."""
     listener = Transforms(ros_domain)
     yield listener
     listener.close()
@@ -124,39 +121,7 @@ def test_editing_the_xacro_changes_the_robot(
     stop(running)
 
 
-def test_the_end_of_a_node_that_matters_ends_all(
-    start: Start, transforms: Transforms, mark: str, tmp_path: Path
-) -> None:
-    """Without robot_state_publisher there is no robot: exit code 1, the reason, nothing left."""
-    running = start(f"joints:={write_joints(tmp_path, 0.5)}")
-    wait_for_robot(running, transforms, "link1")
-    for pid in marked(mark, "onebot_description.robot_state_publisher"):
-        os.kill(pid, signal.SIGKILL)
-    assert running.wait() == 1
-    assert "robot_state_publisher exited unexpectedly: ended by SIGKILL" in running.err
-
-
-def test_the_end_of_the_viewer_ends_nothing(
-    start: Start, transforms: Transforms, mark: str, tmp_path: Path
-) -> None:
-    """The viewer can crash; the robot goes on, and the exit code reports it."""
-    recording = tmp_path / "mrm.rrd"
-    running = start(f"save:={recording}", f"joints:={write_joints(tmp_path, 0.5)}")
-    wait_for_robot(running, transforms, "link1")
-    wait_for(lambda: recording.is_file() and recording.stat().st_size, "the recording")
-    for pid in marked(mark, "onebot_bringup.viewer.rerun_viewer"):
-        os.kill(pid, signal.SIGKILL)
-    wait_for(lambda: "going on without rerun_viewer" in running.err, "the report")
-    transforms.latest.clear()
-    wait_for(lambda: transforms.of("link1"), "more transforms")
-    running.send(signal.SIGINT)
-    assert running.wait() == 1
-    last = "[mrm_bringup] failed: rerun_viewer (ended by SIGKILL, perhaps the system ran out of"
-    assert running.err.splitlines()[-1].startswith(last)
-
-
 def test_a_bad_joints_file_ends_the_bringup(start: Start, tmp_path: Path) -> None:
-    """With the mistake in the YAML, and exit code 1."""
     (tmp_path / "joints.yaml").write_text("joint_state_publisher: {ros__parameters: {rat: 1}}")
     running = start(f"joints:={tmp_path / 'joints.yaml'}")
     assert running.wait() == 1

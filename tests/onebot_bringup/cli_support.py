@@ -1,6 +1,5 @@
 """``onebot`` in processes of its own, and nodes for it to find."""
 
-import os
 import signal
 import subprocess
 import sys
@@ -8,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from tests.onebot_bringup.launcher_support import RunningCommand
 from tests.support import PATIENCE, wait_for
 
 MODULE = "onebot_bringup.cli.main"
@@ -32,28 +32,11 @@ def output_of(*words: str) -> str:
     return done.stdout
 
 
-class Running:
+class Running(RunningCommand):
     """A command that runs on; its output so far."""
 
     def __init__(self, words: Sequence[str], folder: Path) -> None:
-        self._files = folder / f"out-{words[1]}", folder / f"err-{words[1]}"
-        with self._files[0].open("w") as out, self._files[1].open("w") as err:
-            self.process = subprocess.Popen(
-                [sys.executable, "-m", MODULE, *words],
-                stdin=subprocess.DEVNULL,
-                stdout=out,
-                stderr=err,
-                env=dict(os.environ),
-                start_new_session=True,
-            )
-
-    @property
-    def out(self) -> str:
-        return self._files[0].read_text()
-
-    @property
-    def err(self) -> str:
-        return self._files[1].read_text()
+        super().__init__(folder, [sys.executable, "-m", MODULE, *words], name=f"-{words[1]}")
 
     def says(self, text: str) -> None:
         """Wait until it has printed ``text``."""
@@ -62,8 +45,8 @@ class Running:
     def interrupt(self) -> int:
         """Press Ctrl-C; the exit code."""
         if self.process.poll() is None:
-            self.process.send_signal(signal.SIGINT)
-        return self.process.wait(PATIENCE)
+            self.send(signal.SIGINT)
+        return self.wait()
 
 
 @contextmanager
@@ -73,6 +56,4 @@ def running(folder: Path, *words: str) -> Iterator[Running]:
     try:
         yield command
     finally:
-        if command.process.poll() is None:
-            command.process.kill()
-            command.process.wait(PATIENCE)
+        command.close()

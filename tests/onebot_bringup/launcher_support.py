@@ -37,12 +37,17 @@ class RunningCommand:
     """A process whose output goes to files that can be read at any time."""
 
     def __init__(
-        self, folder: Path, command: list[str], environment: dict[str, str] | None = None
+        self,
+        folder: Path,
+        command: list[str],
+        environment: dict[str, str] | None = None,
+        name: str = "",
     ) -> None:
-        self._out, self._err = folder / "stdout", folder / "stderr"
+        self._out, self._err = folder / f"stdout{name}", folder / f"stderr{name}"
         with self._out.open("wb") as out, self._err.open("wb") as err:
             self.process = subprocess.Popen(
                 command,
+                stdin=subprocess.DEVNULL,
                 stdout=out,
                 stderr=err,
                 cwd=folder,

@@ -30,7 +30,6 @@ ARM = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
 def onebot(
     *words: str, program: str = "onebot_bringup.cli.main"
 ) -> subprocess.CompletedProcess[str]:
-    """Run a command to its end."""
     return subprocess.run(
         [sys.executable, "-m", program, *words], capture_output=True, text=True, timeout=180
     )
@@ -38,7 +37,6 @@ def onebot(
 
 @pytest.fixture
 def arm(tmp_path: Path) -> str:
-    """A small robot with one xacro argument."""
     (tmp_path / "arm.xacro").write_text(ARM)
     return str(tmp_path / "arm.xacro")
 
@@ -99,7 +97,6 @@ def test_former_names(words: list[str], line: str, capsys: pytest.CaptureFixture
 
 
 def test_former_names_lead_to_commands() -> None:
-    """What they are answered with exists."""
     for name, verb in FORMER.items():
         assert name not in VERBS and verb.split()[0] in VERBS
 
@@ -135,13 +132,34 @@ def test_executables() -> None:
         assert part in str(error.value)
 
 
-def test_check_shows_a_good_robot(arm: str) -> None:
-    """A good description: its links and joints, exit code 0, nothing on standard error."""
-    done = onebot("check", arm, "reach:=2.5")
-    assert done.returncode == 0, done.stderr
-    for name in ("arm", "base", "tip", "shoulder"):
-        assert name in done.stdout
-    assert done.stderr == ""
+@pytest.mark.parametrize(
+    ("verb", "words", "code", "parts"),
+    [
+        ("check", ["reach:=2.5"], 0, ["arm", "base", "tip", "shoulder"]),
+        ("check", ["raech:=2"], 1, ['did you mean "reach"?']),
+        ("check", ["--show-args"], 0, ["reach:=1.0"]),
+        ("view", ["--show-args"], 0, ["viewer:=web", "reach:=1.0"]),
+        (
+            "view",
+            ["raech:=2", "veiwer:=none"],
+            2,
+            ['did you mean "reach"?', 'did you mean "viewer"?'],
+        ),
+    ],
+)
+def test_a_robot_with_arguments(
+    arm: str,
+    verb: str,
+    words: list[str],
+    code: int,
+    parts: list[str],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Xacro's arguments are taken, listed, and refused with the nearest name."""
+    assert main([verb, arm, *words]) == code
+    printed = capsys.readouterr()
+    text, silent = (printed.err, printed.out) if code else (printed.out, printed.err)
+    assert all(part in text for part in parts) and not silent
 
 
 def test_check_reports_a_bad_robot(tmp_path: Path) -> None:
@@ -197,18 +215,6 @@ def test_check_works_without_a_home_or_a_locale(tmp_path: Path, home: str | None
     assert b"shoulder" in done.stdout
 
 
-def test_check_refuses_arguments_the_file_does_not_declare(arm: str) -> None:
-    """Xacro would ignore them in silence."""
-    done = onebot("check", arm, "raech:=2")
-    assert done.returncode == 1 and 'did you mean "reach"?' in done.stderr
-
-
-def test_check_lists_the_arguments_of_a_file(arm: str) -> None:
-    """``--show-args`` names what the xacro declares, with its default."""
-    done = onebot("check", arm, "--show-args")
-    assert done.returncode == 0 and "reach:=1.0" in done.stdout
-
-
 def test_check_starts_quickly(arm: str) -> None:
     """It needs neither ROS nor the viewer, and so must not spend a second importing them."""
     code = (
@@ -233,20 +239,6 @@ def test_a_reader_that_leaves_is_no_error(arm: str) -> None:
     )
     os.close(write)
     assert done.returncode == 141 and done.stderr == b""
-
-
-def test_view_lists_launch_and_xacro_arguments(arm: str) -> None:
-    """``onebot view FILE --show-args`` lists both kinds, with defaults."""
-    done = onebot("view", arm, "--show-args")
-    assert done.returncode == 0
-    assert "viewer:=web" in done.stdout and "reach:=1.0" in done.stdout
-
-
-def test_view_finds_the_nearest_among_both_kinds(arm: str) -> None:
-    """Unknown arguments are looked for among the launcher's and the xacro's names."""
-    done = onebot("view", arm, "raech:=2", "veiwer:=none")
-    assert done.returncode == 2
-    assert 'did you mean "reach"?' in done.stderr and 'did you mean "viewer"?' in done.stderr
 
 
 def test_a_bad_robot_starts_nothing(tmp_path: Path) -> None:

@@ -231,7 +231,6 @@ def test_loop_of_one_moment(tmp_path: Path, ros_domain: int) -> None:
 def test_play_mistakes(
     tmp_path: Path, ros_domain: int, words: tuple[str, ...], code: int, part: str
 ) -> None:
-    """One line each."""
     done = onebot("bag", "play", str(recording(tmp_path / "run")), *words)
     assert done.returncode == code and part in done.stderr, done.stderr
 

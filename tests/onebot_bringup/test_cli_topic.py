@@ -98,7 +98,6 @@ def test_pub_waits_and_says_for_what(ros_domain: int) -> None:
     ],
 )  # fmt: skip
 def test_pub_mistakes(ros_domain: int, words: tuple[str, ...], code: int, part: str) -> None:
-    """Each mistake is one line on stderr; usage exits with 2 and points to the help."""
     done = onebot("topic", "pub", *words)
     assert done.returncode == code and part in done.stderr, done.stderr
     assert done.stderr.startswith("error: ") and not done.stdout

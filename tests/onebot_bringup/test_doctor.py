@@ -59,14 +59,12 @@ def test_dependencies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ],
 )
 def test_domain(variables: dict[str, str], level: str, part: str) -> None:
-    """The variables of discovery; what does not work is a problem, with what to do."""
     found = domain(variables)
     assert found.level == level and part in found.text
     assert found.remedy or found.level == OK or "did you mean" in found.text
 
 
 def test_multicast() -> None:
-    """A packet comes back by loopback."""
     assert multicast({"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}).level in (OK, NOTE)
 
 

@@ -6,7 +6,6 @@ from hypothesis import strategies as st
 
 from onebot_bringup.launch.arguments import (
     Argument,
-    UsageError,
     complete,
     number,
     port,
@@ -15,8 +14,8 @@ from onebot_bringup.launch.arguments import (
     split,
     switch,
     table,
-    whole,
 )
+from onebot_description.errors import UsageError
 
 DECLARED = [
     Argument("viewer", "web", "where to see it", ("web", "none")),
@@ -26,63 +25,45 @@ DECLARED = [
 NUMBERS = [
     number("rate", "20.0", "Hz", 5.0, 100.0),
     number("x", "0.0", "m"),
-    whole("count", "", "how many", 1, 99),
+    number("count", "", "how many", 1, 99, int),
     port("port", "8080", "of the page"),
     *ros_settings(),
 ]
 
 
-def test_values_may_hold_anything() -> None:
-    """Only the first := separates; empty values and values with spaces or dashes are kept."""
-    given_ = split(["a:=b:=c", "empty:=", "text:=-1 m = x"]).given
-    assert given_ == {"a": "b:=c", "empty": "", "text": "-1 m = x"}
-
-
 @given(st.dictionaries(st.from_regex(r"[a-z_]{1,9}", fullmatch=True), st.text(max_size=20)))
 def test_what_is_written_is_what_is_read(values: dict[str, str]) -> None:
-    """Any names and texts survive the command line."""
     assert split([f"{name}:={value}" for name, value in values.items()]).given == values
 
 
-def test_the_last_of_two_wins() -> None:
-    """An argument given twice counts as written last, as in roslaunch."""
-    assert split(["a:=1", "a:=2"]).given == {"a": "2"}
-
-
-def test_ros_args_are_kept_apart() -> None:
-    """What stands between --ros-args and -- goes to the nodes, remaps with := included."""
-    parts = split(["a:=1", "--ros-args", "-r", "tf:=my_tf", "--", "b:=2"])
-    assert parts.given == {"a": "1", "b": "2"} and parts.ros_args == ("-r", "tf:=my_tf")
-
-
-@pytest.mark.parametrize("word", ["-h", "--help"])
-def test_help_is_known(word: str) -> None:
-    """Both ways to ask for help work, among arguments too."""
-    assert split(["a:=1", word]).help
+def test_words_are_split() -> None:
+    """The first := separates, the last of two counts, and --ros-args has its own words."""
+    parts = split(
+        ["a:=1", "a:=b:=c", "empty:=", "t:=-1 m = x", "f", "-h", "--ros-args", "-r", "x:=y", "--"]
+    )
+    assert parts.given == {"a": "b:=c", "empty": "", "t": "-1 m = x"}
+    assert parts.positional == ("f",) and parts.ros_args == ("-r", "x:=y")
+    assert parts.help and not parts.show and split(["--help"]).help
 
 
 @pytest.mark.parametrize(
     ("word", "words"), [("--viewer=none", "viewer:=value"), (":=x", "no name"), ("-x", "no option")]
 )
 def test_wrong_forms_are_explained(word: str, words: str) -> None:
-    """An option that does not exist is answered with how it is written."""
     with pytest.raises(UsageError, match=words):
         split([word])
 
 
 def test_a_single_equals_sign_is_recognised() -> None:
-    """``viewer=none`` is answered with ``viewer:=none``."""
     with pytest.raises(UsageError, match="written viewer:=none"):
         refuse_positional(split(["viewer=none"]).positional)
 
 
 def test_defaults_fill_up() -> None:
-    """What is not given has its default."""
     assert complete(DECLARED, {"save": "x"}) == {"viewer": "web", "save": "x", "reload": "true"}
 
 
 def test_all_problems_are_told_at_once() -> None:
-    """Unknown names come with the nearest, bad values with what is allowed, all in one error."""
     with pytest.raises(UsageError) as caught:
         complete(DECLARED, {"veiwer": "x", "viewer": "x11", "reload": "yes"})
     message = str(caught.value)
@@ -111,7 +92,6 @@ def test_former_arguments(name: str, answer: str) -> None:
     ("written", "meant"), [("true", "true"), ("1", "true"), ("False", "false"), ("0", "false")]
 )
 def test_switches_take_both_spellings(written: str, meant: str) -> None:
-    """1 is true and 0 is false, in any case of letters."""
     assert complete(DECLARED, {"reload": written})["reload"] == meant
 
 

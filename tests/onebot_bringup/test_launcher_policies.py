@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onebot_bringup.launcher.launcher import Launcher, Restarts
-from onebot_bringup.launcher.process import NodeProcess, Restart, describe_exit
+from onebot_bringup.launcher.launcher import Restarts
+from onebot_bringup.launcher.process import Restart, describe_exit
 from tests.onebot_bringup.launcher_support import IDLE, Start, alive, launchers, number_in
 from tests.support import wait_for
 
@@ -58,7 +58,6 @@ def test_shutdown_brings_all_down_and_says_why(start: Start, tmp_path: Path) -> 
 
 
 def test_a_signal_that_ends_a_node_is_named(start: Start, tmp_path: Path) -> None:
-    """A crash is reported by the name of its signal."""
     launcher = start("[script('runner', 'runs.py')]")
     launcher.wait_for_out("ready")
     os.kill(number_in(tmp_path / "runs.pid"), signal.SIGSEGV)
@@ -136,17 +135,10 @@ def test_ctrl_c_cancels_a_planned_restart(start: Start) -> None:
 
 
 def test_a_program_that_does_not_exist_is_reported(start: Start) -> None:
-    """A command that cannot be run is one line, not a traceback."""
     launcher = start("[NodeProcess('ghost', ('/no/such/program',))]")
     assert launcher.wait() == 1
     assert "ghost cannot be started" in launcher.err and "Traceback" not in launcher.err
     assert launcher.err.splitlines()[-1] == "[test] failed: ghost (not started)"
-
-
-def test_two_nodes_of_one_name_are_refused() -> None:
-    """Their output could not be distinguished."""
-    with Launcher("test") as launcher, pytest.raises(ValueError, match="same name"):
-        launcher.run([NodeProcess("a", ("true",)), NodeProcess("a", ("true",))])
 
 
 @pytest.mark.parametrize(
@@ -154,7 +146,6 @@ def test_two_nodes_of_one_name_are_refused() -> None:
     [(0, "finished"), (1, "exit code 1"), (-9, "SIGKILL"), (-11, "SIGSEGV"), (-99, "signal 99")],
 )
 def test_exit_codes_in_words(code: int, words: str) -> None:
-    """Each kind of end has its words, even a signal without a name."""
     assert words in describe_exit(code)
 
 

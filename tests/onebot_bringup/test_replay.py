@@ -224,7 +224,6 @@ def test_a_folder_of_any_name(tmp_path):
 
 
 def test_converts(tmp_path, capsys):
-    """Without a viewer and with save:= it writes the .rrd and ends."""
     record_arm(tmp_path / "bag")
     file = tmp_path / "a.rrd"
     assert main(["replay", str(tmp_path / "bag"), "viewer:=none", f"save:={file}"]) == 0
@@ -250,7 +249,6 @@ def test_converts(tmp_path, capsys):
     ],
 )
 def test_mistakes(tmp_path, monkeypatch, capsys, words, code, message):
-    """One line that says what is wrong, and the exit code of its kind."""
     monkeypatch.chdir(tmp_path)
     write_words(tmp_path / "bag")
     (tmp_path / "empty.rrd").write_bytes(b"")

@@ -107,7 +107,6 @@ def test_a_file_names_places_models_and_parameters(tmp_path: Path) -> None:
 def test_what_is_wrong_in_a_file_is_named_with_its_line(
     tmp_path: Path, text: str, said: str
 ) -> None:
-    """One error."""
     with pytest.raises(OneBotError, match=said):
         of_file(tmp_path, text)
 
@@ -124,14 +123,12 @@ def test_what_is_wrong_in_a_file_is_named_with_its_line(
 def test_what_is_neither_a_number_nor_a_file_is_refused(
     tmp_path: Path, text: str, said: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """With what would be right."""
     monkeypatch.chdir(tmp_path)
     with pytest.raises(OneBotError, match=said):
         placed_robots(text, robot())
 
 
 def test_a_file_of_a_similar_name_is_proposed(tmp_path: Path) -> None:
-    """Of those beside it."""
     (tmp_path / "fleet.yaml").touch()
     with pytest.raises(OneBotError, match='fleat.yaml: no such file .did you mean "fleet.yaml"'):
         placed_robots(str(tmp_path / "fleat.yaml"), robot())

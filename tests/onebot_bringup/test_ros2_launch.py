@@ -73,7 +73,6 @@ class LaunchDescription:
 
 @pytest.fixture(autouse=True)
 def launch(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The Python package ``launch``."""
     package, actions = ModuleType("launch"), ModuleType("launch.actions")
     package.LaunchDescription = LaunchDescription
     for each in (DeclareLaunchArgument, ExecuteProcess, OpaqueFunction):
@@ -98,7 +97,6 @@ def started(script: ModuleType, context: LaunchContext) -> ExecuteProcess:
 
 
 def visit(script: ModuleType, context: LaunchContext) -> list[str]:
-    """The command line of the process that is started."""
     return started(script, context).cmd
 
 
@@ -123,7 +121,6 @@ def test_only_what_was_given_is_on_the_command_line():
 
 
 def test_an_argument_of_the_model_is_passed_on():
-    """Of OneBot's own model, or of another one that is given."""
     words = visit(onebot_bringup, LaunchContext({"mesh_enabled": "false"}))[3:]
     assert words == ["mesh_enabled:=false"]
     words = visit(mrm_bringup, LaunchContext({"mesh_enabled": "false"}))[3:]
@@ -147,7 +144,6 @@ def test_a_pushed_namespace_is_the_robots(
 
 
 def test_another_files_argument_is_not_passed_on(tmp_path: Path) -> None:
-    """Also where the model's own arguments cannot all be known before it is expanded."""
     model = tmp_path / "robot.xacro"
     model.write_text(
         '<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arg name="own"/>'

@@ -55,7 +55,6 @@ def test_speed_keys(key: str, speed: float, turn: float) -> None:
 
 @pytest.mark.parametrize("key", ["k", " ", "K", "5", ""])
 def test_any_other_key_stops(key: str) -> None:
-    """At once."""
     driver = Driver(0.5, 1.0, 0.7)
     driver.press("i", 0.0)
     driver.press(key, 0.1)
