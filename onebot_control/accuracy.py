@@ -7,7 +7,7 @@ import argparse
 import math
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -32,20 +32,10 @@ TRUTH_GOAL = 0.005
 REST_GOAL = 1e-5
 
 ACCURACY, ROBOTS = "accuracy", "accuracy of robots"  # names of tables in Markdown files
-_HEAD = (
-    "Path",
-    "Commanded: x, y, heading",
-    "Odometry",
-    "Truth",
-    "Odometry to truth",
-    "Truth to command",
-)
+_HEAD = "Path | Commanded: x, y, heading | Odometry | Truth | Odometry to truth | Truth to command"
 _ROBOTS_HEAD = (
-    "Robot",
-    "File",
-    "Wheels; separation, radius",
-    "2 m straight: odometry; truth",
-    "360° turn: odometry; truth",
+    "Robot | File | Wheels; separation, radius | 2 m straight: odometry; truth | "
+    "360° turn: odometry; truth"
 )
 
 
@@ -237,15 +227,18 @@ def _commands(path: DrivenPath, period: float) -> Iterator[tuple[float, float]]:
 
 def table(report: Report) -> str:
     """Return the report as Markdown."""
-    rows = [_HEAD, ("---",) * len(_HEAD), *(_row(result) for result in report.results)]
-    lines = [f"| {' | '.join(row)} |" for row in rows]
-    lines += [
-        "",
+    return (
+        f"{_markdown(_HEAD, map(_row, report.results))}\n"
         f"At rest the robot moves {1e3 * report.rest_drift:.6f} mm in {report.rest:g} s. "
         f"Physics and control at {report.rate:g} Hz run {report.real_time_factor:.0f} times faster "
-        "than real time on one core.",
-    ]
-    return "\n".join(lines) + "\n"
+        "than real time on one core.\n"
+    )
+
+
+def _markdown(head: str, rows: Iterable[Sequence[str]]) -> str:
+    columns = head.count("|") + 1
+    lines = [head, " | ".join(["---"] * columns), *(" | ".join(row) for row in rows)]
+    return "".join(f"| {line} |\n" for line in lines)
 
 
 def missed(report: Report) -> list[str]:
@@ -270,8 +263,7 @@ def robots_table(files: Sequence[str], config: ControlConfig) -> str:
 
     The row of a robot that cannot be driven has the reason.
     """
-    rows = [_ROBOTS_HEAD, ("---",) * len(_ROBOTS_HEAD), *(_robot(file, config) for file in files)]
-    return "".join(f"| {' | '.join(row)} |\n" for row in rows)
+    return _markdown(_ROBOTS_HEAD, [_robot(file, config) for file in files])
 
 
 def _robot(file: str, config: ControlConfig) -> tuple[str, ...]:
@@ -318,17 +310,14 @@ def write(file: Path, text: str, name: str = ACCURACY) -> None:
         raise OneBotError(f"{file}: {error}") from None
 
 
-def _row(result: Result) -> tuple[str, ...]:
+def _row(result: Result) -> Sequence[str]:
     poses = (result.commanded, result.odometry, result.truth)
     errors = (
         (result.odometry_error, result.odometry_worst),
         (result.truth_error, result.truth_worst),
     )
-    return (
-        result.path.name,
-        *(_pose(pose) for pose in poses),
-        *(f"{error:.4%}, at most {1e3 * worst:.3f} mm" for error, worst in errors),
-    )
+    cells = [f"{error:.4%}, at most {1e3 * worst:.3f} mm" for error, worst in errors]
+    return [result.path.name, *map(_pose, poses), *cells]
 
 
 def _pose(pose: PlanarPose) -> str:

@@ -2,7 +2,6 @@
 
 import json
 import math
-import re
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -13,31 +12,10 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.remote.webelement import WebElement
 
-from tests.ros_support import NodeProcess, ros_args
 from tests.support import wait_for
 
 T = TypeVar("T")
 Check = Callable[[], object]
-
-MODULE = "onebot_bringup.steering.steering_page"
-PORT = re.compile(r"open (http://[\d.]+:(\d+)\S*)")
-
-
-@contextmanager
-def steering(check: bool = True, **parameters: object) -> Iterator["Steering"]:
-    """The node on a free port of its own; stopped with Ctrl-C at the end."""
-    chosen = {"port": 0, "open_browser": "false", **parameters}
-    with NodeProcess(MODULE, *ros_args(**chosen), check=check) as node:
-        yield Steering(node)
-
-
-class Steering:
-    """A running node and the address that it printed."""
-
-    def __init__(self, node: NodeProcess) -> None:
-        self.node = node
-        found = wait_for(lambda: PORT.search(node.output), "the page's address")
-        self.address, self.port = found[1], int(found[2])
 
 
 class Page:

@@ -13,6 +13,7 @@ from mcap.writer import CompressionType, IndexType, Writer
 
 from onebot_bringup.introspection.interfaces import full_definition
 from onebot_description.errors import OneBotError
+from onebot_description.whole_file import write_whole
 
 METADATA = "metadata.yaml"
 CHUNK_SIZE = 768 * 1024  # bytes, rosbag2's
@@ -130,14 +131,8 @@ class BagWriter:
                 self._changed = False
 
     def _write_metadata(self) -> None:
-        new = self.folder / f".{METADATA}"
-        try:
-            new.write_text(_yaml(self._metadata()), encoding="utf-8")
-            # Replaced as a whole: neither a reader nor a kill finds half of it.
-            os.replace(new, self.folder / METADATA)
-        except OSError:
-            new.unlink(missing_ok=True)
-            raise
+        # Neither a reader nor a kill finds half of it.
+        write_whole(self.folder / METADATA, _yaml(self._metadata()).encode())
 
     def _metadata(self) -> dict[str, Any]:
         """Version 9 of rosbag2's metadata, which is that of Jazzy."""

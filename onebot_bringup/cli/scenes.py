@@ -57,15 +57,7 @@ if TYPE_CHECKING:
 
 
 def draw(args: Namespace, scene: Path) -> None:
-    """Draw what the command line asks for.
-
-    Args:
-        args: as ``parse_command_line`` returns them, with the ``description`` to draw, if any.
-        scene: where a recording can be put.
-
-    Raises:
-        OneBotError: what is to be drawn is not there, or nothing can draw.
-    """
+    """Draw what the command line asks for; ``scene`` is where a recording can be put."""
     kind = kind_of(args.source)
     if kind == "rrd":
         source = Path(args.source)
@@ -155,17 +147,7 @@ class RunningRobots:
         recording: "rr.RecordingStream",
         robots: Sequence[RobotToShow],
     ) -> None:
-        """Subscribe, relative to the session's namespace.
-
-        Args:
-            session: whose node subscribes.
-            view: as for ``ViewSource``.
-            recording: where to log.
-            robots: those to show.
-
-        Raises:
-            OneBotError: there is no such view, or it is wrong.
-        """
+        """Subscribe, relative to the session's namespace; ``view`` is as for ``ViewSource``."""
         self._session = session
         self._robots = robots
         self._warnings: list[str] = []
@@ -179,7 +161,7 @@ class RunningRobots:
             report=self._report,
         )
         self._feed = ViewFeed(session.node, self._view)
-        self._broken: OneBotError | None = None  # what is wrong with the description
+        self._broken: OneBotError | None = None  # a broken description
         self._next_tick = 0.0
 
     def _report(self, _: str, error: Exception) -> None:
@@ -201,11 +183,7 @@ class RunningRobots:
         return bool(self._session.spin(is_done, timeout))
 
     def await_descriptions(self) -> Description:
-        """Return the first robot's description, once those of all have come.
-
-        Raises:
-            OneBotError: one is missing or broken.
-        """
+        """Return the first robot's description, once those of all have come."""
         count = len(self._robots)
         self._wait(lambda: len(self._view.robots) >= count or self._broken is not None, _FRAMES)
         lacking = [str(robot) for robot in self._robots if str(robot) not in self._view.robots]
@@ -218,14 +196,7 @@ class RunningRobots:
         return self._view.robot
 
     def record(self) -> list[str]:
-        """Log the robots as they are now.
-
-        Returns:
-            What could not be drawn, a sentence each.
-
-        Raises:
-            OneBotError: there is no robot, one is broken, or links have no transform.
-        """
+        """Log the robots as they are now; return what could not be drawn, a sentence each."""
         robot = self.await_descriptions()
         if self._source.set_robot(robot.robot_name):
             self._warnings += self._view.set_view(self._source.view)
@@ -278,49 +249,41 @@ class RunningRobots:
 
 
 def running_robots(session: Session, prefix: str = "") -> list[RobotToShow]:
-    """Return the robots that run in the session's namespace and below.
-
-    Args:
-        session: whose node discovers them.
-        prefix: of the frames of one robot; "" for the one that its publisher has.
-
-    Raises:
-        OneBotError: there is none; or there are several, and one prefix.
-    """
-    own = session.node.get_namespace().rstrip("/")
+    """Return the robots that run in the session's namespace and below, with their prefixes."""
+    namespace = session.node.get_namespace().rstrip("/")
     topic = session.full_name(ROBOT_DESCRIPTION)
-    topics = session.look_for(lambda: description_topics(session, own), f"a robot on {topic}")
+    topics = session.look_for(lambda: description_topics(session, namespace), f"a robot on {topic}")
     if not topics:
         raise OneBotError(
             f"no robot is running: nothing on {topic}{_elsewhere(session)}; start one "
             "(onebot_bringup), or name its URDF or xacro file"
         )
     session.discover()
-    topics = description_topics(session, own) or topics
+    topics = description_topics(session, namespace) or topics
     if prefix and len(topics) > 1:
         spaces = [topic.rpartition("/")[0] or "/" for topic in topics]
         raise OneBotError(
             f"--frame-prefix is one robot's, and several run, in {listing(spaces)}: choose one by "
             "--ros-args -r __ns:=NAMESPACE"
         )
-    found = []
+    robots = []
     for topic in topics:
         space, of_robot = topic.rpartition("/")[0], prefix
         if not prefix:
             published = frame_prefix(session, session.publishers(topic))
             # Of several robots each has another one.
             of_robot = prefixed("", len(topics) > 1, "", space) if published is None else published
-        found.append(RobotToShow(space, of_robot, plotted=len(topics) == 1))
-    return found
+        robots.append(RobotToShow(space, of_robot, plotted=len(topics) == 1))
+    return robots
 
 
 def _elsewhere(session: Session) -> str:
     """Where descriptions are published, if in other namespaces."""
-    there = description_topics(session)
-    if not there:
+    topics = description_topics(session)
+    if not topics:
         return ""
-    space = there[0].rpartition("/")[0] or "/"
-    return f" (there: {listing(there)}; --ros-args -r __ns:={space} goes there)"
+    space = topics[0].rpartition("/")[0] or "/"
+    return f" (there: {listing(topics)}; --ros-args -r __ns:={space} goes there)"
 
 
 # --- a description at given joint positions -----------------------------------------------------
@@ -342,9 +305,6 @@ def record_pose(
         view: as for ``ViewSource``. A fixed frame that only a running robot has, such as odom, is
             replaced by the robot's root link.
         recording: where to log.
-
-    Returns:
-        What could not be drawn, a sentence each.
     """
     model = RobotModel.from_description(description)
     notices: list[str] = []
@@ -353,7 +313,7 @@ def record_pose(
     config = source.view
     if config.fixed_frame not in description.link_names:
         config = replace(config, fixed_frame="")
-    shown = RobotView(recording, config, blueprint=source.blueprint_file, plots=False)
+    robot_view = RobotView(recording, config, blueprint=source.blueprint_file, plots=False)
     joints = JointState(
         header=Header(stamp=time_message(_NOW_NS)), name=model.joints, position=positions.tolist()
     )
@@ -363,8 +323,8 @@ def record_pose(
         ("/tf", TF, _tf_message(model.moving, model.moving.transforms(positions))),
         ("joint_states", JOINT_STATE, serialize_message(joints)),
     ):
-        shown.take(topic, kind.name, bytes(data), _NOW_NS)
-    return notices + shown.tick(_NOW_NS) + shown.finish()
+        robot_view.take(topic, kind.name, bytes(data), _NOW_NS)
+    return notices + robot_view.tick(_NOW_NS) + robot_view.finish()
 
 
 def _tf_message(joints: JointArrays, values: Floats) -> bytes:
@@ -374,7 +334,7 @@ def _tf_message(joints: JointArrays, values: Floats) -> bytes:
 
 def _record_description(args: Namespace, recording: "rr.RecordingStream") -> None:
     description = args.description
-    lacking = _mesh_problems(description)  # of which the view warns
+    lacking = _mesh_problems(description)  # the view warns of them
     for text in description.notices:
         if not text.endswith(lacking):
             _warn(text)
@@ -423,13 +383,9 @@ _SERVER = re.compile(r"rerun\+http://127\.0\.0\.1:\d{1,5}/proxy(?![\w/.])")
 
 
 def server_of(page: str) -> str:
-    """Return the address of the recording's server that a viewer's page shows; "" if there is none.
-
-    Args:
-        page: the page's address, as rerun_viewer publishes it.
-    """
-    found = _SERVER.search(unquote(page))
-    return found.group() if found else ""
+    """Return the address of the recording's server from that of a viewer's page; "" for none."""
+    match = _SERVER.search(unquote(page))
+    return match.group() if match else ""
 
 
 @dataclass(frozen=True)
@@ -443,12 +399,7 @@ class RunningViewer:
 
 
 def running_viewer(session: Session, patience: float = PATIENCE) -> RunningViewer | None:
-    """Return the running viewer; None if there is none, or none with a page.
-
-    Args:
-        session: that subscribes to what it publishes.
-        patience: seconds for the page of one that is starting.
-    """
+    """Return the running viewer; None for none with a page within ``patience`` seconds."""
     pages: list[str] = []
     stamps: list[int] = []
 

@@ -3,12 +3,13 @@
 import argparse
 import math
 import os
+import re
 import tempfile
 from argparse import Namespace
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from onebot_bringup.cli.options import Parser
+from onebot_bringup.cli.options import Option, Parser, flag, option, positional
 from onebot_description.description.description import Triple
 from onebot_description.description.packages import PACKAGE_PATH, use_package_path
 from onebot_description.errors import OneBotError, UsageError
@@ -16,12 +17,7 @@ from onebot_description.signals import KeyboardInterrupts
 
 
 def run(argv: Sequence[str]) -> int:
-    """Run the command and return its exit code.
-
-    Raises:
-        OneBotError: what is to be drawn is not there, or nothing can draw; or the command line is
-            wrong.
-    """
+    """Run the command and return its exit code."""
     args = parse_command_line(argv)
     check_picture(args.file)
     use_package_path(args.package_path)
@@ -40,11 +36,7 @@ def run(argv: Sequence[str]) -> int:
 
 
 def check_picture(png: Path) -> None:
-    """Refuse a picture that cannot be written, before any work is done for it.
-
-    Raises:
-        OneBotError: with what is wrong.
-    """
+    """Refuse a picture that cannot be written, before any work is done for it."""
     if png.suffix.lower() != ".png":
         raise OneBotError(f"{png}: a picture's name must end in .png")
     if not png.parent.is_dir():
@@ -69,75 +61,79 @@ _WIDTH, _HEIGHT = 1280, 720
 _SMALLEST, _LARGEST = 100, 4096
 
 
+def _pixels(text: str) -> int:
+    if not text.isdecimal() or not _SMALLEST <= int(text) <= _LARGEST:
+        raise argparse.ArgumentTypeError(f"{text} is no number from {_SMALLEST} to {_LARGEST}")
+    return int(text)
+
+
+def _camera(text: str) -> object:
+    try:
+        return parse_camera(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
+OPTIONS = (
+    Option(
+        "file",
+        {
+            "metavar": "FILE.png",
+            "type": Path,
+            "help": "the picture; one that exists is replaced",
+        },
+    ),
+    positional("SOURCE", "what to draw (default: the running robot)", nargs="?"),
+    option(
+        "--joints",
+        "NAME=VALUE",
+        "positions in rad or m; 0 for the others, or mid-range where 0 is out of range",
+        default=[],
+        nargs="+",
+        action="extend",
+    ),
+    option("--width", "PIXELS", f"({_WIDTH})", _pixels, _WIDTH),
+    option("--height", "PIXELS", f"({_HEIGHT})", _pixels, _HEIGHT),
+    option(
+        "--camera",
+        "X,Y,Z[:X,Y,Z]",
+        "where to look from, and at, in metres in the fixed frame (default: the view's)",
+        _camera,
+    ),
+    flag("--dashboard", "the whole layout with its plots"),
+    option(
+        "--view",
+        "FILE",
+        "how to look at it: .yaml, .rviz, .rbl or none (default: the view of its description)",
+        default="",
+    ),
+    option(
+        "--frame-prefix",
+        "PREFIX",
+        "of the robot's frames (default: as its robot_state_publisher has it; of a recording: as "
+        "its frames are)",
+        default="",
+    ),
+)
+
+
 def parse_command_line(argv: Sequence[str]) -> Namespace:
     """Return the options of the command.
 
     Returns:
         file, source, joints (by name), width, height, camera (eye and target, or None), dashboard,
         view, frame_prefix, package_path, arguments (by name; of xacro, or of a bag) and ros_args.
-
-    Raises:
-        UsageError: the command line is not understood.
     """
-    parser = Parser("onebot snapshot", _SUMMARY)
+    parser = Parser("onebot snapshot", _SUMMARY, OPTIONS)
     parser.usage = "onebot snapshot FILE.png [SOURCE] [options] [name:=value ...]"
-    add = parser.add_argument
-    add("file", type=Path, metavar="FILE.png", help="the picture; one that exists is replaced")
-    add("source", nargs="?", metavar="SOURCE", help="what to draw (default: the running robot)")
-    add(
-        "--joints",
-        nargs="+",
-        action="extend",
-        default=[],
-        metavar="NAME=VALUE",
-        help="positions in rad or m; 0 for the others, or mid-range where 0 is out of range",
-    )
-    add("--width", type=_pixels, default=_WIDTH, metavar="PIXELS", help=f"({_WIDTH})")
-    add("--height", type=_pixels, default=_HEIGHT, metavar="PIXELS", help=f"({_HEIGHT})")
-    add(
-        "--camera",
-        type=_camera,
-        metavar="X,Y,Z[:X,Y,Z]",
-        help="where to look from, and at, in metres in the fixed frame (default: the view's)",
-    )
-    add("--dashboard", action="store_true", help="the whole layout with its plots")
-    add(
-        "--view",
-        default="",
-        metavar="FILE",
-        help="how to look at it: .yaml, .rviz, .rbl or none (default: the view of its description)",
-    )
-    add(
-        "--frame-prefix",
-        default="",
-        metavar="PREFIX",
-        help="of the robot's frames (default: as its robot_state_publisher has it; of a "
-        "recording: as its frames are)",
-    )
-    words, given = _take_out_arguments(argv)
-    args = parser.parse(words)
-    args.package_path = given.pop(PACKAGE_PATH, "")
-    args.arguments = given
+    end = argv.index("--ros-args") if "--ros-args" in argv else len(argv)
+    pairs = [word for word in argv[:end] if re.match(r"[^-:][^:]*:=", word)]
+    args = parser.parse([word for word in argv if word not in pairs])
+    args.arguments = dict(word.split(":=", 1) for word in pairs)
+    args.package_path = args.arguments.pop(PACKAGE_PATH, "")
     args.joints = dict(_joint(word) for word in args.joints)
     _check(args)
     return args
-
-
-def _take_out_arguments(argv: Sequence[str]) -> tuple[list[str], dict[str, str]]:
-    """Return the words for argparse, and the ``name:=value`` among them before ``--ros-args``."""
-    words = list(argv)
-    end = words.index("--ros-args") if "--ros-args" in words else len(words)
-    given: dict[str, str] = {}
-    rest: list[str] = []
-    for word in words[:end]:
-        name, assigned, value = word.partition(":=")
-        if assigned and name and not name.startswith("-"):
-            given[name] = value
-        elif rest and rest[-1] == "--camera":
-            rest[-1] = f"--camera={word}"  # argparse takes -1,0,1 for an option
-        else:
-            rest.append(word)
-    return [*rest, *words[end:]], given
 
 
 def _check(args: Namespace) -> None:
@@ -196,19 +192,6 @@ def _joint(word: str) -> tuple[str, float]:
     return name, position
 
 
-def _pixels(text: str) -> int:
-    if not text.isdecimal() or not _SMALLEST <= int(text) <= _LARGEST:
-        raise argparse.ArgumentTypeError(f"{text} is no number from {_SMALLEST} to {_LARGEST}")
-    return int(text)
-
-
-def _camera(text: str) -> object:
-    try:
-        return parse_camera(text)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
-
-
 def parse_camera(text: str) -> tuple[Triple, Triple | None]:
     """Return eye and target, metres in the fixed frame; no target if only the eye is given.
 
@@ -216,10 +199,10 @@ def parse_camera(text: str) -> tuple[Triple, Triple | None]:
         ValueError: it is written otherwise, or it looks nowhere; the message has the right form.
     """
     eye, colon, target = text.partition(":")
-    found = _vector(eye, text), _vector(target, text) if colon else None
-    if found[0] == found[1]:
+    camera = _vector(eye, text), _vector(target, text) if colon else None
+    if camera[0] == camera[1]:
         raise ValueError(f'"{text}": eye and target are the same point')
-    return found
+    return camera
 
 
 def _vector(text: str, whole: str) -> Triple:

@@ -139,10 +139,10 @@ def _shown(stamp_ns: int, transform: Any, precision: int) -> str:
         " " + "".join(f" {number:{precision + 3}.{precision}f}" for number in row)
         for row in (*matrix, [0.0, 0.0, 0.0, 1.0])
     ]
-    seconds, rest = divmod(stamp_ns, 1_000_000_000)
+    seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
     return "\n".join(
         (
-            f"At time {seconds}.{rest:09d}",
+            f"At time {seconds}.{nanoseconds:09d}",
             f"- Translation: {vector(translation)}",
             f"- Rotation: in Quaternion (xyzw) {vector(quaternion)}",
             f"- Rotation: in RPY (radian) {vector(angles)}",

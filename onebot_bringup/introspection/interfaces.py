@@ -26,14 +26,7 @@ _KINDS = {"msg": "message", "srv": "service", "action": "action"}
 
 
 def message_class(name: str) -> Any:
-    """Return the class of a message type, ready for rclpy.
-
-    Args:
-        name: ``geometry_msgs/msg/Twist``, or short ``geometry_msgs/Twist``.
-
-    Raises:
-        OneBotError: the message type is not installed; the message lists similar names.
-    """
+    """Return the class of a message type, by its full or short name, ready for rclpy."""
     full = full_name(name, "msg")
     if full == _TF_MESSAGE:
         from onebot_description.wire.tf_message import TFMessage
@@ -43,33 +36,18 @@ def message_class(name: str) -> Any:
 
 
 def service_class(name: str) -> Any:
-    """Return the class of a service type, with its ``Request`` and ``Response``.
-
-    Args:
-        name: ``std_srvs/srv/SetBool``, or short ``std_srvs/SetBool``.
-
-    Raises:
-        OneBotError: the service type is not installed; the message lists similar names.
-    """
+    """Return the class of a service type, with its ``Request`` and ``Response``."""
     return _import(full_name(name, "srv"))
 
 
 def full_name(name: str, kind: str) -> str:
-    """Return ``package/kind/Type`` for a full or short name of an installed type.
-
-    Args:
-        name: as the user wrote it.
-        kind: ``msg``, ``srv`` or ``action``.
-
-    Raises:
-        OneBotError: no such type is installed.
-    """
+    """Return ``package/kind/Type`` for a full or short name of an installed msg, srv or action."""
     parts = name.split("/")
     full = f"{parts[0]}/{kind}/{parts[1]}" if len(parts) == 2 else name
-    known = installed(kind)
-    if full in known:
+    names = installed(kind)
+    if full in names:
         return full
-    raise OneBotError(f'no {_KINDS[kind]} type "{name}"{_suggestion(full, known)}')
+    raise OneBotError(f'no {_KINDS[kind]} type "{name}"{_suggestion(full, names)}')
 
 
 def _suggestion(name: str, known: tuple[str, ...]) -> str:
@@ -87,11 +65,7 @@ def _suggestion(name: str, known: tuple[str, ...]) -> str:
 
 @cache
 def installed(kind: str) -> tuple[str, ...]:
-    """Return the full names of all installed types of a kind that Python can use, sorted.
-
-    Args:
-        kind: ``msg``, ``srv`` or ``action``.
-    """
+    """Return the full names of all installed types of a kind (msg, srv, action), sorted."""
     names = {_TF_MESSAGE} if kind == "msg" else set()
     for package, listed in _index():
         if importlib.util.find_spec(package) is None:
@@ -106,31 +80,24 @@ def installed(kind: str) -> tuple[str, ...]:
 def _index() -> list[tuple[str, str]]:
     """Return (package, its index entry) of all packages with interfaces."""
     use_environment_prefix()
-    found: dict[str, str] = {}
+    entries: dict[str, str] = {}
     for prefix in os.environ["AMENT_PREFIX_PATH"].split(os.pathsep):
         folder = Path(prefix) / "share/ament_index/resource_index/rosidl_interfaces"
         if folder.is_dir():
             for entry in folder.iterdir():
-                found.setdefault(entry.name, entry.read_text(encoding="utf-8"))
-    return sorted(found.items())
+                entries.setdefault(entry.name, entry.read_text(encoding="utf-8"))
+    return sorted(entries.items())
 
 
 def definition(name: str) -> str:
-    """Return the text of the .msg, .srv or .action file that defines a type.
-
-    Args:
-        name: its full name.
-
-    Raises:
-        OneBotError: the file is not installed.
-    """
+    """Return the text of the .msg, .srv or .action file that defines a type."""
     package, kind, type_name = name.split("/")
     use_environment_prefix()
     for prefix in os.environ["AMENT_PREFIX_PATH"].split(os.pathsep):
         path = Path(prefix) / "share" / package / kind / f"{type_name}.{kind}"
         if path.is_file():
             return path.read_text(encoding="utf-8")
-    if name == _TF_MESSAGE:  # of this project, if tf2_msgs is not installed
+    if name == _TF_MESSAGE:  # this project has it where tf2_msgs is not installed
         return "geometry_msgs/TransformStamped[] transforms\n"
     raise OneBotError(f"{name} is installed without its file {type_name}.{kind}")
 
@@ -140,12 +107,6 @@ def full_definition(name: str) -> str:
     """Return the definition of a message type as rosbag2 stores it with the messages.
 
     The .msg file comes first; those it refers to follow, each once and under a line of its own.
-
-    Args:
-        name: its full name.
-
-    Raises:
-        OneBotError: a .msg file is not installed.
     """
     return _joined(name, set())
 

@@ -33,7 +33,7 @@ _TIME = ("builtin_interfaces", "msg", "Time")
 _HEADER = ("std_msgs", "msg", "Header")
 _TRUE = ("true", "yes", "on", "1")
 _FALSE = ("false", "no", "off", "0")
-_LARGEST_FLOAT32 = 3.4028235677973366e38  # what rounds to the largest finite one
+_LARGEST_FLOAT32 = 3.4028235677973366e38  # the least that rounds to infinity
 _LISTS = (list, tuple, array.array, np.ndarray)
 
 
@@ -254,10 +254,10 @@ class _Filler:
             self.fields(message, value, path)
         elif value != "":
             fields = ", ".join(message.get_fields_and_field_types())
-            given = "a list" if isinstance(value, list) else f'"{value}"'
+            what = "a list" if isinstance(value, list) else f'"{value}"'
             special = {_HEADER: ' or "auto"', _TIME: ' or "now"'}.get(full, "")
             raise OneBotError(
-                f"{path} is a {'/'.join(full)}, a dictionary of {fields}{special}, not {given}"
+                f"{path} is a {'/'.join(full)}, a dictionary of {fields}{special}, not {what}"
             )
         return message
 
@@ -301,7 +301,7 @@ def read_scalar(kind: str, text: str, finite: bool = True) -> Any:
             the field's name.
     """
     if kind == "octet" and len(text) == 1 and not text.isdigit() and ord(text) < 256:
-        return bytes([ord(text)])  # as it is printed
+        return bytes([ord(text)])  # a byte is printed so
     text = text.strip()
     if kind == "boolean":
         return _boolean(text)

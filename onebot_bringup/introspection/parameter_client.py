@@ -71,9 +71,9 @@ class ParameterClient:
         """Return a ParameterValue for each name; its type is NOT_SET where there is no value."""
         from rcl_interfaces.msg import ParameterValue
 
-        found = list(self._call("GetParameters", names=list(names)).values)
-        if len(found) == len(names):
-            return found
+        values = list(self._call("GetParameters", names=list(names)).values)
+        if len(values) == len(names):
+            return values
         # rclpy and rclcpp return no value at all when one parameter of the request has none.
         if len(names) == 1:
             return [ParameterValue()]
@@ -81,10 +81,10 @@ class ParameterClient:
 
     def require(self, names: Sequence[str]) -> None:
         """Raise an OneBotError for the first name of no parameter; it lists similar ones."""
-        known = self.names()
+        parameters = self.names()
         for name in names:
-            if name not in known:
-                hint = did_you_mean(name, known, "parameters")
+            if name not in parameters:
+                hint = did_you_mean(name, parameters, "parameters")
                 raise OneBotError(f'{self._node} has no parameter "{name}"{hint}')
 
     def describe(self, names: Sequence[str]) -> list[Any]:
@@ -103,11 +103,7 @@ class ParameterClient:
         return value
 
     def delete(self, name: str) -> Any:
-        """Unset a parameter; return a SetParametersResult.
-
-        Raises:
-            OneBotError: as ``get`` does.
-        """
+        """Unset a parameter; return a SetParametersResult. It raises as ``get`` does."""
         from rcl_interfaces.msg import Parameter
 
         self.require([name])
@@ -142,5 +138,7 @@ class ParameterClient:
 
     def _declared(self, name: str) -> int:
         """The type of a statically typed parameter; NOT_SET if it is dynamic or undeclared."""
-        found = self.describe([name])
-        return int(found[0].type) if found and not found[0].dynamic_typing else NOT_SET
+        for descriptor in self.describe([name]):
+            if not descriptor.dynamic_typing:
+                return int(descriptor.type)
+        return NOT_SET

@@ -48,12 +48,12 @@ def type_label(kind: int) -> str:
 
 def text_of(value: Any) -> str:
     """Return a ParameterValue as YAML that ``parse_value`` reads; "" if it is not set."""
-    found = _yaml_value(value_of(value))
-    if found is None:
+    plain = _yaml_value(value_of(value))
+    if plain is None:
         return ""
-    if isinstance(found, str) and _unquoted(found) == found:
-        return found
-    return quoted(found)
+    if isinstance(plain, str) and _unquoted(plain) == plain:
+        return plain
+    return quoted(plain)
 
 
 def quoted(value: Any) -> str:
@@ -93,8 +93,8 @@ def is_finite(value: Any) -> bool:
 
 def _unquoted(text: str) -> str:
     """Remove quotes as YAML does, and change nothing else."""
-    found = _load(text)
-    return found if isinstance(found, str) and text.strip()[:1] in "'\"" else text
+    content = _load(text)
+    return content if isinstance(content, str) and text.strip()[:1] in "'\"" else text
 
 
 def _load(text: str) -> Any:
@@ -160,33 +160,19 @@ def _int64(value: int) -> int:
 
 
 def dump(node: str, names: Sequence[str], values: Sequence[Any]) -> str:
-    """Return a node's parameters as a parameter file has them: those that have a value.
-
-    Args:
-        node: its full name.
-        names: of the parameters; a dot separates levels.
-        values: a ParameterValue each.
-    """
+    """Return a node's parameters as a parameter file has them: those that have a value."""
     tree: dict[str, Any] = {}
     for name, value in zip(names, values, strict=True):
-        if value.type != NOT_SET:  # rcl reads no file with a null in it
-            _insert(tree, name.split("."), _yaml_value(value_of(value)))
+        if value.type == NOT_SET:
+            continue  # rcl reads no file with a null in it
+        *groups, last = name.split(".")
+        if any(name.startswith(f"{other}.") for other in names):
+            groups, last = [], name  # "a" and "a.b" are parameters, both
+        level = tree
+        for group in groups:
+            level = level.setdefault(group, {})
+        level[last] = _yaml_value(value_of(value))
     return yaml.safe_dump({node: {"ros__parameters": tree}}, default_flow_style=False)
-
-
-def _insert(tree: dict[str, Any], path: list[str], value: Any) -> None:
-    for depth, step in enumerate(path[:-1]):
-        inner = tree.setdefault(step, {})
-        if not isinstance(inner, dict):
-            # Both "a" and "a.b" exist: the rest of the path stays one name.
-            tree[".".join(path[depth:])] = value
-            return
-        tree = inner
-    last = path[-1]
-    if isinstance(tree.get(last), dict):
-        for key, nested in tree.pop(last).items():
-            tree[f"{last}.{key}"] = nested
-    tree[last] = value
 
 
 def _yaml_value(value: Any) -> Any:

@@ -17,11 +17,11 @@ from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.wire.messages import TfArrays
 
 Floats = NDArray[np.float64]
-_MOST_ROWS = 100_000  # of all blocks: messages may come with ever other sets of frames
+_MOST_ROWS = 100_000  # in all blocks: messages may come with ever other sets of frames
 _HISTORY_NS, _HISTORY_ROWS = 10_000_000_000, 1_000_000  # tf2 keeps ten seconds
 _FOR_EVER = np.iinfo(np.int64).max
 _LATE_NS = 1_000_000_000  # a message that is older than the latest by more is of another clock
-_UNIT = 0.01  # that the square of a quaternion's length may be off, as in tf2
+_UNIT = 0.01  # greatest error of the squared length of a quaternion, as in tf2
 _IDENTITY: Transform = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 _NANO = 1e-9
 
@@ -82,22 +82,18 @@ class _Block:
         """Return translation and rotation at a time, interpolated.
 
         Before the history they are its first, unless that is of another clock; after it the latest.
-
-        Args:
-            row: of the frame.
-            time_ns: nanoseconds.
         """
         history = self.history
         first, last = self.span(row) if history else (0, 0)
         if not first - _HISTORY_NS < time_ns < last:
             return self.translations[row], self.rotations[row]
         number = bisect_right(history, time_ns, key=lambda message: message.stamps_ns[row])
-        before, after = history[max(0, number - 1)], history[number]
-        start, end = before.stamps_ns[row], after.stamps_ns[row]
+        earlier, later = history[max(0, number - 1)], history[number]
+        start, end = earlier.stamps_ns[row], later.stamps_ns[row]
         part = min(1.0, max(0.0, (time_ns - start) / max(1, end - start)))
-        shift = before.translations[row]
-        shift = shift + part * (after.translations[row] - shift)
-        return shift, _slerp(before.rotations[row], after.rotations[row], part)
+        shift = earlier.translations[row]
+        shift = shift + part * (later.translations[row] - shift)
+        return shift, _slerp(earlier.rotations[row], later.rotations[row], part)
 
 
 def _slerp(first: Floats, second: Floats, part: float) -> Floats:
@@ -119,19 +115,15 @@ class FrameTree:
         self._places: dict[str, tuple[_Block, int]] = {}
         # By the identity of the lists that were given, which are kept for that.
         self._blocks: dict[tuple[int, int], tuple[object, object, _Block]] = {}
-        self._rows = 0  # of the blocks
-        self._lists: dict[tuple[str, str], tuple[list[str], list[str]]] = {}  # of one frame each
+        self._rows = 0  # in all blocks
+        self._lists: dict[tuple[str, str], tuple[list[str], list[str]]] = {}  # by a frame
         self._tops: dict[str, str] = {}
         self._names: frozenset[str] | None = None
 
     # --- what is received -----------------------------------------------------------------------
 
     def add(self, message: TfArrays, *, static: bool) -> list[str]:
-        """Add a message frame by frame, with each frame's history its own.
-
-        Returns:
-            Why some of its transforms are ignored, a sentence each.
-        """
+        """Add a message, each frame with its own history; return why transforms are ignored."""
         ignored = []
         for row, (parent, child) in enumerate(zip(message.parents, message.children, strict=True)):
             parent, child = parent.removeprefix("/"), child.removeprefix("/")
@@ -166,12 +158,12 @@ class FrameTree:
             history: messages of these names with their times, of which the last is this one; none
                 if they are static.
         """
-        known = self._blocks.get((id(parents), id(children)))
-        block = known[2] if known is not None and known[2].whole else None
+        entry = self._blocks.get((id(parents), id(children)))
+        block = entry[2] if entry is not None and entry[2].whole else None
         if block is None:
             block = self._remember(parents, children)
-            if known is not None:
-                block.history = known[2].history
+            if entry is not None:
+                block.history = entry[2].history
         if history:
             block.record(history)
         else:
@@ -181,11 +173,11 @@ class FrameTree:
     def _remember(self, parents: Iterable[str], children: Iterable[str]) -> _Block:
         block = _Block(parents, children)
         for row, child in enumerate(block.children):
-            before = self._places.get(child)
-            if before is None or before[0].parents[before[1]] != block.parents[row]:
+            place = self._places.get(child)
+            if place is None or place[0].parents[place[1]] != block.parents[row]:
                 self._changed()
-            if before is not None and before[0] is not block:
-                before[0].whole = False
+            if place is not None and place[0] is not block:
+                place[0].whole = False
             self._places[child] = (block, row)
         self._rows += len(block.children)
         if self._rows > _MOST_ROWS:
@@ -266,13 +258,7 @@ class FrameTree:
     # --- poses ----------------------------------------------------------------------------------
 
     def pose(self, frame: str, fixed: str, time_ns: int = 0) -> Floats | None:
-        """Return the (4, 4) pose of ``frame`` in ``fixed``; None when they are not connected.
-
-        Args:
-            frame: whose.
-            fixed: in which.
-            time_ns: nanoseconds; 0 for the latest.
-        """
+        """Return the (4, 4) pose of ``frame`` in ``fixed``, None without one; at 0, the latest."""
         top = self.top(fixed)
         if self.top(frame) != top:
             return None

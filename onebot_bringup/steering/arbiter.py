@@ -157,7 +157,6 @@ class Arbiter:
             return  # a command that it gave before has its own deadline
         if not sender.holding:
             sender.holding = True
-            self._halt()  # a driver before it
             self._set_driver(page)
         if self._driver != page:
             return

@@ -30,7 +30,6 @@ Calls:
     the parameter services of the viewer, and of the node whose parameters a page shows.
 """
 
-import queue
 import sys
 import threading
 import webbrowser
@@ -154,7 +153,7 @@ class SteeringPage(Node):
         self._braking: Braking | None = None
         self._topics: tuple[str, ...] = ()
         self._robots: tuple[CommandedRobot, ...] = ()
-        self._choices: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()  # page, topic
+        self._choices: dict[str, str] = {}  # the topic that each page chose last
         self._arbiter = Arbiter(settings.limits(()), commands.publish, commands.lock)
         self._viewer = Viewer(self, settings.viewer_page, self._on_view)
         self._timeouts = 0  # number of drivers' timeouts that were logged
@@ -189,7 +188,7 @@ class SteeringPage(Node):
                 view=ViewProxy(self._viewer),
                 tools=tools,
                 robot=self._robot,
-                choose_topic=lambda page, topic: self._choices.put((page, topic)),
+                choose_topic=self._choices.__setitem__,
                 logger=self.get_logger(),
                 rate=self._settings.rate,
             )
@@ -254,8 +253,8 @@ class SteeringPage(Node):
                 "stopped: no message from the page that drives, or one that is too old",
                 throttle_duration_sec=_WARN_EVERY,
             )
-        while not self._choices.empty():
-            self._choose(*self._choices.get())
+        if self._choices:  # one at a time: a page that floods must not keep the driver unchecked
+            self._choose(*self._choices.popitem())
 
     def _choose(self, page: str, name: str) -> None:
         topic = str(self.resolve_topic_name(name))

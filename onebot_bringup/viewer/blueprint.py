@@ -47,10 +47,10 @@ class Layout:
     background: Color | None
     camera: CameraSettings
     panels: PanelsSettings
-    parts: tuple[LayoutPart, ...]  # of the robots and of the displays
+    parts: tuple[LayoutPart, ...]  # one for each robot and display
     fixed_frame: str
     complete: bool  # transforms lead to every link
-    robots: tuple[str, ...]  # where those are whose description is known
+    robots: tuple[str, ...]  # namespaces of the robots whose description is known
 
     @classmethod
     def of(
@@ -62,9 +62,9 @@ class Layout:
         robots: Iterable[ShownRobot],
     ) -> "Layout":
         """Return the layout for a view, and the robots as they are now."""
-        whole = view.grid, view.background, view.camera, view.panels
-        known = tuple(str(shown.names) for shown in robots if shown.description is not None)
-        return cls(*whole, tuple(parts), fixed_frame, complete, known)
+        settings = view.grid, view.background, view.camera, view.panels
+        names = tuple(str(robot.names) for robot in robots if robot.description is not None)
+        return cls(*settings, tuple(parts), fixed_frame, complete, names)
 
     def without_plots(self) -> "Layout":
         """Return the layout with nothing beside the robot."""
@@ -93,10 +93,6 @@ class BlueprintSender:
         self._from_start = from_start
         self._sent: Layout | None = None
 
-    def forget(self) -> None:
-        """Send the next blueprint in any case."""
-        self._sent = None
-
     def update(self, layout: Layout, *, send: bool = True) -> None:
         """Make the blueprint anew if the layout has changed.
 
@@ -117,13 +113,13 @@ class BlueprintSender:
             self._recording.send_blueprint(blueprint, make_active=True, make_default=True)
 
     def _made(self, layout: Layout) -> rrb.Blueprint:
-        found = [self._fitted(shown, layout.fixed_frame) for shown in self._robots]
-        boxes = [box for box in found if box is not None]
+        boxes_of_robots = [self._fitted(robot, layout.fixed_frame) for robot in self._robots]
+        boxes = [box for box in boxes_of_robots if box is not None]
         lengths = {
-            frame: length for shown in self._robots for frame, length in shown.axes_lengths.items()
+            frame: length for robot in self._robots for frame, length in robot.axes_lengths.items()
         }
-        for shown in self._robots:
-            shown.axes_lengths = lengths  # of all: one display draws them
+        for robot in self._robots:
+            robot.axes_lengths = lengths  # one display draws the axes of all
         bounds = box_around(np.concatenate(boxes)) if boxes else None
         eye = target = None
         size = 0.0
@@ -173,13 +169,7 @@ def _same_frames(layout: Layout, other: Layout) -> bool:
 def make_blueprint(
     layout: Layout, follow: str | None = None, from_start: bool = False
 ) -> rrb.Blueprint:
-    """Return the blueprint of ``layout``.
-
-    Args:
-        layout: with the camera and grid to use.
-        follow: the entity that the camera moves with.
-        from_start: the viewer plays from the beginning, in place of following the end.
-    """
+    """Return the blueprint of ``layout``; the camera moves with the entity ``follow``, if any."""
     robot: rrb.View | rrb.Container = _robot_view(layout, follow)
     wide = [view.view() for part in layout.parts for view in part.wide]
     if wide:

@@ -110,7 +110,7 @@ class BytesMaker:
 
 
 def one_row(archetype: "rr.AsComponents | ReadyColumn") -> Sequence[ReadyColumn]:
-    """Return what Rerun has made as columns of one row; one that is made already as it is."""
+    """Return an archetype as columns of one row; a column that is made already stays."""
     if isinstance(archetype, ReadyColumn):
         return [archetype]
     return [_one_row(batch) for batch in archetype.as_component_batches()]
@@ -130,19 +130,19 @@ def joinable(
     """Split rows that follow one another into those of the same columns, which are not large."""
     if len(rows) == 1:
         return [[*rows]]
-    found: list[list[tuple[int, Sequence[ReadyColumn]]]] = []
-    before = None
+    groups: list[list[tuple[int, Sequence[ReadyColumn]]]] = []
+    last_kinds = None
     for row in rows:
         kinds = [column.component_descriptor() for column in row[1]]
         if any(column.as_arrow_array().nbytes > _MANY for column in row[1]):
-            before = None
-        elif kinds == before:
-            found[-1].append(row)
+            last_kinds = None
+        elif kinds == last_kinds:
+            groups[-1].append(row)
             continue
         else:
-            before = kinds
-        found.append([row])
-    return found
+            last_kinds = kinds
+        groups.append([row])
+    return groups
 
 
 def joined(rows: Sequence[Sequence[ReadyColumn]]) -> Sequence[ReadyColumn]:
@@ -184,10 +184,10 @@ def empty(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
 
     New memory from the system, as large arrays get it, takes longer than to fill it.
     """
-    found: NDArray[Any] = np.frombuffer(
+    array: NDArray[Any] = np.frombuffer(
         pa.allocate_buffer(math.prod(shape) * np.dtype(dtype).itemsize), dtype
     )
-    return found.reshape(shape)
+    return array.reshape(shape)
 
 
 def _array(kind: pa.DataType, values: NDArray[Any], dtype: np.dtype[Any]) -> pa.Array:

@@ -209,11 +209,7 @@ class RecordingFile:
     """
 
     def __init__(self, path: Path) -> None:
-        """Open it, replacing what was there.
-
-        Raises:
-            OneBotError: it cannot be written.
-        """
+        """Open it, replacing what was there."""
         self._path = path
         self._file = _open_recording_file(path)
         self._error: OSError | None = None
@@ -247,24 +243,16 @@ class RecordingFile:
             self._error = error
 
     def check(self) -> None:
-        """Check that all so far could be written.
-
-        Raises:
-            OneBotError: it could not, and why; what was written before is kept.
-        """
+        """Raise an OneBotError if the file could not be written; the beginning is kept."""
         if self._error is not None:
             raise OneBotError(f"save:={self._path}: {self._error.strerror}")
 
     def close(self) -> None:
-        """Write the rest of a recording that has ended.
-
-        Raises:
-            OneBotError: the file was not written to its end.
-        """
+        """Write the rest of a recording that has ended; as ``check``."""
         self._thread.join()
         try:
             self._file.close()
-        except OSError as error:  # of a file on another host, for one
+        except OSError as error:  # such as of a file on another host
             self._error = self._error or error
         self.check()
 
@@ -288,11 +276,11 @@ APPLICATION = "onebot"
 class Recording:
     """An open recording; the server lives as long as ``stream`` is referenced."""
 
-    stream: rr.RecordingStream  # to log to
-    file: RecordingFile | None  # what is written, or None
-    port: int | None = None  # for native viewers, on 127.0.0.1; None if nothing is served
+    stream: rr.RecordingStream
+    file: RecordingFile | None
+    port: int | None = None  # on 127.0.0.1, for native viewers; None if nothing is served
     server: tuple[str, int] = ("", 0)  # address and port of Rerun's server, which that leads to
-    gate: GrpcGate | None = None  # which listens on the port
+    gate: GrpcGate | None = None  # listens on the port
 
     @property
     def uri(self) -> str:
@@ -300,11 +288,7 @@ class Recording:
         return f"rerun+http://{LOOPBACK}:{self.port}/proxy"
 
     def close(self) -> None:
-        """Write out everything and end the server.
-
-        Raises:
-            OneBotError: the file was not written to its end.
-        """
+        """Write out everything and end the server; as ``RecordingFile.check``."""
         if self.gate is not None:
             self.gate.stop()
         self.stream.disconnect()
@@ -344,8 +328,8 @@ def open_recording(
             raise OneBotError(f"the recording cannot be served: {error}") from None
     if listener is None:
         return Recording(stream, file)
-    known = int(listener.getsockname()[1])
-    return Recording(stream, file, known, server, GrpcGate(listener, server))
+    own_port = int(listener.getsockname()[1])
+    return Recording(stream, file, own_port, server, GrpcGate(listener, server))
 
 
 _RESTART_AFTER = 5.0  # seconds between two starts of a page's server that keeps dying
@@ -355,11 +339,8 @@ _REMIND_AFTER = 5.0  # seconds
 class Log(Protocol):
     """Where messages to the user go; an rclpy logger is one."""
 
-    def info(self, message: str, /) -> object:
-        """Say what is going on."""
-
-    def warning(self, message: str, /) -> object:
-        """Say what is not as it should be."""
+    def info(self, message: str, /) -> object: ...
+    def warning(self, message: str, /) -> object: ...
 
 
 class DisplayServer:
@@ -381,21 +362,7 @@ class DisplayServer:
         embedded: bool = False,
         log: Log,
     ) -> None:
-        """Open the recording, then what shows it; call it from the main thread.
-
-        Args:
-            viewer: "web", "native" or "none".
-            save: a file to write as well.
-            grpc_port: wanted port of the recording's server, 0 for any.
-            web_port: wanted port of the page, 0 for any.
-            memory_limit: what the server keeps for late viewers, such as "256MB".
-            open_browser: open the page, if there is a display.
-            embedded: another page holds this one, whose address is nobody's to open.
-            log: where to say what happens.
-
-        Raises:
-            OneBotError: a file, a port or a display that cannot be had.
-        """
+        """Open the recording, then what shows it; call it from the main thread."""
         self._log = log
         self._open_browser, self._embedded = open_browser, embedded
         self._page: WebPage | None = None
@@ -473,12 +440,8 @@ class DisplayServer:
             self._log.info(f"waiting for the page's server on port {page.port}")
 
     def close(self) -> None:
-        """End what shows the recording, then write it out.
-
-        Raises:
-            OneBotError: it was not written to its end.
-        """
-        for shown in (self._page, self._window):
-            if shown is not None:
-                shown.stop()
+        """End what shows the recording, then write it out; as ``RecordingFile.check``."""
+        for process in (self._page, self._window):
+            if process is not None:
+                process.stop()
         self._recording.close()

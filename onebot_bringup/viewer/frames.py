@@ -32,19 +32,19 @@ class FrameResolution:
     def known_as(self, robot: Description, wanted: str) -> str:
         """Return the name by which a frame is known, also with the prefix; "" if it is not.
 
-        Another robot's frame may have the name without the prefix: of both, the one that a
-        transform connects with this robot counts, and the name as it is if both are.
+        Another robot's frame may have the name without the prefix. The frame that is connected with
+        this robot counts; if both are, the name without the prefix.
         """
         if not wanted:
             return ""
         received, links = self._frames.names, robot.link_names
         prefixed = self._frame_of(wanted)
-        known = [prefixed] if prefixed in received or wanted in links else []
+        names = [prefixed] if prefixed in received or wanted in links else []
         if wanted in received or wanted in map(self._frame_of, links):
-            known.insert(0, wanted)
+            names.insert(0, wanted)
         top = self._frames.top(self._frame_of(robot.root_link))
-        connected = [name for name in known if self._frames.top(name) == top]
-        return next(iter(connected + known), "")
+        connected = [name for name in names if self._frames.top(name) == top]
+        return next(iter(connected + names), "")
 
     def missing(self, robot: Description, fixed_frame: str) -> list[str]:
         """Return the frames of links that no transform connects with ``fixed_frame``."""
@@ -63,14 +63,14 @@ class FrameResolution:
 
     def warnings(self, robot: Description, wanted: str) -> list[str]:
         """Return the links without a transform, and a missing fixed frame, a sentence each."""
-        found = []
+        warnings = []
         fixed_frame = self.fixed_frame(robot, wanted)
         missing = self.missing(robot, fixed_frame)
         if missing:
-            found.append(
+            warnings.append(
                 f'no transform yet from "{fixed_frame}" to {listing(missing, 5)}: '
                 "not shown until /tf or /tf_static brings it"
             )
         if wanted and not self.known_as(robot, wanted):
-            found.append(unknown_frame(self._frames, wanted, fixed_frame))
-        return found
+            warnings.append(unknown_frame(self._frames, wanted, fixed_frame))
+        return warnings

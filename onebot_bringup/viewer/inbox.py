@@ -34,10 +34,10 @@ class MessageType(Generic[T]):
     """A message type, and a decoder for batches of its messages."""
 
     name: str  # as ROS has it, such as "nav_msgs/msg/Odometry"
-    # Messages in the order they came, and what is called with the error of a bad one -> a result
-    # for each, None for a bad one. Displays that use the same object share its results.
+    # Messages in the order they came, and a function for the error of a bad message -> their
+    # results; None is a bad message's. Displays that use the same object share its results.
     decode: Callable[[Sequence[bytes], Report], Sequence[T | None]]
-    stamp_ns: Callable[[T], int]  # of the header, nanoseconds; 0 for none
+    stamp_ns: Callable[[T], int]  # the header's, nanoseconds; 0 for none
     # Stamps are about the time of sending; false for types that are latched for long, as plans.
     live: bool = True
 
@@ -136,7 +136,7 @@ class Inbox:
 
     def __init__(self, report: Callable[[str, Exception], object]) -> None:
         """Keep nothing yet; ``report`` is called with the topic and the error of a bad message."""
-        self.topics: Mapping[str, WantedTopic] = {}  # to subscribe, by full names
+        self.topics: Mapping[str, WantedTopic] = {}  # subscriptions by full names
         self.stamps = Stamps()
         self.report = report
         self._queues: dict[tuple[str, str], _Queue] = {}
@@ -258,7 +258,7 @@ class Stamps:
     """
 
     def __init__(self) -> None:
-        self.warnings: dict[str, str] = {}  # of a wrong clock, by topic
+        self.warnings: dict[str, str] = {}  # warnings of a wrong clock, by topic
         self._shift = 0  # ns, from the receive time to the time of the stamps
         self._has_tf = False
         self._other_since: dict[str, int] = {}  # ns, by the topics whose clock differs
@@ -266,14 +266,7 @@ class Stamps:
     def display_time(
         self, stamp_ns: int, time_ns: int, topic: str = "", kind: MessageType[Any] | None = None
     ) -> int:
-        """Return the time, nanoseconds.
-
-        Args:
-            stamp_ns: of the header; 0 for none.
-            time_ns: when it was received.
-            topic: of the message, and
-            kind: its type; both are not needed without a stamp.
-        """
+        """Return the time, nanoseconds, of a message with a stamp (0: none), received at a time."""
         if SYSTEM_TIME_NS < time_ns < stamp_ns - OTHER_CLOCK_NS:
             ahead = f"{(stamp_ns - time_ns) * 1e-9:.0f} s ahead of their receive time"
             self.warnings.setdefault("", f"stamps {ahead} are ignored: is a clock wrong?")
@@ -302,8 +295,8 @@ class Stamps:
 
 # How much of its time the viewer may spend on one display, and seconds that it may save up.
 _SHARE, _SAVED = 0.25, 0.5
-_FADING, _FEW = 0.7, 0.1  # of the messages whose cost is known: what is left after each call
-_BYTES_PER_SECOND = 400e6  # that Rerun copies, encodes and sends on in threads of its own
+_FADING, _FEW = 0.7, 0.1  # weight of earlier messages with each call, and the least
+_BYTES_PER_SECOND = 400e6  # Rerun copies, encodes and sends so many in its own threads
 
 
 class LoadLimit:
@@ -314,7 +307,7 @@ class LoadLimit:
 
     def __init__(self) -> None:
         self._left = _SAVED  # seconds
-        self._seconds = self._messages = 0.0  # that were spent on how many, of late
+        self._seconds = self._messages = 0.0  # recent messages, and the time that they took
         self._at: float | None = None
         self._bytes = 0
         self._count = 0

@@ -106,11 +106,11 @@ class LiveView:
         return SetParametersResult(successful=True)
 
     def _take(self, parameters: Sequence[Parameter]) -> None:
-        settings = [one for one in parameters if is_parameter(ViewConfig, one.name)]
+        settings = [setting for setting in parameters if is_parameter(ViewConfig, setting.name)]
         if self._mirroring or not settings:
             return
-        for one in settings:
-            self.source.change(one.name, plain(one.value))
+        for setting in settings:
+            self.source.change(setting.name, plain(setting.value))
         self._apply()
 
     def _save(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-_SLIDERS = {"max_height": "320px", "overflow": "auto"}  # of many, the list scrolls
+_SLIDERS = {"max_height": "320px", "overflow": "auto"}  # a long list scrolls
 
 
 class NotebookRobot:
@@ -40,7 +40,7 @@ class NotebookRobot:
     Attributes:
         model: its kinematics.
         recording: what the viewer shows; more can be logged into it, in the frames of the links.
-        sliders: by joint, of those that follow no other one.
+        sliders: by the names of the joints that do not mimic another.
     """
 
     def __init__(self, description: Description, *, height: int = 480) -> None:

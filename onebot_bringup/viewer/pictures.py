@@ -23,10 +23,10 @@ from rerun.experimental import ViewerClient, ViewerState
 from onebot_bringup.serving.ports import LOOPBACK, free_port
 from onebot_bringup.viewer.blueprint import ROBOT_VIEW
 from onebot_bringup.viewer.display_server import Child
-from onebot_bringup.viewer.whole_file import write_whole
 from onebot_description.description.description import Triple
 from onebot_description.errors import OneBotError
 from onebot_description.file_watch import in_background
+from onebot_description.whole_file import write_whole
 
 T = TypeVar("T")
 
@@ -42,7 +42,7 @@ PATIENCE = 60.0  # seconds
 _REPORT_AFTER = 2.0  # seconds
 _PAUSE = 0.05  # seconds
 Progress = Callable[[str], None]
-# A view may report an error for a moment, while its data come in; one that lasts belongs to the
+# A view may report an error for a moment, while its data come in; a lasting error belongs to the
 # picture. It has to outlast both, so that neither a slow nor a quick machine ends it early.
 _LASTING = 5.0  # seconds
 _POLLS = 20
@@ -60,8 +60,8 @@ class Framing:
     """How to frame a picture."""
 
     dashboard: bool = True  # the whole layout with its plots; False: the robot alone
-    eye: Triple | None = None  # where to look from, m in the fixed frame; None: as in the layout
-    target: Triple | None = None  # where to look at
+    eye: Triple | None = None  # eye, m in the fixed frame; None: as in the layout
+    target: Triple | None = None  # point in the middle of the picture
     time_panel: bool = True  # the dashboard's, in which a growing recording is never still
 
     @property
@@ -147,13 +147,7 @@ def _margins(shot: Image.Image, width: int, height: int) -> tuple[int, int]:
 
 
 def still(client: ViewerClient, progress: Progress = print, view: str | None = None) -> bytes:
-    """Return a PNG once three in a row are equal and complete, or the last one after a minute.
-
-    Args:
-        client: the viewer's.
-        progress: called with what it waits for, when that takes over two seconds.
-        view: of this view only; None for the whole window.
-    """
+    """Return a PNG of the window, or of one view, once three in a row are equal and complete."""
     shots: deque[bytes] = deque(maxlen=_ALIKE)
 
     def is_still() -> bool:
@@ -166,13 +160,7 @@ def still(client: ViewerClient, progress: Progress = print, view: str | None = N
 
 
 def _wait(done: Callable[[], T], progress: Progress, what: Callable[[], str]) -> T:
-    """Return the value of ``done()`` once it is true, or after a minute.
-
-    Args:
-        done: called again and again.
-        progress: called with what is waited for, every two seconds.
-        what: returns that.
-    """
+    """Return ``done()`` once it is true, or after a minute; report ``what()`` it waits for."""
     start = reported = time.monotonic()
     while True:
         value, now = done(), time.monotonic()
@@ -198,10 +186,7 @@ _PANELS = {
 
 
 def robot_view_id(views: Mapping[str, tuple[str, str]]) -> str:
-    """Return the view that shows the robot in space.
-
-    Args:
-        views: class and name of each view, by its id.
+    """Return the view that shows the robot in space, of the class and name of each view, by its id.
 
     Raises:
         OneBotError: none of them shows anything in space.
@@ -216,13 +201,7 @@ def robot_view_id(views: Mapping[str, tuple[str, str]]) -> str:
 
 
 def framed(layout: LayoutValues, view: str, framing: Framing) -> dict[str, Any]:
-    """Return ``layout`` as ``framing`` wants it.
-
-    Args:
-        layout: what the viewer shows now.
-        view: the id of the robot's view in it; "" if ``framing`` takes none.
-        framing: what is to be in the picture.
-    """
+    """Return the viewer's ``layout`` as ``framing`` wants it; ``view`` is the robot's, by id."""
     changed = copy.deepcopy(dict(layout))
     for path, archetype in _PANELS.items():
         if not framing.dashboard or (path == _TIME and not framing.time_panel):
@@ -396,11 +375,7 @@ class _PatientClient:
 
 
 def _load(client: ViewerClient, source: str, progress: Progress) -> None:
-    """Wait until the viewer shows its views, loaded and free of errors.
-
-    Raises:
-        OneBotError: it cannot show ``source``, or shows nothing within a minute.
-    """
+    """Wait until the viewer shows its views, loaded and free of errors."""
     start = time.monotonic()
     state = client.get_state()
     errors = _Errors()
@@ -414,7 +389,7 @@ def _load(client: ViewerClient, source: str, progress: Progress) -> None:
 
     if not _wait(is_shown, progress, lambda: _unfinished(state)) and not state.views:
         raise OneBotError(f"nothing was shown within {PATIENCE:.0f} s: {_unfinished(state)}")
-    if _reports(state):  # what a user would see, too
+    if _reports(state):  # a user would see them, too
         progress(f"the picture shows an error: {_unfinished(state)}")
 
 
@@ -426,7 +401,7 @@ def _raise_logged(client: ViewerClient, source: str) -> None:
 
 
 class _Errors:
-    """Tells errors that views report for a moment, while data come in, from those that last."""
+    """Tells lasting errors of views from errors for a moment, while data come in."""
 
     def __init__(self) -> None:
         self._reports: list[str] = []

@@ -19,29 +19,8 @@ Publishes:
 Serves:
     ~/save_view (std_srvs/Trigger): writes the settings of now into the view file.
 
-Parameters:
-    viewer (string, "web"): web, native (a window) or none.
-    save (string, ""): a .rrd file to write the recording to, alone or beside the viewer.
-    view (string, ""): a saved view: .yaml (see viewer/view_config.py), .rviz (RViz's own), or .rbl
-        (a layout saved in the viewer); "" for config/view.yaml of the package
-        <robot name>_description, if there is one; "none" for none. Edits of the file are shown at
-        once.
-    save_view_to (string, ""): the file that ~/save_view writes; "" for the one the view is from.
-    fixed_frame (string, ""): the frame to show everything in; "" for the view's, or else for the
-        frame above the robot's root link (such as odom; else the root link).
-    axes.visible, collision, grid.spacing, ... : each setting of the view under its name there (not
-        trails, covariance, speeds.lines and curves.lines); they can be changed while it runs.
-    robots (string[], []): the namespaces of several robots, to show them all; [] for the one robot
-        of the node's own namespace. A fixed frame that each of them has, and a camera that follows
-        a link, are for one robot: several are shown in the frame above all, with a camera that
-        sees all; camera.follow may be the frame of one, such as robot2/base_link.
-    plots (string[], []): those of robots with curves, in a tab each; [] for the first five.
-    frame_prefix (string, ""): as robot_state_publisher's parameter of that name; with robots, the
-        prefix of each is its namespace.
-    grpc_port (int, 9876), web_port (int, 9090): on 127.0.0.1; another if it is in use, 0 for any.
-    open_browser (bool, true): open the page, if there is a display.
-    embedded (bool, false): another page holds this one: its address is not logged, nor opened.
-    memory_limit (string, "256MB"): what is kept for viewers that join later.
+Its parameters are ``ViewerParameters``, which are read at the start, and each setting of the view
+(``ViewConfig``) under its name there, such as axes.visible, which can be changed while it runs.
 """
 
 import json
@@ -126,18 +105,18 @@ class ViewerParameters:
         """Return the robots to show; ``resolve`` returns the full name of a topic.
 
         Raises:
-            OneBotError: ``plots`` has one that ``robots`` has not.
+            OneBotError: ``plots`` names a robot that ``robots`` does not.
         """
         spaces = [resolve(name) for name in self.robots]
         plotted = [resolve(name) for name in self.plots] or spaces[:MOST_PLOTTED]
         for space in plotted:
             if space not in spaces:
                 raise OneBotError(f'plots: no "{space}"{did_you_mean(space, spaces, "robots")}')
-        found = [
+        robots = [
             RobotToShow(space, prefixed("", True, "", space), plotted=space in plotted)
             for space in spaces
         ]
-        return found or [RobotToShow(frame_prefix=self.frame_prefix)]
+        return robots or [RobotToShow(frame_prefix=self.frame_prefix)]
 
     @property
     def recording(self) -> Path | None:
@@ -232,7 +211,7 @@ class RerunViewer(Node):
         self._update_feed()
 
     def _update_feed(self) -> None:
-        """Show what others publish now, and publish what of it is shown."""
+        """Show the topics that are published now, and publish which are shown."""
         for problem in self._feed.update():
             self._warn(problem, problem, every=60.0)
         offered = [topic._asdict() for topic in self._view.offered]

@@ -16,11 +16,7 @@ Floats = NDArray[np.float64]
 
 
 def corners(geometry: Geometry) -> Floats:
-    """Return the (8, 3) corners of the box around ``geometry``, metres, in its link's frame.
-
-    Raises:
-        OneBotError: its mesh cannot be read.
-    """
+    """Return the (8, 3) corners of the box around ``geometry``, metres, in its link's frame."""
     low, high = load_shape(geometry.shape).bounds
     grid = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
     local = np.where(grid == 1, high, low)
@@ -50,15 +46,15 @@ def link_corners(link: Link, marker: float) -> Floats | None:
 
     Args:
         link: has the visuals.
-        marker: the size of the boxes in place of those that cannot be drawn, m.
+        marker: the size of the box in place of a visual that cannot be drawn, m.
     """
-    found = []
+    clouds = []
     for geometry in link.visuals:
         try:
-            found.append(corners(geometry))
+            clouds.append(corners(geometry))
         except OneBotError:  # reported when it was drawn
-            found.append(geometry.origin.xyz + marker * np.array([[-0.5] * 3, [0.5] * 3]))
-    return np.concatenate(found) if found else None
+            clouds.append(geometry.origin.xyz + marker * np.array([[-0.5] * 3, [0.5] * 3]))
+    return np.concatenate(clouds) if clouds else None
 
 
 def box_around(points: Floats) -> Floats:
@@ -80,9 +76,9 @@ def robot_size(description: Description) -> float:
         model = RobotModel.from_description(description)
     except OneBotError:
         return 0.0
-    found = model.link_poses(np.zeros(len(model.joints)))
-    poses = np.tile(np.eye(4), (len(found), 1, 1))
-    poses[:, :3, 3], poses[:, :3, :3] = found[:, :3], to_matrix(found[:, 3:])
+    link_poses = model.link_poses(np.zeros(len(model.joints)))
+    poses = np.tile(np.eye(4), (len(link_poses), 1, 1))
+    poses[:, :3, 3], poses[:, :3, :3] = link_poses[:, :3], to_matrix(link_poses[:, 3:])
     bounds = robot_bounds(description, dict(zip(model.links, poses, strict=True)))
     return 0.0 if bounds is None else diagonal(bounds)
 
@@ -102,8 +98,8 @@ def _vector(values: Floats) -> Triple:
     return x, y, z
 
 
-_SHORTEST = 0.05  # of a robot's size: axes of a hundred links are seen, too
-_OF_LINK = 0.75  # of a link's size
+_SHORTEST = 0.05  # share of a robot's size: axes of a hundred links are seen, too
+_OF_LINK = 0.75  # share of a link's size
 
 
 def fitting_length(size: float, links: int) -> float:

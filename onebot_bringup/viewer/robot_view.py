@@ -18,7 +18,6 @@ from onebot_bringup.viewer.displays import MESSAGE_DRAWINGS, ROBOT_DISPLAYS
 from onebot_bringup.viewer.displays.display import SELDOM, Display
 from onebot_bringup.viewer.displays.drawing import MessageDisplay
 from onebot_bringup.viewer.displays.tf import TfDisplay
-from onebot_bringup.viewer.frames import unknown_frame
 from onebot_bringup.viewer.inbox import (
     DESCRIPTION,
     WARN_AFTER,
@@ -32,13 +31,12 @@ from onebot_bringup.viewer.shown_robot import RobotToShow, ShownRobot
 from onebot_bringup.viewer.stage import Stage
 from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_description.description import Description
-from onebot_description.errors import OneBotError, listing
+from onebot_description.errors import OneBotError
 
 # Seconds to wait for all links' frames before laying out without them.
 _PATIENCE = 1.0
-_MOST_WARNINGS = 100  # of one description
+_MOST_WARNINGS = 100  # sentences about one description
 _LONGEST_WARNING = 1000  # characters
-_LISTED = 5  # names of robots
 
 ReportBad = Callable[[str, Exception], object]
 
@@ -82,6 +80,8 @@ class RobotView:
             OneBotError: two displays want a topic, each as another type.
         """
         self.inbox = Inbox(report or _raise)
+        self.wants = self.inbox.wants
+        self.take = self.inbox.take  # a message, which a ``tick`` that follows shows
         self.stage = stage = Stage(
             recording,
             view or ViewConfig(),
@@ -151,7 +151,11 @@ class RobotView:
 
     def _select(self) -> list[str]:
         """Offer the topics that are to be shown; where that changes them, subscribe anew."""
-        drawn = {name for name, display, _ in self._named() if display and not display.plots}
+        drawn = {
+            name
+            for name, display, _ in self._takers(of_messages=False)
+            if display and not display.plots
+        }
         problems = self._selection.choose(self._published, drawn)
         changed = []
         for display in self._displays:
@@ -165,32 +169,22 @@ class RobotView:
         self._apply(changed)
         return problems + (self.inbox.set_takers(self._takers()) if changed else [])
 
-    def wants(self, topic: str, type_name: str) -> bool:
-        """Whether messages of a topic (its full name) of this type are shown."""
-        return self.inbox.wants(topic, type_name)
-
-    def take(self, topic: str, type_name: str, data: bytes, time_ns: int) -> None:
-        """Take a message, see ``Inbox``; it is decoded and shown by a ``tick`` that follows."""
-        self.inbox.take(topic, type_name, data, time_ns)
-
-    def _takers(self) -> Iterable[Taker]:
-        yield from self._named()
-        for display in self.stage.message_displays:
-            for topic in display.topics():
-                yield topic.name, display, topic
-
-    def _named(self) -> Iterable[Taker]:
-        """Yield the topics that the view names or every robot has."""
+    def _takers(self, *, of_messages: bool = True) -> Iterable[Taker]:
+        """Yield the topics that the view names or every robot has, and those of message types."""
         for number, robot in enumerate(self.stage.robots):
             name = robot.names.description
             yield robot.full_name(name), None, WantedTopic(name, (DESCRIPTION,), latched=True)
             for display in robot.displays if number else [self._tf, *robot.displays]:
                 for topic in display.topics():
-                    if not number or not topic.name.startswith("/"):  # which is no robot's own
+                    # An absolute name is no robot's own: the first robot's displays draw it.
+                    if not number or not topic.name.startswith("/"):
                         yield robot.full_name(topic.name), display, topic
         world = self.stage.world
         wanted = WantedTopic(world.names.description, (DESCRIPTION,), latched=True, optional=True)
         yield world.full_name(wanted.name), None, wanted
+        for message_display in self.stage.message_displays if of_messages else ():
+            for topic in message_display.topics():
+                yield topic.name, message_display, topic
 
     # --- time -----------------------------------------------------------------------------------
 
@@ -261,26 +255,11 @@ class RobotView:
                     "dropped"
                 )
         if stage.clock() - self._changed >= WARN_AFTER:
-            late += self._missing()
+            late += stage.late()
         hints = []
         if self.robot is None and self._live and not stage.frame_without_robot:
             hints = self._warnings.waiting()
         return self._warnings.once(dict.fromkeys(late)) + hints
-
-    def _missing(self) -> list[str]:
-        """Return which frames and descriptions are missing, a sentence each."""
-        stage, wanted = self.stage, self.stage.wanted_frame
-        if self.robot is None:
-            fixed, wanted = stage.fixed_frame, stage.view.fixed_frame
-            return [] if wanted in ("", fixed) else [unknown_frame(stage.frames, wanted, fixed)]
-        missing = []
-        for robot in (*stage.robots, stage.world):
-            if robot.description is not None:
-                missing += robot.resolution.warnings(robot.description, wanted)
-        lacking = [str(robot.names) for robot in stage.robots if robot.description is None]
-        if lacking:
-            missing.append(f"no description yet of the robots in {listing(lacking, _LISTED)}")
-        return missing
 
     # --- the robot and the view -----------------------------------------------------------------
 
@@ -309,14 +288,10 @@ class RobotView:
         self._changed = self.stage.clock()
         return problems + self.stage.wrong_names()
 
-    def use_blueprint(self, blueprint: Path | None) -> None:
-        """Arrange the viewer as a ``.rbl`` file that was saved in it; None: as the view has it."""
-        self._own_blueprint = blueprint is None
-        self._laid_out_ns = 0
-        if blueprint is None:
-            self._blueprint.forget()
-        else:
-            self.stage.recording.log_file_from_path(blueprint)
+    def use_blueprint(self, blueprint: Path) -> None:
+        """Arrange the viewer as a ``.rbl`` file that was saved in it."""
+        self._own_blueprint = False
+        self.stage.recording.log_file_from_path(blueprint)
 
     def _set_descriptions(self) -> list[str]:
         """Show the robots of the descriptions that have come, each in place of the one before."""

@@ -6,17 +6,13 @@ from pathlib import Path
 from onebot_description.errors import OneBotError
 from onebot_description.parameters.bounded_yaml import open_regular
 
-_STARTS = (b"RRF", b"RRIO")  # of the files of all of Rerun's versions
+_STARTS = (b"RRF", b"RRIO")  # any version of Rerun writes one of them
 _NOTHING = 200  # bytes of a file in which no message is whole
 _PROPERTIES = "/__properties"  # the recording's name and start
 
 
 def check_rrd(rrd: Path) -> None:
-    """Refuse what is no recording of Rerun's, at the price of reading its first bytes.
-
-    Raises:
-        OneBotError: with what is wrong.
-    """
+    """Raise an OneBotError if the first bytes of the file are not those of a recording of Rerun."""
     try:
         with open_regular(rrd) as file:
             start = file.read(4)
@@ -46,7 +42,7 @@ def has_content(rrd: Path) -> bool | None:
 
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of files that have no table of contents
+            warnings.simplefilter("ignore")  # some files have no table of contents
             reader = RrdReader(str(rrd))
             return any(
                 not chunk.entity_path.startswith(_PROPERTIES)

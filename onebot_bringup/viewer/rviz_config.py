@@ -40,11 +40,7 @@ class RvizConfig:
     """
 
     def __init__(self, content: Properties) -> None:
-        """Take the file's content.
-
-        Raises:
-            ValueError: it is no RViz file.
-        """
+        """Take the file's content; raise a ValueError if it is no RViz file."""
         manager = content.get("Visualization Manager")
         if not isinstance(manager, Mapping):
             raise ValueError('it has no "Visualization Manager"')
@@ -90,10 +86,10 @@ class RvizConfig:
             self.ignored.append(f'{kind or "a display"} "{display.get("Name", "")}"')
             return
         prefix = f"{key}.topics.{topic}"
-        shown = self.values.get(f"{prefix}.visible")  # by another display of it
-        if shown and not enabled:
+        visible = self.values.get(f"{prefix}.visible")  # another display may have set it
+        if visible and not enabled:
             return
-        if shown is False:
+        if visible is False:
             kept = self.values.items()
             self.values = {k: value for k, value in kept if not k.startswith(f"{prefix}.")}
         self.values[f"{prefix}.visible"] = enabled
@@ -104,7 +100,7 @@ class RvizConfig:
             self.values[f"{prefix}.hidden_namespaces"] = hidden
         fields = _fields(key)
         for name, value in _flat(display):
-            if name in fields and value != "":  # of a transformer that RViz has not chosen yet
+            if name in fields and value != "":  # RViz may not have chosen a transformer yet
                 self.values[f"{prefix}.{name}"] = _color(value) or value
         if "size" in fields and display.get("Style") == "Points":
             self.values[f"{prefix}.size"] = 0.0  # metres: RViz has pixels, too
@@ -136,22 +132,22 @@ class RvizConfig:
 
 
 def load_rviz(path: Path, notice: Callable[[str], object]) -> ViewConfig:
-    """Read an RViz file as a view; ``notice`` gets what of it has no counterpart.
+    """Read an RViz file as a view; ``notice`` gets what has no counterpart here.
 
     Raises:
         OneBotError: there is no such file, or it is none of RViz's.
     """
     try:
         content = bounded_yaml.load(bounded_yaml.read_text(path))
-        found = RvizConfig(_mapping(content))
-        view = found.view()
+        config = RvizConfig(_mapping(content))
+        view = config.view()
     except OSError as error:
         raise OneBotError(f"{path}: {error.strerror}") from error
     except (yaml.YAMLError, ValueError) as error:
         reason = " ".join(str(error).split())
         raise OneBotError(f"{path} is no file of RViz: {reason}") from error
-    if found.ignored:
-        notice(f"{path}: not shown: {listing(dict.fromkeys(found.ignored), _MOST_LISTED)}")
+    if config.ignored:
+        notice(f"{path}: not shown: {listing(dict.fromkeys(config.ignored), _MOST_LISTED)}")
     return view
 
 
@@ -164,30 +160,30 @@ def _with_looks(view: ViewConfig, looks: ViewConfig, keys: Iterable[str]) -> Vie
 
 def _displays(found: Any) -> Iterator[Properties]:
     """Yield the displays, those in groups too."""
-    for each in found if isinstance(found, list) else ():
-        if not isinstance(each, Mapping):
+    for display in found if isinstance(found, list) else ():
+        if not isinstance(display, Mapping):
             continue
-        if str(each.get("Class", "")).endswith("/Group"):
-            yield from _displays(each.get("Displays")) if each.get("Enabled", True) else ()
+        if str(display.get("Class", "")).endswith("/Group"):
+            yield from _displays(display.get("Displays")) if display.get("Enabled", True) else ()
         else:
-            yield each
+            yield display
 
 
 def _topic(display: Properties) -> str:
     """The topic, of ROS 2's form or of ROS 1's."""
-    found = display.get("Topic", display.get("Image Topic", display.get("Marker Topic", "")))
-    return str(found.get("Value", "") if isinstance(found, Mapping) else found or "")
+    topic = display.get("Topic", display.get("Image Topic", display.get("Marker Topic", "")))
+    return str(topic.get("Value", "") if isinstance(topic, Mapping) else topic or "")
 
 
 def _qos(topic: Properties, prefix: str) -> dict[str, Any]:
     """The QoS of a topic. Durability and history need none: a latched topic is received as such."""
-    found: dict[str, Any] = {}
+    settings: dict[str, Any] = {}
     reliability = _snake(topic.get("Reliability Policy", ""))
     if reliability in ("reliable", "best_effort"):
-        found[f"{prefix}.reliability"] = reliability
+        settings[f"{prefix}.reliability"] = reliability
     if isinstance(topic.get("Depth"), int):
-        found[f"{prefix}.depth"] = topic["Depth"]
-    return found
+        settings[f"{prefix}.depth"] = topic["Depth"]
+    return settings
 
 
 def _flat(properties: Properties) -> Iterator[tuple[str, Any]]:
@@ -204,8 +200,8 @@ def _flat(properties: Properties) -> Iterator[tuple[str, Any]]:
 
 
 def _fields(key: str) -> set[str]:
-    found = defaults(ViewConfig)
-    return {name.removeprefix(f"{key}.") for name in found if name.startswith(f"{key}.")}
+    settings = defaults(ViewConfig)
+    return {name.removeprefix(f"{key}.") for name in settings if name.startswith(f"{key}.")}
 
 
 def _snake(name: str) -> str:
@@ -215,8 +211,8 @@ def _snake(name: str) -> str:
 
 
 def _color(value: Any) -> list[int] | None:
-    found = _COLOR.fullmatch(value) if isinstance(value, str) else None
-    return [int(part) for part in found.groups()] if found else None
+    match = _COLOR.fullmatch(value) if isinstance(value, str) else None
+    return [int(part) for part in match.groups()] if match else None
 
 
 def _mapping(value: Any) -> Properties:
@@ -256,8 +252,8 @@ def _axes(display: Properties) -> dict[str, Any]:
         for name, value in _mapping(display.get("Frames")).items()
         if name != "All Enabled"
     }
-    shown = [name for name, visible in frames.items() if visible]
-    only = shown if len(shown) < len(frames) else []
+    enabled = [name for name, visible in frames.items() if visible]
+    only = enabled if len(enabled) < len(frames) else []
     names = bool(display.get("Show Names", True))
     return {"axes.visible": True, "axes.names": names, "axes.frames": only}
 

@@ -60,8 +60,8 @@ class Scene:
         Returns:
             What could not be drawn, a sentence each.
         """
-        left_out = [f"{text}; not drawn" for link in robot.links for text in link.left_out]
-        wanted: set[str] = set()
+        warnings = [f"{text}; not drawn" for link in robot.links for text in link.left_out]
+        entities: set[str] = set()
         failures: dict[str, list[str]] = {}  # reason to links
         size = marker_size(robot)
         for link in robot.links:
@@ -78,12 +78,12 @@ class Scene:
                         failures.setdefault(str(error), []).append(link.name)
                         path = f"{path}/{_MISSING}"
                         self._mark(path, link.name, geometry, size)
-                    wanted.add(path)
+                    entities.add(path)
         home = self.frame_of(robot.root_link)
-        for path in set(self._drawn) - wanted:
+        for path in set(self._drawn) - entities:
             del self._drawn[path]
             self._erase(path, home)
-        return [*condensed(left_out), *_not_drawn(failures)]
+        return [*condensed(warnings), *_not_drawn(failures)]
 
     def _draw(self, path: str, link: str, geometry: Geometry, color: Bytes | None) -> None:
         """Draw ``geometry`` in its own colour, or else all of it in ``color``."""
@@ -138,19 +138,20 @@ class Scene:
 def marker_size(robot: Description) -> float:
     """Return the edge of the box in place of what is missing, m: in proportion to the links."""
     lengths = [math.hypot(*joint.origin.xyz) for joint in robot.joints]
-    known = [length for length in lengths if length > 0]
-    return statistics.median(known) / 2 if known else _MISSING_SIZE
+    offsets = [length for length in lengths if length > 0]
+    return statistics.median(offsets) / 2 if offsets else _MISSING_SIZE
 
 
 def _not_drawn(failures: Mapping[str, Sequence[str]]) -> list[str]:
     """Return a sentence for each reason why shapes are missing, with their links; the first few."""
-    found = [
+    sentences = [
         f"link {listing(links, most=5)}: not drawn but marked by a box: {reason}"
         for reason, links in islice(failures.items(), _MOST_REASONS)
     ]
     if len(failures) > _MOST_REASONS:
-        found.append(f"{len(failures) - _MOST_REASONS} more meshes are marked: see onebot check")
-    return found
+        more = len(failures) - _MOST_REASONS
+        sentences.append(f"{more} more meshes are marked: see onebot check")
+    return sentences
 
 
 def _path(*parts: str) -> str:

@@ -53,11 +53,7 @@ class FileState(NamedTuple):
 
 
 def file_state(shape: Shape) -> FileState | None:
-    """Return the file of a mesh; None for other shapes.
-
-    Raises:
-        OneBotError: it has none.
-    """
+    """Return the file of a mesh, None for other shapes; raise an OneBotError if it is not there."""
     if not isinstance(shape, Mesh):
         return None
     if shape.path is None:
@@ -162,7 +158,7 @@ def _shade(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     smooth: trimesh.Trimesh = trimesh.graph.smooth_shade(joined, angle=np.radians(30.0))
     if mesh.visual.kind == "texture":
         smooth.visual = trimesh.visual.TextureVisuals(material=mesh.visual.material)
-    elif mesh.visual.defined:  # by corner or face: the split has reordered both
+    elif mesh.visual.defined:  # the split has reordered corners and faces
         return _flat(mesh)
     return smooth
 

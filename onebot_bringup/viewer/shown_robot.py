@@ -26,7 +26,7 @@ class RobotToShow:
     namespace: str = ""  # of its topics; "" for none before those that the view names
     frame_prefix: str = ""  # put before link names to get their frames
     description: str = ROBOT_DESCRIPTION  # the topic of its URDF
-    plotted: bool = True  # with its curves
+    plotted: bool = True  # its curves are shown, too
 
     def topic(self, name: str) -> str:
         """Return the name of a topic of the robot; one that is absolute stays as it is."""
@@ -47,22 +47,16 @@ class ShownRobot:
     """A robot on a stage, from its description on."""
 
     def __init__(self, stage: "Stage", names: RobotToShow, root: str) -> None:
-        """Show nothing yet: the description follows.
-
-        Args:
-            stage: where it is shown.
-            names: of the robot.
-            root: the entity below which all of it is logged; "" where it is the only one.
-        """
+        """Show nothing yet. ``root`` is the entity above all of it; "" for the only robot."""
         self.stage, self.names, self.root = stage, names, root
         self.scene = Scene(stage.recording, names.frame_prefix, root)
         self.resolution = FrameResolution(stage.frames, self.frame_of)
-        self.displays: list[Display[Any]] = []  # what is drawn of it beside its shapes
+        self.displays: list[Display[Any]] = []
         self.description: Description | None = None
         self.urdf = ""  # the text of the description
-        self.fitting_length = 0.0  # of axes and arcs, metres, by the robot's size; 0: not known yet
-        self.axes_lengths: Mapping[str, float] = {}  # of the frames of links, by the links' sizes
-        self.joint_colors: dict[str, Color] = {}  # of every joint whose state has come
+        self.fitting_length = 0.0  # axes and arcs, metres, by the robot's size; 0: not known yet
+        self.axes_lengths: Mapping[str, float] = {}  # by frames of links, metres
+        self.joint_colors: dict[str, Color] = {}  # every joint whose state has come
 
     def frame_of(self, link: str) -> str:
         """Return the TF frame of ``link``."""
@@ -80,12 +74,7 @@ class ShownRobot:
     def set_description(self, urdf: str, description: Description | None = None) -> list[str]:
         """Show the robot of this text, in place of the one before.
 
-        Args:
-            urdf: the text.
-            description: what the text describes, where that is known.
-
-        Returns:
-            What could not be drawn, a sentence each.
+        Its description is parsed where it is not given. Returns what could not be drawn.
 
         Raises:
             OneBotError: the text is wrong.

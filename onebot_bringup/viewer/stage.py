@@ -11,16 +11,18 @@ from onebot_bringup.introspection.interfaces import full_definition
 from onebot_bringup.introspection.transforms import FrameTree
 from onebot_bringup.viewer.columns import ReadyColumn, joinable, joined, one_row, time_column
 from onebot_bringup.viewer.displays.tf import TransformStream
+from onebot_bringup.viewer.frames import unknown_frame
 from onebot_bringup.viewer.inbox import MessageType, message_type
 from onebot_bringup.viewer.shown_robot import WORLD_DESCRIPTION, RobotToShow, ShownRobot
 from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_description.description import Description
-from onebot_description.errors import did_you_mean
+from onebot_description.errors import did_you_mean, listing
 
 if TYPE_CHECKING:
     from onebot_bringup.viewer.displays.drawing import MessageDisplay
 
 _TRANSFORM_TIMEOUT_NS = 200_000_000
+_LISTED = 5  # names of robots
 
 
 class Stage:
@@ -36,16 +38,7 @@ class Stage:
         clock: Callable[[], float] = time.monotonic,
         definitions: Callable[[str], str] = full_definition,
     ) -> None:
-        """Set the stage for robots whose descriptions follow.
-
-        Args:
-            recording: where to log.
-            view: what is shown, and how.
-            robots: those to show; of several each has its entities below its namespace.
-            resolve: returns the full name of a topic that the view names.
-            clock: seconds.
-            definitions: returns the definition of a message type; raises OneBotError.
-        """
+        """Set the stage for robots whose descriptions follow; arguments are ``RobotView``'s."""
         self.recording = recording
         self.view = view
         self.resolve = resolve
@@ -61,7 +54,7 @@ class Stage:
         self.world = ShownRobot(self, RobotToShow(description=WORLD_DESCRIPTION), "world")
         self.message_displays: Sequence[MessageDisplay] = ()
         self.now_ns = 0  # on the timeline, nanoseconds
-        self.transform_timeout_ns = _TRANSFORM_TIMEOUT_NS  # that a message waits for transforms
+        self.transform_timeout_ns = _TRANSFORM_TIMEOUT_NS  # messages wait for transforms so long
         self.robot_size = 0.0  # the diagonal of the smallest robot, metres; 0: not known yet
 
     def message_type(self, name: str, *, live: bool = True) -> MessageType[Any]:
@@ -119,6 +112,21 @@ class Stage:
             return []
         hint = did_you_mean(follow, links, "links")
         return [f'camera.follow: the robot has no link "{follow}"{hint}']
+
+    def late(self) -> list[str]:
+        """Return which frames and descriptions are missing, a sentence each."""
+        wanted = self.wanted_frame
+        if not self.descriptions:
+            fixed, wanted = self.fixed_frame, self.view.fixed_frame
+            return [] if wanted in ("", fixed) else [unknown_frame(self.frames, wanted, fixed)]
+        sentences = []
+        for robot in (*self.robots, self.world):
+            if robot.description is not None:
+                sentences += robot.resolution.warnings(robot.description, wanted)
+        lacking = [str(robot.names) for robot in self.robots if robot.description is None]
+        if lacking:
+            sentences.append(f"no description yet of the robots in {listing(lacking, _LISTED)}")
+        return sentences
 
     # --- frames -----------------------------------------------------------------------------------
 

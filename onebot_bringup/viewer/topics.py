@@ -24,7 +24,7 @@ _STAMPED = {
     "sensor_msgs/msg/JointState": HEADER,
     "nav_msgs/msg/Odometry": HEADER,
     "geometry_msgs/msg/TwistStamped": HEADER,
-    "tf2_msgs/msg/TFMessage": HEADER + 4,  # of the first transform, after their number
+    "tf2_msgs/msg/TFMessage": HEADER + 4,  # after the number of transforms
 }
 
 
@@ -94,19 +94,19 @@ class ViewFeed:
 
     def _update(self, name: str, topic: WantedTopic) -> None:
         subscription = self._subscriptions[name]
-        known = [kind.name for kind in topic.types]
-        found = offers(self._node, name, known)
-        kind = choose_type(found, subscription.type)
-        if len(known) == 1:  # subscribed before it is published, unless optional
+        names = [kind.name for kind in topic.types]
+        offered = offers(self._node, name, names)
+        kind = choose_type(offered, subscription.type)
+        if len(names) == 1:  # subscribed before it is published, unless optional
             early = subscription.type or not topic.optional
-            kind = known[0] if early or any(found.values()) else None
+            kind = names[0] if early or any(offered.values()) else None
         if kind is None:
             return
-        offered = compatible_qos(found.get(kind, ()), topic.depth)
-        if subscription.qos is not None and not any(found.values()):
-            offered = subscription.qos
-        latched = topic.latched or is_transient_local(offered)
-        reliable = topic.reliable or latched or (topic.as_published and is_reliable(offered))
+        qos = compatible_qos(offered.get(kind, ()), topic.depth)
+        if subscription.qos is not None and not any(offered.values()):
+            qos = subscription.qos
+        latched = topic.latched or is_transient_local(qos)
+        reliable = topic.reliable or latched or (topic.as_published and is_reliable(qos))
         subscription.update(kind, _qos(reliable=reliable, latched=latched, depth=topic.depth))
 
 

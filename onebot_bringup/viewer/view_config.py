@@ -1,6 +1,6 @@
 """A saved view, in the place of RViz's config.rviz: a short YAML file, checked with clear errors.
 
-Example (every key may be left out)::
+Example (every key may be left out; the settings of a display are below its key)::
 
     fixed_frame: base_link        # "" is the frame above all others
     axes: {visible: true, length: 0.5, names: true, frames: []}   # metres; [] is all frames
@@ -11,39 +11,12 @@ Example (every key may be left out)::
       eye: [3.0, -3.0, 2.0]       # metres, in the fixed frame
       target: [0.0, 0.0, 0.5]
       follow: base_link           # the link the camera moves with
-    joint_plot: {positions: true, velocities: true, limits: false, window: 30.0}   # seconds
-    joint_ranges: {visible: false, radius: 0.45}   # how far each joint can go, in the robot; metres
-    trails:                       # where it has been, by Odometry topics, under any names
+    trails:                       # trails by Odometry topics, under any names
       odometry: {topic: velocity_controller/odom, color: [255, 176, 32], length: 60.0}   # seconds
-    covariance:                   # how sure it is of its pose, by Odometry topics, under any names
-      odometry: {topic: velocity_controller/odom, sigma: 3.0, heading: 0.4}   # deviations, metres
-    speeds:                       # linear.x and angular.z, under any names
-      window: 20.0                # seconds
-      lines:
-        commanded: {topic: velocity_controller/cmd_vel, type: auto}
-        measured: {topic: velocity_controller/odom, type: Odometry, color: [255, 176, 32]}
-    curves:                       # numbers of any messages, under any names
-      lines:
-        charge: {topic: battery, field: percentage, plot: Battery}
     automatic: true               # show every topic of a type that has a display, up to some
-    hidden: [/local_plan]         # but for these topics,
-    shown: [/camera/points]       # and these in any case
-    path: {line_width: 0.02, topics: {/plan: {line_width: 0.1}}}   # of nav_msgs/Path; metres
-    map: {alpha: 0.7, color_scheme: auto, draw_behind: false}
-    odometry: {keep: 100, position_tolerance: 0.1, angle_tolerance: 0.1}   # metres, rad
-    pose: {shape: Axes, axes_length: 0.5}          # metres, as all lengths
-    pose_array: {shape: Arrow (Flat), arrow_length: 0.3}
-    pose_with_covariance: {covariance: true, sigma: 3.0}
-    point_stamped: {radius: 0.2, history_length: 10}
-    polygon: {color: [25, 255, 0]}
-    laser_scan: {color_transformer: auto, size: 0.05, decay_time: 0.0}   # metres, seconds
-    point_cloud2: {color_transformer: Intensity, channel_name: ring}
-    image: {normalize_range: false, min_value: 0.0, max_value: 5000.0}   # of 16 or 32 bits
-    camera_info: {far_clip: 0.5}  # metres
-    imu: {axes: true, axes_scale: 0.3, acceleration: true, acceleration_scale: 0.05}  # metres
-    range: {color: [255, 255, 255], alpha: 0.5}
-    marker: {hidden_namespaces: [debug]}   # of visualization_msgs/Marker and MarkerArray
-    log: {visible: true, level: warn}   # of rcl_interfaces/Log
+    hidden: [/local_plan]         # topics that are not shown
+    shown: [/camera/points]       # topics that are shown in any case
+    path: {line_width: 0.02, topics: {/plan: {line_width: 0.1}}}   # nav_msgs/Path; metres
     panels: {blueprint: collapsed, selection: collapsed, time: collapsed, top: expanded}
 """
 
@@ -105,9 +78,9 @@ def _with_displays(kind: type[T]) -> type[T]:
         else (display.key, display.Settings, group(display.Settings))
         for display in DISPLAYS
     ]
-    made = make_dataclass(kind.__name__, entries, bases=(kind,), frozen=True)
-    made.__doc__, made.__module__ = kind.__doc__, kind.__module__
-    return made
+    config = make_dataclass(kind.__name__, entries, bases=(kind,), frozen=True)
+    config.__doc__, config.__module__ = kind.__doc__, kind.__module__
+    return config
 
 
 @_with_displays
@@ -134,23 +107,14 @@ class ViewConfig:
 
 
 def load_view(path: Path) -> ViewConfig:
-    """Read the saved view at ``path``.
-
-    Raises:
-        ConfigError: there is no such file, or an entry is wrong; names it, its line and what would
-            be right.
-    """
+    """Read the saved view at ``path``; a ConfigError names the file, the entry and its line."""
     return parse_view(read_text(path), str(path))
 
 
 def parse_view(text: str, name: str = "view") -> ViewConfig:
-    """Read a saved view from YAML text; ``name`` is the file's, for errors.
-
-    Raises:
-        ConfigError: an entry is wrong.
-    """
-    found = read_map(text, name)
-    return read(ViewConfig, found.values, found.places)
+    """Read a saved view from YAML text; ``name`` is the file's, for ConfigErrors."""
+    parameters = read_map(text, name)
+    return read(ViewConfig, parameters.values, parameters.places)
 
 
 def view_text(view: ViewConfig) -> str:

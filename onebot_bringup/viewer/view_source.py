@@ -12,10 +12,10 @@ from onebot_bringup.viewer.view_config import (
     view_for,
     view_text,
 )
-from onebot_bringup.viewer.whole_file import write_whole
 from onebot_description.errors import OneBotError
 from onebot_description.file_watch import Changes, FileWatch
 from onebot_description.parameters.reader import replaced
+from onebot_description.whole_file import write_whole
 
 NO_VIEW = "none"
 
@@ -71,19 +71,16 @@ class ViewSource:
         Args:
             name: as the robot's URDF has it.
             in_world: something stands around the robot.
-
-        Raises:
-            OneBotError: it is wrong.
         """
-        before = self.file
+        old_file = self.file
         if self._of_robot:
             self.file = view_for(name, in_world=in_world)
-        if self.file == before:
+        if self.file == old_file:
             return False
         try:
             self.reload()
         except OneBotError:
-            self.file = before
+            self.file = old_file
             raise
         self._watch.watch(self._files)
         return True
@@ -100,32 +97,21 @@ class ViewSource:
         Raises:
             OneBotError: the file is wrong; the view stays.
         """
-        before, base = self.view, self._loaded()
+        old_view, base = self.view, self._loaded()
         edited = changed_settings(self._base, base)
         view = base
-        for name, value in changed_settings(self._base, before).items():
+        for name, value in changed_settings(self._base, old_view).items():
             if name not in edited:
                 view = replaced(view, name, value)
         self._base, self.view = base, view
-        return view != before
+        return view != old_view
 
     def change(self, name: str, value: Any) -> None:
-        """Change a setting until its file is read anew.
-
-        Raises:
-            ConfigError: it cannot have that value.
-        """
+        """Change a setting until its file is read anew; raise a ConfigError if it cannot be."""
         self.view = replaced(self.view, name, value)
 
     def save(self, to: Path | None = None) -> Path:
-        """Write the view into its file or into another one, without what is as by default.
-
-        Returns:
-            The file written.
-
-        Raises:
-            OneBotError: there is no file to write to, or it cannot be written.
-        """
+        """Write the view into its file or another one, without defaults; return the file."""
         target = to or self.file
         if target is None:
             raise OneBotError("this view has no file: name one with the parameter save_view_to")
@@ -142,11 +128,7 @@ class ViewSource:
 
 
 def check_blueprint_file(path: Path) -> None:
-    """Refuse what is no layout saved in the viewer.
-
-    Raises:
-        OneBotError: with what is wrong.
-    """
+    """Raise an OneBotError if the file is no layout saved in the viewer."""
     if not path.is_file():
         raise OneBotError(f"view:={path}: there is no such file")
     with path.open("rb") as file:

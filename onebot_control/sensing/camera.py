@@ -18,7 +18,8 @@ _ZENITH = np.array([0.45, 0.64, 0.86], np.float32)  # sRGB
 _HORIZON = np.array([0.86, 0.90, 0.94], np.float32)
 _GROUND = np.array([0.56, 0.57, 0.58], np.float32)
 _TILE, _CONTRAST = 0.5, 0.07  # m; the tiles show how far away the ground is, and that it moves
-_BLURRED = 4.0  # m, from where on tiles fade
+_BLURRED, _FADED = 4.0, 32.0  # m, from where on tiles fade, and where the last of it is
+_KEPT = 30_000_000  # bytes; of blocks larger than 32 MB this is not so
 
 
 def focal_length(camera: Camera) -> float:
@@ -28,6 +29,9 @@ def focal_length(camera: Camera) -> float:
 
 def camera_rays(camera: Camera) -> Rays:
     """Return the rays of the pixels, row by row from the top, of length 1 along the axis (x)."""
+    # glibc gives free memory back once it is more than twice the largest block that was ever freed;
+    # to get it again for each picture would take a third of the time.
+    np.empty(_KEPT, np.uint8)
     focal = focal_length(camera)
     # Of the middle of each pixel by K, whose principal point is half the width and the height.
     across = (camera.width / 2.0 - np.arange(camera.width)) / focal
@@ -81,15 +85,16 @@ class Painter:
         if reach(camera) > camera.far:
             seen = np.where(distances > np.float32(camera.far), np.int16(NOTHING), seen)
         pixels = np.zeros(len(seen), np.uint32)
-        high, low = (_rows(seen == what, camera.width) for what in (NOTHING, GROUND))
+        masks = seen == NOTHING, seen == GROUND
+        high, low = (_rows(mask, camera.width) for mask in masks)
         sky = _sky(hits.directions[high, 2], rays.inverse_lengths[high])
-        np.copyto(pixels[high], sky, where=seen[high] == NOTHING)
+        np.copyto(pixels[high], sky, where=masks[0][high])
         ground = _ground(position, hits.directions[low], distances[low])
-        np.copyto(pixels[low], ground, where=seen[low] == GROUND)
+        np.copyto(pixels[low], ground, where=masks[1][low])
         if len(self._lit):
-            lit = np.take(self._lit, hits.faces, mode="clip")
-            np.copyto(pixels, lit, where=seen == 0)
-            _add_textures(pixels, seen == 0, hits, self._still, np.eye(3))
+            still = seen == 0
+            np.copyto(pixels, np.take(self._lit, hits.faces, mode="clip"), where=still)
+            _add_textures(pixels, still, hits, self._still, np.eye(3))
         for index in np.unique(seen[seen > 0]) - 1:
             mask = seen == index + 1
             surface, turn = targets.surfaces[index], targets.rotations[index]
@@ -161,10 +166,8 @@ def _ground(position: Floats, directions: Singles, distances: Singles) -> NDArra
         along *= np.float32(1.0 / _TILE)
         along += np.float32(position[axis] / _TILE)
         tiles += np.floor(along, out=along).astype(np.int32)
-    # From 1 nearby to 0 far away.
-    near = np.reciprocal(np.float32(1.0) + np.square(distances * np.float32(1.0 / _BLURRED)))
-    near *= (1 - 2 * (tiles & 1)).astype(np.float32)
-    shades = ((near + np.float32(1.0)) * np.float32(127.5)).astype(np.uint8)
+    shades = np.minimum(distances * np.float32(127.0 / _FADED), np.float32(127.0)).astype(np.uint8)
+    shades |= (tiles.astype(np.uint8) & 1) << 7
     colors: NDArray[np.uint32] = np.take(_GROUND_COLORS, shades)
     return colors
 
@@ -180,7 +183,11 @@ def _sky(upwards: Singles, inverse_lengths: Singles) -> NDArray[np.uint32]:
 
 _SHADES = np.linspace(0.0, 1.0, 256, dtype=np.float32)[:, None]
 _SKY_COLORS = _packed(_HORIZON + (_ZENITH - _HORIZON) * np.sqrt(_SHADES))
-_GROUND_COLORS = _packed(_GROUND * (1.0 + np.float32(_CONTRAST) * (2.0 * _SHADES - 1.0)))
+# By distance, of a bright tile and then of a dark one.
+_FADES = 1.0 / (1.0 + np.linspace(0.0, _FADED / _BLURRED, 128, dtype=np.float32) ** 2)
+_GROUND_COLORS = _packed(
+    _GROUND * (1.0 + np.float32(_CONTRAST) * np.append(_FADES, -_FADES)[:, None])
+)
 
 
 COLORED_POINT = np.dtype(

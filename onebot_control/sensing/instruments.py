@@ -70,7 +70,6 @@ class SensedWorld(NamedTuple):
     """A world at the time of a frame."""
 
     frame: Frame
-    surroundings: Surroundings
     placed: Placed
     painter: camera.Painter
     period: float  # of a control cycle, s
@@ -83,6 +82,7 @@ class Instrument:
     Attributes:
         sensor: what it is.
         row: of its robot.
+        outlet: takes the measurements.
         divider: picks the control cycles in which it is due.
         given: measurements that the control thread has asked for.
         done: those that were made.
@@ -108,7 +108,7 @@ class Instrument:
             cycles: control cycles a second, Hz.
             noisy: add the noise of the description.
         """
-        self.sensor, self.row, self._outlet, self._noisy = sensor, row, outlet, noisy
+        self.sensor, self.row, self.outlet, self._noisy = sensor, row, outlet, noisy
         self._rate = min(sensor.rate or cycles, cycles)
         self.divider = Divider(self._rate, cycles)
         self.given = self.done = self.dropped = 0
@@ -149,10 +149,6 @@ class Instrument:
         noises = [model.noise] if isinstance(model, Lidar) else imu.noises(model)
         return np.array([bias(noise, once) for noise in noises])
 
-    def wanted(self) -> frozenset[str]:
-        """Return the outputs that somebody wants."""
-        return self._outlet.wanted()
-
     def measure(self, world: SensedWorld, wanted: frozenset[str]) -> None:
         """Measure, and publish, the outputs ``wanted``."""
         link = world.placed.link(self.row, self.sensor.link)
@@ -167,11 +163,13 @@ class Instrument:
             outputs = self._ranges(model, world, pose, generator)
         else:
             outputs = self._picture(model, world, pose, wanted, generator)
-        self._outlet.publish(world.frame.stamp, outputs)
+        self.outlet.publish(world.frame.stamp, outputs)
 
     def _cast(self, world: SensedWorld, pose: LinkPose, reach: float) -> Hits:
-        own = world.surroundings.target(self.row, self.sensor.link)
-        return cast(self._rays, *pose, world.surroundings.still, world.placed.targets, reach, own)
+        own = world.placed.surroundings.target(self.row, self.sensor.link)
+        return cast(
+            self._rays, *pose, world.placed.surroundings.still, world.placed.targets, reach, own
+        )
 
     def _ranges(
         self,
@@ -322,7 +320,7 @@ class Sensing:
         if self._last is None or self._last[0] != tick:  # else simulated time stands still
             for instruments in self._instruments.values():
                 for instrument in instruments:
-                    if instrument.divider.due() and (wanted := instrument.wanted()):
+                    if instrument.divider.due() and (wanted := instrument.outlet.wanted()):
                         self._due.append((instrument, wanted))
         return frozenset(instrument.row for instrument, _ in self._due)
 
@@ -371,4 +369,4 @@ class Sensing:
         surroundings, painter = self._build(frame.robots)
         states = [RobotState(*each.pose, each.joints.positions) for each in frame.snapshots]
         placed = Placed(surroundings, frame.boxes, states)
-        return SensedWorld(frame, surroundings, placed, painter, 1.0 / self._cycles, self._gravity)
+        return SensedWorld(frame, placed, painter, 1.0 / self._cycles, self._gravity)

@@ -33,6 +33,52 @@ _ASIDE = 1e-5  # m behind a facet, where a ray that has passed it goes on
 _MOST_RAYS = 16_000  # of one call of PyBullet
 
 
+class Cones(NamedTuple):
+    """Cones around bundles of rays from one point."""
+
+    axes: Floats  # (C, 3), unit vectors
+    cosines: Floats  # (C,), of the angles at their sides
+    sines: Floats  # (C,)
+    wide: NDArray[np.bool_]  # (C,), whether they are more than half of all directions
+
+    @classmethod
+    def around(cls, units: Floats, size: int) -> "Cones":
+        """Return the cones around each ``size`` of directions (N, 3)."""
+        starts = np.arange(0, len(units), size)
+        axes = np.add.reduceat(units, starts)
+        axes /= np.maximum(np.linalg.norm(axes, axis=1, keepdims=True), 1e-9)
+        cosines = (units * np.repeat(axes, size, axis=0)[: len(units)]).sum(axis=1)
+        halves = np.arccos(np.clip(np.minimum.reduceat(cosines, starts), -1.0, 1.0)) + 1e-6
+        return cls(axes, np.cos(halves), np.sin(halves), halves > np.pi / 2)
+
+    def touched(self, centers: Floats, radii: Floats) -> NDArray[np.bool_]:
+        """Return which cones touch spheres (B, C), of centers (B, 3) and radii (B,)."""
+        apart = np.sqrt((centers * centers).sum(axis=1))
+        outside = np.maximum(apart, 1e-9)
+        sines = np.minimum(1.0, radii / outside)
+        cosines = np.sqrt(1.0 - sines * sines)
+        # Both within the angle a + b from the axis: a of the sphere, b of the cone.
+        least = (outside * cosines)[:, None] * self.cosines
+        least -= (outside * sines)[:, None] * self.sines
+        touched: NDArray[np.bool_] = centers @ self.axes.T >= least
+        touched |= self.wide
+        touched |= (apart <= radii)[:, None]
+        return touched
+
+    def leaving(self, starts: Floats, turns: Floats, boxes: Floats) -> NDArray[np.bool_]:
+        """Return which cones lead away from boxes (B, C), beside which their point is.
+
+        Args:
+            starts: (B, 3), the cones' point in the boxes' frames.
+            turns: (B, 3, 3), from the cones' frame to the boxes'.
+            boxes: (B, 2, 3), least and greatest corner.
+        """
+        axes = self.axes @ turns.transpose(0, 2, 1)
+        sides = np.subtract(starts > boxes[:, 1], starts < boxes[:, 0], dtype=float)
+        away: NDArray[np.bool_] = sides[:, None] * axes > self.sines[:, None]
+        return away.any(axis=2) & ~self.wide
+
+
 class Rays:
     """Rays from one point, in the frame of their sensor.
 
@@ -41,6 +87,7 @@ class Rays:
     Attributes:
         singles: the directions (N, 3); distances are measured in their lengths.
         inverse_lengths: (N,), one over their lengths.
+        bundles: cones around neighbours.
     """
 
     def __init__(self, directions: Floats, grid: tuple[Floats, Floats] | None = None) -> None:
@@ -57,13 +104,8 @@ class Rays:
         lengths = np.linalg.norm(directions, axis=1, keepdims=True)
         self._longest = float(lengths.max())
         self.inverse_lengths = (1.0 / lengths[:, 0]).astype(np.float32)
-        starts = np.arange(0, count, self._size)
-        units = directions / lengths
-        axes = np.add.reduceat(units, starts)
-        self._axes = axes / np.maximum(np.linalg.norm(axes, axis=1, keepdims=True), 1e-9)
-        cosines = (units * np.repeat(self._axes, self._size, axis=0)[:count]).sum(axis=1)
-        halves = np.arccos(np.clip(np.minimum.reduceat(cosines, starts), -1.0, 1.0)) + 1e-6
-        self._cosines, self._sines, self._wide = np.cos(halves), np.sin(halves), halves > np.pi / 2
+        self._all = Cones.around(directions / lengths, count)
+        self.bundles = Cones.around(directions / lengths, self._size)
 
     def turned(self, rotation: Floats) -> Singles:
         """Return the directions (N, 3), turned by ``rotation`` (3, 3)."""
@@ -85,17 +127,11 @@ class Rays:
             radii: (B,).
             reach: greatest distance.
         """
-        apart = np.sqrt((centers * centers).sum(axis=1))
-        outside = np.maximum(apart, 1e-9)
-        sines = np.minimum(1.0, radii / outside)
-        cosines = np.sqrt(1.0 - sines * sines)
-        # Both within the angle a + b from the axis: a of the sphere, b of the bundle.
-        least = (outside * cosines)[:, None] * self._cosines
-        least -= (outside * sines)[:, None] * self._sines
-        touched: NDArray[np.bool_] = centers @ self._axes.T >= least
-        touched |= self._wide
-        touched |= (apart <= radii)[:, None]
-        touched &= (apart - radii <= reach * self._longest)[:, None]
+        is_near = self.nearest(centers, radii) <= reach
+        if not self._all.wide[0]:
+            is_near &= self._all.touched(centers, radii)[:, 0]
+        touched = np.zeros((len(centers), len(self.bundles.axes)), bool)
+        touched[is_near] = self.bundles.touched(centers[is_near], radii[is_near])
         return touched
 
     def nearest(self, centers: Floats, radii: Floats) -> Singles:
@@ -134,6 +170,7 @@ class Targets(NamedTuple):
     positions: Floats  # (B, 3)
     centers: Floats  # (B, 3), of spheres around them
     radii: Floats  # (B,)
+    boxes: Floats  # (B, 2, 3), least and greatest corner around them, in their frames
 
 
 def cast(
@@ -169,13 +206,16 @@ def cast(
     touched = rays.near(centers, targets.radii, reach)
     if skipped > 0:
         touched[skipped - 1] = False
-    is_near = np.any(touched, axis=1)
-    if not is_near.any():
+    if not touched.any():
         return hits
     nearest = rays.nearest(centers, targets.radii)
     back = targets.rotations.transpose(0, 2, 1)
-    starts = np.einsum("bij,bj->bi", back, position - targets.positions).astype(np.float32)
-    turns = (back @ rotation).astype(np.float32)
+    starts = np.einsum("bij,bj->bi", back, position - targets.positions)
+    turns = back @ rotation
+    around = np.flatnonzero(nearest < 0.0)  # the spheres that the sensor is in
+    touched[around] &= ~rays.bundles.leaving(starts[around], turns[around], targets.boxes[around])
+    is_near = np.any(touched, axis=1)
+    starts, turns = starts.astype(np.float32), turns.astype(np.float32)
     # All that look alike are one cast: of a fleet there may be hundreds.
     for surface, alike in targets.alike.items():
         kind = alike[is_near[alike]]
@@ -187,7 +227,11 @@ def cast(
         rows, indices = rows[ahead], indices[ahead]
         if not len(rows):
             continue
-        turned = np.einsum("pij,pj->pi", turns[indices], rays.singles[rows])
+        turned = rays.singles[rows]
+        if len(kind) == 1:
+            turned = turned @ turns[kind[0]].T
+        else:
+            turned = np.einsum("pij,pj->pi", turns[indices], turned)
         distances = limit[rows]
         found = surface.cast(starts[indices], turned, distances)
         hit = np.flatnonzero(found.faces >= 0)

@@ -30,14 +30,6 @@ from onebot_description.wire.messages import time_message
 InvalidHandle = rclpy_implementation.InvalidHandle
 
 _DEPTH = 10  # ROS's system default; reliable and volatile, as drivers and bridges publish
-_TYPES = {
-    "scan": LaserScan,
-    "imu": ImuMessage,
-    "image": Image,
-    "depth": Image,
-    "camera_info": CameraInfo,
-    "points": PointCloud2,
-}
 _NO_FILE = SensorFile((), (), (), ())
 _FIELDS = {np.dtype("<f4"): PointField.FLOAT32, np.dtype("<u2"): PointField.UINT16}
 
@@ -74,7 +66,7 @@ class SensorPublisher:
         """Publish arrays by output; see ``Outlet``."""
         header = Header(stamp=time_message(stamp), frame_id=self._frame)
         for output, values in outputs.items():
-            message = _MESSAGES[output](self, values)
+            message = _MESSAGES[output][1](self, values)
             message.header = header
             try:
                 self._publishers[output].publish(message)
@@ -161,13 +153,14 @@ class SensorPublisher:
         )
 
 
-_MESSAGES: Mapping[str, Callable[[SensorPublisher, Any], Any]] = {
-    "scan": SensorPublisher._scan,
-    "imu": SensorPublisher._imu,
-    "image": SensorPublisher._image,
-    "depth": SensorPublisher._image,
-    "camera_info": SensorPublisher._camera_info,
-    "points": SensorPublisher._points,
+# By output, the type of its messages and what makes them of arrays.
+_MESSAGES: Mapping[str, tuple[type, Callable[[SensorPublisher, Any], Any]]] = {
+    "scan": (LaserScan, SensorPublisher._scan),
+    "imu": (ImuMessage, SensorPublisher._imu),
+    "image": (Image, SensorPublisher._image),
+    "depth": (Image, SensorPublisher._image),
+    "camera_info": (CameraInfo, SensorPublisher._camera_info),
+    "points": (PointCloud2, SensorPublisher._points),
 }
 
 
@@ -183,7 +176,7 @@ class RobotSensors:
         """
         self._node, self._changed = node, changed
         self._sensors: list[Sensor] = []
-        self._publishers: dict[tuple[str, str], Publisher] = {}  # by type and topic
+        self._publishers: dict[tuple[type, str], Publisher] = {}  # by type and topic
         self._file, self._read = "", _NO_FILE
         self._watch = FileWatch(())
 
@@ -220,7 +213,7 @@ class RobotSensors:
             enabled, prefix = config.tf_frame_prefix_enable, config.tf_frame_prefix
             frame = prefixed(sensor.frame, enabled, prefix, space)
             topics = {
-                output: self._publishers[_TYPES[output].__name__, topic]
+                output: self._publishers[_MESSAGES[output][0], topic]
                 for output, topic in sensor.topics.items()
             }
             outlet = SensorPublisher(sensor, frame, rate, topics)
@@ -250,18 +243,18 @@ class RobotSensors:
 
     def _announce(self) -> None:
         """Have a publisher for each topic, and no other ones."""
-        wanted = {
-            (_TYPES[output].__name__, topic): _TYPES[output]
+        keys = {
+            (_MESSAGES[output][0], topic)
             for sensor in self._sensors
             for output, topic in sensor.topics.items()
         }
-        for key in self._publishers.keys() - wanted.keys():
+        for key in self._publishers.keys() - keys:
             self._node.destroy_publisher(self._publishers.pop(key))
         space = f"{self._node.get_namespace().strip('/')}/"
-        for key, kind in wanted.items():
-            if key not in self._publishers:
-                topic = key[1].removeprefix(space)  # some robots have their namespace in it
-                self._publishers[key] = self._node.create_publisher(kind, topic, _DEPTH)
+        for kind, topic in keys - self._publishers.keys():
+            name = topic.removeprefix(space)  # some robots have their namespace in it
+            publisher = self._node.create_publisher(kind, name, _DEPTH)
+            self._publishers[kind, topic] = publisher
 
 
 def _usable(

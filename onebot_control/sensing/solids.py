@@ -97,11 +97,15 @@ class Solid(NamedTuple):
     textures: tuple[Texture, ...]
 
     @property
+    def box(self) -> Floats:
+        """Least and greatest corner (2, 3) around it, m."""
+        return np.array([self.corners.min(axis=0), self.corners.max(axis=0)], float)
+
+    @property
     def sphere(self) -> tuple[Floats, float]:
         """Centre (3,) and radius of a sphere around it."""
-        corners = self.corners.astype(float)
-        center = (corners.min(axis=0) + corners.max(axis=0)) / 2.0
-        return center, float(np.linalg.norm(corners - center, axis=1).max())
+        center = self.box.mean(axis=0)
+        return center, float(np.linalg.norm(self.corners - center, axis=1).max())
 
 
 class _Part(NamedTuple):

@@ -69,6 +69,7 @@ class Surroundings:
         spheres = [surface.solid.sphere for surface in self._surfaces]
         self._centers = np.array([center for center, _ in spheres]).reshape(-1, 3)
         self._radii = np.array([radius for _, radius in spheres])
+        self._boxes = np.array([surface.solid.box for surface in self._surfaces])
         indices: dict[Surface, list[int]] = {}
         for index, surface in enumerate(self._surfaces):
             indices.setdefault(surface, []).append(index)
@@ -102,11 +103,15 @@ class Surroundings:
             turned[kind.targets] = rotations[:, kind.seen]
             at[kind.targets] = positions[:, kind.seen]
         centers = np.einsum("bij,bj->bi", turned, self._centers) + at
-        return Targets(self._surfaces, self._alike, turned, at, centers, self._radii)
+        return Targets(self._surfaces, self._alike, turned, at, centers, self._radii, self._boxes)
 
 
 class Placed:
-    """Surroundings at one time; what nobody asks for is not computed."""
+    """Surroundings at one time; what nobody asks for is not computed.
+
+    Attributes:
+        surroundings: what can be seen.
+    """
 
     def __init__(
         self,
@@ -114,21 +119,21 @@ class Placed:
         boxes: Sequence[Transform],
         states: Sequence[RobotState],
     ) -> None:
-        self._surroundings, self._boxes, self._states = surroundings, boxes, states
+        self.surroundings, self._boxes, self._states = surroundings, boxes, states
 
     @cached_property
     def targets(self) -> Targets:
         """What may have moved."""
-        return self._surroundings.targets(self._boxes, self._links)
+        return self.surroundings.targets(self._boxes, self._links)
 
     @cached_property
     def _links(self) -> list[tuple[Floats, Floats]]:
-        kinds = self._surroundings.kinds
+        kinds = self.surroundings.kinds
         return [kind.links([self._states[row] for row in kind.rows]) for kind in kinds]
 
     def link(self, row: int, name: str) -> LinkPose | None:
         """Return where a link of a robot is; None if it has no such link."""
-        for kind, (rotations, positions) in zip(self._surroundings.kinds, self._links, strict=True):
+        for kind, (rotations, positions) in zip(self.surroundings.kinds, self._links, strict=True):
             if row in kind.rows and name in kind.numbers:
                 place = kind.rows.index(row), kind.numbers[name]
                 return LinkPose(rotations[place], positions[place])

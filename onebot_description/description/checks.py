@@ -226,51 +226,43 @@ def check_meshes(findings: Findings) -> None:
 
 
 def check_materials(findings: Findings, materials: Mapping[Element, Material]) -> None:
-    """Check the names and textures of the robot's materials and of those of its visuals."""
-    shared: dict[str, Material] = {}
-    top = dict.fromkeys(findings.document.root.iterfind("material"))
-    for element in top:
-        material = materials[element]
-        _check_texture(findings, element, material)
-        if not material.name:
-            findings.problem(element, 'has no name; write <material name="...">')
-        elif material.is_reference:
-            findings.warning(element, "defines neither <color> nor <texture>")
-        elif shared.setdefault(material.name, material) != material:
-            findings.problem(
-                element, "there is another material of that name that looks different; rename one"
-            )
-    inline = {key: value for key, value in materials.items() if key not in top}
-    local: dict[str, Material] = {}
-    for element, material in inline.items():
-        _check_texture(findings, element, material)
-        _check_inline(findings, element, material, shared, local)
-    defined = {*shared, *local}
-    for element, material in inline.items():
-        name = material.name
-        if material.is_reference and name and name not in defined:
-            hint = findings.hint(name, defined, "materials")
+    """Check the names and textures of the robot's materials, then of those of its visuals."""
+    robots = dict.fromkeys(findings.document.root.iterfind("material"))
+    visuals = [element for element in materials if element not in robots]
+    definitions: dict[str, Material] = {}
+    for element in (*robots, *visuals):
+        _check_texture(findings, element, materials[element])
+        _check_material(findings, element, materials[element], definitions, element in robots)
+    for element in visuals:
+        name = materials[element].name
+        if materials[element].is_reference and name and name not in definitions:
+            hint = findings.hint(name, definitions, "materials")
             findings.warning(element, f"no material of that name is defined{hint}")
 
 
-def _check_inline(
+def _check_material(
     findings: Findings,
     element: Element,
     material: Material,
-    shared: Mapping[str, Material],
-    local: dict[str, Material],
+    definitions: dict[str, Material],
+    is_robots: bool,
 ) -> None:
-    """Check a material inside a visual; add it to ``local``, as other visuals may use it too."""
-    name = material.name
-    if name is None:
-        findings.problem(element, 'has no name; write <material name="...">, if need be name=""')
-    elif material.is_reference:
-        if not name:
-            findings.warning(element, "has neither a name nor a <color>, so it does nothing")
-    elif name and shared.get(name, local.get(name, material)) != material:
-        findings.warning(element, "a material of that name looks different elsewhere; rename one")
-    elif name:
-        local[name] = material
+    """Check one material and add it to the definitions, which any visual may use."""
+    if not material.name and (is_robots or material.name is None):
+        remedy = "" if is_robots else ', if need be name=""'
+        findings.problem(element, f'has no name; write <material name="...">{remedy}')
+    elif material.is_reference and is_robots:
+        findings.warning(element, "defines neither <color> nor <texture>")
+    elif material.is_reference and not material.name:
+        findings.warning(element, "has neither a name nor a <color>, so it does nothing")
+    elif material.is_reference or not material.name:
+        return
+    elif definitions.setdefault(material.name, material) != material and is_robots:
+        text = "there is another material of that name that looks different; rename one"
+        findings.problem(element, text)
+    elif definitions[material.name] != material:
+        text = "a material of that name looks different elsewhere; rename one"
+        findings.warning(element, text)
 
 
 def _check_texture(findings: Findings, element: Element, material: Material) -> None:

@@ -150,9 +150,7 @@ class _Run:
         xacro._global_symbols = symbols
         xacro.substitution_args_context["filename"] = file
 
-    def parse(self, source: Any, filename: str | None = None) -> minidom.Document:
-        if source is not None or filename is None:
-            raise DescriptionError(["xacro: only files can be included"])
+    def parse(self, _: None, filename: str) -> minidom.Document:
         path = Path(filename).absolute()
         if not path.exists() and len(xacro.filestack) > 1:
             # An optional include may be missing; xacro recognises that by the inner error.

@@ -191,7 +191,7 @@ class Numbers(NamedTuple):
 
     size: int = 1  # how many
     default: float | Triple | None = None  # the value of an attribute that is not written
-    write: str = ""  # remedy where it lacks, {} for its name; "": it need not be there
+    write: str = ""  # remedy where it is missing, {} for its name; "": it need not be there
     check: Callable[[Findings, Element, str, Sequence[float]], bool] | None = None
 
 
@@ -264,10 +264,10 @@ def read(
         findings: takes what is wrong.
         element: has them.
         needed: whether nothing can be published without them.
-        complete: whether an attribute that lacks is a problem.
+        complete: whether a missing attribute is a problem.
 
     Returns:
-        A float each, or a tuple of several; None for one that lacks, or is wrong.
+        A float each, or a tuple of several; None where it is missing or wrong.
     """
     values = []
     for name, numbers in ELEMENTS[element.tag].numbers.items():

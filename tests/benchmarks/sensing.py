@@ -111,25 +111,25 @@ def _boxes() -> Description:
 
 def _ratios(options: Options) -> dict[str, float]:
     """CPU of a scan and of a picture over that of the bare calls."""
-    onebot = load_description(MODEL)
+    onebot = load_description(MODEL, {"sensors_enabled": "true"})
     robot = SensedRobot(onebot, [joint.name for joint in onebot.moving_joints], {})
     scene = Surroundings(_boxes(), [robot])
     at = RobotState(np.array([0, 0, 0.06]), np.array([0, 0, 0, 1.0]), np.zeros(len(robot.joints)))
     placed = Placed(scene, [], [at])
-    targets, own = placed.targets, scene.target(0, "base_link")
+    targets = placed.targets
+    base, eye = (scene.target(0, link) for link in ("base_link", "camera_link"))
     ranger = Lidar(Fan(360, -math.pi, math.pi * 179 / 180), Fan(), 0.05, 12.0)
     lens = Camera(1.2, 320, 240, 0.05, 50.0, 0.05, 8.0)
     painter = camera.Painter(scene.still)
-    turn, place = np.eye(3), np.array([-0.03, 0.0, 0.136])
-    face = np.array([0.1, 0.0, 0.1])
+    turn, (place, face) = np.eye(3), _places(placed)
     fan, pixels = lidar.lidar_rays(ranger), camera.camera_rays(lens)
 
     def scan() -> Any:
-        hits = cast(fan, turn, place, scene.still, targets, lidar.reach(ranger), own)
+        hits = cast(fan, turn, place, scene.still, targets, lidar.reach(ranger), base)
         return lidar.ranges(ranger, hits.distances, hits.surfaces != NOTHING)
 
     def picture() -> Any:
-        hits = cast(pixels, turn, face, scene.still, targets, camera.reach(lens), own)
+        hits = cast(pixels, turn, face, scene.still, targets, camera.reach(lens), eye)
         return painter.picture(lens, pixels, face, hits, targets), camera.depths(lens, hits)
 
     def bare(rays: Any, origin: Any) -> Callable[[], Any]:
@@ -150,6 +150,12 @@ def _ratios(options: Options) -> dict[str, float]:
     slices = {name: (lambda each=each: _cpu(each)) for name, each in variants.items()}
     took = in_turn(slices, options.choose(15, 1))
     return {name: median(took[name]) / median(took[f"bare {name}"]) for name in ("scan", "picture")}
+
+
+def _places(placed: Placed) -> Sequence[Any]:
+    """Positions of OneBot's lidar and camera."""
+    links = [placed.link(0, name) for name in ("lidar_link", "camera_link")]
+    return [link.position for link in links if link is not None]
 
 
 def _cpu(function: Callable[[], object]) -> float:

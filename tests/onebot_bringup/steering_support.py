@@ -218,11 +218,27 @@ def raw_page(address: str) -> socket.socket:
     return found
 
 
+class Steering(NodeProcess):
+    """The node, on any free port."""
+
+    def __init__(self, check: bool = True, **parameters: object) -> None:
+        args = ros_args(**{"port": 0, "open_browser": "false", **parameters})
+        super().__init__(MODULE, *args, check=check)
+
+    @property
+    def address(self) -> str:
+        """What it prints."""
+        return address_of(self)
+
+    @property
+    def port(self) -> int:
+        return urlsplit(self.address).port or 0
+
+
 @contextmanager
-def steering(**parameters: object) -> Iterator[NodeProcess]:
-    """The node, on any free port, once it serves; its address is ``address_of(node)``."""
-    args = ros_args(**{"port": 0, "open_browser": "false", **parameters})
-    with NodeProcess(MODULE, *args) as node:
+def steering(check: bool = True, **parameters: object) -> Iterator[Steering]:
+    """The node, once it serves."""
+    with Steering(check, **parameters) as node:
         address_of(node)
         yield node
 
@@ -239,8 +255,9 @@ def address_of(node: NodeProcess) -> str:
     """The address that it prints."""
 
     def printed() -> re.Match[str] | None:
-        assert node.process.poll() is None, node.output
-        return re.search(r"open (http://\S+)\n", node.output)
+        match = re.search(r"open (http://\S+)\n", node.output)
+        assert match or node.process.poll() is None, node.output
+        return match
 
     found = wait_for(printed, "the page's address")
     assert found is not None

@@ -133,22 +133,6 @@ def test_topics_are_in_the_node_s_namespace(ros_domain, tmp_path):
         assert node.interrupt() == 0
 
 
-def test_undecodable_messages_are_survived(ros_domain, tmp_path):
-    """They are warned of; the good ones that follow are in the file."""
-    with _viewer(tmp_path, viewer="none") as node, Peer(ros_domain) as peer:
-        driver = Driver(peer)
-        commands = peer.publisher(Twist, "wheels/cmd_vel")
-        garbage = b"\0\1\0\0\xff\xff\xff\xff\0\0\0\0"
-        for topic, publisher in (("odom", driver._odom), ("cmd_vel", commands)):
-            said = f"ignored a message of /wheels/{topic}: no "
-            # Again and again: such a warning comes once in some seconds only.
-            wait_for(lambda: publisher.publish(garbage) or said in node.output, "a warning")  # noqa: B023
-        wait_for(driver.step, "the drive")
-        file = tmp_path / "x.rrd"
-        wait_for(lambda: while_written(strips, file, "odometry"), "the trail in the file")
-        assert node.interrupt() == 0
-
-
 def test_a_topic_of_another_type_is_a_clear_error(ros_domain, tmp_path):
     """A trail of joint_states is refused at the start, in one line."""
     (tmp_path / "view.yaml").write_text("trails: {a: {topic: joint_states}}")

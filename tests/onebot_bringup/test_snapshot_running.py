@@ -1,11 +1,14 @@
 """``onebot snapshot`` of a running robot, heard over real DDS."""
 
 import threading
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 from nav_msgs.msg import Odometry
+from rclpy.publisher import Publisher
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
@@ -31,53 +34,38 @@ def arm(tmp_path: Path) -> Path:
     return tmp_path
 
 
-class Joint:
-    """Says where the joint stands, some times a second, until the end of the context."""
+@contextmanager
+def published(messages: Sequence[tuple[Publisher, object]]) -> Iterator[None]:
+    """Publish messages some times a second meanwhile."""
+    done = threading.Event()
 
-    def __init__(self, peer: Peer, position: float) -> None:
-        self._publisher = peer.publisher(JointState, "joint_states")
-        self._message = JointState(name=["slide"], position=[position])
-        self._message.header.stamp = peer.node.get_clock().now().to_msg()
-        self._done = threading.Event()
-        self._thread = threading.Thread(target=self._run)
+    def run() -> None:
+        while not done.wait(0.05):
+            for publisher, message in messages:
+                publisher.publish(message)
 
-    def _run(self) -> None:
-        while not self._done.wait(0.05):
-            self._publisher.publish(self._message)
-
-    def __enter__(self) -> "Joint":
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._done.set()
-        self._thread.join()
+    thread = threading.Thread(target=run)
+    thread.start()
+    try:
+        yield
+    finally:
+        done.set()
+        thread.join()
 
 
-class Garbage:
-    """Publishes what is no message on what a snapshot hears, some times a second."""
+def joint(peer: Peer, position: float) -> AbstractContextManager[None]:
+    """Publish where the joint stands."""
+    message = JointState(name=["slide"], position=[position])
+    message.header.stamp = peer.node.get_clock().now().to_msg()
+    return published([(peer.publisher(JointState, "joint_states"), message)])
 
-    def __init__(self, peer: Peer) -> None:
-        self._publishers = [
-            peer.node.create_publisher(TFMessage, "/tf", 10),
-            peer.node.create_publisher(JointState, "joint_states", 10),
-            peer.node.create_publisher(String, "robot_description", LATCHED),
-        ]
-        self._done = threading.Event()
-        self._thread = threading.Thread(target=self._run)
 
-    def _run(self) -> None:
-        while not self._done.wait(0.05):
-            for publisher in self._publishers:
-                publisher.publish(b"\0\1\0\0\xff\xff\xff\xff\0\0\0\0")
-
-    def __enter__(self) -> "Garbage":
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._done.set()
-        self._thread.join()
+def garbage(peer: Peer) -> AbstractContextManager[None]:
+    """Publish what is no message on the topics of a snapshot."""
+    topics = (TFMessage, "/tf", 10), (JointState, "joint_states", 10)
+    latched = (String, "robot_description", LATCHED)
+    data = b"\0\1\0\0\xff\xff\xff\xff\0\0\0\0"
+    return published([(peer.node.create_publisher(*topic), data) for topic in (*topics, latched)])
 
 
 def test_it_looks_as_its_description_does_at_these_positions(arm, ros_domain):
@@ -89,7 +77,7 @@ def test_it_looks_as_its_description_does_at_these_positions(arm, ros_domain):
     # The prefix of its frames is what its publisher has.
     parameters = ros_args(ignore_timestamp=True, frame_prefix="left/")
     with NodeProcess(PUBLISHER, str(arm / "arm.urdf"), *parameters):
-        with Peer(ros_domain) as peer, Joint(peer, 0.75), Garbage(peer):
+        with Peer(ros_domain) as peer, joint(peer, 0.75), garbage(peer):
             np.testing.assert_array_equal(drawn(arm, *view, name="live.png"), posed)
 
 
@@ -124,7 +112,7 @@ def test_the_picture_is_the_running_viewers(arm, ros_domain, monkeypatch):
         NodeProcess(PUBLISHER, str(arm / "arm.urdf"), *ros_args(ignore_timestamp=True)),
         NodeProcess("onebot_bringup.viewer.rerun_viewer", *parameters) as viewer,
         Peer(ros_domain) as peer,
-        Joint(peer, 0.75),
+        joint(peer, 0.75),
     ):
         wait_for(lambda: "open http" in viewer.output, "the viewer's page")
         odom = peer.publisher(Odometry, "odom", 100)

@@ -163,9 +163,13 @@ def test_nonsense_of_a_page_that_holds_nothing_costs_its_next_hold(steered: Stee
 def test_a_stop_locks_the_robot_until_a_page_presses_anew(steered: Steered) -> None:
     """Each press of Stop; no held control unlocks, nor does a halt of the server lock."""
     steered.drive("a")
+    steered.sent()
     for _ in range(2):
         steered.stop("b")
-        assert steered.sent()[-1:] == [ZERO]
+        assert steered.sent() == [ZERO]
+    for _ in range(ZEROS + 2):
+        steered.arbiter.tick()
+    assert steered.sent() == [ZERO] * (ZEROS - 1)
     steered.drive("a")
     assert steered.locks == [False, True, True]
     steered.release("a")
@@ -301,7 +305,8 @@ def test_what_an_operator_chose_outlasts_the_robot(steered: Steered) -> None:
     arbiter.handle("a", SetLimits(0.5, 9.0))
     steered.drive("a", Velocity(0.5, 0.0))
     arbiter.set_limits(limits(0.125, 1.0))
-    assert steered.command == Velocity(0.125, 0.0) and steered.driver == "a"
+    arbiter.tick()
+    assert steered.sent()[-1] == steered.command == Velocity(0.125, 0.0) and steered.driver == "a"
     assert arbiter.state.limits.in_force == Velocity(0.125, 1.0)
     arbiter.set_limits(limits(2.0, 6.0))
     assert arbiter.state.limits.in_force == Velocity(0.5, 6.0)

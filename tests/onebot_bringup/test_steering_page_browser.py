@@ -27,11 +27,11 @@ from onebot_control.poses import yaw_of
 from onebot_control.speed_limiter import SpeedLimiter, SpeedLimits
 from onebot_description.description import load_description
 from onebot_description.description.packages import package_share
-from tests.onebot_bringup.steering_support import PageClient, Way
+from tests.onebot_bringup.steering_support import PageClient, Way, steering
 from tests.onebot_bringup.viewer_support import ARM, BLUE, VIEW
 from tests.onebot_control.test_sensors_process import room
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
-from tests.steering_browser_support import Page, steering
+from tests.steering_browser_support import Page
 from tests.support import wait_for
 from tests.support_browser import browser, hosts_reached, wait_for_color
 
@@ -271,7 +271,7 @@ def test_a_dead_server_stops_the_robot_and_the_page_comes_back_still(
             page.drive_by_pad(0.0, 0.5, lambda: page.number("linear-command") > 0.1 and drives())
             assert page.thumb > 10.0
             page.driver.execute_script("document.querySelector('#stop').focus()")
-            node.node.process.send_signal(signal.SIGKILL)
+            node.process.send_signal(signal.SIGKILL)
             wait_for(lambda: abs(speeds[-1].twist.twist.linear.x) < 1e-4, "the robot to stop")
             assert heard[-1] != STILL, "it was not the server that stopped it"
             wait_for(lambda: page.body("connection") == "down", "the page to notice")
@@ -749,7 +749,7 @@ def test_it_shows_the_camera_and_an_obstacle_in_the_way(
     """The camera is subscribed to while its picture is shown; too near for braking is red."""
     urdf = load_description(ONEBOT, {"sensors_enabled": "true"}).urdf
     (tmp_path / "onebot.urdf").write_text(urdf)
-    robot = str(tmp_path / "onebot.urdf"), *ros_args(world=room(tmp_path), x=1.2)
+    robot = str(tmp_path / "onebot.urdf"), *ros_args(world=room(tmp_path), x=1.6)
     camera = "/camera/image_raw"
     with NodeProcess("onebot_control.velocity_controller", *robot), steering(**LIMITS) as node:
         page.open(node.address)

@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 from geometry_msgs.msg import Twist
 
+from tests.onebot_bringup.steering_support import steering
 from tests.ros_support import Peer
-from tests.steering_browser_support import Page, steering
+from tests.steering_browser_support import Page
 from tests.support import require_program, wait_for
 from tests.support_browser import browser, display
 

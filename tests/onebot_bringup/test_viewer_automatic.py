@@ -5,14 +5,12 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 
 from onebot_bringup.viewer.automatic import MOST_SHOWN, OfferedTopic, TopicSelection
-from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.inbox import LoadLimit
-from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.stage import Stage
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.errors import OneBotError
 from tests.onebot_bringup.drive_support import column
-from tests.onebot_bringup.viewer_support import ARM, START_NS, describe, take, take_tf, transforms
+from tests.onebot_bringup.viewer_support import START_NS, Shown
 
 PATH = "nav_msgs/msg/Path"
 
@@ -118,20 +116,14 @@ def test_a_flood_is_dropped_but_for_the_newest(tmp_path, monkeypatch):
     """It is said once, and the last message is shown."""
     for name in ("_SHARE", "_SAVED"):
         monkeypatch.setattr(f"onebot_bringup.viewer.inbox.{name}", 1e-9)
-    recording, now = open_recording(save=tmp_path / "x.rrd"), [0.0]
-    live = RobotView(recording.stream, live=True, clock=lambda: now[0])
-    describe(live, ARM)
-    take_tf(live, transforms("base", "tip", 0.5))
-    live.offer({"/plan": PATH})
-    said = []
+    now = [0.0]
+    shown, said = Shown(tmp_path, live=True, clock=lambda: now[0]), []
     for number in range(400):
-        take(live, "/plan", _path(float(number)))
+        shown.send("/plan", _path(float(number)))
         if number % 100 == 99:
             now[0] = float(number)
-            said += live.tick(START_NS + number * 10**9)
-    live.finish()
-    recording.close()
-    lines = column(tmp_path / "x.rrd", "/path/plan", "LineStrips3D:strips")
+            said += shown.tick(START_NS + number * 10**9)
+    lines = column(shown.end(), "/path/plan", "LineStrips3D:strips")
     assert len(lines) < 400 and lines[-1][0][1][0] == 399.0
     assert [sentence for sentence in said if "dropped" in sentence] == [
         "path: more comes than can be shown without delay: old messages are dropped"
@@ -144,10 +136,9 @@ def test_a_type_without_a_definition_is_said(tmp_path):
     def definitions(name):
         raise OneBotError(f"no definition of {name}")
 
-    recording = open_recording(save=tmp_path / "x.rrd")
-    view = RobotView(recording.stream, definitions=definitions)
-    assert view.offer({"/plan": PATH, "/x": "a/msg/B"}) == [
+    shown = Shown(tmp_path, definitions=definitions)
+    assert shown.view.offer({"/plan": PATH, "/x": "a/msg/B"}) == [
         "/plan cannot be shown: no definition of nav_msgs/msg/Path"
     ]
-    assert view.offered == ()
-    recording.close()
+    assert shown.view.offered == ()
+    shown.end()

@@ -5,9 +5,6 @@ import random
 import numpy as np
 from rclpy.serialization import serialize_message
 
-from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.robot_view import RobotView
-from onebot_bringup.viewer.view_config import parse_view
 from tests.onebot_bringup.drive_support import column
 from tests.onebot_bringup.test_viewer_camera_info import camera
 from tests.onebot_bringup.test_viewer_image import compressed, image
@@ -16,12 +13,9 @@ from tests.onebot_bringup.test_viewer_laser_scan import points, scan
 from tests.onebot_bringup.test_viewer_point_cloud2 import cloud, packed, xyz
 from tests.onebot_bringup.test_viewer_range import echo
 from tests.onebot_bringup.viewer_support import (
-    ARM,
     START_NS,
-    describe,
+    Shown,
     take,
-    take_tf,
-    transforms,
     type_name,
 )
 
@@ -59,23 +53,17 @@ def spoilt(data: bytes, chance: random.Random) -> bytes:
 
 def test_faults_in_bytes_are_reported_and_nothing_else(tmp_path):
     """What cannot be read once a message, what cannot be drawn once a topic."""
-    chance, unreadable, said = random.Random(3), [], []
-    recording = open_recording(save=tmp_path / "x.rrd")
-    view = RobotView(
-        recording.stream, parse_view(VIEW), report=lambda *args: unreadable.append(args)
-    )
-    describe(view, ARM)
-    take_tf(view, transforms("base", "tip", 0.5))
-    said += view.offer({topic: type_name(message) for topic, message in MESSAGES.items()})
+    chance, shown = random.Random(3), Shown(tmp_path, VIEW)
+    view = shown.view
+    said = view.offer({topic: type_name(message) for topic, message in MESSAGES.items()})
     for number in range(_ROUNDS):
         for topic, message in MESSAGES.items():
             data = spoilt(bytes(serialize_message(message)), chance)
             view.take(topic, type_name(message), data, START_NS + number)
         said += view.tick(START_NS + number * 10**9)
     take(view, "/scan", scan((1.0, 2.0)))
-    said += view.finish()
-    recording.close()
-    assert unreadable and {topic for topic, _ in unreadable} <= set(MESSAGES)
+    shown.end()
+    assert shown.bad and {topic for topic, _ in shown.bad} <= set(MESSAGES)
     for topic in MESSAGES:
         assert len([one for one in said if f'"{topic}": ' in one]) <= 1
     assert len(points(tmp_path / "x.rrd")[-1]) == 2

@@ -4,20 +4,14 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import CameraInfo, Image
 
-from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.displays.display import REPEAT_AFTER
-from onebot_bringup.viewer.robot_view import RobotView
 from onebot_description.wire.messages import time_message
 from tests.onebot_bringup.drive_support import chunks, column
 from tests.onebot_bringup.test_viewer_image import image
 from tests.onebot_bringup.viewer_support import (
-    ARM,
     START_NS,
-    describe,
+    Shown,
     show,
-    take,
-    take_tf,
-    transforms,
 )
 
 ENTITY = "/camera_info/cam/camera_info"
@@ -87,18 +81,12 @@ def test_the_same_camera_is_logged_again_from_time_to_time(tmp_path, monkeypatch
     """A server with a memory limit drops the oldest data."""
     now = [0.0]
     monkeypatch.setattr("time.monotonic", lambda: now[0])
-    recording = open_recording(save=tmp_path / "x.rrd")
-    view = RobotView(recording.stream)
-    describe(view, ARM)
-    take_tf(view, transforms("base", "tip", 0.5))
-    view.offer({TOPIC: "sensor_msgs/msg/CameraInfo"})
+    shown = Shown(tmp_path)
     for number in range(4):
         now[0] = number * 0.6 * REPEAT_AFTER
-        take(view, TOPIC, camera(), START_NS + number)
-        view.tick(START_NS + number * 10**9)
-    view.finish()
-    recording.close()
-    assert len(matrices(tmp_path / "x.rrd")) == 2
+        shown.send(TOPIC, camera(), at=START_NS + number)
+        shown.tick(START_NS + number * 10**9)
+    assert len(matrices(shown.end())) == 2
 
 
 @pytest.mark.parametrize(

@@ -115,62 +115,6 @@ def test_an_outline_is_the_ellipse_itself(along, across, angle, sigma):
     np.testing.assert_allclose(aside, sigma * across * np.sin(turns), atol=1e-9)
 
 
-def test_the_longer_axis_comes_first():
-    """Whichever of x and y it is, and whatever sign the correlation has."""
-    assert place_ellipse(_covariance(4.0, 1.0)) == pytest.approx((2.0, 1.0, 0.0))
-    assert place_ellipse(_covariance(1.0, 4.0)) == pytest.approx((2.0, 1.0, math.pi / 2))
-    assert place_ellipse(_covariance(1.0, 1.0, 0.5))[2] == pytest.approx(math.pi / 4)
-    assert place_ellipse(_covariance(1.0, 1.0, -0.5))[2] == pytest.approx(-math.pi / 4)
-    assert place_ellipse(_covariance(1.0, 1.0, 0.5))[:2] == pytest.approx([1.5**0.5, 0.5**0.5])
-
-
-@pytest.mark.parametrize(("xx", "yy"), [(0.25, 0.0), (0.0, 0.25)])
-def test_one_direction_alone_may_scatter(xx, yy):
-    """The other one is sure: zero is no error there."""
-    found = place_ellipse(_covariance(xx, yy))
-    assert found is not None and found[:2] == pytest.approx((0.5, 0.0))
-
-
-@pytest.mark.parametrize("index", [0, 1, 6, 7])
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, -0.5])
-def test_each_number_of_the_place_counts(index, value):
-    """Not finite, or a negative variance, and it is unknown; a negative correlation may be."""
-    covariance = _covariance(1.0, 1.0)
-    covariance[index] = value
-    known = value == -0.5 and index in (1, 6)
-    assert (place_ellipse(covariance) is not None) == known
-
-
-def test_the_halves_of_a_covariance_are_averaged():
-    """It is symmetric, but for rounding."""
-    covariance = _covariance(1.0, 1.0)
-    covariance[1] = 0.5
-    found = place_ellipse(covariance)
-    assert found[:2] == pytest.approx([1.25**0.5, 0.75**0.5])
-    covariance[1], covariance[6] = 0.0, 0.5
-    assert place_ellipse(covariance) == pytest.approx(found)
-
-
-@pytest.mark.parametrize(("beyond", "known"), [(1e-10, True), (1e-8, False)])
-def test_rounding_is_forgiven_and_no_more(beyond, known):
-    """A direction less than sure by a billionth is sure."""
-    found = place_ellipse(_covariance(1.0, 1.0, 1.0 + beyond))
-    assert (found is not None) == known
-    assert found is None or found.across == 0.0
-
-
-def test_a_sector_begins_and_ends_in_the_middle():
-    """It is as many points as any outline, and turns from right to left."""
-    points = sector_outline(0.1, 2.0, 0.5)
-    assert points.shape == (49, 3) and not points[:, 2].any()
-    assert not points[0].any() and not points[-1].any()
-    np.testing.assert_allclose(points[1], [0.5 * math.cos(0.2), -0.5 * math.sin(0.2), 0.0])
-    np.testing.assert_allclose(points[-2], [0.5 * math.cos(0.2), 0.5 * math.sin(0.2), 0.0])
-    whole = sector_outline(9.0, 1.0, 0.5)
-    np.testing.assert_allclose(whole[1], whole[-2], atol=1e-9)
-    np.testing.assert_allclose(whole[1], [-0.5, 0.0, 0.0], atol=1e-9)
-
-
 def _recorded(tmp_path: Path, covariances, view=VIEW, place=(0.5, -1.0)) -> Path:
     recording = open_recording(save=tmp_path / "x.rrd")
     live = RobotView(recording.stream, parse_view(view))
@@ -207,21 +151,3 @@ def test_it_goes_when_it_is_unknown(tmp_path):
         file = _recorded(tmp_path, [known] * 5 + [last] * 5)
         assert column(file, "/covariance/pose/place", "LineStrips3D:strips")
         assert column(file, "/covariance/pose/place", "Clear:is_recursive") == [[False]]
-
-
-def test_one_in_an_unknown_frame_waits_and_says_so(tmp_path):
-    """It would be an error in the view."""
-    now = [0.0]
-    recording = open_recording(save=tmp_path / "x.rrd")
-    live = RobotView(recording.stream, parse_view(VIEW), clock=lambda: now[0])
-    describe(live, ARM)
-    take_tf(live, transforms("odom", "base", 0.0))
-    take_tf(live, transforms("base", "tip", 0.0))
-    sample = odometry(0, frame="map")._replace(covariance=_covariance(1.0, 1.0))
-    take_odometry(live, "odom", START_NS, sample)
-    assert live.tick(START_NS) == []
-    now[0] = 4.0
-    [message] = live.tick(START_NS)
-    assert 'covariance "pose" is in the frame "map"' in message
-    recording.close()
-    assert chunks(tmp_path / "x.rrd", "/covariance/pose/place") == []

@@ -4,33 +4,25 @@ import math
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import Point32, Polygon, PolygonStamped, Vector3
+from geometry_msgs.msg import Vector3
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import BatteryState, Imu, JointState
 from std_msgs.msg import Bool, Float32, String
-from visualization_msgs.msg import MarkerArray
 
-from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.displays.curves import CurvesDisplay, FieldPath
 from onebot_bringup.viewer.displays.display import Plot
-from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.shown_robot import RobotToShow
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.errors import OneBotError
 from onebot_description.parameters.reader import ConfigError
 from onebot_description.wire.messages import time_message
-from tests.onebot_bringup.drive_support import chunks, column, curve, while_written
-from tests.onebot_bringup.test_rerun_topics import Driver, _viewer
-from tests.onebot_bringup.test_viewer_marker import marker
+from tests.onebot_bringup.drive_support import chunks, column, curve
 from tests.onebot_bringup.viewer_support import (
-    ARM,
     START_NS,
-    describe,
+    Shown,
     show,
     take,
 )
-from tests.ros_support import LATCHED, Peer
-from tests.support import wait_for
 
 SECOND = 10**9
 
@@ -110,14 +102,6 @@ def test_a_field_that_is_no_number_is_said_once(tmp_path, field, said):
     assert curve(file, "/curves/good") == [0.0, 0.0]
 
 
-def test_elements_of_messages_in_arrays(tmp_path):
-    """Also through them."""
-    message = PolygonStamped(polygon=Polygon(points=[Point32(), Point32(y=3.0)]))
-    lines = {"a": "topic: /t, field: 'polygon.points[1].y'"}
-    file, said = shown_curves(tmp_path, lines, ("/t", message))
-    assert (curve(file, "/curves/a"), said) == ([3.0], [])
-
-
 @pytest.mark.parametrize("field", ["", "a b", "a.", "[0]", "a[x]", "a..b", "1a"])
 def test_what_is_no_field_is_refused(field):
     """When the view is read."""
@@ -126,26 +110,12 @@ def test_what_is_no_field_is_refused(field):
     assert FieldPath("a.b[3].c[0]")._steps == ["a", "b", 3, "c", 0]  # noqa: SLF001
 
 
-class Shown:
-    """A view of curves that is given topics later."""
-
-    def __init__(self, tmp_path, view, **options):
-        self.file = tmp_path / "x.rrd"
-        self._recording = open_recording(save=self.file)
-        self.view = RobotView(self._recording.stream, parse_view(view), **options)
-
-    def end(self):
-        """The file, complete."""
-        self.view.finish()
-        self._recording.close()
-        return self.file
-
-
 def test_a_topic_is_subscribed_as_it_is_published(tmp_path):
     """Not before it is; in the namespace of the robot; as another type, if that changes."""
     shown = Shown(
         tmp_path,
         "curves: {lines: {a: {topic: value, field: data}}}",
+        robot=False,
         robots=[RobotToShow("/left")],
         resolve=lambda name: "/" + name.lstrip("/"),
     )
@@ -162,24 +132,22 @@ def test_a_topic_is_subscribed_as_it_is_published(tmp_path):
 
 def test_a_type_without_a_definition_is_said(tmp_path):
     """And bad bytes are reported."""
-    bad = []
 
     def definitions(name):
         raise OneBotError(f"no definition of {name}")
 
     shown = Shown(tmp_path, "curves: {lines: {a: {topic: /t, field: x}}}", definitions=definitions)
-    describe(shown.view, ARM)
     shown.view.offer({"/t": "a/msg/B"})
     assert shown.view.tick(START_NS) == ["/t cannot be plotted: no definition of a/msg/B"]
     shown.end()
     view = "curves: {lines: {a: {topic: /t, field: data}}}"
-    shown = Shown(tmp_path, view, report=lambda *args: bad.append(args))
+    shown = Shown(tmp_path, view)
     shown.view.offer({"/t": "std_msgs/msg/Float32"})
     shown.view.take("/t", "std_msgs/msg/Float32", bytes(serialize_message(String())), START_NS)
     shown.view.take("/t", "std_msgs/msg/Float32", b"", START_NS)
     shown.view.tick(START_NS)
     shown.end()
-    assert "/t" in {topic for topic, _ in bad}
+    assert "/t" in {topic for topic, _ in shown.bad}
 
 
 def test_curves_are_in_plots_by_name(tmp_path):
@@ -195,37 +163,3 @@ def test_curves_are_in_plots_by_name(tmp_path):
         Plot("curves", "Battery", 5.0, ("curves/b",)),
     )
     shown.end()
-
-
-@pytest.mark.slow
-def test_the_viewer_shows_curves_and_markers_that_are_published(ros_domain, tmp_path):
-    """A topic that comes later, and a latched one whose namespace is hidden and shown again."""
-    file, view = tmp_path / "x.rrd", tmp_path / "live.yaml"
-    view.write_text("curves: {lines: {charge: {topic: battery, field: percentage}}}")
-    with Peer(ros_domain) as peer, _viewer(tmp_path, viewer="none", view=view) as node:
-        driver = Driver(peer)
-        marks = peer.publisher(MarkerArray, "marks", LATCHED)
-        marks.publish(MarkerArray(markers=[marker(ns="goals", frame="odom")]))
-        battery = peer.publisher(BatteryState, "battery")
-
-        def cubes() -> list:
-            return while_written(column, file, "/marker/marks/goals/cubes", "Boxes3D:colors")
-
-        def recorded() -> bool:
-            driver.step()
-            battery.publish(BatteryState(percentage=0.5))
-            return 0.5 in while_written(curve, file, "/curves/charge") and bool(cubes())
-
-        def hide(*names: str) -> None:
-            [done] = peer.set_parameters("/rerun_viewer", **{"marker.hidden_namespaces": names})
-            assert done.successful
-
-        def again() -> bool:
-            driver.step()
-            return len([row for row in cubes() if row]) == 2
-
-        wait_for(recorded, "the curve and the marker in the file")
-        hide("goals")
-        hide()
-        wait_for(again, "the marker in the file again")
-        assert node.interrupt() == 0

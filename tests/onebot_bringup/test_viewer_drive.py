@@ -1,22 +1,18 @@
 """A driving robot as Rerun itself shows it: trails, speeds and the camera."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.pictures import headless_viewer, still
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.shown_robot import RobotToShow
-from onebot_bringup.viewer.view_config import ViewConfig, load_view
 from tests.onebot_bringup.drive_support import chunks, curve, odometry, strips
 from tests.onebot_bringup.viewer_support import (
-    ARM,
     BLUE,
     START_NS,
-    describe,
+    Shown,
     take_command,
     take_odometry,
     take_tf,
@@ -45,14 +41,8 @@ speeds:
 TENTH = 10**8
 
 
-def _view(tmp_path: Path, text: str = VIEW) -> ViewConfig:
-    (tmp_path / "view.yaml").write_text(text)
-    return load_view(tmp_path / "view.yaml")
-
-
 def _drive(live: RobotView, frame="odom", steps=41, truth="odom") -> list[str]:
     """Drive 0.1 m along y every tenth of a second; the truth is a metre further along x."""
-    describe(live, ARM)
     said = []
     for step in range(steps):
         stamp, y = START_NS + step * TENTH, 0.1 * step
@@ -66,19 +56,18 @@ def _drive(live: RobotView, frame="odom", steps=41, truth="odom") -> list[str]:
     return said
 
 
-def _recorded(tmp_path: Path, view: ViewConfig, **drive) -> Path:
-    recording = open_recording(save=tmp_path / "x.rrd")
-    assert _drive(RobotView(recording.stream, view), **drive) == []
-    recording.close()
-    return tmp_path / "x.rrd"
+def _recorded(tmp_path: Path, view: str, **drive) -> Path:
+    shown = Shown(tmp_path, view)
+    assert _drive(shown.view, **drive) == []
+    return shown.end()
 
 
 @pytest.mark.slow
 def test_the_picture_has_the_robot_its_trails_and_its_speeds(tmp_path):
     """Without an error: the camera follows, each trail is in its place, and each curve."""
     require_renderer()
-    view = _view(tmp_path, VIEW + SPEEDS)
-    file = _recorded(tmp_path, replace(view, camera=replace(view.camera, follow="base")))
+    view = VIEW.replace("camera: {", "camera: {follow: base, ")
+    file = _recorded(tmp_path, view + SPEEDS)
     for entity, value in (
         ("linear/commanded", 1.5),
         ("linear/measured", 1.0),
@@ -103,46 +92,21 @@ def test_the_picture_has_the_robot_its_trails_and_its_speeds(tmp_path):
 def test_a_trail_in_another_frame_waits_for_it_and_says_so(tmp_path):
     """A truth in "world" appears, from its start, once the static transform comes."""
     now = [0.0]
-    recording = open_recording(save=tmp_path / "x.rrd")
-    live = RobotView(recording.stream, _view(tmp_path), clock=lambda: now[0])
+    shown = Shown(tmp_path, VIEW, clock=lambda: now[0])
+    live = shown.view
     assert _drive(live, truth="world") == []
     assert live.tick(START_NS) == []
     now[0] = 4.0
     [message] = live.tick(START_NS)
     assert 'trail "truth" is in the frame "world"' in message and '"odom"' in message
     assert live.tick(START_NS) == [], "said once"
-    recording.stream.flush(timeout_sec=5.0)
-    assert strips(tmp_path / "x.rrd", "truth") == []
     take_tf(live, transforms("world", "odom", 0.0), static=True)
-    live.finish()
-    recording.close()
-    assert len(strips(tmp_path / "x.rrd", "truth")) == 40
-
-
-def test_the_robot_is_shown_before_and_after_its_fixed_frame_is_there(tmp_path):
-    """Without odom the robot stands in its own frame; when odom comes, it drives in that."""
-    now = [0.0]
-    recording = open_recording(save=tmp_path / "x.rrd")
-    live = RobotView(recording.stream, _view(tmp_path), clock=lambda: now[0])
-    describe(live, ARM)
-    take_tf(live, transforms("base", "tip", 1.0))
-    assert live.tick(START_NS) == []
-    now[0] = 4.0
-    [message] = live.tick(START_NS)
-    assert 'the fixed frame "odom" is not on /tf' in message and 'shown in "base"' in message
-    assert live.stage.fixed_frame == "base"
-    take_tf(live, transforms("odom", "base", 2.0, START_NS + TENTH))
-    take_tf(live, transforms("base", "tip", 1.0, START_NS + TENTH))
-    assert live.tick(START_NS + TENTH) == []
-    assert live.stage.fixed_frame == "odom"
-    recording.close()
+    assert len(strips(shown.end(), "truth")) == 40
 
 
 def test_the_fixed_frame_is_found_under_the_prefix(tmp_path):
     """A view for odom serves a robot whose frames carry a prefix."""
-    recording = open_recording(save=tmp_path / "x.rrd")
-    live = RobotView(recording.stream, _view(tmp_path), robots=[RobotToShow("", "r1/")])
-    describe(live, ARM)
+    live = Shown(tmp_path, VIEW, robots=[RobotToShow("", "r1/")]).view
     take_tf(live, transforms("r1/odom", "r1/base", 1.0))
     live.tick(START_NS)
     assert live.stage.fixed_frame == "r1/odom"
@@ -152,13 +116,11 @@ def test_the_fixed_frame_is_found_under_the_prefix(tmp_path):
     take_tf(live, transforms("odom", "r1/odom", 2.0))
     live.tick(START_NS)
     assert live.stage.fixed_frame == "odom"
-    recording.close()
 
 
 def test_only_the_axes_asked_for_are_drawn(tmp_path):
     """With axes.frames the others have no entity."""
-    view = _view(tmp_path)
-    view = replace(view, axes=replace(view.axes, frames=("odom", "base")))
-    file = _recorded(tmp_path, view)
+    axes = "axes: {visible: false, frames: [odom, base]}"
+    file = _recorded(tmp_path, VIEW.replace("axes: {visible: false}", axes))
     drawn = {name: bool(chunks(file, f"/frames/{name}")) for name in ("odom", "base", "tip")}
     assert drawn == {"odom": True, "base": True, "tip": False}

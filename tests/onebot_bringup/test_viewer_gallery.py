@@ -58,6 +58,8 @@ def test_the_picture_has_all_of_them(tmp_path):
         ("/imu", imu(frame="base")),
         ("/plan", path([(1.5, -2.5, 0.0), (1.5, -1.5, 0.0)])),
         ("/mark", marker(at=(-1.5, -1.0, 0.0), color=(1.0, 0.0, 1.0, 1.0), scale=(0.5, 0.5, 0.5))),
+        ("/mark", marker(ns="gone")),
+        ("/mark", marker(ns="gone", action=2)),
         ("/map", grid(np.full((2, 2), 50), x=3.0)),
     )
     assert said == []

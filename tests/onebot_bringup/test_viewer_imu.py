@@ -4,12 +4,9 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import Imu
 
-from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.robot_view import RobotView
-from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.wire.messages import TfArrays, time_message
 from tests.onebot_bringup.drive_support import column, frames
-from tests.onebot_bringup.viewer_support import START_NS, show, take, take_tf
+from tests.onebot_bringup.viewer_support import START_NS, Shown, show, take_tf
 
 ENTITY, TOPIC = "/imu/imu", "/imu"
 LEFT = (0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5))  # a quarter of a turn about z
@@ -45,16 +42,11 @@ def test_axes_and_acceleration(tmp_path):
 
 def test_the_orientation_is_that_in_the_fixed_frame(tmp_path):
     """The sensor's frame has turned by as much: in it, there is no turn left."""
-    recording = open_recording(save=tmp_path / "x.rrd")
-    view = RobotView(recording.stream, parse_view("fixed_frame: odom"))
-    rotation = np.array([LEFT])
-    take_tf(view, TfArrays(["odom"], ["tip"], np.array([START_NS]), np.ones((1, 3)), rotation))
-    view.offer({TOPIC: "sensor_msgs/msg/Imu"})
-    take(view, TOPIC, imu(LEFT))
-    view.tick(START_NS)
-    view.finish()
-    recording.close()
-    [found] = arrows(tmp_path / "x.rrd")
+    shown = Shown(tmp_path, "fixed_frame: odom", robot=False)
+    turned = TfArrays(["odom"], ["tip"], np.array([START_NS]), np.ones((1, 3)), np.array([LEFT]))
+    take_tf(shown.view, turned)
+    shown.send(TOPIC, imu(LEFT))
+    [found] = arrows(shown.end())
     np.testing.assert_allclose(found[:3], 0.3 * np.eye(3), atol=1e-6)
 
 

@@ -23,6 +23,7 @@ from tests.onebot_bringup.drive_support import chunks, column
 from tests.onebot_bringup.viewer_support import (
     ARM,
     START_NS,
+    Shown,
     describe,
     take_joints,
     take_tf,
@@ -166,43 +167,10 @@ def test_a_bar_leads_from_end_to_end_with_a_tick_at_each(axis, rpy, lower):
         assert (tick[1] - tick[0]) @ (bar[1] - bar[0]) == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_hand_is_a_closed_triangle_outside_of_its_arc():
-    """Its tip on the arc, its base square to the ray and to the axis."""
-    [joint] = _joint('<axis xyz="0 0 -1"/><limit lower="-1" upper="1"/>')
-    [needle] = needle_strips(joint, 2.0)
-    np.testing.assert_allclose(needle[0], needle[-1])
-    np.testing.assert_allclose(
-        sorted(needle.tolist()), sorted([[2, 0, 0], [2.56, 0.22, 0], [2.56, -0.22, 0], [2, 0, 0]])
-    )
-
-
-@pytest.mark.parametrize("span", [2 * math.pi, 2 * math.pi + 1e-6, 50.0])
-def test_a_whole_turn_is_a_closed_circle(span):
-    """More is no more of it; a little less leaves a gap."""
-    [joint] = _joint(f'<axis xyz="0 0 1"/><limit lower="-1" upper="{-1 + span!r}"/>')
-    arc = scale_strips(joint, 1.0)[0]
-    np.testing.assert_allclose(arc[0], arc[-1], atol=1e-5)
-    assert 73 <= len(arc) <= 74
-    [less] = _joint('<axis xyz="0 0 1"/><limit lower="-1" upper="5.2"/>')
-    arc = scale_strips(less, 1.0)[0]
-    assert np.linalg.norm(arc[0] - arc[-1]) == pytest.approx(2 * math.sin(math.pi - 3.1), abs=1e-6)
-
-
-def test_what_a_joint_leaves_out_has_urdf_s_default():
-    """The axis is x, the origin the parent's, a limit 0; the axis gets unit length."""
-    [joint] = _joint('<limit upper="1"/>')
-    assert (joint.origin.xyz, joint.origin.rpy, joint.axis) == ((0, 0, 0), (0, 0, 0), (1, 0, 0))
-    assert (joint.lower, joint.upper) == (0.0, 1.0)
-    [joint] = _joint('<limit lower="-1"/><axis xyz="0 -3 4"/>', "prismatic")
-    assert joint.axis == pytest.approx((0.0, -0.6, 0.8)) and joint.upper == 0.0
-    assert joint.kind == "prismatic"
-    assert _joint('<limit lower="0" upper="1"/>', "continuous") == ()
-
-
 def test_marks_are_drawn_anew_only_when_they_change(tmp_path):
     """A scale in the parent's frame, a hand in the child's; both go home when they are gone."""
-    recording = open_recording(save=tmp_path / "x.rrd")
-    live = RobotView(recording.stream, robots=[RobotToShow(frame_prefix="left/")])
+    shown = Shown(tmp_path, robots=[RobotToShow(frame_prefix="left/")])
+    live = shown.view
     shorter = TURNING.replace('upper="2"', 'upper="1"')
     visible = ", radius: 0.5, visible: true"
     for number, (urdf, ranges) in enumerate(
@@ -221,9 +189,9 @@ def test_marks_are_drawn_anew_only_when_they_change(tmp_path):
         live.tick(START_NS + number * 10**9)
         take_joints(live, START_NS + number, ("slide",), (0.5,))
         live.tick(START_NS + number * 10**9 + 5 * 10**8)
-    recording.close()
+    file = shown.end()
     marks = [
-        [frame for [frame] in column(tmp_path / "x.rrd", f"/joint_ranges/slide/{part}", FRAME)]
+        [frame for [frame] in column(file, f"/joint_ranges/slide/{part}", FRAME)]
         for part in ("range", "hand")
     ]
     # Of another limit only the range changes.
@@ -233,15 +201,11 @@ def test_marks_are_drawn_anew_only_when_they_change(tmp_path):
 
 def test_limits_are_level_lines_under_the_joint_s_own_name_and_colour(tmp_path):
     """They come with every position; a joint without limits has none, nor have velocities."""
-    recording = open_recording(save=tmp_path / "x.rrd")
-    live = RobotView(recording.stream, parse_view("joint_plot: {limits: true}"))
-    describe(live, ARM)
-    live.tick(START_NS)
+    shown = Shown(tmp_path, "joint_plot: {limits: true}")
+    shown.tick()
     for i in range(3):
-        take_joints(live, START_NS + i, ("free", "slide"), (9.0, 0.1 * i), (0.0, 0.0))
-    live.finish()
-    recording.close()
-    file, entity = tmp_path / "x.rrd", "/joints/position/0"
+        take_joints(shown.view, START_NS + i, ("free", "slide"), (9.0, 0.1 * i), (0.0, 0.0))
+    file, entity = shown.end(), "/joints/position/0"
     assert column(file, entity, "SeriesLines:names") == [["free", "slide", "slide", "slide"]]
     [shades] = column(file, entity, "SeriesLines:colors")
     assert shades[1] == shades[2] == shades[3] != shades[0]

@@ -4,12 +4,9 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import LaserScan
 
-from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.robot_view import RobotView
-from onebot_bringup.viewer.view_config import parse_view
-from onebot_description.wire.messages import time_message, transforms_message
-from tests.onebot_bringup.drive_support import chunks, column, frames
-from tests.onebot_bringup.viewer_support import START_NS, show, take, take_tf, transforms
+from onebot_description.wire.messages import time_message
+from tests.onebot_bringup.drive_support import column, frames
+from tests.onebot_bringup.viewer_support import START_NS, Shown, show, take, take_tf, transforms
 
 NAN, INF = float("nan"), float("inf")
 ENTITY = "/laser_scan/scan"
@@ -53,13 +50,13 @@ def test_ranges_are_points_around_the_sensor(tmp_path):
     np.testing.assert_array_equal(times, [START_NS, START_NS + 7000])
 
 
-class Moving:
+class Moving(Shown):
     """A sensor "tip" that moves at 2 m/s along y of odom."""
 
     def __init__(self, folder):
-        self._recording, self._file = open_recording(save=folder / "x.rrd"), folder / "x.rrd"
-        self._now, view = 0.0, parse_view("fixed_frame: odom")
-        self.view = RobotView(self._recording.stream, view, clock=lambda: self._now, live=True)
+        self._now = 0.0
+        clock = {"clock": lambda: self._now, "live": True}
+        super().__init__(folder, "fixed_frame: odom", robot=False, **clock)
         self.view.offer({"/scan": "sensor_msgs/msg/LaserScan"})
 
     def move(self, seconds):
@@ -75,13 +72,7 @@ class Moving:
     def tick(self, seconds):
         """Show what has come until then; returns the warnings."""
         self._now = seconds
-        return self.view.tick(START_NS + round(seconds * 1e9))
-
-    def end(self):
-        """Returns the file with all that was logged."""
-        self.view.finish()
-        self._recording.close()
-        return self._file
+        return super().tick(START_NS + round(seconds * 1e9))
 
 
 def test_points_stay_where_they_were_measured(tmp_path):
@@ -166,14 +157,6 @@ def test_colours_are_those_of_rviz(settings, expected, tmp_path):
     assert np.abs(channels - wanted).max() <= 3  # of 256 colours the nearest lower one
 
 
-def test_one_intensity_is_red_only_where_intensity_is_asked_for(tmp_path):
-    """Many scanners send zeros."""
-    zeros = ("/scan", scan(intensities=[0.0, 0.0]))
-    assert colors(show(tmp_path, "", zeros)[0]) == [[ORANGE]]
-    asked = "laser_scan: {color_transformer: Intensity}"
-    assert colors(show(tmp_path, asked, zeros)[0]) == [[RED, RED]]
-
-
 def test_points_stay_for_the_decay_time(tmp_path):
     """In the fixed frame, since the sensor moves on."""
     view = "{fixed_frame: base, laser_scan: {decay_time: 2.0, size: 0.1}}"
@@ -199,15 +182,3 @@ def test_a_scan_without_a_frame_is_warned_of(tmp_path):
     file, said = show(tmp_path, "", ("/scan", scan(frame="")), ("/scan", scan(at=1000)))
     assert said == ['laser scan "/scan": its header has no frame_id']
     assert len(points(file)) == 1
-
-
-def test_scans_in_an_unknown_frame_wait(tmp_path):
-    """It would be an error in the view; once a transform comes, the last ones are drawn."""
-    sent = [("/scan", scan(frame="elsewhere", at=number * 1000)) for number in range(300)]
-    file, _ = show(tmp_path, "", *sent)
-    assert chunks(file, ENTITY) == []
-    place = transforms("base", "elsewhere", 0.0)
-    values = np.hstack([place.translations, place.rotations])
-    message = transforms_message(time_message(START_NS), place.parents, place.children, values)
-    file, _ = show(tmp_path, "", *sent, ("/tf", message))
-    assert len(points(file)) == 100

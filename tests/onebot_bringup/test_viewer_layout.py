@@ -9,6 +9,7 @@ from tests.onebot_bringup.drive_support import column, odometry
 from tests.onebot_bringup.viewer_support import (
     ARM,
     START_NS,
+    Shown,
     describe,
     take_odometry,
     take_tf,
@@ -87,17 +88,14 @@ def test_only_what_is_in_a_layout_sends_another(tmp_path, monkeypatch):
 
 def test_axes_change_their_length_without_another_layout(tmp_path):
     """Longer by a parameter, and of a fitting length again."""
-    recording = open_recording(save=tmp_path / "x.rrd")
-    live = RobotView(recording.stream, parse_view(VIEW))
-    describe(live, ARM)
+    shown = Shown(tmp_path, VIEW)
+    live = shown.view
     _drive(live, 0)
     for start, length in ((20, ", length: 0.7"), (40, "")):
         live.set_view(
             parse_view(VIEW.replace("axes: {visible: false", "axes: {visible: false" + length))
         )
         _drive(live, start)
-    recording.close()
-    [first, fitting, longer, again] = column(
-        tmp_path / "x.rrd", "/frames/tip", "TransformAxes3D:axis_length"
-    )
+    lengths = column(shown.end(), "/frames/tip", "TransformAxes3D:axis_length")
+    [first, fitting, longer, again] = lengths
     assert longer == [np.float32(0.7)] and again == fitting != longer != first

@@ -2,18 +2,12 @@
 
 import pytest
 from rcl_interfaces.msg import Log
-from rclpy.serialization import serialize_message
 
-from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.displays.display import LayoutPart
 from onebot_bringup.viewer.displays.log import LogDrawing, LogView
-from onebot_bringup.viewer.robot_view import RobotView
-from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.wire.messages import time_message
 from tests.onebot_bringup.drive_support import chunks, column
-from tests.onebot_bringup.viewer_support import ARM, START_NS, describe, show, take
-
-[LOG] = LogDrawing.message_types
+from tests.onebot_bringup.viewer_support import START_NS, Shown, show
 
 
 def line(level, text, node="planner") -> Log:
@@ -39,19 +33,13 @@ def test_lines_have_their_level_node_and_time(tmp_path):
 
 def test_another_level_writes_no_line_again(tmp_path):
     """It is of the lines that follow."""
-    recording = open_recording(save=tmp_path / "x.rrd")
-    shown = RobotView(recording.stream, parse_view("log: {visible: true}"))
-    describe(shown, ARM)
-    shown.offer({"/rosout": LOG})
+    shown = Shown(tmp_path, "log: {visible: true}")
     for number, level in enumerate(("warn", "debug")):
-        take(shown, "/rosout", line(20, f"{number}"))
-        shown.tick(START_NS)
-        shown.set_view(parse_view(f"log: {{visible: true, level: {level}}}"))
-    take(shown, "/rosout", line(10, "2"))
-    shown.tick(START_NS)
-    shown.finish()
-    recording.close()
-    texts = column(tmp_path / "x.rrd", "/log/rosout", "TextLog:text")
+        shown.send("/rosout", line(20, f"{number}"))
+        shown.tick()
+        shown.look(f"log: {{visible: true, level: {level}}}")
+    shown.send("/rosout", line(10, "2"))
+    texts = column(shown.end(), "/log/rosout", "TextLog:text")
     assert [text[0] for text in texts if text] == ["[planner] 0", "[planner] 2"]
 
 
@@ -73,30 +61,12 @@ def test_a_line_of_a_megabyte_is_cut(tmp_path):
 )
 def test_its_view_is_below_the_robot_if_it_is_asked_for(tmp_path, view, views):
     """Every system has /rosout: not by itself."""
-    recording = open_recording(save=tmp_path / "x.rrd")
-    shown = RobotView(recording.stream, parse_view(view))
-    shown.offer({"/rosout": LOG})
-    assert [each.visible for each in shown.offered] == [bool(views)]
-    [display] = [each for each in shown.stage.message_displays if each.draws is LogDrawing]
+    shown = Shown(tmp_path, view)
+    shown.send("/rosout", line(20, ""))
+    assert [each.visible for each in shown.view.offered] == [bool(views)]
+    displays = shown.view.stage.message_displays
+    [display] = [each for each in displays if each.draws is LogDrawing]
     assert display.layout() == LayoutPart(wide=views)
     for each in views:
         assert each.view().class_identifier == "TextLog"
-    recording.close()
-
-
-def test_bad_messages_are_reported(tmp_path):
-    """And the others shown."""
-    bad = []
-    recording = open_recording(save=tmp_path / "x.rrd")
-    shown = RobotView(
-        recording.stream, parse_view("shown: [/rosout]"), report=lambda *args: bad.append(args)
-    )
-    describe(shown, ARM)
-    shown.offer({"/rosout": LOG})
-    shown.take("/rosout", LOG, bytes(serialize_message(line(20, "a")))[:-20], START_NS)
-    take(shown, "/rosout", line(20, "b"))
-    shown.tick(START_NS)
-    shown.finish()
-    recording.close()
-    assert [topic for topic, _ in bad] == ["/rosout"]
-    assert column(tmp_path / "x.rrd", "/log/rosout", "TextLog:text") == [["[planner] b"]]
+    shown.end()

@@ -7,20 +7,15 @@ import pytest
 import rerun as rr
 from nav_msgs.msg import OccupancyGrid
 
-from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.displays.map import UPDATE
-from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.wire.messages import time_message
+from tests.onebot_bringup import viewer_support as support
 from tests.onebot_bringup.drive_support import column, frames
 from tests.onebot_bringup.viewer_support import (
-    ARM,
     START_NS,
-    describe,
     show,
     take,
-    take_tf,
-    transforms,
 )
 
 MAP = "nav_msgs/msg/OccupancyGrid"
@@ -46,15 +41,12 @@ def update(x, y, cells, stamp_ns, cut=0) -> bytes:
     return b"\0\1\0\0" + header + body + cells.tobytes()[: cells.size - cut]
 
 
-class Shown:
+class Shown(support.Shown):
     """A view with one map topic."""
 
     def __init__(self, folder, view="", topic="/map"):
-        self._file, self._topic = folder / "x.rrd", topic
-        self._recording = open_recording(save=self._file)
-        self.view = RobotView(self._recording.stream, parse_view(view))
-        describe(self.view, ARM)
-        take_tf(self.view, transforms("base", "tip", 0.5))
+        super().__init__(folder, view)
+        self._topic = topic
         assert self.view.offer({topic: MAP}) == []
         self.now, self.warnings = START_NS, []
 
@@ -71,10 +63,9 @@ class Shown:
 
     def cells(self) -> list:
         """The cells of each row, the lowest y first; None for none."""
-        self.view.finish()
-        self._recording.close()
-        data = column(self._file, f"/map{self._topic}", "GridMap:data")
-        forms = column(self._file, f"/map{self._topic}", "GridMap:format")
+        self.end()
+        data = column(self.file, f"/map{self._topic}", "GridMap:data")
+        forms = column(self.file, f"/map{self._topic}", "GridMap:format")
         return [
             np.flipud(np.array(blob[0], np.uint8).view(np.int8).reshape(form[0]["height"], -1))
             for blob, form in zip(filter(None, data), filter(None, forms), strict=True)
@@ -227,20 +218,6 @@ def test_an_empty_map_clears(tmp_path):
         shown.tick()
     assert [cells.tolist() for cells in shown.cells()] == [[[7]], [[8]]]
     assert column(tmp_path / "x.rrd", "/map/map", "Clear:is_recursive") == [[False]]
-
-
-def test_another_colour_scheme_keeps_the_map(tmp_path):
-    """With its updates, and those that come later."""
-    shown = Shown(tmp_path)
-    shown.take(grid([[1, 1]]))
-    shown.tick()
-    shown.update(0, 0, [[2]])
-    shown.tick()
-    shown.view.set_view(parse_view("map: {color_scheme: costmap}"))
-    shown.tick()
-    shown.update(1, 0, [[3]])
-    shown.tick()
-    assert [cells.tolist() for cells in shown.cells()] == [[[1, 1]], [[2, 1]], [[2, 1]], [[2, 3]]]
 
 
 def test_updates_are_subscribed_with_their_map(tmp_path):

@@ -5,21 +5,17 @@ import sys
 import numpy as np
 import pytest
 from geometry_msgs.msg import Point
-from rclpy.serialization import serialize_message
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.displays.marker import MarkerDrawing
-from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.wire.messages import time_message
+from tests.onebot_bringup import viewer_support as support
 from tests.onebot_bringup.drive_support import chunks, column
 from tests.onebot_bringup.viewer_support import (
-    ARM,
     START_NS,
     box,
-    describe,
     take,
     take_tf,
     transforms,
@@ -57,18 +53,11 @@ def marker(kind=Marker.CUBE, number=0, at=(0.0, 0.0, 0.0), frame="base", **field
     return message
 
 
-class Shown:
+class Shown(support.Shown):
     """A view with a robot and the topics /marks (arrays) and /mark, and its file."""
 
-    def __init__(self, tmp_path, view="", robot=True, **options):
-        self.file = tmp_path / "x.rrd"
-        self.bad: list = []
-        self._recording = open_recording(save=self.file)
-        options.setdefault("report", lambda *args: self.bad.append(args))
-        self.view = RobotView(self._recording.stream, parse_view(view), **options)
-        if robot:
-            describe(self.view, ARM)
-            take_tf(self.view, transforms("base", "tip", 0.5))
+    def __init__(self, tmp_path, view="", **options):
+        super().__init__(tmp_path, view, **options)
         self.view.offer({"/marks": ARRAY, "/mark": ONE})
 
     def send(self, *markers, at=START_NS):
@@ -81,12 +70,6 @@ class Shown:
         displays = self.view.stage.message_displays
         [drawing] = [each.items[topic] for each in displays if each.draws is MarkerDrawing]
         return {space for space, _ in drawing._where}  # noqa: SLF001
-
-    def end(self):
-        """The file, complete."""
-        self.view.finish()
-        self._recording.close()
-        return self.file
 
 
 def rows(file, layer, name, topic="marks"):
@@ -342,24 +325,6 @@ def test_what_is_sent_once_is_logged_again(tmp_path, monkeypatch):
     assert set(times(file, "cubes")) == {0}
 
 
-def test_markers_are_deleted(tmp_path):
-    """One, those of a namespace, and all."""
-    shown = Shown(tmp_path)
-    everything = [marker(number=k, ns=space) for space in "ab" for k in range(3)]
-    shown.send(*everything)
-    shown.send(marker(number=1, ns="a", action=Marker.DELETE), at=START_NS + 1)
-    shown.send(marker(ns="a", action=Marker.DELETEALL), at=START_NS + 2)
-    shown.send(*everything, at=START_NS + 3)
-    shown.send(marker(action=Marker.DELETEALL), marker(number=7, ns="b"), at=START_NS + 4)
-    file = shown.end()
-    counts = [len(row or ()) for row in rows(file, "a/cubes", "InstancePoses3D:translations")]
-    assert (counts, times(file, "a/cubes")) == ([3, 2, 3], [0, 1, 2, 2, 3, 4, 4])
-    cleared = rows(file, "a/cubes", "Clear:is_recursive")
-    assert cleared == [[False], [False]]
-    counts = [len(row or ()) for row in rows(file, "b/cubes", "InstancePoses3D:translations")]
-    assert counts == [3, 1]
-
-
 def _cleared(file, layer, topic="marks"):
     """When a layer was emptied, seconds after the start."""
     return [
@@ -383,19 +348,6 @@ def test_a_marker_disappears_when_its_lifetime_is_over(tmp_path):
     assert _cleared(file, "cubes") == [1.75]
     assert _cleared(file, "spheres") == [0.25]
     assert _cleared(file, "arrows") == []
-
-
-def test_a_lifetime_begins_when_a_latched_marker_comes(tmp_path):
-    """As in RViz: what is minutes old is seen for its lifetime, then cleared at its own time."""
-    shown = Shown(tmp_path)
-    now = START_NS + 60 * SECOND
-    take(shown.view, "/mark", marker(lifetime=2.0), now)
-    shown.view.tick(now)
-    assert not shown.view.tick(now + SECOND)
-    assert shown.spaces("/mark") == {""}
-    shown.view.tick(now + 3 * SECOND)
-    assert not shown.spaces("/mark")
-    assert _cleared(shown.end(), "cubes", "mark") == [2.0]
 
 
 @pytest.mark.parametrize(
@@ -521,15 +473,6 @@ def test_a_marker_in_an_unknown_frame_waits_and_is_warned_of(tmp_path):
     assert flat(rows(file, "cubes_2", "InstancePoses3D:translations")) == [3, 0, 0]
 
 
-def test_without_a_robot_the_markers_frame_is_the_fixed_one(tmp_path):
-    """Nothing else names one."""
-    shown = Shown(tmp_path, robot=False)
-    shown.send(marker(frame="map"))
-    shown.view.tick(START_NS + 1)
-    assert shown.view.stage.fixed_frame == "map"
-    assert rows(shown.end(), "cubes", "CoordinateFrame:frame") == [["map"]]
-
-
 def test_namespaces_may_be_hidden(tmp_path):
     """By the view, as RViz's check boxes do."""
     shown = Shown(tmp_path, "marker: {topics: {/marks: {hidden_namespaces: [noise]}}}")
@@ -615,18 +558,6 @@ def test_a_problem_with_other_numbers_each_time_is_said_once(tmp_path, fields, s
     [first] = sentences
     assert said in first
     shown.end()
-
-
-def test_bad_messages_are_reported(tmp_path):
-    """And cost nothing of the others."""
-    shown = Shown(tmp_path)
-    whole = bytes(serialize_message(MarkerArray(markers=[marker()])))
-    for data in (b"", whole[:-9], b"\0\1\0\0\xff\xff\xff\xff"):
-        shown.view.take("/marks", ARRAY, data, START_NS)
-    shown.send()
-    shown.send(marker())
-    assert [topic for topic, _ in shown.bad] == ["/marks"] * 3
-    assert len(rows(shown.end(), "cubes", "Boxes3D:colors")) == 1
 
 
 def _model(state, markers):

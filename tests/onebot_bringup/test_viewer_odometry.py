@@ -4,20 +4,15 @@ import numpy as np
 import pytest
 from nav_msgs.msg import Odometry
 
-from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.robot_view import RobotView
-from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.wire.messages import time_message
 from tests.onebot_bringup.drive_support import column, frames
 from tests.onebot_bringup.viewer_support import (
-    ARM,
     START_NS,
+    Shown,
     describe,
     show,
-    take,
     take_tf,
     transforms,
-    type_name,
 )
 
 
@@ -63,12 +58,6 @@ def test_another_frame_begins_anew(tmp_path):
     assert frames(tmp_path / "x.rrd", "/odometry/odom") == ["base", "tip"]
 
 
-def test_what_is_not_finite_is_refused(tmp_path):
-    """And said; the others are drawn."""
-    rows, [warning] = _shown(tmp_path, "{}", odometry(np.nan), odometry(2, number=1))
-    assert rows == [[2]] and 'odometry "/odom": its pose is not finite' in warning
-
-
 @pytest.mark.parametrize(
     ("view", "visible"),
     [
@@ -81,43 +70,32 @@ def test_what_is_not_finite_is_refused(tmp_path):
 )
 def test_what_has_a_trail_is_not_shown_by_itself(tmp_path, view, visible):
     """It would be there twice; it may be asked for."""
-    recording = open_recording(save=tmp_path / "x.rrd")
-    live = RobotView(
-        recording.stream, parse_view(view), resolve=lambda name: f"/{name.lstrip('/')}"
-    )
-    live.offer({"/odom": type_name(Odometry())})
-    assert [each.visible for each in live.offered] == [visible]
-    recording.close()
+    shown = Shown(tmp_path, view, resolve=lambda name: f"/{name.lstrip('/')}")
+    shown.send("/odom", odometry(0))
+    assert [each.visible for each in shown.view.offered] == [visible]
+    shown.end()
 
 
 def test_arrows_are_in_proportion_to_the_robot(tmp_path):
     """Also those drawn before it was known; without one they are as RViz's."""
     box = '<visual><geometry><box size="0.03 0.04 0.12"/></geometry></visual>'
-    recording = open_recording(save=tmp_path / "x.rrd")
-    live = RobotView(recording.stream)
-    live.offer({"/odom": type_name(Odometry())})
-    take_tf(live, transforms("base", "tip", 0.5))
-    take(live, "/odom", odometry(0))
-    live.tick(START_NS)
-    describe(live, f'<robot name="small"><link name="base">{box}</link></robot>')
-    live.tick(START_NS)
-    recording.close()
-    found = column(tmp_path / "x.rrd", "/odometry/odom", "Arrows3D:vectors")
-    assert np.ravel(found) == pytest.approx([1.3, 0, 0, 0.65 * 0.13, 0, 0])
+    shown = Shown(tmp_path, robot=False)
+    take_tf(shown.view, transforms("base", "tip", 0.5))
+    shown.send("/odom", odometry(0))
+    shown.tick()
+    describe(shown.view, f'<robot name="small"><link name="base">{box}</link></robot>')
+    shown.tick()
+    vectors = column(shown.end(), "/odometry/odom", "Arrows3D:vectors")
+    assert np.ravel(vectors) == pytest.approx([1.3, 0, 0, 0.65 * 0.13, 0, 0])
 
 
 def test_another_look_keeps_the_arrows(tmp_path):
     """All that were there."""
-    recording = open_recording(save=tmp_path / "x.rrd")
-    live = RobotView(recording.stream)
-    describe(live, ARM)
-    live.offer({"/odom": type_name(Odometry())})
-    for number in range(3):
-        take(live, "/odom", odometry(number, number=number))
-    live.tick(START_NS)
-    live.set_view(parse_view("odometry: {color: [1, 2, 3]}"))
-    live.finish()
-    recording.close()
-    rows = column(tmp_path / "x.rrd", "/odometry/odom", "Arrows3D:origins")
+    shown = Shown(tmp_path)
+    shown.send("/odom", *(odometry(number, number=number) for number in range(3)))
+    shown.tick()
+    shown.look("odometry: {color: [1, 2, 3]}")
+    file = shown.end()
+    rows = column(file, "/odometry/odom", "Arrows3D:origins")
     assert [len(row) for row in rows] == [1, 2, 3, 3]
-    assert column(tmp_path / "x.rrd", "/odometry/odom", "Arrows3D:colors")[-1] == [0x010203FF]
+    assert column(file, "/odometry/odom", "Arrows3D:colors")[-1] == [0x010203FF]

@@ -6,16 +6,13 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
-from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
-from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.wire.messages import time_message
 from tests.onebot_bringup.drive_support import chunks, column, frames, while_written
 from tests.onebot_bringup.test_rerun_topics import Driver, _viewer
-from tests.onebot_bringup.viewer_support import ARM, START_NS, describe, take, take_tf, transforms
+from tests.onebot_bringup.viewer_support import START_NS, Shown, take, take_tf, transforms
 from tests.ros_support import LATCHED, Peer
 from tests.support import wait_for
 
@@ -48,20 +45,10 @@ LINE = [(float(x), -1.0, 0.0) for x in range(-2, 3)]
 
 
 def _begun(tmp_path, view=VIEW, **options):
-    """A view with a robot and two topics of paths, the file that it is written to, and its end."""
-    recording = open_recording(save=tmp_path / "x.rrd")
-    live = RobotView(recording.stream, parse_view(view), **options)
-    assert live.offer(OFFERED) == []
-    describe(live, ARM)
-    take_tf(live, transforms("base", "tip", 0.5))
-
-    def end(finish=True):
-        if finish:
-            live.finish()
-        recording.close()
-        return tmp_path / "x.rrd"
-
-    return live, end
+    """A view with a robot and two topics of paths, and what ends it."""
+    shown = Shown(tmp_path, view, **options)
+    assert shown.view.offer(OFFERED) == []
+    return shown.view, shown.end
 
 
 def _lines(file, name="plan"):
@@ -79,7 +66,7 @@ def test_a_path_is_drawn_while_simulated_time_stands_still(tmp_path):
     for _ in range(10):
         now[0] += 0.05
         live.tick(START_NS)
-    assert len(_lines(end(finish=False))) == 1
+    assert len(_lines(end())) == 1
 
 
 def test_a_new_topic_does_not_recolour_the_others(tmp_path):
@@ -152,17 +139,6 @@ def test_a_path_in_an_unknown_frame_waits_and_is_warned_of(tmp_path):
     assert len(_lines(end())) == 1
 
 
-def test_bad_messages_are_reported(tmp_path):
-    """And cost nothing of the others."""
-    bad = []
-    live, end = _begun(tmp_path, report=lambda *args: bad.append(args))
-    for data in (b"", bytes(serialize_message(path(LINE)))[:-9], b"\0\1\0\0\xff\xff\xff\xff"):
-        live.take("/plan", PATH, data, START_NS)
-    take(live, "/plan", path(LINE))
-    assert len(_lines(end())) == 1
-    assert [name for name, _ in bad] == ["/plan"] * 3
-
-
 def test_what_is_sent_once_is_logged_again(tmp_path, monkeypatch):
     """A server with a memory limit drops the oldest data."""
     monkeypatch.setattr("onebot_bringup.viewer.displays.display.REPEAT_AFTER", -1.0)
@@ -211,13 +187,6 @@ def test_a_hidden_path_is_erased_and_no_longer_subscribed(tmp_path, change):
     shown = {each.topic: each.visible for each in live.offered}
     assert shown.get("/plan", False) is False
     assert column(end(), "/path/plan", "Clear:is_recursive")
-
-
-def test_a_topic_that_is_shown_otherwise_stays_so(tmp_path):
-    """A view names it for a trail, of which it is not; it may still be asked for."""
-    live, end = _begun(tmp_path, "trails: {a: {topic: /plan}}")
-    assert live.wants("/plan", "nav_msgs/msg/Odometry") and not live.wants("/plan", PATH)
-    end()
 
 
 @pytest.mark.parametrize("qos", [10, LATCHED])

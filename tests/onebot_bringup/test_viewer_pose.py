@@ -12,12 +12,9 @@ from geometry_msgs.msg import (
     PoseWithCovarianceStamped,
 )
 
-from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.robot_view import RobotView
-from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.wire.messages import time_message
 from tests.onebot_bringup.drive_support import column, frames
-from tests.onebot_bringup.viewer_support import ARM, START_NS, describe, show, take, type_name
+from tests.onebot_bringup.viewer_support import START_NS, Shown, show
 
 RED, GREEN, BLUE = 0xCC3333FF, 0x33CC33FF, 0x3366FFFF
 QUARTER = (0.0, 0.0, 2.0, 2.0)  # turned to the left; of any length
@@ -176,19 +173,12 @@ def test_points_have_a_history(tmp_path):
 
 def test_another_look_keeps_the_points(tmp_path):
     """All that were there, each once; of a shorter history the last."""
-    recording = open_recording(save=tmp_path / "x.rrd")
-    live = RobotView(recording.stream, parse_view("point_stamped: {history_length: 5}"))
-    describe(live, ARM)
-    live.offer({"/p": type_name(PointStamped())})
-    for number in range(3):
-        take(live, "/p", point(number, START_NS + number))
-    live.tick(START_NS)
+    shown = Shown(tmp_path, "point_stamped: {history_length: 5}")
+    shown.send("/p", *(point(number, START_NS + number) for number in range(3)))
+    shown.tick()
     for look in ("radius: 0.3, history_length: 5", "history_length: 2"):
-        live.set_view(parse_view(f"point_stamped: {{{look}}}"))
-        live.tick(START_NS)
-    live.finish()
-    recording.close()
-    rows = column(tmp_path / "x.rrd", "/point_stamped/p", "Points3D:positions")
+        shown.look(f"point_stamped: {{{look}}}")
+    rows = column(shown.end(), "/point_stamped/p", "Points3D:positions")
     assert [[x for x, _, _ in row] for row in rows][2:] == [[0, 1, 2], [0, 1, 2], [1, 2]]
 
 

@@ -10,10 +10,8 @@ from onebot_bringup.viewer.display_server import APPLICATION, open_recording
 from onebot_bringup.viewer.pictures import headless_viewer, render, still
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.scene import MISSING_COLOR, Scene
-from onebot_bringup.viewer.shown_robot import RobotToShow
-from onebot_bringup.viewer.view_config import ViewConfig, load_view, parse_view
+from onebot_bringup.viewer.view_config import ViewConfig, parse_view
 from onebot_description.description import parse_description
-from onebot_description.errors import OneBotError
 from onebot_description.wire.messages import TfArrays
 from tests.onebot_bringup.drive_support import column
 from tests.onebot_bringup.viewer_support import (
@@ -22,6 +20,7 @@ from tests.onebot_bringup.viewer_support import (
     ORANGE,
     START_NS,
     VIEW,
+    Shown,
     describe,
     take_joints,
     take_tf,
@@ -33,13 +32,6 @@ from tests.support import wait_for
 from tests.support_rendering import center, colored, pixels, require_renderer
 
 GREEN = (0, 204, 51)
-
-
-@pytest.fixture
-def view(tmp_path: Path) -> ViewConfig:
-    path = tmp_path / "view.yaml"
-    path.write_text(VIEW)
-    return load_view(path)
 
 
 def _record(path: Path, view: ViewConfig | None, urdf: str = ARM) -> list[str]:
@@ -100,11 +92,11 @@ def test_a_recording_shows_the_robot_solid_in_its_colours_in_its_place(tmp_path)
 
 
 @pytest.mark.slow
-def test_a_new_description_replaces_the_robot(view):
+def test_a_new_description_replaces_the_robot():
     """Shapes, frames and colours of the old robot are gone, in a viewer that is open."""
     require_renderer()
     recording = open_recording(0)
-    live = RobotView(recording.stream, view)
+    live = RobotView(recording.stream, parse_view(VIEW))
     describe(live, ARM)
     take_tf(live, transforms("base", "tip", 1.0))
     live.tick(START_NS)
@@ -124,17 +116,15 @@ def test_a_new_description_replaces_the_robot(view):
     recording.close()
 
 
-def test_a_bad_description_keeps_the_last_good_robot(view, tmp_path):
+def test_a_bad_description_keeps_the_last_good_robot(tmp_path):
     """A typing error while editing does not empty the view."""
-    recording = open_recording(save=tmp_path / "x.rrd")
-    live = RobotView(recording.stream, view)
-    describe(live, ARM)
-    live.tick(START_NS)
-    describe(live, ARM[:-5])
-    with pytest.raises(OneBotError, match="malformed XML"):
-        live.tick(START_NS)
-    assert live.robot is not None and live.robot.robot_name == "arm"
-    recording.close()
+    shown = Shown(tmp_path)
+    shown.tick()
+    describe(shown.view, ARM[:-5])
+    shown.tick()
+    [(_, error)] = shown.bad
+    assert "malformed XML" in str(error)
+    assert shown.view.robot is not None and shown.view.robot.robot_name == "arm"
 
 
 @pytest.mark.slow
@@ -152,13 +142,11 @@ def test_meshes_of_every_format_are_drawn_in_their_colours(tmp_path):
         for place, (path, rgba) in enumerate(meshes)
     )
     urdf = f'<robot name="m"><link name="base">{visuals}</link></robot>'
-    recording = open_recording(save=tmp_path / "m.rrd")
-    live = RobotView(recording.stream)
-    describe(live, urdf)
-    [problem] = live.tick(1)
+    shown = Shown(tmp_path, robot=False)
+    describe(shown.view, urdf)
+    [problem] = shown.tick(1)
     assert "no.stl: no such file" in problem
-    recording.close()
-    render(tmp_path / "m.rrd", tmp_path / "m.png", 640, 480)
+    render(shown.end(), tmp_path / "m.png", 640, 480)
     image = pixels(tmp_path / "m.png")
     for color in (ORANGE, BLUE, GREEN):
         assert colored(image, color).mean() > 0.003, color
@@ -218,9 +206,7 @@ def test_a_late_viewer_of_a_full_server_still_sees_what_was_sent_once(monkeypatc
 
 def test_the_fixed_frame_is_the_top_one_or_the_one_asked_for(tmp_path):
     """With "" everything is shown in odom once that is heard; a wrong one is complained about."""
-    recording = open_recording(save=tmp_path / "x.rrd")
-    live = RobotView(recording.stream)
-    describe(live, ARM)
+    live = Shown(tmp_path).view
     live.tick(START_NS)
     assert live.stage.fixed_frame == "base"
     take_tf(live, transforms("odom", "base", 0.0))
@@ -228,9 +214,7 @@ def test_the_fixed_frame_is_the_top_one_or_the_one_asked_for(tmp_path):
     assert live.stage.fixed_frame == "odom"
 
     now = [0.0]
-    live = RobotView(recording.stream, ViewConfig(fixed_frame="odm"), clock=lambda: now[0])
-    describe(live, ARM)
-    take_tf(live, transforms("base", "tip", 1.0))
+    live = Shown(tmp_path, "fixed_frame: odm", clock=lambda: now[0]).view
     take_tf(live, transforms("odom", "base", 0.0))
     assert live.tick(START_NS) == []
     now[0] = 4.0
@@ -238,14 +222,12 @@ def test_the_fixed_frame_is_the_top_one_or_the_one_asked_for(tmp_path):
     assert '"odm" is not on /tf' in message and 'did you mean "odom"' in message
     assert 'shown in "odom"' in message and live.stage.fixed_frame == "odom"
     assert live.tick(START_NS) == [], "said once"
-    recording.close()
 
 
 def test_waiting_and_missing_frames_are_said(tmp_path):
     """It says that it waits for the description, then which link has no transform."""
     now = [0.0]
-    recording = open_recording(save=tmp_path / "x.rrd")
-    live = RobotView(recording.stream, clock=lambda: now[0], live=True)
+    live = Shown(tmp_path, robot=False, clock=lambda: now[0], live=True).view
     assert live.tick(START_NS) == []
     now[0] = 2.5
     [message] = live.tick(START_NS)
@@ -255,37 +237,22 @@ def test_waiting_and_missing_frames_are_said(tmp_path):
     now[0] = 6.0
     [message] = live.tick(START_NS)
     assert 'no transform yet from "base" to tip' in message
-    recording.close()
 
 
 def test_static_transforms_all_survive_in_a_file(tmp_path):
     """Frames that are sent in several messages are all there when it is opened later."""
-    recording = open_recording(save=tmp_path / "s.rrd")
-    live = RobotView(recording.stream)
+    shown = Shown(tmp_path, robot=False)
     for names in (("f0", "f1"), ("f2",)):
         count = len(names)
         shifts, turns = np.full((count, 3), 2.0), np.tile([0.0, 0.0, 0.0, 1.0], (count, 1))
         stamps = np.zeros(count, np.int64)
-        take_tf(live, TfArrays(["base"] * count, [*names], stamps, shifts, turns), static=True)
-        live.tick(START_NS)
-    recording.close()
+        arrays = TfArrays(["base"] * count, [*names], stamps, shifts, turns)
+        take_tf(shown.view, arrays, static=True)
+        shown.tick()
+    file = shown.end()
     for name in ("f0", "f1", "f2"):
-        places = column(tmp_path / "s.rrd", f"/tf_static/{name}", "Transform3D:translation")
+        places = column(file, f"/tf_static/{name}", "Transform3D:translation")
         assert places == [[[2.0, 2.0, 2.0]]]
-
-
-def test_frames_carry_the_prefix(tmp_path):
-    """With a frame_prefix, links follow the prefixed frames; another robot's are not in the way."""
-    recording = open_recording(save=tmp_path / "x.rrd")
-    live = RobotView(recording.stream, robots=[RobotToShow("", "r1/")])
-    describe(live, ARM)
-    take_tf(live, transforms("r1/base", "r1/tip", 1.0))
-    take_tf(live, transforms("r2/base", "r2/tip", 1.0))
-    assert live.tick(START_NS) == []
-    assert live.stage.fixed_frame == "r1/base"
-    recording.close()
-    frames = column(tmp_path / "x.rrd", "/robot/visual/tip/0", "CoordinateFrame:frame")
-    assert frames == [["r1/tip"]]
 
 
 @pytest.mark.slow
@@ -294,13 +261,9 @@ def test_a_blueprint_saved_in_the_viewer_is_loaded(tmp_path):
     require_renderer()
     saved = rrb.Blueprint(rrb.Spatial3DView(origin="/", name="My own"))
     saved.save(APPLICATION, str(tmp_path / "mine.rbl"))
-    recording = open_recording(save=tmp_path / "x.rrd")
-    live = RobotView(recording.stream, blueprint=tmp_path / "mine.rbl")
-    describe(live, ARM)
-    take_tf(live, transforms("base", "tip", 1.0))
-    live.tick(START_NS)
-    recording.close()
-    with headless_viewer(str(tmp_path / "x.rrd")) as client:
+    shown = Shown(tmp_path, blueprint=tmp_path / "mine.rbl")
+    shown.tick()
+    with headless_viewer(str(shown.end())) as client:
         assert [view.name for view in client.get_state().views] == ["My own"]
 
 

@@ -3,29 +3,23 @@
 import numpy as np
 import pytest
 
-from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.displays.curves import GAP
-from onebot_bringup.viewer.robot_view import RobotView
-from onebot_bringup.viewer.view_config import parse_view
 from tests.onebot_bringup.drive_support import chunks, column, curve, odometry
-from tests.onebot_bringup.viewer_support import START_NS, take_command, take_odometry
+from tests.onebot_bringup.viewer_support import START_NS, Shown, take_command, take_odometry
 
 SECOND = 10**9
 
 
 def _flushed(tmp_path, rows, held=False):
-    recording = open_recording(save=tmp_path / "x.rrd")
-    view = "speeds: {lines: {measured: {topic: v, color: [1, 2, 3]}}}"
-    live = RobotView(recording.stream, parse_view(view))
+    shown = Shown(tmp_path, "speeds: {lines: {measured: {topic: v, color: [1, 2, 3]}}}")
     for seconds, linear, angular in rows:
         stamp = START_NS + round(seconds * SECOND)
         if held:
-            take_command(live, "v", stamp, float(linear), float(angular))
+            take_command(shown.view, "v", stamp, float(linear), float(angular))
         else:
-            take_odometry(live, "v", stamp, odometry(0, speed=linear, turn=angular))
-    live.finish()
-    recording.close()
-    return [curve(tmp_path / "x.rrd", f"/speeds/{axis}/measured") for axis in ("linear", "angular")]
+            take_odometry(shown.view, "v", stamp, odometry(0, speed=linear, turn=angular))
+    file = shown.end()
+    return [curve(file, f"/speeds/{axis}/measured") for axis in ("linear", "angular")]
 
 
 @pytest.mark.parametrize("held", [False, True])

@@ -10,8 +10,7 @@ import rerun.chunk as rc
 from onebot_bringup.introspection.transforms import FrameTree
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.displays.tf import TransformStream
-from onebot_bringup.viewer.robot_view import RobotView
-from tests.onebot_bringup.viewer_support import START_NS, take_joints, transforms
+from tests.onebot_bringup.viewer_support import START_NS, Shown, take_joints, transforms
 
 
 def _chunks(path: Path, entity: str) -> list:
@@ -40,17 +39,6 @@ def test_messages_between_two_flushes_make_one_chunk_with_their_own_times(tmp_pa
     assert times == [START_NS + step for step in range(50)]
     places = [row[0] for row in _column(chunk, "Transform3D:translation")]
     np.testing.assert_allclose(places, [[0, step, 0] for step in range(50)])
-
-
-def test_a_stamp_of_zero_means_now(tmp_path):
-    """Transforms without a time are shown at the time they came."""
-    recording = open_recording(save=tmp_path / "x.rrd")
-    stream = TransformStream(recording.stream, FrameTree())
-    stream.add(START_NS, transforms("base", "tip", 0.0, 0))
-    stream.flush()
-    recording.close()
-    [chunk] = _chunks(tmp_path / "x.rrd", "/tf")
-    assert chunk.to_record_batch().column("ros_time").cast("int64").to_pylist() == [START_NS]
 
 
 def test_static_transforms_are_logged_once_until_they_change(tmp_path):
@@ -90,15 +78,11 @@ def test_slow_transforms_are_repeated_among_fast_ones(tmp_path, monkeypatch):
 
 def _plotted(tmp_path, *states):
     """The file with joint states, (names, positions, velocities) each, and what was said."""
-    recording = open_recording(save=tmp_path / "x.rrd")
-    live, said = RobotView(recording.stream), []
+    shown = Shown(tmp_path)
     for step, state in enumerate(states):
-        take_joints(live, START_NS + step, *state)
-        said += live.tick(START_NS + step * 10**9) if step % 10 == 9 else []
-    said += live.tick(START_NS + len(states) * 10**9)
-    live.finish()
-    recording.close()
-    return tmp_path / "x.rrd", said
+        take_joints(shown.view, START_NS + step, *state)
+    said = shown.tick(START_NS + len(states) * 10**9)
+    return shown.end(), said
 
 
 def test_joint_states_are_curves_with_the_joints_names(tmp_path):

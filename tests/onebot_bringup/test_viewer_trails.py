@@ -3,26 +3,19 @@
 import numpy as np
 import pytest
 
-from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.displays.odometry import JUMP, SPACING
-from onebot_bringup.viewer.robot_view import RobotView
-from onebot_bringup.viewer.view_config import parse_view
 from tests.onebot_bringup.drive_support import chunks, column, frames, odometry, strips
-from tests.onebot_bringup.viewer_support import START_NS, take_odometry, take_tf, transforms
+from tests.onebot_bringup.viewer_support import START_NS, Shown, take_odometry, take_tf, transforms
 
 
 def _flushed(tmp_path, samples, settings="color: [255, 0, 0]"):
     """The pieces in the file after ``samples``, (time, message) each."""
-    recording = open_recording(save=tmp_path / "x.rrd")
-    view = parse_view(f"trails: {{way: {{topic: odom, {settings}}}}}")
-    live = RobotView(recording.stream, view)
+    shown = Shown(tmp_path, f"trails: {{way: {{topic: odom, {settings}}}}}", robot=False)
     for frame in ("base", "map"):
-        take_tf(live, transforms("odom", frame, 0.0))
+        take_tf(shown.view, transforms("odom", frame, 0.0))
     for stamp, sample in samples:
-        take_odometry(live, "odom", stamp, sample)
-    live.finish()
-    recording.close()
-    return strips(tmp_path / "x.rrd", "way")
+        take_odometry(shown.view, "odom", stamp, sample)
+    return strips(shown.end(), "way")
 
 
 def test_a_piece_begins_where_the_last_one_ended_at_its_own_time(tmp_path):
@@ -110,17 +103,6 @@ def test_a_jump_is_measured_from_the_last_message(tmp_path):
     pieces = _flushed(tmp_path, samples)
     ends = [[0.0, near + JUMP * 0.999], [near + JUMP * 2.1, near + JUMP * 2.2]]
     np.testing.assert_allclose([piece[:, 0] for piece in pieces], ends, rtol=1e-6)
-
-
-def test_the_same_time_again_is_no_reset(tmp_path):
-    """Two messages of one stamp are a piece of the line; one of an older stamp is not."""
-    for back, pieces in ((0, 2), (1, 1)):
-        samples = [
-            (START_NS, odometry(0.0)),
-            (START_NS - back, odometry(0.1)),
-            (START_NS + 1, odometry(0.2)),
-        ]
-        assert len(_flushed(tmp_path, samples)) == pieces
 
 
 def test_a_message_without_a_frame_breaks_the_line(tmp_path):

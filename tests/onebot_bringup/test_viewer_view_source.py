@@ -138,21 +138,3 @@ def test_a_layout_keeps_the_robot_s_own_trails_and_curves(tmp_path):
     (tmp_path / "x.rbl").write_text("fixed_frame: odom")
     with pytest.raises(OneBotError, match="no layout saved in the viewer"):
         ViewSource(str(tmp_path / "x.rbl"))
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "message"),
-    [
-        ("axes", True, "axes: is more than one parameter"),
-        ("axes.visibel", True, 'axes.visibel: no such parameter (did you mean "visible"'),
-        ("axes.visible.x", True, "axes.visible.x: is one value, not a map"),
-        ("trails", {}, "trails: is more than one parameter"),
-        ("axes.length", -1.0, "axes.length: -1 is below 0"),
-        ("camera.eye", [1.0], "camera.eye: 1 numbers; write three metres"),
-    ],
-)
-def test_a_setting_that_cannot_be_is_refused(name, value, message):
-    """As in the file."""
-    with pytest.raises(ConfigError) as caught:
-        replaced(ViewConfig(), name, value)
-    assert message in str(caught.value)

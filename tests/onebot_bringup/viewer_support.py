@@ -48,23 +48,58 @@ joint_plot: {positions: false, velocities: false}
 """
 
 
+class Shown:
+    """A view of the arm, whose tip stands 0.5 m along y of its base, drawn into a file."""
+
+    def __init__(self, folder: Path, view="", *, robot=True, **options) -> None:
+        self.file = folder / "x.rrd"
+        self.bad: list[tuple[str, Exception]] = []  # messages that could not be decoded
+        self._recording = open_recording(save=self.file)
+        options.setdefault("report", lambda *args: self.bad.append(args))
+        self.view = RobotView(self._recording.stream, parse_view(view), **options)
+        self._offered: dict[str, str] = {}
+        if robot:
+            describe(self.view, ARM)
+            take_tf(self.view, transforms("base", "tip", 0.5))
+
+    def send(self, topic: str, *messages, at=START_NS) -> None:
+        """Publish messages on a topic that is offered by itself."""
+        for message in messages:
+            if topic not in self._offered:
+                self._offered[topic] = type_name(message)
+                assert self.view.offer(self._offered) == []
+            take(self.view, topic, message, at)
+
+    def tick(self, at=START_NS) -> list[str]:
+        """Draw what has come until then; returns what the user is told."""
+        return self.view.tick(at)
+
+    def look(self, view: str, at=START_NS) -> None:
+        """Show it with other settings."""
+        self.view.set_view(parse_view(view))
+        self.view.tick(at)
+
+    def end(self) -> Path:
+        """Return the file, complete."""
+        self.view.finish()
+        self._recording.close()
+        return self.file
+
+
 def show(folder: Path, view: str, *messages) -> tuple[Path, list[str]]:
     """Show messages, (topic, message) each, beside the arm whose tip stands 0.5 m along y of base.
 
     Returns:
         The file with what was logged, and the warnings.
     """
-    recording = open_recording(save=folder / "x.rrd")
-    shown = RobotView(recording.stream, parse_view(view))
-    describe(shown, ARM)
-    take_tf(shown, transforms("base", "tip", 0.5))
-    found = shown.offer({topic: type_name(message) for topic, message in messages})
+    shown, said = Shown(folder, view), []
+    shown.view.offer({topic: type_name(message) for topic, message in messages})
     for number, (topic, message) in enumerate(messages):
-        take(shown, topic, message, START_NS + number)
-        found += shown.tick(START_NS + number * 10**9)
-    found += shown.finish()
-    recording.close()
-    return folder / "x.rrd", found
+        take(shown.view, topic, message, START_NS + number)
+        said += shown.tick(START_NS + number * 10**9)
+    file = shown.end()
+    assert not shown.bad
+    return file, said
 
 
 def type_name(message) -> str:

@@ -126,7 +126,6 @@ def test_commanded_paths_are_what_they_are_called(diff_drive):
 
 
 def test_where_the_robot_starts_does_not_matter():
-    """Poses are relative to it, whichever way it heads."""
     drive = DrivenRobot.of(load_description(ROBOT), config(x=3.0, y=-2.0, yaw=2.5))
     found = follow(drive, DrivenPath("arc", (Segment(0.2, 0.2, 2.0), Segment(0.0, 0.0, 1.0))))
     drive.plant.close()
@@ -136,7 +135,6 @@ def test_where_the_robot_starts_does_not_matter():
 
 @pytest.mark.parametrize("rate", [33.3, 150, 1000])
 def test_odometry_is_as_accurate_at_every_control_rate(rate):
-    """Physics steps fit into the control period, whatever that is."""
     drive = DrivenRobot.of(load_description(ROBOT), config(update_rate=rate))
     for path in (DrivenPath("line", straight(0.4)), DrivenPath("spot", turn(0.5), turning=True)):
         found = follow(drive, path)
@@ -164,7 +162,6 @@ def test_share_is_relative_to_the_path():
 
 
 def test_missed_goals_are_named():
-    """Each with what was found and what was wanted; NaN meets no goal."""
     off = result(odometry=PlanarPose(1.001, 0.0, 0.0), commanded=PlanarPose(1.1, 0.0, 0.0))
     sentences = missed(Report((off,), 1e-4, 60.0, 10.0, 100.0))
     assert len(sentences) == 3
@@ -175,7 +172,6 @@ def test_missed_goals_are_named():
 
 
 def test_writing_replaces_what_is_between_the_marks(tmp_path):
-    """And leaves the rest; twice is as once; without marks it refuses."""
     file = tmp_path / "README.md"
     file.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n")
     for _ in range(2):
@@ -190,14 +186,12 @@ def test_writing_replaces_what_is_between_the_marks(tmp_path):
 
 
 def test_command_prints_and_writes_the_same(command):
-    """Only the table is on stdout."""
     assert command.out.startswith("| Path |") and command.out == table(command.report)
     assert command.written == f"{BEGIN}\n{command.out}{END}\n"
     assert (command.code, command.err) == (0, "")
 
 
 def test_a_missing_robot_is_a_clear_error(tmp_path):
-    """So is a control.yaml that is not there."""
     with pytest.raises(OneBotError, match="nowhere.urdf"):
         main(["--robot", str(tmp_path / "nowhere.urdf")])
     with pytest.raises(OneBotError, match="nowhere.yaml"):
@@ -205,7 +199,6 @@ def test_a_missing_robot_is_a_clear_error(tmp_path):
 
 
 def test_robots_are_compared_in_one_table(tmp_path, capsys):
-    """A row each: what it drove, or why it does not."""
     arm = CHECKOUT / "tests" / "robots" / "good_mimic_chain.urdf"
     files = [str(ROBOT), str(arm), str(tmp_path / "missing.urdf")]
     assert main(["--robots", *files, "--write", str(tmp_path / "robots.md")]) == 0

@@ -52,7 +52,6 @@ def test_defaults_are_those_of_diff_drive_controller() -> None:
 
 
 def test_what_is_read_when_the_node_starts() -> None:
-    """Everything else can be set while it runs."""
     names = [name for name in DEFAULTS if descriptor(ControlConfig, name).read_only]
     once = ["left_wheel_names", "right_wheel_names", "robot_description", "x", "y", "yaw"]
     assert names == [*once, "update_rate", "world"]
@@ -67,7 +66,6 @@ def test_wheels_are_named_on_both_sides_or_on_none() -> None:
 
 
 def test_sides_must_have_as_many_wheels() -> None:
-    """Two on one side and one on the other is an error that counts them."""
     text = problem(left_wheel_names=["a"], right_wheel_names=["b", "c"])
     assert "right_wheel_names: 2 wheels, but left_wheel_names has 1; name as many" in text
     text = problem(left_wheel_names=["a", "b"], right_wheel_names=["c"])
@@ -75,7 +73,6 @@ def test_sides_must_have_as_many_wheels() -> None:
 
 
 def test_the_multipliers_scale_the_geometry() -> None:
-    """Each its own length."""
     names = ("wheel_separation", "left_wheel_radius", "right_wheel_radius")
     factors = dict(zip((f"{name}_multiplier" for name in names), (1.5, 0.5, 2.0), strict=True))
     kinematics = ControlConfig.from_parameters({**WHEELS, **factors}).kinematics(
@@ -85,7 +82,6 @@ def test_the_multipliers_scale_the_geometry() -> None:
 
 
 def test_a_wheel_is_on_one_side() -> None:
-    """A joint named on both sides, or twice on one, is an error."""
     assert '"a" is in left_wheel_names too' in problem(
         left_wheel_names=["a"], right_wheel_names=["a"]
     )
@@ -142,12 +138,10 @@ def test_a_wheel_is_on_one_side() -> None:
     ],
 )
 def test_wrong_values(values: dict[str, Any], said: str) -> None:
-    """Each error names the parameter, the value and the remedy."""
     assert said in problem(**values)
 
 
 def test_a_limit_that_does_nothing_is_surprising() -> None:
-    """It is named, with the one that it needs."""
     values = {"linear.x.min_velocity": -0.1, "angular.z.max_deceleration": -1.0}
     config = ControlConfig.from_parameters({**WHEELS, **values})
     assert [problem.message() for problem in config.surprises()] == [
@@ -174,14 +168,12 @@ def test_a_limit_that_does_nothing_is_surprising() -> None:
     ],
 )
 def test_edges_that_are_allowed(values: dict[str, Any]) -> None:
-    """And parameters that every node has."""
     config = ControlConfig.from_parameters({**WHEELS, **values})
     for name in ("wheel_separation", "publish_rate", "velocity_rolling_window_size", "x", "yaw"):
         assert getattr(config, name) == values.get(name, DEFAULTS[name])
 
 
 def test_each_parameter_is_the_one_of_its_name() -> None:
-    """Every value differs from its default and from all others."""
     values: dict[str, Any] = dict(WHEELS)
     for number, (name, default) in enumerate(DEFAULTS.items(), start=2):
         if isinstance(default, bool):
@@ -214,7 +206,6 @@ def test_each_parameter_is_the_one_of_its_name() -> None:
 
 
 def test_a_side_that_is_wrong_is_not_compared() -> None:
-    """One mistake is one line."""
     assert len(problem(left_wheel_names=["a", "a"]).splitlines()) == 1
     assert len(problem(left_wheel_names=[], right_wheel_names=["a", "b"]).splitlines()) == 1
     assert len(problem(left_wheel_names=["a"], right_wheel_names=[]).splitlines()) == 1

@@ -72,7 +72,6 @@ def test_three_sections_make_one_configuration(file: Path) -> None:
 
 
 def test_onebots_own_file_is_right_in_every_namespace() -> None:
-    """The file shipped has no problem, and counts in a namespace too."""
     for namespace in ("/", "/robot1"):
         config = read(default_control_file(), namespace)
         assert config.left_wheel_names == ()  # found in the URDF
@@ -100,7 +99,6 @@ def test_onebots_own_file_is_right_in_every_namespace() -> None:
     ],
 )
 def test_mistakes_are_named_with_file_and_line(file: Path, old: str, new: str, said: str) -> None:
-    """Each error begins with file and line."""
     text = complaint(file, old, new)
     assert text.startswith(str(file))
     assert said in text
@@ -114,7 +112,6 @@ def test_what_is_said_to_all_nodes_is_no_mistake(file: Path) -> None:
 
 
 def test_later_files_come_first(file: Path, tmp_path: Path) -> None:
-    """A second file overrules the first, and leaves the rest of it."""
     other = tmp_path / "other.yaml"
     other.write_text("velocity_controller: {ros__parameters: {wheel_radius: 0.5}}")
     values = read_control_files([file, other], "/", "velocity_controller").values
@@ -141,7 +138,6 @@ def test_later_files_come_first(file: Path, tmp_path: Path) -> None:
     ],
 )
 def test_mistakes_in_each_section(file: Path, old: str, new: str, said: str) -> None:
-    """The line is that of the section where it was written."""
     assert said in complaint(file, old, new)
 
 
@@ -155,7 +151,6 @@ def test_the_controllers_own_section_comes_first(file: Path) -> None:
 
 
 def test_all_of_the_broadcasters_parameters_are_read(file: Path) -> None:
-    """Each by its name, with its place."""
     more = "    interfaces: [effort]\n    extra_joints: [arm]\n    frame_id: odd\n"
     file.write_text(GOOD.replace("velocity_controller:\n", f"{more}velocity_controller:\n"))
     broadcaster = read(file).broadcaster
@@ -167,7 +162,6 @@ def test_all_of_the_broadcasters_parameters_are_read(file: Path) -> None:
 
 
 def test_the_controller_may_have_another_name(file: Path) -> None:
-    """Its section is that of the node's own name, and so is its type."""
     file.write_text(GOOD.replace("velocity_controller", "other"))
     parameters = read_control_files([file], "/", "other")
     assert ControlConfig.from_parameters(parameters.values).wheel_radius == 0.1
@@ -176,7 +170,6 @@ def test_the_controller_may_have_another_name(file: Path) -> None:
 
 
 def test_what_every_node_has_is_no_mistake(file: Path) -> None:
-    """Nor are QoS overrides, in the section of any of the three."""
     more = "  ros__parameters:\n    use_sim_time: true\n    qos_overrides: {a: 1}\n"
     file.write_text(GOOD.replace("  ros__parameters:\n", more))
     assert read(file).update_rate == 200

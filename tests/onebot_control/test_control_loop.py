@@ -86,7 +86,6 @@ def test_one_thread_alone_touches_the_robot() -> None:
 
 
 def test_jobs_are_done_in_their_order() -> None:
-    """All of them, before the next cycle."""
     run, done = Run(simulated=True, factor=0.0), list[int]()
     for number in range(50):
         run.loop.post(lambda number=number: done.append(number))
@@ -97,7 +96,6 @@ def test_jobs_are_done_in_their_order() -> None:
 
 
 def test_paused_simulated_time_publishes_nothing_but_steps() -> None:
-    """Its stamps go on where they stopped, one period a step."""
     with Run(simulated=True, factor=0.0) as run:
         run.loop.call(lambda: setattr(run.loop, "paused", True))
         count = len(run.published)
@@ -145,7 +143,6 @@ def test_real_time_factor_changes_while_it_runs() -> None:
 
 
 def test_cycles_left_out_are_reported() -> None:
-    """How many, and stamps of the system's time go on from there."""
     with Run(update_rate=1000) as run:
 
         def work() -> None:
@@ -185,7 +182,6 @@ def test_a_command_ages_by_the_clock_in_force(simulated: bool) -> None:
 
 
 def test_a_command_ages_while_paused_on_the_systems_time() -> None:
-    """After the pause it is as old as its clock says."""
     with Run(cmd_vel_timeout=0.2) as run:
         run.loop.call(lambda: setattr(run.loop, "paused", True))
         run.loop.call(lambda: run.drive.accept(0.6, 0.0))
@@ -328,7 +324,6 @@ class Machine:
 
 
 def test_a_stop_while_it_waits_is_lag() -> None:
-    """The next cycle knows, and is due when the process goes on."""
     machine = Machine()
     pacer = machine.pacer(period=0.25)
 
@@ -395,7 +390,6 @@ def test_as_fast_as_possible_never_lags_nor_makes_up_for_it() -> None:
     ],
 )
 def test_late_by_less_and_by_more_than_a_period(work: float, lag: float, due: float) -> None:
-    """A cycle that is late comes at once, without a wait."""
     machine, waits = Machine(), list[float]()
     pacer = machine.pacer(period=0.25)
     machine.now += work
@@ -408,7 +402,6 @@ def test_late_by_less_and_by_more_than_a_period(work: float, lag: float, due: fl
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_drift_of_2_ms_is_the_most_that_is_not_followed(sign: int) -> None:
-    """It adds up: the comparison is with the offset in use."""
     ahead = 1_000_000_000
     stamps = SystemStamps(lambda: 7_000_000, lambda: 7_000_000 + ahead)
     ahead += sign * 2_000_000

@@ -25,7 +25,6 @@ def updates(drive: DiffDriveController, count: int, dt: float = 0.01) -> DriveCo
 
 
 def test_a_fresh_command_is_exact() -> None:
-    """Without limits the wheels turn as the kinematics say, at once."""
     drive = controller()
     assert drive.accept(1.0, 0.5) is None
     command = drive.update(REST, 0.01)
@@ -74,7 +73,6 @@ def test_time_without_cycles_counts() -> None:
 
 
 def test_a_stall_before_the_first_cycle_of_a_command_counts() -> None:
-    """That cycle adds nothing to its age, the stall does."""
     drive = controller()
     drive.accept(0.2, 0.0)
     drive.stalled(5.0)
@@ -99,7 +97,6 @@ def test_commands_without_an_age_are_ignored_after_a_long_stall() -> None:
 
 @pytest.mark.parametrize(("timeout", "lag"), [(0.5, 0.5), (0.5, 0.05), (0.0, 1e6)])
 def test_commands_without_an_age_count_after_a_short_stall(timeout: float, lag: float) -> None:
-    """None can be older than the timeout, if there is one."""
     drive = controller(cmd_vel_timeout=timeout)
     drive.stalled(lag)
     assert drive.accept(0.2, 0.0) is None
@@ -107,7 +104,6 @@ def test_commands_without_an_age_count_after_a_short_stall(timeout: float, lag: 
 
 
 def test_timeout_of_zero_keeps_a_command_for_ever() -> None:
-    """Neither a late command nor a long silence matters then."""
     drive = controller(cmd_vel_timeout=0.0)
     assert drive.accept(0.2, 0.0, age=1e6) is None
     assert updates(drive, 10_000).linear == 0.2
@@ -115,7 +111,6 @@ def test_timeout_of_zero_keeps_a_command_for_ever() -> None:
 
 @pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
 def test_a_command_that_is_not_finite_is_dropped_whole(wrong: float) -> None:
-    """It changes nothing, and does not keep an older one alive either."""
     drive = controller()
     drive.accept(0.2, 0.1)
     for _ in range(60):
@@ -139,7 +134,6 @@ def test_open_loop_with_clamped_input(axis: str) -> None:
 
 
 def test_velocity_feedback() -> None:
-    """With position_feedback off, velocities count and positions do not."""
     drive = controller(position_feedback=False)
     drive.update(WheelStates(math.nan, math.nan, 1.0, 1.0), 0.1)
     assert drive.odometry.x == pytest.approx(0.006)
@@ -150,7 +144,6 @@ def test_velocity_feedback() -> None:
 def test_what_follows_from_a_finite_command_is_finite(
     command: tuple[float, float], open_loop: bool
 ) -> None:
-    """However fast it is, without limits, and for as long as it lasts."""
     drive = controller(open_loop=open_loop, cmd_vel_timeout=0.0)
     assert drive.accept(*command) is None
     for _ in range(1000):
@@ -190,7 +183,6 @@ def test_each_command_is_as_old_as_it_says() -> None:
 
 
 def test_a_stamp_ahead_counts_as_now() -> None:
-    """It drives exactly as long as a command without an age."""
     drive = controller(cmd_vel_timeout=0.5)
     drive.accept(0.2, 0.0, age=-0.3)
     speeds = [drive.update(REST, 0.1).linear for _ in range(8)]
@@ -245,7 +237,6 @@ def test_configure_changes_the_feedback_without_a_jump(other: dict[str, bool]) -
 
 
 def test_configure_changes_limits_timeout_geometry_and_window() -> None:
-    """Each of them counts from the next cycle on."""
     drive = controller(velocity_rolling_window_size=10, cmd_vel_timeout=0.0)
     drive.accept(1.0, 1.0)
     drive.update(WheelStates(0.0, 0.0, 0.0, 0.0), 0.1)
@@ -279,7 +270,6 @@ def test_open_loop_ignores_the_wheels() -> None:
 
 
 def test_both_axes_are_limited_each_on_its_own() -> None:
-    """Each by its own limits and by what it was told before."""
     limits = {"max_jerk": 10.0, "max_acceleration": 0.9}
     linear = {f"linear_x_{name}": value for name, value in limits.items()}
     angular = {f"angular_z_{name}": 3.0 * value for name, value in limits.items()}

@@ -45,7 +45,6 @@ def test_lengths_that_are_not_the_robots(
 
 
 def test_what_jumps_does_not_drift() -> None:
-    """A robot that is put elsewhere, or its odometry, while it drives."""
     drive = ideal_drive()
     for jump in (drive.teleport, drive.place_odometry, lambda _: drive.reset()):
         assert drifted(drive, 0.4, 0.3, 1.55) == ""
@@ -54,7 +53,6 @@ def test_what_jumps_does_not_drift() -> None:
 
 
 def test_a_car_driven_by_its_rear_wheels() -> None:
-    """Its odometry turns, and the car does not."""
     names = {f"{side}_wheel_names": [f"{side}_rear_wheel_joint"] for side in ("left", "right")}
     car = load_description(ROBOTS / "warn_deepracer.xacro")
     drive = DrivenRobot.of(car, ControlConfig.from_parameters({**LIMITS, **names}))

@@ -40,7 +40,6 @@ def test_odometry_is_the_truth_of_wheels_that_never_slip() -> None:
 
 
 def test_before_the_first_cycle_it_is_at_rest() -> None:
-    """Who asks at once sees a robot that stands and is told nothing."""
     snapshot = ideal_drive().snapshot()
     assert (snapshot.tick, snapshot.command) == (0, (0.0, 0.0, 0.0, 0.0))
     assert (snapshot.odometry, snapshot.twist) == (PlanarPose(), (0.0, 0.0))
@@ -64,7 +63,6 @@ SET = {"wheel_separation": 0.3, "wheel_radius": 0.06}  # so that the description
     ],
 )
 def test_what_does_not_suit_the_robot_is_refused(values: dict[str, Any], said: str) -> None:
-    """However it is started."""
     wrong = {"linear_x_max_velocity": 0.1, **values}
     with pytest.raises(OneBotError, match=said):
         ideal_drive(**wrong)
@@ -85,7 +83,6 @@ def test_a_robot_without_mass_is_refused_for_that() -> None:
 
 
 def test_parameters_that_do_not_suit_a_driven_robot_change_nothing() -> None:
-    """All stays as it was."""
     wrong = {"linear_x_max_velocity": 0.1, "joint_state_broadcaster.joints": ["arm"]}
     drive = ideal_drive()
     before = drive.config, drive.geometry, drive.broadcaster
@@ -250,7 +247,6 @@ class FourWheels(IdealPlant):
 
 @pytest.mark.parametrize("by_position", [True, False])
 def test_several_wheels_a_side_count_by_their_mean(by_position: bool) -> None:
-    """All wheels of a side are told the same; what they say is averaged."""
     sides = {"left_wheel": 0.15, "left_2": 0.15, "right_wheel": -0.15, "right_2": -0.15}
     wheels = [wheel("X", y).replace("X_wheel", name) for name, y in sides.items()]
     names = {

@@ -40,7 +40,6 @@ def run(fleet: Fleet, row: int, linear: float, angular: float, cycles: int) -> l
 
 
 def test_a_cycle_is_one_of_each_robot() -> None:
-    """Seen as it begins, one period long; who is not commanded stands."""
     with fleet_of(update_rate=50) as fleet:
         for drive, start in zip(fleet.robots, STARTS, strict=True):
             assert drive.true_pose == drive.odom_in_world == pytest.approx(start, abs=1e-6)
@@ -56,7 +55,6 @@ def test_a_cycle_is_one_of_each_robot() -> None:
 
 
 def test_robots_of_several_kinds() -> None:
-    """Each by its own wheels: both drive as commanded."""
     members = [
         Member(robot(), config()),
         Member(larger(), config(x=2.0, publish_rate=10.0)),
@@ -95,7 +93,6 @@ def test_reset_of_one_leaves_the_others() -> None:
     ],
 )
 def test_what_does_not_suit_a_robot_is_refused(values: dict[str, Any], said: str) -> None:
-    """The robot is named, and the line where it was written."""
     places = {"left_wheel_names": "f.yaml:3"}
     members = [Member(robot(), config(x=1.0)), Member(robot(), config(**values), "/r1", places)]
     with pytest.raises(OneBotError, match=said):
@@ -103,14 +100,12 @@ def test_what_does_not_suit_a_robot_is_refused(values: dict[str, Any], said: str
 
 
 def test_robots_in_one_place_are_refused_by_name() -> None:
-    """Both names, and where."""
     with pytest.raises(OneBotError, match=r"robots /r1 and /r3 .*x 0.1 m, y 0 m; move one"):
         fleet_of(PlanarPose(), PlanarPose(0.0, 2.0, 0.0), PlanarPose(0.1, 0.0, 0.0))
 
 
 @pytest.mark.parametrize("starts", [[PlanarPose(1.0, -2.0, 2.0)], STARTS])
 def test_another_description_is_driven_where_the_robot_is(starts: list[PlanarPose]) -> None:
-    """Its truth and odometry stay, at rest; the others do not notice."""
     with fleet_of(*starts, cmd_vel_timeout=5.0, **LIMITS) as fleet:
         last = len(starts) - 1
         run(fleet, last, 0.3, 0.5, 60)
@@ -143,7 +138,6 @@ def test_another_description_is_driven_where_the_robot_is(starts: list[PlanarPos
 
 
 def test_a_description_without_room_changes_nothing() -> None:
-    """The robot drives on as it was."""
     with fleet_of(PlanarPose(), PlanarPose(0.0, 0.5, 0.0)) as fleet:
         world, drives = fleet.world, list(fleet.robots)
         with pytest.raises(OneBotError, match="robots /r1 and /r2 of .*same place"):
@@ -218,7 +212,6 @@ def test_a_description_needs_room_where_the_robot_is_not_at_its_start(walled: bo
 
 
 def test_the_boxes_of_a_world_stay_where_they_were_pushed_when_a_robot_is_replaced() -> None:
-    """And go back with its reset, of which a lone robot is the only one."""
     with Fleet.of([Member(robot(), config(**LIMITS))], scene=load_world("maze")) as fleet:
         assert fleet.robots[0].world_frame == "world"
         run(fleet, 0, 0.5, 0.0, 500)

@@ -115,7 +115,6 @@ def test_robots_of_one_world(ros_domain: int, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_what_is_the_worlds_must_be_the_same(ros_domain: int, tmp_path: Path) -> None:
-    """One error names both robots and their values."""
     model = tmp_path / "bot.urdf"
     model.write_text(urdf())
     words = robots(c={"update_rate": 50})

@@ -17,7 +17,6 @@ STATES = JointStates(
 
 
 def test_all_joints_in_their_order_by_default() -> None:
-    """With all three interfaces, and nothing else."""
     broadcaster = JointStateBroadcaster(BroadcasterConfig(), JOINTS)
     assert (broadcaster.names, broadcaster.frame_id) == (JOINTS, "base_link")
     assert broadcaster.values(STATES) == [field.tolist() for field in STATES]
@@ -46,7 +45,6 @@ def test_other_interfaces_are_nan(interfaces: tuple[str, ...]) -> None:
 
 
 def test_joints_that_are_none() -> None:
-    """Each is named with the nearest one."""
     with pytest.raises(ConfigError) as caught:
         JointStateBroadcaster(BroadcasterConfig(joints=("a", "bb", "z")), JOINTS)
     lines = str(caught.value).splitlines()

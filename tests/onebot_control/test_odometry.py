@@ -86,7 +86,6 @@ def test_at_the_change_from_line_to_arc(turn: float) -> None:
 
 
 def test_open_loop_moves_by_the_time_that_passed() -> None:
-    """The twist is the last command, not a mean."""
     odometry = Odometry(KINEMATICS)
     odometry.update_open_loop(0.5, 0.0, 0.1)
     odometry.update_open_loop(0.2, 0.4, 0.5)
@@ -96,14 +95,12 @@ def test_open_loop_moves_by_the_time_that_passed() -> None:
 
 
 def test_rolling_mean_forgets_the_oldest() -> None:
-    """Until it is full it is the mean of those there are."""
     mean = RollingMean(3)
     assert [mean.add(value) for value in (3.0, 1.0, 2.0, 6.0, -2.0)] == [3.0, 2.0, 2.0, 3.0, 2.0]
 
 
 @pytest.mark.parametrize(("size", "expected"), [(1, 10.0), (2, 7.0), (3, 6.0), (9, 5.0)])
 def test_rolling_mean_resized(size: int, expected: float) -> None:
-    """It keeps the last values that fit, and has room for the new size."""
     mean = RollingMean(3)
     for value in (100.0, 2.0, 4.0, 4.0):
         mean.add(value)
@@ -152,7 +149,6 @@ def test_forgotten_wheels_leave_the_pose() -> None:
 
 
 def test_pose_set_while_driving() -> None:
-    """The twist stays, and the way goes on from there without a jump."""
     odometry = drive(0.5, 0.0, 100)
     odometry.set_pose(1.0, 2.0, math.pi / 2.0)
     assert state(odometry) == (1.0, 2.0, math.pi / 2.0, pytest.approx(0.5), pytest.approx(0.0))
@@ -239,7 +235,6 @@ def propagated(before: NDArray[np.float64], start: PlanarPose, end: PlanarPose, 
 
 @given(steps)
 def test_covariance_is_that_of_the_book(ways: list[tuple[float, float]]) -> None:
-    """Each step adds what the formula says, whatever was before."""
     odometry, expected, pose = noisy(), np.zeros((3, 3)), PlanarPose()
     for left, right in ways:
         odometry.update_open_loop((left + right) / 2.0, (right - left) / 0.3, 1.0)
@@ -259,11 +254,11 @@ def test_covariance_of_a_straight_line() -> None:
         [0.005 / math.sqrt(2.0), heading / math.sqrt(3.0), heading], rel=1e-3
     )
     assert math.degrees(heading) == pytest.approx(1.35, abs=0.01)
+    assert not matrix(drive(1.0, 0.5, 10)).any()  # exact unless they are said to be noisy
 
 
 @pytest.mark.parametrize(("linear", "angular"), [(0.3, 0.0), (0.3, 0.6), (-0.2, 0.5), (0.0, 1.0)])
 def test_covariance_does_not_depend_on_the_control_rate(linear: float, angular: float) -> None:
-    """Ten cycles or ten thousand: the same way has the same covariance."""
     found = []
     for cycles in (200, 10_000):
         odometry = noisy()
@@ -293,7 +288,6 @@ def test_covariance_is_one_after_any_way(
 
 
 def test_covariance_of_an_endless_way_stays_finite() -> None:
-    """Nothing is known of the pose then, and nothing is added any more."""
     odometry = noisy()
     for way in (1e5, 1e300, 1e308, -1e308):
         odometry.update_open_loop(way, 1e-3, 1.0)
@@ -327,6 +321,9 @@ def test_a_pose_that_is_set_is_exact() -> None:
     assert matrix(odometry)[2, 2] == pytest.approx(grown[2, 2])
     odometry.reset()
     assert not matrix(odometry).any()
+    assert state(odometry) == (0.0,) * 5
+    odometry.update_from_positions(7.0, 8.0, DT)
+    assert state(odometry) == (0.0,) * 5
 
 
 # Kinematics ---------------------------------------------------------------------------------
@@ -345,7 +342,6 @@ def test_wheel_speeds_are_those_of_the_formula() -> None:
 def test_body_motion_undoes_wheel_velocities(
     linear: float, angular: float, separation: float, left: float, right: float
 ) -> None:
-    """What the wheels do is what was asked for, whatever the geometry."""
     kinematics = DiffDriveKinematics(separation, left, right)
     back = kinematics.body_motion(*kinematics.wheel_velocities(linear, angular))
     assert back == pytest.approx((linear, angular), abs=1e-9 / separation)

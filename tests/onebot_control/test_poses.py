@@ -38,19 +38,16 @@ poses = st.builds(PlanarPose, coordinates, coordinates, st.floats(-3.0, 3.0))
 
 @given(poses, poses)
 def test_inverse_undoes(one: PlanarPose, other: PlanarPose) -> None:
-    """Going there and back is going nowhere."""
     assert one.compose(one.inverse()) == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
     assert one.inverse().compose(one.compose(other)) == pytest.approx(tuple(other), abs=1e-9)
 
 
 @given(st.floats(-3.0, 3.0))
 def test_yaw_of_a_turn_about_z(yaw: float) -> None:
-    """The heading of a turn about z is its angle."""
     assert yaw_of(0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)) == pytest.approx(yaw)
 
 
 def test_then_is_seen_from_the_first_pose() -> None:
-    """One step ahead of a robot that looks to the left is to the left."""
     there = PlanarPose(1.0, 2.0, math.pi / 2).compose(PlanarPose(3.0, 1.0, 0.5))
     assert there == pytest.approx((0.0, 5.0, math.pi / 2 + 0.5))
     assert PlanarPose(1.0, 2.0, math.pi / 2).inverse() == pytest.approx((-2.0, 1.0, -math.pi / 2))
@@ -58,7 +55,6 @@ def test_then_is_seen_from_the_first_pose() -> None:
 
 @given(st.floats(-3.0, 3.0), st.floats(-1.5, 1.5), st.floats(-3.0, 3.0))
 def test_yaw_of_a_tilted_body(yaw: float, pitch: float, roll: float) -> None:
-    """Pitch and roll on top of a heading do not change it."""
     (cy, sy), (cp, sp), (cr, sr) = ((math.cos(a / 2), math.sin(a / 2)) for a in (yaw, pitch, roll))
     x = sr * cp * cy - cr * sp * sy
     y = cr * sp * cy + sr * cp * sy

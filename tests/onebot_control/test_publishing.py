@@ -136,7 +136,6 @@ def same(received: Any, expected: Any) -> bool:
 
 
 def test_all_is_received_as_it_is(subscriptions: Subscriptions) -> None:
-    """Subscribers get the messages of ordinary objects, in every field."""
     drive, snapshot = driven()
     received = subscriptions.last(drive, snapshot)
     x, y, yaw = snapshot.odometry
@@ -178,7 +177,6 @@ def test_covariance_of_the_odometry(subscriptions: Subscriptions) -> None:
 
 
 def test_parameters_change_names_and_joints(subscriptions: Subscriptions) -> None:
-    """What is published follows the parameters, in length too."""
     subscriptions.last(*driven())
     drive, snapshot = driven(
         base_frame_id="rumpf",
@@ -288,6 +286,5 @@ def test_frames_of_which_each_has_a_name(
 def test_two_frames_of_one_name_are_refused(
     values: dict[str, Any], others: dict[str, dict[str, Any]], scene: str, said: str
 ) -> None:
-    """Or each would be where the other is, in turns."""
     problems = frame_problems(values, others, scene)
     assert any(problem.startswith(said) for problem in problems), problems

@@ -67,7 +67,6 @@ def test_it_is_logged_when_it_falls_then_once_a_minute_with_sums() -> None:
 
 @pytest.mark.parametrize(("wanted", "slow"), [(0.0, False), (4.0, False), (5.0, True)])
 def test_it_is_slow_by_what_is_wanted(wanted: float, slow: bool) -> None:
-    """As fast as possible never is."""
     loop = Loop(wanted)
     loop.run(1.0, factor=4.0)
     assert (loop.paces[0].factor, loop.slow) == (pytest.approx(4.0), [slow])

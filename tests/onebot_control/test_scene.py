@@ -65,7 +65,6 @@ def go(simulation, speed, seconds):
 
 
 def test_a_wall_stops_the_robot_while_its_wheels_slip():
-    """By the wheels it would be on the other side."""
     with among(scene(WALL)) as simulation:
         go(simulation, 4.0, 6.0)
         x, y, _ = planar(simulation)
@@ -76,7 +75,6 @@ def test_a_wall_stops_the_robot_while_its_wheels_slip():
 
 
 def test_a_box_is_pushed_and_comes_to_rest():
-    """The wall behind it does not move, and stops both."""
     with among(scene(BOX, part("wall", "0.1 4 0.4", "1.2 0 0.2", mass=5.0))) as simulation:
         go(simulation, 4.0, 2.0)
         [((before, _, _), _)] = simulation.scene.poses
@@ -109,7 +107,6 @@ def test_friction_is_that_of_the_file(friction, slides):
 
 
 def test_it_climbs_a_ramp_with_the_pitch_of_the_ramp():
-    """Height and pitch are those of the geometry."""
     with among(ramp()) as simulation:
         go(simulation, 4.0, 5.0)
         x, y, z = simulation.base_pose().translation
@@ -129,7 +126,6 @@ def test_on_a_ramp_of_ice_it_stays_below():
 
 @pytest.mark.parametrize("yaw", [0.0, math.pi, 1.5])
 def test_it_starts_at_rest_on_a_ramp(yaw):
-    """Tilted as the ramp is, and it stays."""
     with among(ramp(), x=1.2, yaw=yaw) as simulation:
         before = simulation.base_pose()
         assert before.translation[:2] == pytest.approx((1.2, 0.0), abs=0.03)
@@ -149,7 +145,6 @@ def test_it_starts_at_rest_on_a_ramp(yaw):
     ],
 )
 def test_it_cannot_start_in_a_wall_or_a_box(place, text):
-    """The message names the place and the link."""
     box = part("box", xyz="-0.5 0.8 0.1", kind="floating", mass=1.0)
     with pytest.raises(OneBotError, match=text):
         among(scene(WALL, box), **place)
@@ -173,7 +168,6 @@ def test_teleport_into_a_wall_is_refused_and_onto_a_ramp_tilts():
 
 
 def test_reset_puts_boxes_back_bit_for_bit():
-    """And the same drive then pushes them to the same places."""
     with among(scene(BOX)) as simulation:
         start, boxes = bits(simulation), simulation.scene.poses
         go(simulation, 4.0, 2.0)
@@ -186,7 +180,6 @@ def test_reset_puts_boxes_back_bit_for_bit():
 
 
 def test_one_of_several_robots_puts_boxes_back_unless_a_robot_is_there():
-    """Teleport leaves them where they are."""
     other = part("other", xyz="3 0 0.1", kind="floating", mass=1.0)
     spawns = [RobotSpawn(robot(), DRIVEN), RobotSpawn(robot(), DRIVEN, 0.0, 3.0)]
     with World(spawns, scene=scene(BOX, other)) as world:
@@ -202,7 +195,6 @@ def test_one_of_several_robots_puts_boxes_back_unless_a_robot_is_there():
 
 
 def test_a_scene_that_diverged_is_reported():
-    """A box whose pose is not finite stops the world with a message."""
     with among(scene(BOX)) as simulation:
         simulation.scene.put([((math.nan, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))])
         with pytest.raises(OneBotError, match="diverged"):
@@ -267,7 +259,6 @@ def test_meshes_that_stand_still_are_not_filled(tmp_path):
     ],
 )
 def test_what_cannot_be_simulated_is_refused(parts, texts):
-    """All of it at once, each with its line, its element and the remedy."""
     with pytest.raises(OneBotError) as refused:
         among(scene(*parts))
     for text in texts:

@@ -135,7 +135,6 @@ def test_links_without_mass_move_nothing():
 
 
 def test_a_link_fixed_to_one_that_moves_is_part_of_that():
-    """Not of the root; whatever the order of the XML."""
     extra = (
         '<link name="tyre"><inertial><mass value="3"/>'
         '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>'
@@ -163,12 +162,10 @@ def _contact(value):
     ],
 )
 def test_the_least_friction_stated_is_the_bodys(contents, friction):
-    """One that states none has no say."""
     assert _only(_robot(*contents)).friction == friction
 
 
 def test_a_friction_below_zero_is_refused():
-    """The message names the link, the element and what would be right."""
     with pytest.raises(OneBotError) as caught:
         rigid_bodies(_robot(_SOLID, _contact("-0.1")))
     assert str(caught.value) == 'r.urdf:1: link "l1" <lateral_friction>: -0.1 must be 0 or more'
@@ -176,7 +173,6 @@ def test_a_friction_below_zero_is_refused():
 
 @pytest.mark.parametrize("kind", ["floating", "planar"])
 def test_joints_that_are_not_simulated_are_refused(kind):
-    """The message names file, joint and what is simulated."""
     with pytest.raises(OneBotError) as caught:
         rigid_bodies(_robot(_SOLID, extra=_turning(kind)))
     assert str(caught.value) == (
@@ -232,7 +228,6 @@ def _shapes(description, model, q):
 @pytest.mark.parametrize("pitch", [math.pi / 2, -math.pi / 2])
 @pytest.mark.parametrize(("roll", "yaw"), [(0.0, 0.0), (0.5, 0.0), (0.0, 0.5), (-1.0, 2.0)])
 def test_upright_origins_keep_their_direction(pitch, roll, yaw):
-    """Where roll and yaw turn about the same axis."""
     pose = ((0.25, -0.5, 1.0), (roll, pitch, yaw))
     shape = f"<collision>{_origin(pose)}<geometry><sphere radius='1'/></geometry></collision>"
     element = _text(_robot(_SOLID + shape)).find("link/collision")
@@ -292,7 +287,6 @@ def test_moments_rounded_by_a_hundredth_are_simulated(largest, place):
     ],
 )
 def test_moments_of_no_body_are_refused(moments, shown):
-    """With the moments sorted, and the link's name."""
     with pytest.raises(OneBotError) as caught:
         _text(_robot(_inertial(1.0, moments)))
     assert f'r.urdf: link "l0" has the principal moments of inertia {shown} kg m^2' in str(
@@ -317,7 +311,6 @@ def _limits(kind, inside):
 
 
 def test_limits_and_dynamics_of_a_joint_are_kept():
-    """As written; a continuous joint has neither lower nor upper."""
     written = '<limit lower="-0.5" upper="0.75" effort="2" velocity="3"/>'
     dynamics = '<dynamics damping="0.25" friction="0.5"/>'
     limits, found = _limits("revolute", written + dynamics)

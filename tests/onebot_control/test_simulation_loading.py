@@ -58,7 +58,6 @@ def silence(capfd):
     ],
 )
 def test_robots_that_cannot_be_simulated_are_refused(pattern, replacement, words):
-    """The error names file, element and remedy."""
     with pytest.raises(OneBotError) as caught:
         simulate(robot(pattern, replacement))
     message = str(caught.value)
@@ -76,7 +75,6 @@ def test_robots_that_cannot_be_simulated_are_refused(pattern, replacement, words
     ],
 )
 def test_driven_joints_that_are_none(driven, words):
-    """The error lists those that there are."""
     with pytest.raises(OneBotError) as caught:
         simulate(driven=driven)
     assert all(word in str(caught.value) for word in words), caught.value
@@ -119,7 +117,6 @@ def test_every_kind_of_mesh_is_solid(mesh):
 
 
 def test_units_of_collada_count():
-    """A mesh in centimetres is a hundredth of its numbers."""
     shape = '<mesh filename="meshes/centimetre_y_up.dae"/>'
     with simulate(robot(_SPHERE, shape)) as simulation:
         low, high = engine.getAABB(1, 3, physicsClientId=simulation.client)
@@ -145,7 +142,6 @@ def test_pybullet_gets_only_the_hull_of_a_mesh(tmp_path, flat, corners):
 
 
 def test_a_changed_mesh_is_read_again(tmp_path):
-    """Files are not remembered by name."""
     sizes = []
     for size in (1.0, 2.0):
         mesh = tmp_path / "part.obj"
@@ -179,7 +175,6 @@ def test_masses_and_inertias_are_those_written():
 
 
 def test_fixed_links_cost_no_time():
-    """They are part of what they are fixed to."""
     description = robot()
     text = physics_urdf(description, rigid_bodies(description), {})
     assert text.count("<link ") == len(description.link_names) - 1
@@ -188,7 +183,6 @@ def test_fixed_links_cost_no_time():
 
 
 def test_a_fixed_link_collides_where_it_is():
-    """A caster fixed by a turned joint carries the robot as well."""
     fixed = (
         '<link name="lidar"><collision><origin xyz="0 0.1 0"/>'
         '<geometry><sphere radius="0.02"/></geometry></collision></link>'
@@ -210,7 +204,6 @@ def test_names_are_free(mesh):
 
 
 def test_a_robot_that_rests_is_not_watched_any_longer():
-    """However long it may take: to the bit the same."""
     with (
         simulate(settings=Settings(settling=0.2)) as soon,
         simulate(settings=Settings(settling=20.0)) as late,

@@ -55,7 +55,6 @@ def test_rests_without_creeping(simulation):
 
 @pytest.mark.parametrize("yaw", [0.0, 0.7, -2.5])
 def test_drives_straight(yaw):
-    """Way and direction are those of the wheels."""
     with simulate(x=1.0, y=2.0, yaw=yaw) as simulation:
         drive(simulation, 0.2, 0.0, 5.4)
         simulation.step([0.0, 0.0], 0.5)
@@ -123,7 +122,6 @@ def test_caster_turns_round_when_the_robot_reverses(simulation):
 
 
 def test_joint_states_are_in_the_descriptions_order(simulation):
-    """Whatever order the physics has its joints in."""
     assert simulation.joints == (LEFT, RIGHT, "caster_swivel_joint", "caster_wheel_joint")
     simulation.step([0.5, 1.0], 0.2)
     assert simulation.joint_states().velocities[:2] == pytest.approx([0.5, 1.0], abs=1e-3)
@@ -131,7 +129,6 @@ def test_joint_states_are_in_the_descriptions_order(simulation):
 
 
 def test_motor_is_no_stronger_than_its_effort():
-    """A weak motor takes its time."""
     with simulate(robot(r'effort="3"', 'effort="0.01"')) as weak:
         weak.step([10.0, 10.0], 0.1)
         states = weak.joint_states()

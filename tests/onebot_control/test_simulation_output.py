@@ -28,7 +28,6 @@ def test_catches_what_c_prints(capfd):
 
 
 def test_two_threads_do_not_mix_up_each_others_stdout(capfd):
-    """Each waits for the other, and afterwards stdout is the old one."""
     caught = []
 
     def work(name: bytes) -> None:
@@ -49,7 +48,6 @@ def test_two_threads_do_not_mix_up_each_others_stdout(capfd):
 
 
 def test_catches_only_the_descriptors_asked_for(capfd):
-    """Stdout without a word, stderr when named, each only until the end."""
     with captured() as lines:
         os.write(1, b"one\n")
         os.write(2, b"two\n")
@@ -66,7 +64,6 @@ def test_catches_only_the_descriptors_asked_for(capfd):
 
 
 def test_what_was_buffered_before_is_not_caught(capfd):
-    """Neither Python's buffer nor C's, though neither has been flushed."""
     _LIBC.printf(b"of C;")
     sys.stdout.write("of Python;")
     with captured() as lines:
@@ -77,7 +74,6 @@ def test_what_was_buffered_before_is_not_caught(capfd):
 
 
 def test_caught_lines_are_logged_as_warnings(caplog):
-    """One each, under the simulation's name."""
     with caplog.at_level(logging.DEBUG):
         log(["first", "100 % sure"])
     found = [(record.name, record.levelname, record.getMessage()) for record in caplog.records]

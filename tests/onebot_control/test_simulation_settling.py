@@ -88,7 +88,6 @@ def test_a_robot_that_stands_tilted_is_set_down_tilted(sign):
 
 @pytest.mark.parametrize("yaw", [-4.0, 0.5])
 def test_of_two_quaternions_the_one_with_positive_w_is_told(yaw):
-    """All four numbers, of a robot tilted about both axes."""
     with _stand(_block(rpy="0.3 0.4 0"), yaw=yaw) as simulation:
         pose, tilt = simulation.base_pose(), simulation.rest_pose.tilt
         expected = Rotation.from_euler("z", yaw) * Rotation.from_quat(tilt)
@@ -98,7 +97,6 @@ def test_of_two_quaternions_the_one_with_positive_w_is_told(yaw):
 
 @pytest.mark.parametrize("roll", [38.0, -38.0])
 def test_a_tilt_below_45_degrees_stands(roll):
-    """Steep, but on its face."""
     with _stand(_block(rpy=f"{math.radians(roll)} 0 0")) as simulation:
         rpy = Rotation.from_quat(simulation.base_pose().rotation).as_euler("xyz", degrees=True)
         assert rpy == pytest.approx([-roll, 0.0, 0.0], abs=0.5)
@@ -106,7 +104,6 @@ def test_a_tilt_below_45_degrees_stands(roll):
 
 @pytest.mark.parametrize("rpy", [(52.0, 0.0), (-52.0, 0.0), (0.0, 52.0), (0.0, -52.0)])
 def test_a_tilt_above_45_degrees_has_toppled(rpy):
-    """About either axis, to either side; the file is named."""
     roll, pitch = map(math.radians, rpy)
     with pytest.raises(OneBotError, match=r"^block.urdf: the robot topples over"):
         _stand(_block(rpy=f"{roll} {pitch} 0"))
@@ -126,7 +123,6 @@ def test_a_robot_that_does_not_stay_on_the_ground_is_refused():
 
 @pytest.mark.parametrize(("mass", "arm"), [("1e300", "1"), ("1e-160", "1e-160")])
 def test_a_robot_that_breaks_the_physics_is_refused(mass, arm):
-    """The state is no longer finite; the message says where to look."""
     urdf = _block(mass=mass).urdf.replace('value="0.01"', f'value="{arm}"')
     with pytest.raises(OneBotError, match=r"^block.urdf: the simulation diverged while .*masses"):
         _stand(parse_description(urdf, "block.urdf"))

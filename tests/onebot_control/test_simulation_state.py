@@ -38,7 +38,6 @@ with simulate(x=1.0, y=0.5, yaw=0.25) as simulation:
 
 
 def test_two_processes_give_the_same_bits():
-    """Nothing depends on addresses, hashes or the clock."""
     outputs = {
         subprocess.run(
             [sys.executable, "-c", _DRIVE],
@@ -85,7 +84,6 @@ def test_simulations_do_not_touch_each_other():
 
 
 def test_one_long_step_is_many_short_ones():
-    """The physics step is fixed, and is not the control period."""
     with simulate() as one, simulate() as other:
         one.step([2.0, 3.0], 0.5)
         for _ in range(200):
@@ -131,7 +129,6 @@ def test_drives_the_same_wherever_it_stands():
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 def test_speeds_that_are_not_finite_never_reach_the_physics(bad):
-    """They are refused, nothing has moved, and driving goes on."""
     with simulate() as simulation:
         simulation.step([1.0, 1.0], 0.1)
         before = bits(simulation)
@@ -148,7 +145,6 @@ def test_speeds_that_are_not_finite_never_reach_the_physics(bad):
 
 
 def test_a_state_that_is_not_finite_goes_no_further():
-    """Every reading refuses it, and so does the world."""
     with simulate() as simulation:
         parts = simulation.parts
         index = parts.joints["caster_wheel_joint"]
@@ -166,7 +162,6 @@ def test_a_state_that_is_not_finite_goes_no_further():
 
 
 def test_closed_simulation_says_so():
-    """Closing twice is no mistake; using it after is."""
     simulation = simulate()
     simulation.close()
     simulation.close()

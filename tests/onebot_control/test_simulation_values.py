@@ -41,7 +41,6 @@ def _matrix(value):
 
 @given(transform, transform, triple)
 def test_transforms_are_those_of_matrices(outer, inner, point):
-    """Composed, inverted and applied; which of two comes first matters."""
     a, b = _matrix(outer), _matrix(inner)
     np.testing.assert_allclose(_matrix(compose(outer, inner)), a @ b, atol=1e-9)
     np.testing.assert_allclose(_matrix(inverse(outer)), np.linalg.inv(a), atol=1e-9)
@@ -63,13 +62,11 @@ def test_a_product_of_rotations_is_a_unit_quaternion_with_its_sign(first, second
 
 @given(triple, triple)
 def test_vector_product(first, second):
-    """Right-handed."""
     assert cross(first, second) == pytest.approx(tuple(np.cross(first, second)), abs=1e-12)
 
 
 @given(angle)
 def test_a_rotation_about_the_vertical(yaw):
-    """Positive is counter-clockwise seen from above."""
     expected = (math.cos(yaw), math.sin(yaw), 0.0)
     assert rotate(about_z(yaw), (1.0, 0.0, 0.0)) == pytest.approx(expected, abs=1e-12)
 
@@ -77,14 +74,12 @@ def test_a_rotation_about_the_vertical(yaw):
 @pytest.mark.parametrize("name", ["rate", "iterations", "gravity", "friction", "settling"])
 @pytest.mark.parametrize("value", [0, -1, math.nan, math.inf, -math.inf])
 def test_each_setting_is_above_zero_and_finite(name, value):
-    """The error names it and the value."""
     with pytest.raises(OneBotError) as caught:
         Settings(**{name: value})
     assert str(caught.value) == f"simulation: {name} must be above 0 and finite, not {value}"
 
 
 def test_iterations_are_whole():
-    """A float that is whole will do."""
     assert Settings(iterations=50.0).iterations == 50
     with pytest.raises(OneBotError, match="simulation: iterations must be an integer, not 50.5"):
         Settings(iterations=50.5)
@@ -99,7 +94,6 @@ def test_settings_are_what_was_measured():
 
 @pytest.mark.parametrize("cycles", [1, 2.5, 16, 100.0, 400])
 def test_settings_that_fit_a_control_rate_stay_as_they_are(cycles):
-    """To the bit, for the motion to be the same."""
     assert Settings().fitted(cycles) == Settings()
 
 
@@ -137,20 +131,17 @@ def test_any_control_rate_has_whole_steps(cycles):
     ("duration", "steps"), [(0.0025, 1), (0.005, 2), (1.0, 400), (0.01 + 1e-9, 4), (0.1 * 3, 120)]
 )
 def test_steps_of_a_duration(duration, steps):
-    """Rounding by a billionth of a second is forgiven."""
     assert Settings().steps(duration) == steps
 
 
 @pytest.mark.parametrize("duration", [0.0, 1e-9, 0.00125, 0.0049, 0.01 + 1e-8, 0.01 - 1e-8, -0.01])
 def test_durations_between_steps_are_refused(duration):
-    """Also a step less a little, and none at all."""
     with pytest.raises(ValueError, match="whole number of physics steps of 1/400 s"):
         Settings().steps(duration)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_places_up_to_the_farthest(sign):
-    """In either direction and on either side; the yaw is free."""
     assert checked_spawn_pose(sign * 1e4, 0, 99) == (sign * 1e4, 0.0, 99.0)
     assert checked_spawn_pose(0, sign * 1e4, -99) == (0.0, sign * 1e4, -99.0)
     beyond = sign * math.nextafter(1e4, math.inf)
@@ -165,7 +156,6 @@ def test_places_up_to_the_farthest(sign):
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 @pytest.mark.parametrize("row", [0, 1, 2])
 def test_places_are_finite(bad, row):
-    """Each of the three numbers."""
     place = [0.0, 0.0, 0.0]
     place[row] = bad
     with pytest.raises(ValueError, match="x, y and yaw must be finite"):
@@ -187,20 +177,17 @@ def test_speeds_are_limited_to_the_joints_own():
 
 
 def test_each_motor_has_its_own_limit():
-    """Whatever the order in which they are named."""
     description = robot('(left_wheel_joint".*?velocity=)"20"', r'\1"5"', 1)
     assert motors(description, (LEFT, RIGHT)).targets([9.0, 9.0]) == [5.0, 9.0]
     assert motors(description, (RIGHT, LEFT)).targets([9.0, 9.0]) == [9.0, 5.0]
 
 
 def test_a_velocity_limit_of_zero_keeps_the_joint_still():
-    """It is a limit like any other."""
     assert motors(robot('velocity="20"', 'velocity="0"'), DRIVEN).targets([1.0, -1.0]) == [0, 0]
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 def test_speeds_are_finite(bad):
-    """Each of them."""
     both = motors(robot(), DRIVEN)
     for velocities in ([bad, 0.0], [0.0, bad]):
         with pytest.raises(ValueError, match="velocities must be finite, not "):
@@ -210,6 +197,5 @@ def test_speeds_are_finite(bad):
 
 @pytest.mark.parametrize("velocities", [[], [1.0], [1.0, 2.0, 3.0]])
 def test_speeds_are_of_the_driven_joints(velocities):
-    """One forgotten would keep turning unnoticed."""
     with pytest.raises(ValueError, match="must be 2 numbers, not "):
         motors(robot(), DRIVEN).targets(velocities)

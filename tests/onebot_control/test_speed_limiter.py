@@ -42,7 +42,6 @@ def test_limits_that_do_nothing(name: str, needed: str) -> None:
 
 
 def test_every_limit_does_something_with_its_maximum() -> None:
-    """None is forgotten: all but the maxima need one."""
     values = {name: -1.0 if name in NEGATIVE else 1.0 for name in NAMES}
     maxima = {"max_velocity", "max_acceleration", "max_jerk"}
     others = {name: value for name, value in values.items() if name not in maxima}
@@ -61,14 +60,12 @@ def run(limits: SpeedLimits, commands: Iterable[float], dt: float = 0.01) -> lis
 
 
 def test_golden_vector_of_acceleration() -> None:
-    """Each of the four accelerations has its own limit."""
     expected = [0.02, 0.04, 0.06, 0.02, 0.0, 0.0, -0.08, -0.16, -0.24, -0.14, -0.04, 0.0]
     commands = [1.0] * 3 + [0.0] * 3 + [-1.0] * 3 + [0.0] * 3
     assert run(ACCELERATIONS, commands) == pytest.approx(expected, abs=1e-12)
 
 
 def test_golden_vector_of_jerk() -> None:
-    """Only jerk is limited, and only where it adds to the change."""
     expected = [0.001, 0.003, 0.006, 0.008, 0.009, 0.009]
     assert run(SpeedLimits(max_jerk=10.0), [1.0] * 3 + [0.0] * 3) == pytest.approx(
         expected, abs=1e-12
@@ -76,7 +73,6 @@ def test_golden_vector_of_jerk() -> None:
 
 
 def test_order_is_jerk_acceleration_velocity() -> None:
-    """Velocity has the last word."""
     limits = SpeedLimits(max_velocity=0.015, max_acceleration=2.0, max_jerk=1e6)
     assert run(limits, [1.0] * 3) == pytest.approx([0.015] * 3)
 
@@ -227,5 +223,4 @@ def test_backward_is_the_mirror_of_forward(
 
 @given(speed, speed, speed)
 def test_without_limits_commands_are_as_given(command: float, last: float, before: float) -> None:
-    """Nothing is set by default."""
     assert SpeedLimiter(SpeedLimits()).limit(command, last, before, 0.01) == command

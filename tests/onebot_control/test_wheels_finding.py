@@ -161,7 +161,6 @@ def mesh_wheels(folder: Path) -> Description:
 
 
 def test_a_wheel_may_be_a_mesh(tmp_path: Path) -> None:
-    """Its greatest circle about the axle counts, and its middle."""
     assert Wheels(mesh_wheels(tmp_path)).geometry() == pytest.approx((0.46, 0.1), abs=1e-6)
 
 
@@ -298,7 +297,6 @@ def test_a_hub_is_no_joint_of_the_robot() -> None:
 
 
 def test_joints_that_are_held_are_published() -> None:
-    """With those that move, at the position they are held at."""
     drive = DrivenRobot.of(base(*TWO, *BALLS, ARM.replace('lower="-1"', 'lower="0.25"')), CONFIG)
     try:
         assert drive.broadcaster.names == ("l_joint", "r_joint", "arm_joint", "hand_joint")

@@ -22,7 +22,6 @@ def geometry_of(description: Description, config: ControlConfig) -> WheelGeometr
 
 
 def test_separation_and_radius_are_read() -> None:
-    """They come from the wheels' poses and their collision shapes."""
     assert Wheels(robot(), LEFT, RIGHT).geometry() == pytest.approx((0.3, 0.06))
 
 
@@ -44,7 +43,6 @@ def test_axle_the_other_way_round() -> None:
 
 
 def test_wheels_of_different_radii() -> None:
-    """Both radii are named, and what to set."""
     big = wheel("right", -0.2, '<sphere radius="0.1"/>')
     with pytest.raises(OneBotError, match=r"0\.06 m, right_wheel_joint 0\.1 m.*set wheel_radius"):
         Wheels(robot(wheel("left", 0.2), big), LEFT, RIGHT).geometry()
@@ -100,7 +98,6 @@ def test_axles_that_point_elsewhere(axis: str, side: str) -> None:
 
 
 def test_an_axle_may_be_off_by_rounding() -> None:
-    """By less than a degree."""
     left = wheel("left", 0.2).replace("0 1 0", "0.017 1 0")
     assert Wheels(robot(left, wheel("right", -0.2)), LEFT, RIGHT).separation == pytest.approx(0.4)
 
@@ -165,7 +162,6 @@ def test_which_shape_is_the_wheels(
 
 @pytest.mark.parametrize(("collisions", "visuals"), [((), ()), ((BOX,), (BOX,)), ((BESIDE,), ())])
 def test_no_round_shape(collisions: tuple[str, ...], visuals: tuple[str, ...]) -> None:
-    """The error names joint and link, and what to set."""
     with pytest.raises(OneBotError) as caught:
         other = wheel("right", -0.2)
         Wheels(robot(shapes(*collisions, visuals=visuals), other), LEFT, RIGHT).geometry()
@@ -177,7 +173,6 @@ def test_no_round_shape(collisions: tuple[str, ...], visuals: tuple[str, ...]) -
 
 @pytest.mark.parametrize(("other", "same"), [("0.0600009", True), ("0.0600011", False)])
 def test_radii_are_the_same_to_a_micrometre(other: str, same: bool) -> None:
-    """What a CAD program rounds is no difference."""
     big = wheel("right", -0.2, f'<sphere radius="{other}"/>')
     description = robot(wheel("left", 0.2), big)
     if same:
@@ -219,7 +214,6 @@ def test_joints_of_each_side_are_checked() -> None:
 def test_parameters_override_the_description(
     values: dict[str, Any], expected: tuple[float, float]
 ) -> None:
-    """Each for itself; multipliers are no part of it."""
     assert geometry_of(robot(), config(**values)) == pytest.approx(expected)
 
 

@@ -35,7 +35,6 @@ def _bits(world):
 
 
 def test_each_drives_as_it_would_alone():
-    """What the others do makes no difference that a ruler would show."""
     with _world() as world:
         for _ in range(100):
             for number, body in enumerate(world.robots):
@@ -53,7 +52,6 @@ def test_each_drives_as_it_would_alone():
 
 
 def test_a_speed_holds_until_another_is_given_and_resting_ones_stay():
-    """Only the robot that was told turns its wheels."""
     with _world() as world:
         first, second, _ = world.robots
         first.turn([3.0, 3.0])
@@ -65,7 +63,6 @@ def test_a_speed_holds_until_another_is_given_and_resting_ones_stay():
 
 
 def test_efforts_are_of_the_last_step_whether_or_not_a_speed_is_given_again():
-    """Giving the same speed again changes no bit."""
     with _world() as told_once, _world() as told_again:
         for body in told_once.robots:
             body.turn(wheels(0.3, 0.5))
@@ -78,7 +75,6 @@ def test_efforts_are_of_the_last_step_whether_or_not_a_speed_is_given_again():
 
 
 def test_the_same_calls_give_the_same_bits():
-    """With teleports and resets, too."""
     found = []
     for _ in range(2):
         with _world() as world:
@@ -94,7 +90,6 @@ def test_the_same_calls_give_the_same_bits():
 
 
 def test_one_is_put_elsewhere_and_the_others_drive_on():
-    """Teleport and reset concern that robot alone."""
     with _world() as world:
         moved, other, _ = world.robots
         other.turn(wheels(0.2, 0.0))

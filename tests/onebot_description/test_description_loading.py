@@ -335,7 +335,7 @@ def test_the_published_text_carries_what_finds_its_files(tmp_path: Path) -> None
     for again in (description, parse_description(description.urdf)):
         shapes = [visual.shape for visual in again.links[0].visuals]
         assert [shape.uri for shape in shapes] == [*uris.values()]
-        assert all(shape.path.is_file() for shape in shapes)
+        assert all(shape.path.is_file() and shape.scale == (1.0, 1.0, 1.0) for shape in shapes)
 
 
 def test_a_missing_package_is_one_problem_and_refuses_nothing(tmp_path: Path) -> None:

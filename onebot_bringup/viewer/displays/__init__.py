@@ -12,7 +12,6 @@ from onebot_bringup.viewer.displays.drawing import Drawing
 from onebot_bringup.viewer.displays.image import ImageDrawing
 from onebot_bringup.viewer.displays.joint_limits import JointLimitsDisplay
 from onebot_bringup.viewer.displays.joint_plot import JointPlotDisplay
-from onebot_bringup.viewer.displays.laser_scan import LaserScanDrawing
 from onebot_bringup.viewer.displays.log import LogDrawing
 from onebot_bringup.viewer.displays.map import MapDrawing
 from onebot_bringup.viewer.displays.marker import MarkerDrawing
@@ -21,7 +20,7 @@ from onebot_bringup.viewer.displays.odometry import (
     OdometryDrawing,
     TrailDisplay,
 )
-from onebot_bringup.viewer.displays.point_cloud2 import PointCloud2Drawing
+from onebot_bringup.viewer.displays.points import LaserScanDrawing, PointCloud2Drawing
 from onebot_bringup.viewer.displays.poses import (
     PoseArrayDrawing,
     PoseDrawing,

@@ -41,11 +41,11 @@ def send_curves(
     recording: rr.RecordingStream, entity: str, stamps_ns: Sequence[int], values: NDArray[Any]
 ) -> None:
     """Log values (N,) or (N, k), a row at each time."""
-    each = 1 if values.ndim == 1 else values.shape[1]
+    width = 1 if values.ndim == 1 else values.shape[1]
     recording.send_columns(
         entity,
         indexes=[time_column(np.array(stamps_ns, np.int64))],
-        columns=[_SCALARS.column(values, each=each)],
+        columns=[_SCALARS.column(values, each=width)],
     )
 
 
@@ -130,7 +130,7 @@ class _CurvesDisplay(DrawingsDisplay[Any]):
 # --- speeds ---------------------------------------------------------------------------------------
 
 SPEEDS = {"linear": "Speed (m/s)", "angular": "Turn rate (rad/s)"}  # plots, by entity
-_DECIMALS = 4  # of m/s and rad/s
+_DECIMALS = 4  # digits of m/s and rad/s
 # Seconds without a message over which a curve is not drawn on: nothing was published there.
 GAP = 1.5
 _AUTO = "auto"
@@ -167,7 +167,7 @@ class SpeedsSettings:
 class SpeedDrawing(CurveDrawing[SpeedSettings]):
     """The linear and the angular speed of one topic."""
 
-    name: str  # in the legend
+    name: str  # the legend's
     entities: Sequence[str]
     _held = False  # a value holds until the next one, as a command does
     _last_ns: int | None = None
@@ -300,7 +300,7 @@ class FieldPath:
 class FieldDrawing(CurveDrawing[CurveSettings]):
     """One field of one topic."""
 
-    name: str  # in the legend
+    name: str  # the legend's
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
@@ -326,8 +326,8 @@ class CurvesDisplay(_CurvesDisplay):
 
     def offer(self, topics: Mapping[str, str]) -> bool:
         """Note the types of the topics."""
-        before, self._published = self._published, topics
-        return any(before.get(name) != topics.get(name) for name in self._named)
+        previous, self._published = self._published, topics
+        return any(previous.get(name) != topics.get(name) for name in self._named)
 
     def apply(self, settings: CurvesSettings) -> None:
         self._unreadable = {}

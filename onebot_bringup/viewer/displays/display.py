@@ -38,8 +38,8 @@ COLORS: tuple[Color, ...] = (
 # A server with a memory limit drops the oldest data. What is sent seldom is logged anew this often
 # (seconds), so that it is never the oldest.
 REPEAT_AFTER = 10.0
-# Nanoseconds between two calls into Rerun where it matters little: each costs a kilobyte of file
-# and of server memory, and work for a page that draws slowly.
+# Nanoseconds between two calls into Rerun where it matters little: each costs a kilobyte of file,
+# as much of the server's memory, and work for a page that draws slowly.
 SELDOM = 200_000_000
 LARGEST = 1e38  # drawable number: finite in 32 bits, and its square finite in 64
 
@@ -88,10 +88,10 @@ class LayoutPart:
 
     views: tuple[SideView, ...] = ()  # beside the robot's
     visible: tuple[tuple[str, bool], ...] = ()  # entity, and whether the user sees it at first
-    hidden: tuple[str, ...] = ()  # entities left out of the robot's view, with all below,
-    shown: tuple[str, ...] = ()  # but for these
+    hidden: tuple[str, ...] = ()  # entities left out of the robot's view, and all below
+    shown: tuple[str, ...] = ()  # exceptions from ``hidden``
     windows: tuple[tuple[str, float], ...] = ()  # entity, and how many seconds of it are shown
-    robot: str = ""  # whose views these are, where there are several
+    robot: str = ""  # the views' owner, where there are several robots
     wide: tuple[SideView, ...] = ()  # below the robot's
 
 
@@ -117,12 +117,12 @@ def last(seconds: float) -> rrb.VisibleTimeRanges:
 class Display(ABC, Generic[S]):
     """One thing that is drawn; ``S`` are its settings."""
 
-    key: str  # in a view file, and of its ROS parameters
+    key: str  # the name in a view file, and the prefix of its ROS parameters
     Settings: ClassVar[type]
     named: ClassVar[bool] = False  # a view file has, by names freely chosen, several ``Settings``
     period_ns: int = 0  # nanoseconds between two calls of ``flush``; 0: every tick
     plots: bool = False  # it draws curves, and nothing in the robots' own view
-    limit: LoadLimit | None = None  # of the messages that it draws
+    limit: LoadLimit | None = None  # drops messages where too many come
 
     def __init__(self, stage: "Stage", robot: "ShownRobot | None" = None) -> None:
         """Draw nothing yet; ``robot`` is whose display it is, none for that of all."""
@@ -158,12 +158,13 @@ class Display(ABC, Generic[S]):
     def apply(self, settings: S) -> None:
         """Use these settings from now on; called after ``flush``."""
 
-    @abstractmethod
     def topics(self) -> Sequence[WantedTopic]:
         """Return what to subscribe, by the settings of now."""
+        return ()
 
-    @abstractmethod
-    def add(self, topic: str, kind: MessageType[Any], messages: Sequence[tuple[int, Any]]) -> None:
+    def add(  # noqa: B027  a display without topics gets none
+        self, topic: str, kind: MessageType[Any], messages: Sequence[tuple[int, Any]]
+    ) -> None:
         """Add messages, to be logged by ``flush``.
 
         Args:

@@ -49,7 +49,7 @@ AUTO = "auto"
 _RELIABILITIES = (AUTO, "reliable", "best_effort")
 DEPTH, DEPTH_HEAVY = 100, 5  # messages that wait in DDS, or for a transform
 PLACED_ENTITY = "placed"  # below which frames of our own are placed
-_MOST_AWAITED_NS = 1_000_000_000  # from one transform to the next, if the next is waited for
+_MOST_AWAITED_NS = 1_000_000_000  # a transform that comes later than this is not awaited
 
 Archetypes = Sequence[rr.AsComponents | ReadyColumn]
 Floats = NDArray[np.float64]
@@ -76,12 +76,12 @@ class TopicQos:
 
 def by_topic(kind: type[T]) -> type[T]:
     """Add ``topics`` to settings: the same for one topic, and how it is subscribed."""
-    one = make_dataclass(f"{kind.__name__}OfTopic", [], bases=(kind, TopicQos), frozen=True)
-    topics: Any = ("topics", Mapping[str, one], field(default_factory=dict))  # type: ignore[valid-type]
-    made = make_dataclass(kind.__name__, [topics], bases=(kind,), frozen=True)
-    for each in (one, made):
-        each.__doc__, each.__module__ = kind.__doc__, kind.__module__
-    return made
+    topic = make_dataclass(f"{kind.__name__}OfTopic", [], bases=(kind, TopicQos), frozen=True)
+    topics: Any = ("topics", Mapping[str, topic], field(default_factory=dict))  # type: ignore[valid-type]
+    whole = make_dataclass(kind.__name__, [topics], bases=(kind,), frozen=True)
+    for settings in (topic, whole):
+        settings.__doc__, settings.__module__ = kind.__doc__, kind.__module__
+    return whole
 
 
 # --- drawings -------------------------------------------------------------------------------------
@@ -103,14 +103,14 @@ class Drawing(ABC, Generic[S]):
     """Draws the messages of one topic, each in place of the one before."""
 
     # Of a display of message types:
-    key: ClassVar[str]  # in a view file, and of its ROS parameters
+    key: ClassVar[str]  # the name in a view file, and the prefix of its ROS parameters
     Settings: ClassVar[type]
     message_types: ClassVar[tuple[str, ...]]  # as ROS has them, such as "nav_msgs/msg/Path"
     named: ClassVar[bool] = False
     heavy: ClassVar[bool] = False  # megabytes a second: only some topics are shown by themselves
-    live: ClassVar[bool] = True  # as of ``MessageType``
+    live: ClassVar[bool] = True  # see ``MessageType``
     plots: ClassVar[bool] = False  # nothing of it is in the robots' own view
-    period_ns: ClassVar[int] = 0  # as of ``Display``
+    period_ns: ClassVar[int] = 0  # see ``Display``
     # Other topics of a topic: what their names end in, and their type.
     others: ClassVar[Mapping[str, MessageType[Any]]] = {}
 
@@ -122,24 +122,17 @@ class Drawing(ABC, Generic[S]):
     kept: ClassVar[int] = DEPTH  # messages that wait for a transform
 
     def __init__(self, stage: "Stage", entity: str, settings: S, color: Color) -> None:
-        """Draw nothing yet.
-
-        Args:
-            stage: where to log.
-            entity: to log to.
-            settings: how to draw.
-            color: one of ours, where the settings have none.
-        """
+        """Draw nothing yet; ``color`` is one of ours, where the settings have none."""
         self.stage, self.entity, self.settings = stage, entity, settings
         self.color: Color = getattr(settings, "color", None) or color
         self.frame = ""  # of the newest message, or of the one that is drawn; "" if in none
         self.home = ""  # the frame that the entity is in
-        self.stamp_ns = 0  # of the message that is drawn
-        self.problems: dict[str, str] = {}  # what could not be drawn, the first of each kind
+        self.stamp_ns = 0  # stamp of the message that is drawn
+        self.problems: dict[str, str] = {}  # the first problem of each kind
         self._pending: list[tuple[int, Any]] = []
         self._last: tuple[int, Any] | None = None  # drawn
         self._logged_at = 0.0
-        self._frame_before = ""  # of the message that was logged, or waited, last
+        self._frame_before = ""  # frame of the last message that was logged, or waited
         self._styled = False
 
     @abstractmethod
@@ -258,7 +251,8 @@ class Drawing(ABC, Generic[S]):
             child: its name.
             pose: (4, 4).
         """
-        columns = _TRANSLATION.row(pose[:3, 3]), _ROTATION.row(pose[:3, :3].T)  # by columns
+        # Rerun has matrices column by column.
+        columns = _TRANSLATION.row(pose[:3, 3]), _ROTATION.row(pose[:3, :3].T)
         entity = below(PLACED_ENTITY, child)
         self.stage.log_row(entity, self.stamp_ns, *columns, *_frames(parent, child))
 
@@ -307,7 +301,7 @@ class DrawingsDisplay(Display[S]):
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
         self.items: dict[str, Drawing[Any]] = {}
-        self._topics: dict[str, Sequence[WantedTopic]] = {}  # of each item
+        self._topics: dict[str, Sequence[WantedTopic]] = {}  # by item
         self._made_of: dict[str, tuple[Any, Color]] = {}
         self._waiting_since: dict[str, float] = {}
 
@@ -357,7 +351,7 @@ class DrawingsDisplay(Display[S]):
 
     def layout(self) -> LayoutPart:
         """Return what its drawings add: what is in the robots' view needs nothing."""
-        if not self.items:  # as of most displays; it is called with every tick
+        if not self.items:  # Most displays have none, and this is called with every tick.
             return _NO_PART
         parts = [drawing.layout() for drawing in self.items.values()]
         return LayoutPart(
@@ -406,29 +400,22 @@ class MessageDisplay(DrawingsDisplay[Any]):
         self._offered: Mapping[str, str] = {}
 
     def offer(self, topics: Mapping[str, str]) -> bool:
-        """Draw these topics, and no others, from the next ``apply`` on.
-
-        Args:
-            topics: the type of each by its full name.
-
-        Returns:
-            Whether they are others than before.
-        """
-        before, self._offered = self._offered, topics
-        return topics != before
+        """Draw these topics, and no others, from the next ``apply`` on."""
+        previous, self._offered = self._offered, topics
+        return topics != previous
 
     def wanted(self, settings: Any) -> Mapping[str, tuple[Sequence[WantedTopic], Any]]:
         """Return how each topic is subscribed, and its settings."""
-        by_name = {self.full_name(name): one for name, one in settings.topics.items()}
+        by_topic = {self.full_name(name): topic for name, topic in settings.topics.items()}
         return {
-            topic: (self._subscriptions(topic, by_name.get(topic)), by_name.get(topic, settings))
+            topic: (self._subscriptions(topic, by_topic.get(topic)), by_topic.get(topic, settings))
             for topic in self._offered
         }
 
     def _subscriptions(self, topic: str, qos: TopicQos | None) -> Sequence[WantedTopic]:
         """Return how a topic is subscribed: by its type's definition, reliable if it is."""
         qos, draws = qos or TopicQos(), self.draws
-        own = WantedTopic(
+        subscription = WantedTopic(
             topic,
             (self.stage.message_type(self._offered[topic], live=draws.live),),
             reliable=qos.reliability == "reliable",
@@ -440,7 +427,7 @@ class MessageDisplay(DrawingsDisplay[Any]):
             WantedTopic(topic + end, (kind,), optional=True, as_published=True)
             for end, kind in draws.others.items()
         )
-        return [own, *others]
+        return [subscription, *others]
 
     def make(self, name: str, settings: Any, color: Color) -> Drawing[Any]:
         """Return the drawing of a topic."""

@@ -43,11 +43,11 @@ class ImageSettings(TopicSettings):
 class _Encoding(NamedTuple):
     """How a pixel is stored, and shown."""
 
-    dtype: str  # of a channel, in the byte order of the machine
+    dtype: str  # a channel's type, in the byte order of the machine
     channels: int
     kind: type[rr.Image | rr.DepthImage]
-    format: Mapping[str, Any]  # of Rerun
-    meter: float = 0.0  # of depth: the value of a metre
+    format: Mapping[str, Any]  # Rerun's
+    meter: float = 0.0  # the value of a metre, where it is depth
 
 
 def _color(model: str, channels: int) -> _Encoding:
@@ -59,8 +59,8 @@ def _packed(pixel_format: str, channels: int) -> _Encoding:
 
 
 def _depth(dtype: str, datatype: str, meter: float) -> _Encoding:
-    shown = {"color_model": "L", "channel_datatype": datatype}
-    return _Encoding(dtype, 1, rr.DepthImage, shown, meter)
+    grey = {"color_model": "L", "channel_datatype": datatype}
+    return _Encoding(dtype, 1, rr.DepthImage, grey, meter)
 
 
 _GREY, _YUY2 = _color("L", 1), _packed("YUY2", 2)
@@ -102,10 +102,10 @@ def _pixels(message: Any, encoding: _Encoding) -> Bytes:
             f"{rows} rows of {width} pixels of {line // width} bytes, {step} from row to row "
             f"(step), do not fit into {len(message.data)} bytes"
         )
-    found: Bytes = np.ndarray((rows, line), np.uint8, message.data, 0, (step, 1)).reshape(-1)
+    pixels: Bytes = np.ndarray((rows, line), np.uint8, message.data, 0, (step, 1)).reshape(-1)
     if size > 1 and message.is_bigendian:
-        found = found.view(f"u{size}").byteswap().view(np.uint8)
-    return found
+        pixels = pixels.view(f"u{size}").byteswap().view(np.uint8)
+    return pixels
 
 
 class ImageDrawing(Drawing[ImageSettings]):
@@ -159,8 +159,8 @@ class ImageDrawing(Drawing[ImageSettings]):
         if self.settings.normalize_range:
             low, high = float(values.min()), float(values.max())
         scaled = (values - np.float32(low)) * np.float32(255.0 / max(high - low, 1e-9))
-        found: Bytes = np.clip(scaled, 0.0, 255.0).astype(np.uint8)
-        return found
+        grey: Bytes = np.clip(scaled, 0.0, 255.0).astype(np.uint8)
+        return grey
 
     def _compressed(self, message: Any) -> Sequence[ReadyColumn]:
         start = message.data[:8].tobytes()

@@ -5,7 +5,7 @@ the child, so that /tf moves the needle along the arc: it is drawn once, and cos
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,13 +14,12 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from onebot_bringup.viewer.displays.display import Display
-from onebot_bringup.viewer.inbox import MessageType, WantedTopic
 from onebot_bringup.viewer.settings import Color, setting
 from onebot_description.description.description import Description, Joint, Triple
 from onebot_description.model.quaternions import from_rpy, to_matrix
 
 RANGES_ENTITY = "joint_ranges"
-_STEP = math.radians(5.0)  # of an arc
+_STEP = math.radians(5.0)  # between two points of an arc
 # On the screen, whatever the zoom (points).
 _ARC_WIDTH, _NEEDLE_WIDTH = 1.5, 2.0
 
@@ -37,7 +36,7 @@ class JointRangesSettings:
 
 
 class JointLimitsDisplay(Display[JointRangesSettings]):
-    """Draws the ranges of the robot's joints, and anew only when they change."""
+    """Draws the ranges of joints in the colours of their curves, anew only when they change."""
 
     key, Settings = "joint_ranges", JointRangesSettings
 
@@ -45,17 +44,10 @@ class JointLimitsDisplay(Display[JointRangesSettings]):
         super().__init__(*arguments)
         self._settings = JointRangesSettings()
         self._made_of: tuple[object, ...] = ()
-        self._drawn: dict[str, object] = {}  # what lies on each entity
-
-    def topics(self) -> Sequence[WantedTopic]:
-        """Return none: the colours of the joints are those of their curves."""
-        return ()
+        self._drawn: dict[str, object] = {}  # by entity
 
     def apply(self, settings: JointRangesSettings) -> None:
         self._settings = settings
-
-    def add(self, topic: str, kind: MessageType[Any], messages: Sequence[Any]) -> None:
-        """Nothing is subscribed."""
 
     def flush(self) -> None:
         """Draw the ranges, if something has changed."""

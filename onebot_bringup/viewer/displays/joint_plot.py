@@ -50,10 +50,10 @@ class JointPlotDisplay(Display[JointPlotSettings]):
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
         self._settings = JointPlotSettings()
-        self._limits: Limits = {}  # that are drawn
+        self._limits: Limits = {}  # drawn limits
         self._sets: dict[tuple[str, ...], _JointSet] = {}
-        self._count = 0  # of sets so far
-        self._order: dict[tuple[str, ...], int] = {}  # in which each set first came
+        self._count = 0  # number of sets so far
+        self._order: dict[tuple[str, ...], int] = {}  # the order in which sets first came
         # The names that came last: it takes long to look up many.
         self._last: tuple[object, _JointSet | None] = ((), None)
         self._has_velocities = False  # a velocity ever came
@@ -154,7 +154,9 @@ class _JointSet:
     def add(self, stamp_ns: int, state: JointStateArrays) -> None:
         """Add the numbers that are there for each joint."""
         if len(state.positions) == self._count:
-            positions = np.concatenate([state.positions, self._edges])
+            positions = state.positions
+            if len(self._edges):
+                positions = np.concatenate([positions, self._edges])
             self._pending[self._position].append((stamp_ns, positions))
         if len(state.velocities) == self._count:
             self._pending[self._velocity].append((stamp_ns, state.velocities))

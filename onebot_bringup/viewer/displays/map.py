@@ -18,7 +18,7 @@ from onebot_bringup.viewer.inbox import message_type
 from onebot_bringup.viewer.settings import fraction, one_of, setting
 from onebot_description.model.quaternions import normalized
 
-UPDATES = "_updates"  # what the topic's name ends in
+UPDATES = "_updates"  # the end of the topic's name
 # map_msgs need not be installed.
 UPDATE = message_type(
     "map_msgs/msg/OccupancyGridUpdate",
@@ -112,7 +112,7 @@ class MapDrawing(Drawing[MapSettings]):
             self.problems.setdefault("", str(error))
             return
         if self._pending and self._pending[-1][1].cells is grid.cells:
-            self._pending.pop()  # with an update before it
+            self._pending.pop()  # it has the same cells, before this update
         self._take(stamp_ns, grid)
 
     def _take(self, stamp_ns: int, grid: CurrentMap) -> None:

@@ -47,10 +47,10 @@ if TYPE_CHECKING:
 ADD, DELETE, DELETE_ALL = 0, 2, 3
 _NEVER = np.iinfo(np.int64).max  # the end of no lifetime
 _NOT_DRAWN = -1  # the type of a marker that is left out
-_UNIT = 0.01  # that the square of a quaternion's length may be off
+_UNIT = 0.01  # tolerance of the square of a quaternion's length
 _IDENTITY = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)  # position and quaternion
 _TOGETHER_NS = 50_000_000  # between the first and the last of single markers that are logged as one
-_STEP_NS = 1_000_000_000  # that the time goes back if the clock was set back
+_STEP_NS = 1_000_000_000  # the clock was set back if the time goes back by this
 _SAME_NS = 1_000_000  # between stamps that one transform serves: each marker may have its own
 _MOST_WAITING = 2000  # markers, while no transform leads to their frames
 
@@ -76,7 +76,7 @@ class Incoming(NamedTuple):
     actions: Integers
     locked: Integers
     lifetimes: Integers  # nanoseconds
-    stamps_ns: Callable[[], Integers]  # of their headers, which few need; 0 for none
+    stamps_ns: Callable[[], Integers]  # the headers', which few need; 0 for none
     points: Integers  # how many
     poses: Floats  # (N, 7) metres and x y z w; may be written to
     scales: Floats  # (N, 3) metres
@@ -96,7 +96,7 @@ class Incoming(NamedTuple):
             _nanoseconds(markers.lifetime),
             lambda: _nanoseconds(markers.header.stamp),
             markers.points.counts,
-            markers.pose.array().copy(),  # in one piece, since all that follows takes less then
+            markers.pose.array().copy(),  # one piece makes all that follows faster
             markers.scale.array().copy(),
             markers.color.array().copy(),
             markers,
@@ -134,6 +134,23 @@ class Incoming(NamedTuple):
             markers,
         )
 
+    def report(self, problems: dict[str, str], which: Any, text: str, kind: str = "") -> None:
+        """Keep what is wrong with a row, or with the first of a mask, if nothing of its kind is.
+
+        Args:
+            problems: what is wrong, by kinds.
+            which: the row, or a mask.
+            text: what is wrong.
+            kind: where the text has what may be another with every message.
+        """
+        if isinstance(which, np.ndarray):
+            [*rows] = np.flatnonzero(which)[:1]
+        else:
+            rows = [which]
+        for row in rows:
+            space = printable(shortened(self.spaces[row]))
+            problems.setdefault(kind or text, f'id {self.ids[row]} of "{space}": {text}')
+
 
 def _nanoseconds(time_: Any) -> Any:
     """Return a time or a duration, or a table of them, in nanoseconds."""
@@ -146,7 +163,7 @@ class LayerKey(NamedTuple):
     space: str
     kind: str
     frame: str
-    variant: object  # of a mesh, or the opacity of triangles
+    variant: object  # a MeshVariant, or the opacity of triangles
 
 
 class Layer:
@@ -161,7 +178,7 @@ class Layer:
         self.space = key.space
         self.ids: list[MarkerId] = []
         self.batch: Batch | None = None
-        self.first_end = _NEVER  # of the lifetimes
+        self.first_end = _NEVER  # the end of the first lifetime
         self._logged: Sequence[Piece] = ()
         self._stamp_ns = 0
         self.whole_at = 0.0  # the time of the last row with all columns
@@ -217,8 +234,8 @@ class Change(NamedTuple):
 
     layer: Layer
     ids: list[MarkerId]
-    rows: NDArray[np.intp]  # of the message, by markers; -1 for those that stay as they are
-    slots: NDArray[np.intp]  # which they had before; -1 for those that are new
+    rows: NDArray[np.intp]  # the message's rows, by markers; -1 for those that stay
+    slots: NDArray[np.intp]  # the previous slots; -1 for new markers
     is_all: bool  # these are all rows, in their order
 
     def apply(self, came: Batch) -> None:
@@ -258,14 +275,14 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         self._layers: dict[LayerKey, Layer] = {}
         self._used: set[str] = set()  # their entities
         self._where: dict[MarkerId, LayerKey] = {}
-        self._changed: dict[str, Layer] = {}  # by entity, since they were logged
+        self._changed: dict[str, Layer] = {}  # layers to log, by entity
         self._plan: MarkerUpdate | None = None
-        self._stamp_ns = 0  # of the last row
-        self._now_ns = 0  # of the last flush
-        self._lag_ns = _NEVER  # from the stamp of a message to when it came, the least
-        self._waiting: dict[MarkerId, tuple[int, Any]] = {}  # for a transform to their frames
+        self._stamp_ns = 0  # stamp of the last row
+        self._now_ns = 0  # time of the last flush
+        self._lag_ns = _NEVER  # the shortest time from the stamp of a message to when it came
+        self._waiting: dict[MarkerId, tuple[int, Any]] = {}  # no transform leads to their frames
         self._fixed = ""  # the fixed frame
-        self._tree: tuple[object, ...] = ()  # in which they were looked for last
+        self._tree: tuple[object, ...] = ()  # where the frames were last looked for
 
     def draw(self, message: Any) -> Sequence[rr.AsComponents]:
         """Return nothing: ``flush`` draws many messages at once."""
@@ -283,7 +300,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         """Log what has come, and remove what is no longer to be seen."""
         self._fixed, now_ns = self.stage.fixed_frame, self.stage.now_ns
         if now_ns < self._now_ns - _STEP_NS:
-            self._expire(_NEVER - 1)  # what is due then would be never, or years late
+            self._expire(_NEVER - 1)  # markers of the time before would stay for ever
             self._lag_ns, self._now_ns = _NEVER, now_ns
         for stamp_ns, incoming in self._incoming():
             came_ns = self._received(stamp_ns, now_ns)
@@ -303,7 +320,9 @@ class MarkerDrawing(Drawing[MarkerSettings]):
 
     def _received(self, stamp_ns: int, now_ns: int) -> int:
         """Return when a message of this time came, as far as can be known."""
-        if self._in_arrays:  # which have no stamp; one may be of before the clock was set back
+        if (
+            self._in_arrays
+        ):  # Arrays have no stamp; one may come from before the clock was set back.
             return stamp_ns if stamp_ns < now_ns + _STEP_NS else now_ns
         # It was since the last flush: at the very time that follows if it took as long as others.
         self._lag_ns = min(self._lag_ns, max(0, now_ns - stamp_ns))
@@ -369,12 +388,14 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         if arrows.any():
             kinds = np.where(arrows & (incoming.points > 0), ARROW_STRIP, kinds)
         numbers = (incoming.poses, incoming.scales, incoming.colors)
-        if not all(float(np.vdot(each, each)) <= LARGEST**2 for each in numbers):  # or it is NaN
+        if not all(
+            float(np.vdot(each, each)) <= LARGEST**2 for each in numbers
+        ):  # NaN is not less, either
             sound = np.all([(np.abs(each) <= LARGEST).all(axis=1) for each in numbers], axis=0)
             kinds = np.where(sound, kinds, _NOT_DRAWN)
             incoming.poses[~sound] = _IDENTITY
             drawn = incoming.actions == ADD
-            self._report(incoming, ~sound & drawn, "its numbers are not finite: not drawn")
+            incoming.report(self.problems, ~sound & drawn, "its numbers are not finite: not drawn")
         return kinds
 
     def _plan_of(self, stamp_ns: int, incoming: Incoming, kinds: Integers) -> MarkerUpdate:
@@ -386,7 +407,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         signature = (incoming.spaces, incoming.frames, numbers, variants, fixed, version)
         if self._plan is not None and self._plan.signature == signature:
             return self._plan
-        self._check(incoming, kinds)
+        _check(incoming, kinds, self.problems)
         where = dict(self._where)
         source: dict[MarkerId, int] = {}
         moved: dict[str, list[int]] = {}
@@ -429,7 +450,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
             try:
                 self._layers[key] = Layer(self.stage, self._entity(key), key, KINDS[kind])
             except OneBotError as error:
-                self._report(incoming, row, str(error), "mesh")
+                incoming.report(self.problems, row, str(error), "mesh")
                 return None
             self._used.add(self._layers[key].entity)
         return key
@@ -477,7 +498,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
             poses[incoming.actions != ADD] = _IDENTITY
         lengths = np.einsum("ij,ij->i", poses[:, 3:], poses[:, 3:])
         if lengths.min() < 1.0 - _UNIT or lengths.max() > 1.0 + _UNIT:
-            self._make_unit(incoming, lengths)
+            _make_unit(incoming, lengths, self.problems)
         for frame, moving in moved.items():
             for at_ns, rows in _by_stamp(moving, incoming.stamps_ns()[moving]):
                 pose = self.stage.frames.pose(frame, self._fixed, at_ns or stamp_ns)
@@ -496,15 +517,6 @@ class MarkerDrawing(Drawing[MarkerSettings]):
                 parts[row] = self._part(incoming, row, int(kinds[row]))
         return Batch(poses, incoming.scales, incoming.colors, ends, parts)
 
-    def _make_unit(self, incoming: Incoming, lengths: Floats) -> None:
-        """Give quaternions the length of one; without any, as in RViz, there is no turn."""
-        turns, none = incoming.poses[:, 3:], lengths == 0
-        turns[none] = (0.0, 0.0, 0.0, 1.0)
-        turns /= np.sqrt(np.where(none, 1.0, lengths))[:, None]
-        self._report(incoming, none, "its quaternion is zero: taken as no turn")
-        odd = (np.abs(lengths - 1.0) > _UNIT) & ~none
-        self._report(incoming, odd, "its quaternion is not of unit length")
-
     def _part(self, incoming: Incoming, row: int, kind: int) -> MarkerContent:
         """Return the points, colours and text of a marker."""
         message = incoming.messages[row]
@@ -514,10 +526,10 @@ class MarkerDrawing(Drawing[MarkerSettings]):
             colors = colors.repeat(3, axis=0)
         if len(colors) not in (0, len(points)):
             text = f"it has {len(colors)} colours for {len(points)} points: its own is used"
-            self._report(incoming, row, text, "colours")
+            incoming.report(self.problems, row, text, "colours")
             colors = colors[:0]
         if not (np.abs(points) <= LARGEST).all():
-            self._report(incoming, row, "its points are not finite: not drawn")
+            incoming.report(self.problems, row, "its points are not finite: not drawn")
             points = points[:0]
         most = len(points) - len(points) % 3 if kind == TRIANGLE_LIST else len(points)
         if incoming.types[row] == ARROW:
@@ -526,50 +538,6 @@ class MarkerDrawing(Drawing[MarkerSettings]):
             most = 0
         colors = colors[:most] if len(colors) == len(points) else colors[:0]
         return MarkerContent(points[:most], colors, incoming.types[row] == LINE_LIST, message.text)
-
-    # --- what is wrong ----------------------------------------------------------------------------
-
-    def _check(self, incoming: Incoming, kinds: Integers) -> None:
-        """Report what RViz warns of."""
-        add = incoming.actions == ADD
-        known = np.isin(incoming.actions, (ADD, DELETE, DELETE_ALL))
-        self._report(incoming, ~known, "its action is unknown")
-        self._report(incoming, add & (np.array(incoming.frames) == ""), "it names no frame")
-        for kind in set(kinds[add].tolist()):
-            rows = add & (kinds == kind)
-            how = KINDS.get(kind)
-            if how is None:
-                if kind != _NOT_DRAWN:
-                    text = f"its type {kind} is unknown: not drawn"
-                    self._report(incoming, rows, text, "type")
-                continue
-            flat = (incoming.scales[:, how.of_scale] == 0).any(axis=1)
-            self._report(incoming, rows & flat, "its scale is zero")
-            if how.least == 0 and kind != MESH:
-                clear = incoming.colors[:, 3] == 0
-                self._report(incoming, rows & clear, "it is transparent: color.a is 0")
-            few = incoming.points < how.least
-            self._report(incoming, rows & few, f"it has less than {how.least} points: not drawn")
-        for row in np.flatnonzero(add & (kinds == TRIANGLE_LIST)).tolist():
-            if incoming.messages[row].texture_resource:
-                self._report(incoming, row, "its texture is not drawn")
-
-    def _report(self, incoming: Incoming, which: Any, text: str, kind: str = "") -> None:
-        """Keep what is wrong with a row, or with the first of a mask, if nothing of its kind is.
-
-        Args:
-            incoming: the markers.
-            which: the row, or a mask.
-            text: what is wrong.
-            kind: where the text has what may be another with every message.
-        """
-        if isinstance(which, np.ndarray):
-            [*rows] = np.flatnonzero(which)[:1]
-        else:
-            rows = [which]
-        for row in rows:
-            space = printable(shortened(incoming.spaces[row]))
-            self.problems.setdefault(kind or text, f'id {incoming.ids[row]} of "{space}": {text}')
 
     # --- time -------------------------------------------------------------------------------------
 
@@ -613,6 +581,42 @@ class MarkerDrawing(Drawing[MarkerSettings]):
             if is_old(layer.whole_at):
                 self._changed[layer.entity] = layer
         self._log(self._stamp_ns)
+
+
+def _check(incoming: Incoming, kinds: Integers, problems: dict[str, str]) -> None:
+    """Report what RViz warns of."""
+    add = incoming.actions == ADD
+    known = np.isin(incoming.actions, (ADD, DELETE, DELETE_ALL))
+    incoming.report(problems, ~known, "its action is unknown")
+    incoming.report(problems, add & (np.array(incoming.frames) == ""), "it names no frame")
+    for kind in set(kinds[add].tolist()):
+        rows = add & (kinds == kind)
+        how = KINDS.get(kind)
+        if how is None:
+            if kind != _NOT_DRAWN:
+                text = f"its type {kind} is unknown: not drawn"
+                incoming.report(problems, rows, text, "type")
+            continue
+        flat = (incoming.scales[:, how.of_scale] == 0).any(axis=1)
+        incoming.report(problems, rows & flat, "its scale is zero")
+        if how.least == 0 and kind != MESH:
+            clear = incoming.colors[:, 3] == 0
+            incoming.report(problems, rows & clear, "it is transparent: color.a is 0")
+        few = incoming.points < how.least
+        incoming.report(problems, rows & few, f"it has less than {how.least} points: not drawn")
+    for row in np.flatnonzero(add & (kinds == TRIANGLE_LIST)).tolist():
+        if incoming.messages[row].texture_resource:
+            incoming.report(problems, row, "its texture is not drawn")
+
+
+def _make_unit(incoming: Incoming, lengths: Floats, problems: dict[str, str]) -> None:
+    """Give quaternions the length of one; without any, as in RViz, there is no turn."""
+    turns, none = incoming.poses[:, 3:], lengths == 0
+    turns[none] = (0.0, 0.0, 0.0, 1.0)
+    turns /= np.sqrt(np.where(none, 1.0, lengths))[:, None]
+    incoming.report(problems, none, "its quaternion is zero: taken as no turn")
+    odd = (np.abs(lengths - 1.0) > _UNIT) & ~none
+    incoming.report(problems, odd, "its quaternion is not of unit length")
 
 
 def _frame(marker: Any) -> str:

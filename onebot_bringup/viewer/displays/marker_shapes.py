@@ -267,7 +267,7 @@ class MeshVariant(NamedTuple):
     """What the meshes of one entity have in common."""
 
     uri: str
-    color: int | None  # as Rerun has it; None for the file's own
+    color: int | None  # Rerun's number; None for the file's own
 
     def pieces(self) -> list[Piece]:
         """Return the columns of the mesh itself.
@@ -290,10 +290,10 @@ Draw = Callable[[Batch], list[Piece]]
 class Kind(NamedTuple):
     """How a type of markers is drawn."""
 
-    name: str  # of its entity
+    name: str  # the entity's
     draw: Draw
     least: int = 0  # points; 0 where it is drawn without
-    of_scale: Sequence[int] = (0, 1, 2)  # what of its scale must not be zero
+    of_scale: Sequence[int] = (0, 1, 2)  # numbers of the scale that must not be zero
 
     def pieces(self, batch: Batch) -> list[Piece]:
         """Return the columns of markers; none where there is nothing to draw."""

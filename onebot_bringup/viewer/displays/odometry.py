@@ -105,7 +105,7 @@ class OdometryDisplay(DrawingsDisplay[Mapping[str, T]]):
 
     def wanted(self, settings: Mapping[str, T]) -> Mapping[str, tuple[Sequence[WantedTopic], T]]:
         return {
-            name: ([WantedTopic(one.topic, (ODOMETRY,))], one) for name, one in settings.items()
+            name: ([WantedTopic(item.topic, (ODOMETRY,))], item) for name, item in settings.items()
         }
 
     def make(self, name: str, settings: T, color: Color) -> Drawing[Any]:
@@ -114,9 +114,9 @@ class OdometryDisplay(DrawingsDisplay[Mapping[str, T]]):
 
     def layout(self) -> LayoutPart:
         """Return its drawings, without those that an earlier view had."""
-        shown = tuple(drawing.entity for drawing in self.items.values())
+        entities = tuple(drawing.entity for drawing in self.items.values())
         windows = super().layout().windows
-        return LayoutPart(hidden=(self.entity(self.key),), shown=shown, windows=windows)
+        return LayoutPart(hidden=(self.entity(self.key),), shown=entities, windows=windows)
 
 
 class SampleDrawing(Drawing[T]):
@@ -157,8 +157,8 @@ class TrailDrawing(SampleDrawing[TrailSettings]):
     """
 
     kept = 5000
-    _start: Floats | None = None  # of the next piece
-    _place: Floats  # of the last message
+    _start: Floats | None = None  # where the next piece begins
+    _place: Floats  # where the last message was
     _place_ns = 0
     _place_frame = ""
 
@@ -201,12 +201,12 @@ class TrailDisplay(OdometryDisplay[TrailSettings]):
 
     key, Settings, noun = "trails", TrailSettings, "trail"
     draws = TrailDrawing
-    period_ns = SELDOM  # what lags behind is under the robot
+    period_ns = SELDOM  # the part that lags behind is under the robot
 
 
 # --- covariances ----------------------------------------------------------------------------------
 
-_CHANGE = 0.01  # of a shape's size: less would not be seen
+_CHANGE = 0.01  # share of a shape's size: less would not be seen
 
 
 @dataclass(frozen=True)

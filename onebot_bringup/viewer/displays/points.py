@@ -1,4 +1,4 @@
-"""Coloured points of scans and clouds, as RViz's point cloud transformers colour them."""
+"""Scans (LaserScan) and clouds (PointCloud2) as points, coloured by RViz's transformers."""
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
@@ -12,8 +12,15 @@ from numpy.typing import NDArray
 
 from onebot_bringup.viewer.columns import ColumnMaker, ReadyColumn, empty
 from onebot_bringup.viewer.displays.display import LARGEST, LayoutPart
-from onebot_bringup.viewer.displays.drawing import AUTO, Drawing, TopicSettings
+from onebot_bringup.viewer.displays.drawing import (
+    AUTO,
+    DEPTH_HEAVY,
+    Drawing,
+    TopicSettings,
+    by_topic,
+)
 from onebot_bringup.viewer.settings import Color, color, height, one_of, setting
+from onebot_description.errors import listing
 
 Floats32 = NDArray[np.float32]
 Colors = NDArray[np.uint32]  # 0xRRGGBBAA
@@ -21,7 +28,7 @@ Colors = NDArray[np.uint32]  # 0xRRGGBBAA
 RGB8, INTENSITY, AXIS, FLAT = "RGB8", "Intensity", "AxisColor", "FlatColor"
 _AXES = ("X", "Y", "Z")
 _OPAQUE = 0xFF
-_LARGEST_VALUE = 999_999.0  # of a channel, in its bounds: RViz's
+_LARGEST_VALUE = 999_999.0  # RViz's, for the bounds of a channel
 _ON_SCREEN = 3.0  # pixels
 
 
@@ -65,7 +72,7 @@ _COLORS = ColumnMaker(rr.Points3D.columns(colors=np.zeros(1, np.uint32)))
 class PointsDrawing(Drawing[PointsSettings]):
     """Draws the points of one topic."""
 
-    order: ClassVar[Sequence[str]]  # of the transformers that auto takes
+    order: ClassVar[Sequence[str]]  # auto takes the first transformer that has data
     placed = True
     few: ClassVar[bool] = False  # points: to transform them costs less than to log where they are
 
@@ -151,8 +158,8 @@ class PointsDrawing(Drawing[PointsSettings]):
         if pose is None:
             return positions[:, axis]
         row = pose[axis].astype(np.float32)
-        found: Floats32 = positions @ row[:3] + row[3]
-        return found
+        heights: Floats32 = positions @ row[:3] + row[3]
+        return heights
 
 
 def _is_constant(values: NDArray[Any]) -> bool:
@@ -166,6 +173,157 @@ def _usable(positions: Floats32) -> NDArray[np.bool_] | None:
         return None
     within: NDArray[np.bool_] = np.abs(positions) <= LARGEST
     return within[:, 0] & within[:, 1] & within[:, 2]
+
+
+# --- scans ----------------------------------------------------------------------------------------
+
+
+@by_topic
+@dataclass(frozen=True)
+class LaserScanSettings(PointsSettings):
+    """Points of laser scans."""
+
+
+class LaserScanDrawing(PointsDrawing):
+    """The scans of one topic."""
+
+    key, Settings = "laser_scan", LaserScanSettings
+    message_types = ("sensor_msgs/msg/LaserScan",)
+    order = (INTENSITY, FLAT)
+    few = True
+    _directions: tuple[object, Floats32] = ((), np.empty((0, 2), np.float32))
+
+    def points(self, message: Any) -> Points:
+        """Return the points of ranges from range_min on and below range_max."""
+        ranges, intensities = message.ranges, message.intensities
+        if len(intensities) not in (0, len(ranges)):
+            raise ValueError(f"{len(ranges)} ranges, but {len(intensities)} intensities")
+        measured = (ranges >= message.range_min) & (ranges < message.range_max)
+        directions = self._along(message.angle_min, message.angle_increment, len(ranges))
+        if not measured.all():
+            ranges, directions = ranges[measured], directions[measured]
+            intensities = intensities[measured] if len(intensities) else intensities
+        positions = np.zeros((len(ranges), 3), np.float32)
+        np.multiply(directions, ranges[:, None], out=positions[:, :2])
+        return Points(positions, {"intensity": intensities if len(intensities) else None}.get)
+
+    def _along(self, start: float, step: float, count: int) -> Floats32:
+        """Return the directions (N, 2) of the rays, which seldom change."""
+        rays = (start, step, count)
+        if self._directions[0] != rays:
+            with np.errstate(all="ignore"):  # what is not finite is left out later
+                angles = start + step * np.arange(count)
+                directions = np.column_stack([np.cos(angles), np.sin(angles)]).astype(np.float32)
+            self._directions = (rays, directions)
+        return self._directions[1]
+
+
+# --- clouds ---------------------------------------------------------------------------------------
+
+# By PointField.datatype.
+_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+_POSITION = ("x", "y", "z")
+_PACKED = ("rgb", "rgba")  # colours: a byte each, the lowest is blue
+
+
+@by_topic
+@dataclass(frozen=True)
+class PointCloud2Settings(PointsSettings):
+    """Points of clouds."""
+
+    color_transformer: str = setting(
+        AUTO,
+        "auto takes the first for which there is data",
+        one_of(AUTO, RGB8, INTENSITY, AXIS, FLAT),
+    )
+
+
+class PointCloud2Drawing(PointsDrawing):
+    """The clouds of one topic."""
+
+    key, Settings = "point_cloud2", PointCloud2Settings
+    message_types = ("sensor_msgs/msg/PointCloud2",)
+    heavy, kept = True, DEPTH_HEAVY
+    order = (RGB8, INTENSITY, AXIS)
+
+    def points(self, message: Any) -> Points:
+        """Return all points."""
+        fields = _fields(message, {*_POSITION, *_PACKED, self.settings.channel_name})
+        if not fields.keys() >= set(_POSITION):
+            present = listing(message.fields.name, 10)
+            raise ValueError(f"no fields x, y and z that can be read, but {present}")
+        values = _values(message, fields)
+        names = values.dtype.names or ()
+        return Points(
+            _positions(values),
+            lambda name: values[name] if name in names else None,
+            next((_packed_colors(values[name], name) for name in _PACKED if name in names), None),
+        )
+
+
+def _fields(message: Any, wanted: set[str]) -> dict[str, tuple[np.dtype[Any], int]]:
+    """Return type and place of those fields that are ``wanted``.
+
+    Raises:
+        ValueError: it is not within a point.
+    """
+    order, columns = ">" if message.is_bigendian else "<", {}
+    fields = message.fields
+    for name, offset, kind in zip(fields.name, fields.offset, fields.datatype, strict=True):
+        if name in wanted and int(kind) in _TYPES:
+            dtype = np.dtype(order + _TYPES[int(kind)])
+            if int(offset) + dtype.itemsize > message.point_step:
+                raise ValueError(
+                    f'the field "{name}" ends at byte {int(offset) + dtype.itemsize} of a point, '
+                    f"which has {message.point_step} (point_step)"
+                )
+            columns[name] = (dtype, int(offset))
+    return columns
+
+
+def _values(message: Any, fields: dict[str, tuple[np.dtype[Any], int]]) -> NDArray[Any]:
+    """Return the points as (N,) structs in the message's own bytes, where rows are not padded.
+
+    Raises:
+        ValueError: there are less bytes.
+    """
+    width, rows, step = int(message.width), int(message.height), int(message.point_step)
+    row_step = rows > 1 and int(message.row_step) or width * step
+    if width * rows == 0:
+        return np.empty(0, _structs(step, fields))
+    needed = (rows - 1) * row_step + width * step
+    if row_step < width * step or len(message.data) < needed:
+        raise ValueError(
+            f"{rows} rows of {width} points of {step} bytes, {row_step} from row to row, do not "
+            f"fit into {len(message.data)} bytes"
+        )
+    shape, strides = (rows, width), (row_step, step)
+    points: NDArray[Any] = np.ndarray(shape, _structs(step, fields), message.data, 0, strides)
+    return points.reshape(-1)
+
+
+def _structs(step: int, fields: dict[str, tuple[np.dtype[Any], int]]) -> np.dtype[Any]:
+    formats, offsets = zip(*fields.values(), strict=True)
+    return np.dtype({"names": [*fields], "formats": formats, "offsets": offsets, "itemsize": step})
+
+
+def _positions(values: NDArray[Any]) -> Floats32:
+    """Return (N, 3) numbers that lie side by side; three at once would take longer to copy."""
+    positions: Floats32 = empty((len(values), 3), np.float32)
+    with np.errstate(over="ignore", invalid="ignore"):
+        for axis, name in enumerate(_POSITION):
+            positions[:, axis] = values[name]
+    return positions
+
+
+def _packed_colors(values: NDArray[Any], name: str) -> Colors | None:
+    """Return colours; None if the field cannot hold them."""
+    if values.dtype.itemsize != 4:
+        return None
+    packed = values.view(values.dtype.str.replace("f", "u").replace("i", "u")).astype(np.uint32)
+    alpha = packed >> 24 if name == "rgba" else np.uint32(0xFF)
+    colors: Colors = packed << 8 | alpha
+    return colors
 
 
 # --- colours ------------------------------------------------------------------------------------
@@ -188,8 +346,9 @@ def colored(values: NDArray[Any], bounds: tuple[float, float] | None, table: Col
         scaled -= scaled.dtype.type(low)
         scaled *= scaled.dtype.type(255.0 / (high - low) if high > low else 0.0)
         rows = np.clip(scaled, 0.0, 255.0, out=scaled).astype(np.uint8)  # any one for NaN
-    found: Colors = empty(rows.shape, np.uint32)
-    return table.take(rows, out=found, mode="wrap")  # which is the fastest: they are within it
+    colors: Colors = empty(rows.shape, np.uint32)
+    # All rows are in the table; "wrap" is the fastest mode.
+    return table.take(rows, out=colors, mode="wrap")
 
 
 def _bounds(values: NDArray[Any]) -> tuple[float, float]:

@@ -130,7 +130,7 @@ class PointStampedDrawing(Drawing[PointStampedSettings]):
 
 # --- ranges ---------------------------------------------------------------------------------------
 
-_CORNERS = 32  # of the base of a cone
+_CORNERS = 32  # the corners of a cone's base
 _WIDEST = math.radians(170)
 
 
@@ -194,7 +194,7 @@ def displayed_range(message: Any) -> float:
 _AXES: tuple[Color, ...] = ((255, 60, 60), (60, 220, 60), (80, 120, 255))  # x, y, z
 _SLIMNESS = 40  # an axis is so many times longer than thick
 _PERIOD_NS = 45_000_000  # hundreds may come in a second
-_UNKNOWN = -1.0  # as the first number of a covariance: the sensor does not measure it
+_UNKNOWN = -1.0  # a covariance that begins so: the sensor does not measure it
 
 
 @by_topic

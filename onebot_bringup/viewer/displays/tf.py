@@ -28,10 +28,10 @@ if TYPE_CHECKING:
 TF_ENTITY = "tf"
 TF_STATIC_ENTITY = "tf_static"
 FRAMES_ENTITY = "frames"
-_DEFAULT_LENGTH = 0.5  # of axes, metres, while the robot's size is not known
+_DEFAULT_LENGTH = 0.5  # axes, metres, while the robot's size is not known
 # For how long after a new description messages may still name the frames of the old one (seconds).
 _STRAGGLING = 1.0
-_UNIT = 0.01  # that the square of a quaternion's length may be off, in tf2 as well
+_UNIT = 0.01  # tf2's tolerance of the square of a quaternion's length
 
 Floats = NDArray[np.float64]
 
@@ -63,12 +63,12 @@ class TfDisplay(Display[AxesSettings]):
     def __init__(self, stage: "Stage") -> None:
         super().__init__(stage)
         self._settings = AxesSettings()
-        self._look: tuple[object, ...] = ()  # what the axes drawn depend on
+        self._look: tuple[object, ...] = ()  # everything that drawn axes depend on
         self._only: set[str] = set()  # frames that have axes; empty for all
         self._drawn: set[str] = set()
         self._links: set[str] = set()  # frames of the robots' links
         self._shown_of: tuple[object, ...] | None = None  # the tree that _drawn is for
-        self._retired: set[str] = set()  # of links of the robot before
+        self._retired: set[str] = set()  # frames of links of the previous robot
         self._retired_at = 0.0
 
     def topics(self) -> Sequence[WantedTopic]:
@@ -185,38 +185,6 @@ def axes_entity(frame: str) -> str:
     return rr.new_entity_path([FRAMES_ENTITY, frame]).lstrip("/")
 
 
-# --- columns of the names of frames -------------------------------------------------------------
-
-_MOST_COLUMNS = 32  # kept for the next time
-
-Names = tuple[list[str], list[str]]  # parents, children
-
-
-class NameColumns:
-    """Keeps columns for messages whose lists of names are the same objects as before."""
-
-    def __init__(self) -> None:
-        self._made: dict[tuple[object, ...], tuple[object, Sequence[ReadyColumn]]] = {}
-
-    def columns(self, lists: Sequence[Names]) -> Sequence[ReadyColumn]:
-        """Return the columns of messages, by their parents and children; nobody may change them."""
-        key = tuple(id(names) for pair in lists for names in pair)
-        made = self._made.get(key)
-        if made is None:
-            parents = [name for names, _ in lists for name in names]
-            children = [name for _, names in lists for name in names]
-            if len(self._made) >= _MOST_COLUMNS:
-                self._made.clear()
-            # The lists are kept, or others could come to bear their identity.
-            made = self._made[key] = (lists, name_columns(parents, children))
-        return made[1]
-
-
-def name_columns(parents: list[str], children: list[str]) -> Sequence[ReadyColumn]:
-    """Return columns with the frame of each row, and its parent."""
-    return ready(rr.Transform3D.columns(parent_frame=parents, child_frame=children))
-
-
 # --- transforms -------------------------------------------------------------------------------
 
 _TRANSLATIONS = ColumnMaker(rr.Transform3D.columns(translation=np.zeros((1, 3))))
@@ -236,6 +204,14 @@ def _sane(stamps: NDArray[np.int64], instead: NDArray[np.int64]) -> NDArray[np.i
     return np.where((stamps == 0) | (stamps > instead + OTHER_CLOCK_NS), instead, stamps)
 
 
+_MOST_COLUMNS = 32  # columns of names, kept for the next time
+
+
+def _name_columns(parents: list[str], children: list[str]) -> Sequence[ReadyColumn]:
+    """Return columns with the frame of each row, and its parent."""
+    return ready(rr.Transform3D.columns(parent_frame=parents, child_frame=children))
+
+
 class TransformStream:
     """Logs transforms, many at a time, and keeps the latest of each frame in ``frames``."""
 
@@ -244,7 +220,9 @@ class TransformStream:
         self._frames = frames
         self._pending: list[tuple[int, TfArrays]] = []
         self._static: dict[str, tuple[object, ...]] = {}
-        self._names = NameColumns()
+        # Columns of names, by the identities of the lists that they were made of. These are kept,
+        # or others could come to bear their identity.
+        self._names: dict[tuple[int, ...], tuple[object, Sequence[ReadyColumn]]] = {}
         # Lists of children, by identity, and when each came last; sorted into _logged later.
         self._received: dict[int, tuple[Sequence[str], float]] = {}
         self._logged: dict[str, float] = {}  # child -> monotonic time of its last row
@@ -327,10 +305,21 @@ class TransformStream:
         if not stamps.all() or stamps.max() > latest:
             instead = [np.full(len(item.children), stamp_ns) for stamp_ns, item in pending]
             stamps = _sane(stamps, np.concatenate(instead))
-        names = self._names.columns([(item.parents, item.children) for item in batch])
-        self._send(stamps, translations, rotations, names)
+        self._send(stamps, translations, rotations, self._names_of(batch))
         self._remember(batch, int(stamps.max()))
         return True
+
+    def _names_of(self, batch: Sequence[TfArrays]) -> Sequence[ReadyColumn]:
+        """Return the columns of names of messages, whose lists are mostly the same objects."""
+        lists = [names for item in batch for names in (item.parents, item.children)]
+        key = tuple(map(id, lists))
+        if key not in self._names:
+            if len(self._names) >= _MOST_COLUMNS:
+                self._names.clear()
+            parents = [name for names in lists[::2] for name in names]
+            children = [name for names in lists[1::2] for name in names]
+            self._names[key] = lists, _name_columns(parents, children)
+        return self._names[key][1]
 
     def _remember(self, batch: Sequence[TfArrays], latest_ns: int) -> None:
         """Update ``frames``, and log anew the frames that have not come for a while."""
@@ -362,7 +351,7 @@ class TransformStream:
         if not slow:
             return
         edges = self._frames.edges
-        names = name_columns([edges[child].parent for child in slow], slow)
+        names = _name_columns([edges[child].parent for child in slow], slow)
         self._send(
             np.full(len(slow), self._latest_ns),
             np.array([edges[child].translation for child in slow]),
@@ -384,10 +373,5 @@ class TransformStream:
         )
 
 
-def _columns(transforms: TfArrays) -> tuple[Sequence[str], Sequence[str], Floats, Floats]:
-    return (
-        transforms.parents,
-        transforms.children,
-        transforms.translations,
-        transforms.rotations,
-    )
+def _columns(item: TfArrays) -> tuple[Sequence[str], Sequence[str], Floats, Floats]:
+    return item.parents, item.children, item.translations, item.rotations

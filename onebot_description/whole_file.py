@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Write a file, in place of one that is there, whose mode it keeps; a link stays one.
+    """Write a file; an older one is replaced and gives its mode; a link stays a link.
 
     Raises:
         OSError: it cannot be written.
