@@ -248,11 +248,11 @@ def run_described_node(
     default_file: Callable[[], Path] | None = None,
     events: bool = False,
 ) -> int:
-    """Run a node whose command line is ``[FILE] [--ros-args ...]``.
+    """Run a node whose command line is ``[FILE] [--ros-args ...]``; return the exit code.
 
     Args:
-        name: of the program, for its help.
-        explanation: its help; the module's docstring.
+        name: the program's, for its help.
+        explanation: its help, the module's docstring.
         parameters: their dataclass, for the help.
         make_node: called with FILE, or None, and the command line's parameter files and names.
         check_files: called with the parameter files before rcl sees them. rcl would refuse a
@@ -260,9 +260,6 @@ def run_described_node(
         args: arguments as in sys.argv; None for sys.argv itself.
         default_file: gives the parameter file to use where the command line names none.
         events: as ``run_node``'s.
-
-    Returns:
-        The exit code.
     """
     arguments = list(sys.argv if args is None else args)
     parser = argparse.ArgumentParser(
@@ -387,13 +384,7 @@ class DescriptionTopic:
     def __init__(
         self, node: Node, received: Callable[[str], None], has_one: Callable[[], bool]
     ) -> None:
-        """Subscribe.
-
-        Args:
-            node: the subscriber.
-            received: called with each URDF.
-            has_one: whether the node has a description it can use.
-        """
+        """Call ``received`` with each URDF; ``has_one``: the node has one that it can use."""
         self._node, self._has_one = node, has_one
         node.create_subscription(
             String, _DESCRIPTION, lambda message: received(message.data), LATCHED
@@ -447,7 +438,7 @@ class OnlyPublisher:
         """Watch a topic.
 
         Args:
-            node: the observer.
+            node: looks at the ROS graph.
             topic: a name, relative to the node's namespace.
             problem: the consequence of several publishers, and how to fix it.
             own: the node publishes the topic itself.
