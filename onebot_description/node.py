@@ -51,7 +51,7 @@ _DESCRIPTION = "robot_description"  # name of the topic and of the parameter
 _LONGEST = 4000  # characters of a throttled warning: it may name what a message holds
 _PATIENCE = 2.0  # seconds without a description before a warning
 _POLL_PUBLISHERS = 1.0  # seconds
-_PLACE = re.compile(r", at \S+:\d+")  # in ROS's sources
+_PLACE = re.compile(r", at \S+:\d+")  # a line of ROS's sources
 # ROS's errors about a topic that the node has as another type, for a publisher and a subscription.
 _TWO_TYPES = ("incompatible type", "subscription: invalid allocator")
 # How long a second publisher must be there: a node may end while its successor starts, and a killed
@@ -103,8 +103,8 @@ def _spin(make_node: MakeNode, stop: Future, signals: StopSignals, events: bool)
         with ros_errors():
             try:
                 with signals.interrupting():
-                    made = make_node()
-                nodes = [made] if isinstance(made, Node) else made
+                    built = make_node()
+                nodes = [built] if isinstance(built, Node) else built
                 executor = _make_executor(events)
                 for node in nodes:
                     executor.add_node(node)
@@ -167,8 +167,8 @@ class MissedMessages:
         for subscription in due:
             with suppress(InvalidHandle), subscription.handle:
                 handle, kind = subscription.handle, subscription.msg_type
-                while taken := handle.take_message(kind, subscription.raw):
-                    subscription.callback(taken[0])
+                while message := handle.take_message(kind, subscription.raw):
+                    subscription.callback(message[0])
 
 
 def _spin_until(stop: Future, executor: Executor) -> None:
@@ -308,7 +308,7 @@ def use_writable_log_folder() -> None:
 class RosArguments(NamedTuple):
     """What rcl does not report of a command line: its parameter files and who is set by -p."""
 
-    files: tuple[Path, ...] = ()  # of --params-file, in order
+    files: tuple[Path, ...] = ()  # those of --params-file, in order
     names: tuple[tuple[str, str], ...] = ()  # of the parameters set by -p: (node or "", parameter)
     others: tuple[str, ...] = ()  # arguments that are not for ROS, without the program's name
 

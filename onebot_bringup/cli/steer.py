@@ -11,11 +11,9 @@ from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.launch.arguments import (
     Argument,
     complete,
-    number,
-    port,
+    parameters_of,
     ros_settings,
     split,
-    switch,
     table,
     with_positional,
 )
@@ -23,19 +21,15 @@ from onebot_bringup.launch.bringup import environment
 from onebot_bringup.launch.nodes import AWAIT_VIEW, STEERING_PAGE, VIEWER, RosNodes
 from onebot_bringup.launcher.launcher import Launcher
 from onebot_bringup.steering.access import BindAddress, choose_bind_address
+from onebot_bringup.steering.page_parameters import PageParameters
 from onebot_control.poses import prefixed
 from onebot_description.errors import OneBotError, UsageError
 
 _VIEWER = "steering_viewer"  # not rerun_viewer: the robot may start one later
+_NUMBERS = ("rate", "max_linear", "max_angular")
 _ARGUMENTS = [
     Argument("topic", "", "to steer, or a robot such as robot2; the page can change it"),
-    Argument("odom_topic", "", "the odometry to show; empty: the robot's own"),
-    Argument("host", "127.0.0.1", "address of the page; 0.0.0.0: for other computers, too"),
-    port("port", "8080", "of the page; another one if it is in use, 0: any"),
-    Argument("token", "", "required in the page's address; generated if others can reach it"),
-    number("rate", "20.0", "commands per second, Hz", 5.0, 100.0),
-    number("max_linear", "0.0", "limit of commands, m/s; 0: the controller's limit", 0.0),
-    number("max_angular", "0.0", "limit of commands, rad/s; 0: the controller's limit", 0.0),
+    *parameters_of(PageParameters, "odom_topic", "host", "port", "token", *_NUMBERS),
     Argument(
         "viewer",
         "auto",
@@ -43,10 +37,9 @@ _ARGUMENTS = [
         ("auto", "web", "none"),
     ),
     Argument("view", "", "displays and camera of the viewer started here, .yaml or .rviz"),
-    switch("open_browser", True, "open the page, if there is a display"),
+    *parameters_of(PageParameters, "open_browser"),
     *ros_settings(),
 ]
-_NUMBERS = ("rate", "max_linear", "max_angular")
 _HELP = f"""usage: onebot steer [ROBOT|TOPIC] [name:=value ...] [--ros-args ...]
 
 Serves a page to steer a robot from, and prints its address. Hold the pad (mouse or finger), an
