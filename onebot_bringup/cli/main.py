@@ -72,7 +72,8 @@ def start_process(interrupted: int) -> None:
 
     Ctrl-C ends it at once, until something runs that has to be ended in order and installs its own
     handler: a KeyboardInterrupt would become a traceback in imports of compiled libraries, and at
-    the interpreter's end. What the terminal's encoding lacks is printed and read as escape sequences.
+    the interpreter's end. What the terminal's encoding lacks is printed, and read, as escape
+    sequences.
 
     Args:
         interrupted: the exit code after Ctrl-C.
