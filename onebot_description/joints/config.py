@@ -106,6 +106,7 @@ class MotionParameters:
         if self.type == "pose":
             name = self.pose or ""
             return Keyframes.hold(poses[name][joint], name)
+        assert self.type == "keyframes", self.type
         positions = self.positions or tuple(poses[name][joint] for name in self.poses or ())
         return Keyframes(self.times or (), positions, self.blend or LINEAR, self.loop is not False)
 

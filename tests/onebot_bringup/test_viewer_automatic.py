@@ -4,7 +4,14 @@ import pytest
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 
-from onebot_bringup.viewer.automatic import MOST_SHOWN, OfferedTopic, TopicSelection
+from onebot_bringup.viewer.automatic import (
+    MESSAGE_DISPLAYS,
+    MOST_SHOWN,
+    OfferedTopic,
+    TopicSelection,
+)
+from onebot_bringup.viewer.displays import MESSAGE_DRAWINGS
+from onebot_bringup.viewer.displays.drawing import Drawing
 from onebot_bringup.viewer.inbox import LoadLimit
 from onebot_bringup.viewer.stage import Stage
 from onebot_bringup.viewer.view_config import parse_view
@@ -29,6 +36,17 @@ def _visible(view, topics, selection=None):
     selection.stage.view = parse_view(view)
     selection.choose(topics, ())
     return [each.topic for each in selection.offered if each.visible]
+
+
+def test_each_drawing_is_registered_and_each_type_has_one():
+    drawings, found = [Drawing], set()
+    while drawings:
+        subclasses = drawings.pop().__subclasses__()
+        drawings += subclasses
+        found.update(drawing for drawing in subclasses if getattr(drawing, "key", ""))
+    assert found == set(MESSAGE_DRAWINGS)
+    types = [kind for drawing in MESSAGE_DRAWINGS for kind in drawing.message_types]
+    assert len(types) == len(set(types)) == len(MESSAGE_DISPLAYS)
 
 
 @pytest.mark.parametrize(
