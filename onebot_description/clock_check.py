@@ -9,8 +9,8 @@ from onebot_description.wire.cdr import HEADER, NANO, SYSTEM_TIME_NS, stamp_at
 
 _PERIOD_NS = 1 * NANO  # between two samples: a check between them costs a tenth of a microsecond
 _SAMPLES = 5
-_LIMIT_NS = NANO // 2  # that two clocks may differ
-_STEADY_NS = NANO // 2  # that samples of one clock differ: a clock is off by the same all the time
+_LIMIT_NS = NANO // 2  # largest difference of two clocks that is not reported
+_STEADY_NS = NANO // 2  # largest spread of samples of one clock, whose offset is constant
 _EVERY = 60.0  # s between two warnings
 
 

@@ -20,7 +20,7 @@ class Source(NamedTuple):
     """What a description was read from."""
 
     model: str  # a URDF or xacro file
-    arguments: Mapping[str, str]  # of xacro
+    arguments: Mapping[str, str]  # xacro arguments
     files: tuple[str, ...]  # the model, and what it includes
     read_ns: int  # when, since 1970: what is written later is an edit
 

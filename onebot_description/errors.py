@@ -21,11 +21,11 @@ def nearest(name: str, candidates: Iterable[str]) -> str | None:
     """
     from difflib import get_close_matches  # slow to import, and all commands import this module
 
-    known = sorted(set(candidates))
+    names = sorted(set(candidates))
     # Compared without case, but returned as written.
-    lowered = {candidate.lower(): candidate for candidate in reversed(known)}
-    found = get_close_matches(name.lower(), lowered, n=1, cutoff=0.6)
-    return lowered[found[0]] if found else None
+    lowered = {candidate.lower(): candidate for candidate in reversed(names)}
+    matches = get_close_matches(name.lower(), lowered, n=1, cutoff=0.6)
+    return lowered[matches[0]] if matches else None
 
 
 def natural_order(name: str) -> tuple[list[tuple[int, str]], str]:
@@ -36,11 +36,11 @@ def natural_order(name: str) -> tuple[list[tuple[int, str]], str]:
 
 def listing(names: Iterable[str], most: int = _MAX_LISTED) -> str:
     """Return ``names`` sorted and joined by commas; if there are many, the first ``most``."""
-    known = sorted(set(names), key=natural_order)
-    if not known:
+    sorted_names = sorted(set(names), key=natural_order)
+    if not sorted_names:
         return "none"
-    rest = f", and {len(known) - most} more" if len(known) > most else ""
-    return ", ".join(map(printable, known[:most])) + rest
+    ending = f", and {len(sorted_names) - most} more" if len(sorted_names) > most else ""
+    return ", ".join(map(printable, sorted_names[:most])) + ending
 
 
 def did_you_mean(name: str, candidates: Iterable[str], what: str = "known") -> str:
@@ -56,17 +56,17 @@ def did_you_mean(name: str, candidates: Iterable[str], what: str = "known") -> s
     """
     if isinstance(candidates, Collection) and len(candidates) > _MAX_COMPARED:
         return f" ({len(candidates)} {what})"
-    known = [candidate for candidate in candidates if candidate != name]
-    guess = nearest(name, known)
+    names = [candidate for candidate in candidates if candidate != name]
+    guess = nearest(name, names)
     question = f'did you mean "{guess}"? ' if guess is not None else ""
-    rest = len(set(known)) - _MAX_LISTED
-    if rest > 0:
+    surplus = len(set(names)) - _MAX_LISTED
+    if surplus > 0:
         # The most similar ones: the first of the alphabet would be no help.
         from difflib import get_close_matches
 
-        alike = get_close_matches(name, set(known), n=_MAX_LISTED, cutoff=0.0)
-        return f" ({question}{what}: {', '.join(alike)}, and {rest} more)"
-    return f" ({question}{what}: {listing(known)})"
+        alike = get_close_matches(name, set(names), n=_MAX_LISTED, cutoff=0.0)
+        return f" ({question}{what}: {', '.join(alike)}, and {surplus} more)"
+    return f" ({question}{what}: {listing(names)})"
 
 
 def printable(text: str) -> str:

@@ -82,8 +82,8 @@ class FileWatch:
         """Watch these files instead; those already watched keep their state."""
         names = tuple(files)
         new = _states(file for file in names if file not in self._known)
-        known, last = self._known | new, self._last | new
-        self._known = {file: known[file] for file in names}
+        states, last = self._known | new, self._last | new
+        self._known = {file: states[file] for file in names}
         self._last = {file: last[file] for file in names}
 
     def poll(self) -> Changes:
@@ -105,7 +105,7 @@ class FileWatch:
 
 def in_background(read: Callable[[], T]) -> "Future[T]":
     """Call ``read`` in a thread, to be polled for: a node works on while it reads a file."""
-    from concurrent.futures import Future  # which imports logging: few processes need it
+    from concurrent.futures import Future  # slow: imports logging, and few processes need it
 
     reading: Future[T] = Future()
 

@@ -36,12 +36,12 @@ def find_segments(folder: Path = FOLDER) -> Segments:
         if not _SEGMENT.fullmatch(path.name):
             continue
         with suppress(OSError):  # it has ended just now, or is another user's
-            found = path.stat()
-            if time.time() - found.st_mtime < YOUNG or _is_locked(_lock_of(path)):
+            status = path.stat()
+            if time.time() - status.st_mtime < YOUNG or _is_locked(_lock_of(path)):
                 used.append(path)
             else:
                 stale.append(path)
-                size += found.st_size
+                size += status.st_size
     return Segments(used, stale, size)
 
 
@@ -49,7 +49,7 @@ def remove_segments(segments: Iterable[Path]) -> int:
     """Remove segments that nobody uses, and their lock files; return how many could be."""
     removed = 0
     for path in segments:
-        with suppress(OSError):  # of another user
+        with suppress(OSError):  # the segment is another user's
             path.unlink()
             removed += 1
             _lock_of(path).unlink(missing_ok=True)

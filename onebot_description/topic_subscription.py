@@ -30,14 +30,14 @@ def compatible_qos(offers: Iterable[QoSProfile], depth: int) -> QoSProfile:
     A request that is stricter than an offer excludes its publisher: it is reliable only if all are,
     and transient local only if all are. Without any it is ROS's default, reliable and volatile.
     """
-    known = list(offers)
+    profiles = list(offers)
     return QoSProfile(
         depth=depth,
         reliability=ReliabilityPolicy.RELIABLE
-        if all(map(is_reliable, known))
+        if all(map(is_reliable, profiles))
         else ReliabilityPolicy.BEST_EFFORT,
         durability=DurabilityPolicy.TRANSIENT_LOCAL
-        if known and all(map(is_transient_local, known))
+        if profiles and all(map(is_transient_local, profiles))
         else DurabilityPolicy.VOLATILE,
     )
 
@@ -72,17 +72,17 @@ def offers(
         topic: the full name.
         accepted: types to consider; None for all.
     """
-    found: dict[str, list[QoSProfile]] = {}
+    profiles: dict[str, list[QoSProfile]] = {}
     for end in node.get_publishers_info_by_topic(topic):
         if accepted is None or end.topic_type in accepted:
-            found.setdefault(end.topic_type, []).append(end.qos_profile)
-    if found:
-        return found
-    own = node.get_name(), node.get_namespace()
+            profiles.setdefault(end.topic_type, []).append(end.qos_profile)
+    if profiles:
+        return profiles
+    node_name = node.get_name(), node.get_namespace()
     return {
         end.topic_type: []
         for end in node.get_subscriptions_info_by_topic(topic)
-        if (end.node_name, end.node_namespace) != own
+        if (end.node_name, end.node_namespace) != node_name
         and (accepted is None or end.topic_type in accepted)
     }
 
