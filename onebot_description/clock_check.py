@@ -9,8 +9,8 @@ from onebot_description.wire.cdr import HEADER, NANO, SYSTEM_TIME_NS, stamp_at
 
 _PERIOD_NS = 1 * NANO  # between two samples: a check between them costs a tenth of a microsecond
 _SAMPLES = 5
-_LIMIT_NS = NANO // 2  # largest difference of two clocks that is not reported
-_STEADY_NS = NANO // 2  # largest spread of samples of one clock, whose offset is constant
+_LIMIT_NS = NANO // 2  # a greater difference is a wrong clock
+_STEADY_NS = NANO // 2  # samples of one clock differ by less
 _EVERY = 60.0  # s between two warnings
 
 
@@ -20,13 +20,7 @@ class StampCheck:
     def __init__(
         self, topic: str, log: Callable[[str], object], is_simulated: Callable[[], bool]
     ) -> None:
-        """Begin without samples.
-
-        Args:
-            topic: its full name.
-            log: a logger's ``warning``.
-            is_simulated: returns whether stamps are of a simulated clock; called before a warning.
-        """
+        """Log to ``log``, unless ``is_simulated``: stamps of a simulated clock are not compared."""
         self._topic, self._is_simulated = topic, is_simulated
         self._warn = Throttled(log, _EVERY)
         self._sampled_ns = 0

@@ -20,7 +20,7 @@ class Source(NamedTuple):
     """What a description was read from."""
 
     model: str  # a URDF or xacro file
-    arguments: Mapping[str, str]  # xacro arguments
+    arguments: Mapping[str, str]  # xacro's
     files: tuple[str, ...]  # the model, and what it includes
     read_ns: int  # when, since 1970: what is written later is an edit
 

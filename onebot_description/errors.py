@@ -8,24 +8,19 @@ _MAX_LISTED = 12
 _MAX_COMPARED = 1000  # names; comparing one with them takes some hundredths of a second
 _MAX_ALIKE = 20
 _MAX_LENGTH = 2000  # characters of one message
-# What messages of one kind differ in: names, numbers and hints.
+# Messages of one kind differ in names, numbers and hints.
 _PARTICULARS = re.compile(r' ?\([^()]*\)|"[^"]*"|\d+')
 _MAX_SHOWN = 100  # characters
 _NUMBERS = re.compile(r"(\d{1,1000})", re.ASCII)
 
 
 def nearest(name: str, candidates: Iterable[str]) -> str | None:
-    """Return the candidate most similar to ``name``, or None if none is similar.
-
-    Case is ignored; about six in ten letters must agree.
-    """
+    """Return the candidate most similar to ``name`` without regard to case; None if none is."""
     from difflib import get_close_matches  # slow to import, and all commands import this module
 
-    names = sorted(set(candidates))
-    # Compared without case, but returned as written.
-    lowered = {candidate.lower(): candidate for candidate in reversed(names)}
-    matches = get_close_matches(name.lower(), lowered, n=1, cutoff=0.6)
-    return lowered[matches[0]] if matches else None
+    as_written = {candidate.lower(): candidate for candidate in sorted(candidates, reverse=True)}
+    matches = get_close_matches(name.lower(), as_written, n=1, cutoff=0.6)
+    return as_written[matches[0]] if matches else None
 
 
 def natural_order(name: str) -> tuple[list[tuple[int, str]], str]:
@@ -36,11 +31,9 @@ def natural_order(name: str) -> tuple[list[tuple[int, str]], str]:
 
 def listing(names: Iterable[str], most: int = _MAX_LISTED) -> str:
     """Return ``names`` sorted and joined by commas; if there are many, the first ``most``."""
-    sorted_names = sorted(set(names), key=natural_order)
-    if not sorted_names:
-        return "none"
-    ending = f", and {len(sorted_names) - most} more" if len(sorted_names) > most else ""
-    return ", ".join(map(printable, sorted_names[:most])) + ending
+    ordered = sorted(set(names), key=natural_order)
+    more = f", and {len(ordered) - most} more" if len(ordered) > most else ""
+    return ", ".join(map(printable, ordered[:most])) + more if ordered else "none"
 
 
 def did_you_mean(name: str, candidates: Iterable[str], what: str = "known") -> str:
@@ -56,25 +49,20 @@ def did_you_mean(name: str, candidates: Iterable[str], what: str = "known") -> s
     """
     if isinstance(candidates, Collection) and len(candidates) > _MAX_COMPARED:
         return f" ({len(candidates)} {what})"
-    names = [candidate for candidate in candidates if candidate != name]
-    guess = nearest(name, names)
+    others = {candidate for candidate in candidates if candidate != name}
+    guess = nearest(name, others)
     question = f'did you mean "{guess}"? ' if guess is not None else ""
-    surplus = len(set(names)) - _MAX_LISTED
-    if surplus > 0:
-        # The most similar ones: the first of the alphabet would be no help.
-        from difflib import get_close_matches
+    if len(others) <= _MAX_LISTED:
+        return f" ({question}{what}: {listing(others)})"
+    from difflib import get_close_matches
 
-        alike = get_close_matches(name, set(names), n=_MAX_LISTED, cutoff=0.0)
-        return f" ({question}{what}: {', '.join(alike)}, and {surplus} more)"
-    return f" ({question}{what}: {listing(names)})"
+    # The most similar ones: the first of the alphabet would be no help.
+    alike = get_close_matches(name, others, n=_MAX_LISTED, cutoff=0.0)
+    return f" ({question}{what}: {', '.join(alike)}, and {len(others) - _MAX_LISTED} more)"
 
 
 def printable(text: str) -> str:
-    r"""Return ``text`` in one line, with what would move the cursor or turn the text escaped.
-
-    That is all that has no shape of its own: ``\x1b`` and ``\n``, but also marks for writing from
-    right to left and spaces that are not the common one.
-    """
+    r"""Return ``text`` with all that is not printable escaped, such as ``\x1b`` and ``\n``."""
     if text.isprintable():
         return text
     return "".join(
@@ -83,7 +71,7 @@ def printable(text: str) -> str:
 
 
 def condensed(messages: Sequence[str]) -> tuple[str, ...]:
-    """Return ``messages``; of many of one kind the first, with their number, and none too long."""
+    """Return ``messages``, many of one kind as the first with their number, long ones clipped."""
     kinds = [_PARTICULARS.sub("", message[:_MAX_LENGTH]) for message in messages]
     counts = Counter(kinds)
     lines = []
@@ -99,13 +87,13 @@ def condensed(messages: Sequence[str]) -> tuple[str, ...]:
 
 
 def clipped(message: str) -> str:
-    """Return ``message``; of a very long one, such as one with very long names, only its ends."""
+    """Return ``message``; of a very long one only its ends."""
     half = _MAX_LENGTH // 2
     return message if len(message) <= _MAX_LENGTH else f"{message[:half]} ... {message[-half:]}"
 
 
 def shortened(text: str, most: int = _MAX_SHOWN) -> str:
-    """Return ``text`` for a message: of a long one only the first ``most`` characters."""
+    """Return the first ``most`` characters of ``text``."""
     return text if len(text) <= most else f"{text[:most]}..."
 
 

@@ -105,7 +105,7 @@ class FileWatch:
 
 def in_background(read: Callable[[], T]) -> "Future[T]":
     """Call ``read`` in a thread, to be polled for: a node works on while it reads a file."""
-    from concurrent.futures import Future  # slow: imports logging, and few processes need it
+    from concurrent.futures import Future  # it imports logging, and few processes need it
 
     reading: Future[T] = Future()
 

@@ -69,7 +69,7 @@ class JointParameters:
     """The node's parameters: declared, read from files, and checked against each other."""
 
     live: LiveParameters  # the files they come from
-    values: dict[str, Any]  # those at the start, by name
+    values: dict[str, Any]  # at the start, by name
     config: JointsConfig  # the same, checked
     describing: bool  # descriptions change, no values
 
@@ -81,13 +81,13 @@ class JointParameters:
         """
         self._node = node
         self._name = node.get_fully_qualified_name()
-        self._places: Mapping[str, str] = {}  # of the file being applied
+        self._places: Mapping[str, str] = {}  # lines of the file being applied
         self.describing = False
         set_doubles(node, JointsConfig)
         self.live = LiveParameters(arguments.files, self._name, JointsConfig)
-        given = [name for to, name in arguments.names if to in ("", node.get_name())]
-        self.values = self._declare(given)
-        self.live.pin(given, self.values)
+        set_names = [name for to, name in arguments.names if to in ("", node.get_name())]
+        self.values = self._declare(set_names)
+        self.live.pin(set_names, self.values)
         if self.live.warning:
             node.get_logger().warning(self.live.warning)
         try:
@@ -118,20 +118,13 @@ class JointParameters:
     def changed(
         self, values: Mapping[str, Any], parameters: Sequence[Parameter]
     ) -> tuple[dict[str, Any], JointsConfig]:
-        """Return all values and the configuration there would be with ``parameters`` set.
-
-        Args:
-            values: those in force.
-            parameters: to be set together; one without a value is unset.
+        """Return all ``values`` and the configuration with ``parameters`` set, None unset.
 
         Raises:
             ConfigError: they cannot be set, and why.
         """
-        changed = dict(values)
-        for one in parameters:
-            changed[one.name] = plain(one.value)
-            if one.value is None:
-                del changed[one.name]
+        changed = {**values, **{one.name: plain(one.value) for one in parameters}}
+        changed = {name: value for name, value in changed.items() if value is not None}
         config = self._checked(changed)
         config_file = changed.get("config_file")
         if config_file and config_file != values.get("config_file"):
@@ -143,11 +136,7 @@ class JointParameters:
         return error.located(self._places)
 
     def set_all(self, changes: Mapping[str, Any], places: Mapping[str, str]) -> None:
-        """Set all parameters or none.
-
-        Args:
-            changes: by name; None unsets.
-            places: where they were written.
+        """Set all ``changes`` or none, None to unset; ``places`` are where they were written.
 
         Raises:
             OneBotError: they were refused.
@@ -171,9 +160,9 @@ class JointParameters:
         self.describing = True
         try:
             for one in parameters:
-                known = one.value is None or self._node.describe_parameter(one.name).description
-                if not known:
-                    self._node.set_descriptor(one.name, descriptor(JointsConfig, one.name))
+                if one.value is None or self._node.describe_parameter(one.name).description:
+                    continue
+                self._node.set_descriptor(one.name, descriptor(JointsConfig, one.name))
         finally:
             self.describing = False
 
@@ -208,17 +197,13 @@ class JointsState:
     config: JointsConfig  # the same, checked
     description: Description | None = None  # the robot, once it is known
     source: JointStateSource | None = None  # moves the robot's joints
-    plan: Plan | None = None  # what is still to be applied to the source
+    plan: Plan | None = None  # not applied to the source yet
 
     def describing(self, description: Description, *, tolerant: bool) -> "JointsState":
         """Return the state with another robot, whose joints go on from where they are.
 
-        Args:
-            description: the robot.
-            tolerant: parameters that do not suit it are left out, and reported.
-
         Raises:
-            ConfigError: the parameters do not suit it.
+            ConfigError: the parameters do not suit it; ``tolerant`` leaves those out instead.
         """
         source = JointStateSource(
             description.joints, self.config, previous=self.source, tolerant=tolerant
@@ -228,12 +213,7 @@ class JointsState:
     def with_parameters(
         self, values: Mapping[str, Any], config: JointsConfig, new: Description | None = None
     ) -> "JointsState":
-        """Return the state with other parameters; this one stays as it is.
-
-        Args:
-            values: the parameters.
-            config: the same, checked.
-            new: the robot they describe, if it is another one.
+        """Return the state with other parameters, and ``new``, the robot that they describe.
 
         Raises:
             ConfigError: the parameters do not suit the robot.
@@ -259,15 +239,7 @@ class JointFiles:
         state: Callable[[], JointsState],
         replace: Callable[[Description], None],
     ) -> None:
-        """Nothing is watched before ``watch``.
-
-        Args:
-            node: whose files they are.
-            description_file: URDF or xacro file, None if a parameter or a topic gives it.
-            parameters: the node's.
-            state: returns the state in force.
-            replace: applies another description.
-        """
+        """Nothing is watched before ``watch``; ``replace`` applies another description."""
         self._node, self._log, self._description_file = node, node.get_logger(), description_file
         self._parameters, self._state, self._replace = parameters, state, replace
         self._saved: list[Path] = []  # parameter files, since they were last applied
@@ -277,7 +249,7 @@ class JointFiles:
         self._reading: Future[Parameters] | None = None
         self._watch = FileWatch(())
         self._description: DescriptionFiles | None = None
-        self._polled_ns = time.time_ns()  # what is written later is an edit
+        self._polled_ns = time.time_ns()  # a file that is written later was edited
 
     def watch(self) -> None:
         """Watch the files as they are now."""
@@ -304,7 +276,7 @@ class JointFiles:
             self._is_unread = False
             self._reading = in_background(self._parameters.live.read)
         if self._reading is None:
-            self._poll_description()  # which comes after the parameters
+            self._poll_description()  # only after the parameters
         elif self._reading.done():
             reading, self._reading = self._reading, None
             self._finish(reading)
@@ -445,10 +417,6 @@ class JointStatePublisher(Node):
     ) -> None:
         """Start publishing as soon as the description is known.
 
-        Args:
-            description_file: URDF or xacro file; None to take the parameter or the topic.
-            arguments: the parameter files to watch and the parameters set on the command line.
-
         Raises:
             OneBotError: the parameters or the description cannot be used.
         """
@@ -525,10 +493,9 @@ class JointStatePublisher(Node):
             raise error.located(self._settings.live.places(self._state.values)) from None
 
     def _replace(self, description: Description) -> None:
-        """Change to ``description``, as all other nodes do, whether the parameters suit it or not.
+        """Change to ``description``, as all other nodes do.
 
-        A joint that was removed from the robot may still be named in the parameters: its entries
-        are reported and left out, or this node would go on with a robot that nobody else shows.
+        Parameters of joints that it does not have are reported and left out.
         """
         self._change(self._state.describing(description, tolerant=True))
         self._files.apply_refused()  # they may be about this robot
@@ -545,7 +512,7 @@ class JointStatePublisher(Node):
                 state.source.apply(state.plan)
             if state.source is not old.source:
                 assert state.description is not None
-                # Those of what robot_state_publisher has sent are in its log.
+                # robot_state_publisher logs those of what it publishes.
                 for notice in state.description.notices if state.description.files else ():
                     self.get_logger().warning(notice)
                 moved = listing(state.source.names) if state.source.names else ""
@@ -555,7 +522,7 @@ class JointStatePublisher(Node):
         self._input.subscribe(state.config.source_list)
 
     def _report(self) -> None:
-        """Log once what of the parameters exceeds limits or does not suit the robot."""
+        """Log once which parameters exceed limits or do not suit the robot."""
         state = self._state
         if state.source is None:
             return
@@ -568,13 +535,13 @@ class JointStatePublisher(Node):
     # Messages --------------------------------------------------------------------------------
 
     def _on_description(self, urdf: str) -> None:
-        known = self._state.description
-        if known is not None and urdf == known.urdf:
+        current = self._state.description
+        if current is not None and urdf == current.urdf:
             return
         try:
             self._replace(parse_description(urdf, "robot_description"))
         except OneBotError as error:
-            goes_on = "still waiting for one" if known is None else _GOES_ON
+            goes_on = "still waiting for one" if current is None else _GOES_ON
             self._refuse("description", f"robot_description not applied, {goes_on}:\n{error}")
 
     def _on_joint_state(self, topic: str, message: JointState) -> None:

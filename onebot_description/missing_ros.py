@@ -51,8 +51,8 @@ class LastFinder:
 def _explain(name: str) -> str:
     from importlib.machinery import PathFinder  # every command imports this module
 
-    spec = PathFinder.find_spec("rclpy")
-    if spec is None:
+    ros = PathFinder.find_spec("rclpy")
+    if ros is None:
         return (
             f'no ROS 2 here (there is no Python package "{name}"): source an installed ROS 2 Jazzy '
             "(source /opt/ros/jazzy/setup.bash), activate its RoboStack environment, or, on Linux "
@@ -61,11 +61,11 @@ def _explain(name: str) -> str:
     if name == _COMPILED:
         version = ".".join(map(str, sys.version_info[:2]))
         return (
-            f"the ROS 2 of {spec.origin} is made for another Python than this one, {version}: "
+            f"the ROS 2 of {ros.origin} is made for another Python than this one, {version}: "
             "make the environment with the Python of that ROS, or use a shell without it"
         )
     return (
-        f'the ROS 2 of {spec.origin} lacks the package "{name}": install it, '
+        f'the ROS 2 of {ros.origin} lacks the package "{name}": install it, '
         f"as in apt install ros-jazzy-{name.replace('_', '-')}"
     )
 

@@ -51,7 +51,7 @@ _DESCRIPTION = "robot_description"  # name of the topic and of the parameter
 _LONGEST = 4000  # characters of a throttled warning: it may name what a message holds
 _PATIENCE = 2.0  # seconds without a description before a warning
 _POLL_PUBLISHERS = 1.0  # seconds
-_PLACE = re.compile(r", at \S+:\d+")  # in ROS's sources
+_PLACE = re.compile(r", at \S+:\d+")  # a line of ROS's sources
 # ROS's errors about a topic that the node has as another type, for a publisher and a subscription.
 _TWO_TYPES = ("incompatible type", "subscription: invalid allocator")
 # How long a second publisher must be there: a node may end while its successor starts, and a killed
@@ -103,8 +103,8 @@ def _spin(make_node: MakeNode, stop: Future, signals: StopSignals, events: bool)
         with ros_errors():
             try:
                 with signals.interrupting():
-                    made = make_node()
-                nodes = [made] if isinstance(made, Node) else made
+                    built = make_node()
+                nodes = [built] if isinstance(built, Node) else built
                 executor = _make_executor(events)
                 for node in nodes:
                     executor.add_node(node)
@@ -167,8 +167,8 @@ class MissedMessages:
         for subscription in due:
             with suppress(InvalidHandle), subscription.handle:
                 handle, kind = subscription.handle, subscription.msg_type
-                while taken := handle.take_message(kind, subscription.raw):
-                    subscription.callback(taken[0])
+                while message := handle.take_message(kind, subscription.raw):
+                    subscription.callback(message[0])
 
 
 def _spin_until(stop: Future, executor: Executor) -> None:
@@ -248,11 +248,11 @@ def run_described_node(
     default_file: Callable[[], Path] | None = None,
     events: bool = False,
 ) -> int:
-    """Run a node whose command line is ``[FILE] [--ros-args ...]``.
+    """Run a node whose command line is ``[FILE] [--ros-args ...]``; return the exit code.
 
     Args:
-        name: of the program, for its help.
-        explanation: its help; the module's docstring.
+        name: the program's, for its help.
+        explanation: its help, the module's docstring.
         parameters: their dataclass, for the help.
         make_node: called with FILE, or None, and the command line's parameter files and names.
         check_files: called with the parameter files before rcl sees them. rcl would refuse a
@@ -260,9 +260,6 @@ def run_described_node(
         args: arguments as in sys.argv; None for sys.argv itself.
         default_file: gives the parameter file to use where the command line names none.
         events: as ``run_node``'s.
-
-    Returns:
-        The exit code.
     """
     arguments = list(sys.argv if args is None else args)
     parser = argparse.ArgumentParser(
@@ -308,7 +305,7 @@ def use_writable_log_folder() -> None:
 class RosArguments(NamedTuple):
     """What rcl does not report of a command line: its parameter files and who is set by -p."""
 
-    files: tuple[Path, ...] = ()  # of --params-file, in order
+    files: tuple[Path, ...] = ()  # those of --params-file, in order
     names: tuple[tuple[str, str], ...] = ()  # of the parameters set by -p: (node or "", parameter)
     others: tuple[str, ...] = ()  # arguments that are not for ROS, without the program's name
 
@@ -387,13 +384,7 @@ class DescriptionTopic:
     def __init__(
         self, node: Node, received: Callable[[str], None], has_one: Callable[[], bool]
     ) -> None:
-        """Subscribe.
-
-        Args:
-            node: the subscriber.
-            received: called with each URDF.
-            has_one: whether the node has a description it can use.
-        """
+        """Call ``received`` with each URDF; ``has_one``: the node has one that it can use."""
         self._node, self._has_one = node, has_one
         node.create_subscription(
             String, _DESCRIPTION, lambda message: received(message.data), LATCHED
@@ -447,7 +438,7 @@ class OnlyPublisher:
         """Watch a topic.
 
         Args:
-            node: the observer.
+            node: looks at the ROS graph.
             topic: a name, relative to the node's namespace.
             problem: the consequence of several publishers, and how to fix it.
             own: the node publishes the topic itself.

@@ -23,8 +23,8 @@ Floating and planar joints are published at their origin, static: their pose is 
 
 import sys
 import time
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import JumpThreshold, TimeJump
@@ -52,41 +52,14 @@ from onebot_description.node import (
     steady_timer,
     warn_of_two_robots,
 )
-from onebot_description.parameters.reader import (
-    Problem,
-    declare,
-    parameter,
-    read,
-    refuse_undeclared,
-)
+from onebot_description.parameters.reader import declare, read, refuse_undeclared
+from onebot_description.state_parameters import StateParameters
 from onebot_description.wire.cdr import NANO
 from onebot_description.wire.state_converter import StateConverter
 from onebot_description.wire.tf_message import TFMessage
 
-_LEAST_HERTZ = 0.001
 _POLL_EVERY = 0.1  # s, of the description's files
 _FOLLOW = "--follow"  # the option by which a bringup gives a Source
-
-
-@dataclass(frozen=True)
-class StateParameters:
-    """The node's parameters."""
-
-    robot_description: str = parameter("", "the URDF; required without FILE")
-    publish_frequency: float = parameter(
-        0.0,
-        "the most often a joint is published, Hz; 0: every message, else from 0.001",
-        at_least=0.0,
-        at_most=1e3,
-    )
-    ignore_timestamp: bool = parameter(False, "publish joint states whatever their stamp is")
-    frame_prefix: str = parameter("", "prepended to every frame as it is")
-
-    def check(self) -> Iterator[Problem]:
-        """Report an interval that is longer than time."""
-        if 0.0 < self.publish_frequency < _LEAST_HERTZ:
-            text = f"{self.publish_frequency:g} is below {_LEAST_HERTZ:g}"
-            yield Problem("publish_frequency", f"{text}; write 0 for every message, or more")
 
 
 class RobotStatePublisher(Node):
@@ -101,9 +74,9 @@ class RobotStatePublisher(Node):
         """Start publishing.
 
         Args:
-            description: of the robot; None to take the parameter robot_description.
-            arguments: ROS arguments of this node's own.
-            source: what the description was read from, if edits of it are to be published.
+            description: the robot; None to take the parameter robot_description.
+            arguments: ROS arguments of this node alone.
+            source: what the description was read from, to publish edits of it.
 
         Raises:
             DescriptionError: the description cannot be used.
@@ -119,7 +92,7 @@ class RobotStatePublisher(Node):
         self._description = self.create_publisher(String, "robot_description", LATCHED)
         if description is None:
             description = _parse(self._settings.robot_description)
-        # Of a live change what was validated, so that it need not be parsed twice.
+        # A live change is validated and then applied: it need not be parsed twice.
         self._accepted = description, RobotModel.from_description(description)
         self._apply_description()
         self._apply()
@@ -171,8 +144,11 @@ class RobotStatePublisher(Node):
             self.get_logger().warning(notice)
         self._description.publish(String(data=description.urdf))
 
+    def _changes(self, parameters: Sequence[Parameter]) -> dict[str, Any]:
+        return {one.name: one.value for one in parameters if one.name in self._values}
+
     def _validate(self, parameters: Sequence[Parameter]) -> SetParametersResult:
-        changes = {one.name: one.value for one in parameters if one.name in self._values}
+        changes = self._changes(parameters)
         try:
             read(StateParameters, {**self._values, **changes})
             urdf = changes.get("robot_description", self._accepted[0].urdf)
@@ -184,7 +160,7 @@ class RobotStatePublisher(Node):
         return SetParametersResult(successful=True)
 
     def _changed(self, parameters: Sequence[Parameter]) -> None:
-        changes = {one.name: one.value for one in parameters if one.name in self._values}
+        changes = self._changes(parameters)
         self._values |= changes
         self._settings = read(StateParameters, self._values)
         if "robot_description" in changes:

@@ -49,7 +49,7 @@ def remove_segments(segments: Iterable[Path]) -> int:
     """Remove segments that nobody uses, and their lock files; return how many could be."""
     removed = 0
     for path in segments:
-        with suppress(OSError):  # the segment is another user's
+        with suppress(OSError):  # another user's
             path.unlink()
             removed += 1
             _lock_of(path).unlink(missing_ok=True)

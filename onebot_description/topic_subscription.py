@@ -30,15 +30,13 @@ def compatible_qos(offers: Iterable[QoSProfile], depth: int) -> QoSProfile:
     A request that is stricter than an offer excludes its publisher: it is reliable only if all are,
     and transient local only if all are. Without any it is ROS's default, reliable and volatile.
     """
-    profiles = list(offers)
+    offers = list(offers)
+    reliable = all(map(is_reliable, offers))
+    latched = offers and all(map(is_transient_local, offers))
     return QoSProfile(
         depth=depth,
-        reliability=ReliabilityPolicy.RELIABLE
-        if all(map(is_reliable, profiles))
-        else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL
-        if profiles and all(map(is_transient_local, profiles))
-        else DurabilityPolicy.VOLATILE,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
     )
 
 
@@ -68,23 +66,22 @@ def offers(
     is offered for them: an early subscription does not miss the first messages.
 
     Args:
-        node: whose knowledge of the ROS graph is used; its own subscriptions do not count.
+        node: looks at the ROS graph; its own subscriptions do not count.
         topic: the full name.
         accepted: types to consider; None for all.
     """
-    profiles: dict[str, list[QoSProfile]] = {}
+    offered: dict[str, list[QoSProfile]] = {}
     for end in node.get_publishers_info_by_topic(topic):
-        if accepted is None or end.topic_type in accepted:
-            profiles.setdefault(end.topic_type, []).append(end.qos_profile)
-    if profiles:
-        return profiles
-    node_name = node.get_name(), node.get_namespace()
-    return {
-        end.topic_type: []
-        for end in node.get_subscriptions_info_by_topic(topic)
-        if (end.node_name, end.node_namespace) != node_name
-        and (accepted is None or end.topic_type in accepted)
+        offered.setdefault(end.topic_type, []).append(end.qos_profile)
+    publishers = {
+        kind: qos for kind, qos in offered.items() if accepted is None or kind in accepted
     }
+    if publishers:
+        return publishers
+    own = node.get_name(), node.get_namespace()
+    ends = node.get_subscriptions_info_by_topic(topic)
+    types = {end.topic_type for end in ends if (end.node_name, end.node_namespace) != own}
+    return {kind: [] for kind in types if accepted is None or kind in accepted}
 
 
 class TopicSubscription:
@@ -111,12 +108,12 @@ class TopicSubscription:
         """Prepare; ``update`` subscribes.
 
         Args:
-            node: that subscribes.
+            node: the subscriber.
             topic: a name.
             received: called with the type and the message.
             message_class: returns the Python class of a type such as "std_msgs/msg/String".
             raw: receive messages as bytes.
-            lost: called with the number of messages that were lost on the way, as far as DDS knows.
+            lost: called with the number of messages that DDS lost.
         """
         self._node, self._topic = node, topic
         self._received, self._message_class, self._raw = received, message_class, raw

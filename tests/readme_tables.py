@@ -19,7 +19,7 @@ from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_control.parameters import ControlConfig
 from onebot_description.joints.config import JointsConfig
 from onebot_description.parameters.table import rows
-from onebot_description.robot_state_publisher import StateParameters
+from onebot_description.state_parameters import StateParameters
 from tests.readme import CHECKOUT
 
 PARAMETERS: dict[str, tuple[type, ...]] = {  # of each node
@@ -43,7 +43,7 @@ def tables() -> dict[str, str]:
 
 def _parameters(*kinds: type) -> str:
     cells = (
-        (", ".join(f"`{name}`" for name in row.names), row.type, _code(row.default), row.meaning)
+        (_names(row.names), row.type, _code(row.default), row.meaning.replace("<", r"\<"))
         for row in rows(*kinds)
     )
     return _table(("Parameter", "Type", "Default", "Meaning"), cells)
@@ -52,6 +52,10 @@ def _parameters(*kinds: type) -> str:
 def _arguments(arguments: Iterable[Argument]) -> str:
     cells = ((f"`{one.name}`", _code(one.default), one.help) for one in arguments)
     return _table(("Argument", "Default", "Meaning"), cells)
+
+
+def _names(names: Iterable[str]) -> str:
+    return ", ".join(f"`{name}`" for name in names)
 
 
 def _code(default: str) -> str:

@@ -86,6 +86,9 @@ def skip_for(missing: str) -> None:
     pytest.skip(reason)
 
 
+_PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
+
+
 @contextmanager
 def used_domain() -> Iterator[int]:
     """A ROS_DOMAIN_ID that nobody else has, with discovery kept on this host."""
@@ -94,4 +97,6 @@ def used_domain() -> Iterator[int]:
         patch.setenv("ROS_DOMAIN_ID", str(domain))
         patch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         patch.delenv("ROS_LOCALHOST_ONLY", raising=False)
+        patch.setenv(_PROFILE, "")  # a command that runs in this process sets it
+        patch.delenv(_PROFILE)
         yield domain

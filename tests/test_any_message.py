@@ -203,8 +203,8 @@ def test_steering_page(start_node: Callable[..., Node]) -> None:
 
     def shown() -> None:
         json.dumps(node._robot().odometry, allow_nan=False)
-        if node._view.view is not None:
-            addresses = node._view.view.addresses("127.0.0.1:8080")
+        if node._viewer.view is not None:
+            addresses = node._viewer.view.addresses("127.0.0.1:8080")
             assert all(URL(each).path.startswith("/view/") for each in addresses)
 
     page = "http://127.0.0.1:9090/?url=rerun%2Bhttp://127.0.0.1:9876/proxy"

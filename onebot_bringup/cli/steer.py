@@ -11,11 +11,9 @@ from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.launch.arguments import (
     Argument,
     complete,
-    number,
-    port,
+    parameters_of,
     ros_settings,
     split,
-    switch,
     table,
     with_positional,
 )
@@ -23,19 +21,15 @@ from onebot_bringup.launch.bringup import environment
 from onebot_bringup.launch.nodes import AWAIT_VIEW, STEERING_PAGE, VIEWER, RosNodes
 from onebot_bringup.launcher.launcher import Launcher
 from onebot_bringup.steering.access import BindAddress, choose_bind_address
+from onebot_bringup.steering.page_parameters import PageParameters
 from onebot_control.poses import prefixed
 from onebot_description.errors import OneBotError, UsageError
 
 _VIEWER = "steering_viewer"  # not rerun_viewer: the robot may start one later
+_NUMBERS = ("rate", "max_linear", "max_angular")
 _ARGUMENTS = [
     Argument("topic", "", "to steer, or a robot such as robot2; the page can change it"),
-    Argument("odom_topic", "", "the odometry to show; empty: the robot's own"),
-    Argument("host", "127.0.0.1", "address of the page; 0.0.0.0: for other computers, too"),
-    port("port", "8080", "of the page; another one if it is in use, 0: any"),
-    Argument("token", "", "required in the page's address; generated if others can reach it"),
-    number("rate", "20.0", "commands per second, Hz", 5.0, 100.0),
-    number("max_linear", "0.0", "limit of commands, m/s; 0: the controller's limit", 0.0),
-    number("max_angular", "0.0", "limit of commands, rad/s; 0: the controller's limit", 0.0),
+    *parameters_of(PageParameters, "odom_topic", "host", "port", "token", *_NUMBERS),
     Argument(
         "viewer",
         "auto",
@@ -43,10 +37,9 @@ _ARGUMENTS = [
         ("auto", "web", "none"),
     ),
     Argument("view", "", "displays and camera of the viewer started here, .yaml or .rviz"),
-    switch("open_browser", True, "open the page, if there is a display"),
+    *parameters_of(PageParameters, "open_browser"),
     *ros_settings(),
 ]
-_NUMBERS = ("rate", "max_linear", "max_angular")
 _HELP = f"""usage: onebot steer [ROBOT|TOPIC] [name:=value ...] [--ros-args ...]
 
 Serves a page to steer a robot from, and prints its address. Hold the pad (mouse or finger), an
@@ -67,16 +60,16 @@ Arguments and their defaults:
 def run(argv: Sequence[str]) -> int:
     """Run the command and return its exit code."""
     arguments = split(argv)
-    given = with_positional(arguments, "topic", "topic", "onebot steer")
+    words = with_positional(arguments, "topic", "topic", "onebot steer")
     if arguments.help or arguments.show:
         print(_HELP if arguments.help else table(_ARGUMENTS))
         return 0
-    values = complete(_ARGUMENTS, given)
+    values = complete(_ARGUMENTS, words)
     _check(values)
     bind_address = choose_bind_address(values["host"], int(values["port"]), values["token"])
     if bind_address.warning:
         print(f"warning: {bind_address.warning}", file=sys.stderr)
-    os.environ.update(environment(values, forced="discovery" in given))
+    os.environ.update(environment(values, forced="discovery" in words))
     with tempfile.TemporaryDirectory(prefix="onebot-") as folder:
         return _launch(Path(folder), values, bind_address, arguments.ros_args)
 

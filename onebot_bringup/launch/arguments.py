@@ -10,11 +10,14 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
+from onebot_bringup.steering.page_parameters import PageParameters
 from onebot_control.poses import prefixed
 from onebot_description.description.packages import PACKAGE_PATH, use_package_path
 from onebot_description.discovery import ARGUMENT, LOCALHOST, WANTED
 from onebot_description.errors import UsageError, did_you_mean, printable
+from onebot_description.parameters.reader import Leaf, leaves
 from onebot_description.parameters.values import MAX_PORT, Rule, ValueType
+from onebot_description.state_parameters import StateParameters
 
 # What launch files of ROS call otherwise, and how it is written here.
 _VIEWER = "write viewer:=web, viewer:=native or viewer:=none"
@@ -107,6 +110,19 @@ def port(name: str, default: str, description: str) -> Argument:
     return number(name, default, description, 0, MAX_PORT, int)
 
 
+def parameters_of(kind: type, *names: str) -> list[Argument]:
+    """Return arguments that set parameters of a node, as their dataclass ``kind`` declares them."""
+    declared = {leaf.name: leaf for leaf in leaves(kind)}
+    return [_argument(declared[name]) for name in names]
+
+
+def _argument(leaf: Leaf) -> Argument:
+    rule = leaf.type.rule
+    if leaf.type.base is bool:
+        return switch(leaf.name, leaf.default, rule.description)
+    return Argument(leaf.name, str(leaf.default), rule.description, rule.choices, leaf.type)
+
+
 @dataclass(frozen=True)
 class Arguments:
     """A command line split into its parts, before it is known which names are right."""
@@ -121,7 +137,7 @@ class Arguments:
 def split(argv: Sequence[str]) -> Arguments:
     """Split a command line into its parts."""
     words, ros_args = _split_ros_args(argv)
-    given: dict[str, str] = {}
+    assignments: dict[str, str] = {}
     positional: list[str] = []
     options: set[str] = set()
     for word in words:
@@ -129,13 +145,13 @@ def split(argv: Sequence[str]) -> Arguments:
         if separator and not name.startswith("-"):
             if not name:
                 raise UsageError(f'"{word}" has no name; write name:=value')
-            given[name] = value
+            assignments[name] = value
         elif word.startswith("-") and word != "-":
             options.add(_option(word))
         else:
             positional.append(word)
     return Arguments(
-        given, tuple(positional), ros_args, "--help" in options, "--show-args" in options
+        assignments, tuple(positional), ros_args, "--help" in options, "--show-args" in options
     )
 
 
@@ -237,11 +253,9 @@ PACKAGES = Argument(
 _NAMESPACE = re.compile(r"/?|/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*/?")
 _MAX_DOMAIN = 232  # beyond it the ports of DDS (RTPS 2.2, section 9.6.1.1) exceed 65535
 _LEVELS = ("debug", "info", "warn", "error", "fatal")
-_MAX_FREQUENCY = 1000  # Hz
 _CYCLES = 0.001, 1000.0  # control cycles, Hz
 _AS_IN_FILE = "empty: as params_file has it"
 _FOUND = "empty: as in params_file, or found in the URDF"
-_LOOPBACK = "127.0.0.1"
 _OF_STEERING = ("host", "port", "token")
 # What does not go together with robots:=, and why.
 _PLACED = "robots:= places them; write x, y and yaw of each in robots:=FILE.yaml"
@@ -305,14 +319,7 @@ def description_arguments(model: str, joints: str, view: str) -> list[Argument]:
         Argument(
             "frame_prefix", "", "of the robot's frames; not given: the namespace, r1/; empty: none"
         ),
-        number(
-            "publish_frequency",
-            "0.0",
-            "maximum rate of each transform, Hz; 0: no limit",
-            0.0,
-            _MAX_FREQUENCY,
-        ),
-        switch("ignore_timestamp", False, "publish transforms whatever the stamps of joint states"),
+        *parameters_of(StateParameters, "publish_frequency", "ignore_timestamp"),
         switch("use_sim_time", False, "take the time from /clock"),
         Argument("log_level", "info", "the least severe log messages shown", _LEVELS),
         *discovery,
@@ -333,9 +340,7 @@ def simulation_arguments(control: str) -> list[Argument]:
             "names and places",
         ),
         switch("steer", False, "a page to steer it from, beside its view"),
-        Argument("host", _LOOPBACK, "where that page is served; 0.0.0.0: to other computers, too"),
-        port("port", "8080", "of that page; 0: any"),
-        Argument("token", "", "asked for in its address, if host is not this computer"),
+        *parameters_of(PageParameters, *_OF_STEERING),
         Argument("params_file", control, "parameters of the controller, a YAML file"),
         Argument("left_wheel", "", f"joints that drive it on the left, joined by commas; {_FOUND}"),
         Argument("right_wheel", "", f"joints that drive it on the right; {_FOUND}"),

@@ -191,15 +191,15 @@ class Arbiter:
     def _update(self) -> Iterator[None]:
         """Publish at once what a change does to the robot, and notify pages of a new state."""
         with self._lock:
-            before, acts = self._state(), (self._driver, self._moving, self._stops)
+            previous_state, acts = self._state(), (self._driver, self._moving, self._stops)
             yield
-            after = self._state()
+            state = self._state()
             if acts != (self._driver, self._moving, self._stops):
                 self._publish_next()
-        if (before.driver, before.pages, before.limits) != (
-            after.driver,
-            after.pages,
-            after.limits,
+        if (previous_state.driver, previous_state.pages, previous_state.limits) != (
+            state.driver,
+            state.pages,
+            state.limits,
         ):
             self.changed()
 

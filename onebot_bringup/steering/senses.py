@@ -159,11 +159,11 @@ class Senses:
             others: the namespaces of other robots.
             watched: whether there is a page.
         """
-        spaces = tuple(f"{other}/" for other in others if other.startswith(f"{namespace}/"))
+        spaces = tuple(f"{space}/" for space in others if space.startswith(f"{namespace}/"))
         names: dict[str, list[str]] = {kind: [] for kind in _TYPES}
         for name, kinds in self._node.get_topic_names_and_types():
-            own = name.startswith(f"{namespace}/") and not name.startswith(spaces)
-            if own and kinds[0] in names and self._node.count_publishers(name):
+            is_own = name.startswith(f"{namespace}/") and not name.startswith(spaces)
+            if is_own and kinds[0] in names and self._node.count_publishers(name):
                 names[kinds[0]].append(name)
 
         def first(kind: str) -> str:

@@ -34,7 +34,7 @@ import sys
 import threading
 import webbrowser
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 from urllib.parse import quote
 
@@ -57,6 +57,7 @@ from onebot_bringup.steering.controllers import Controllers
 from onebot_bringup.steering.ground import Ground
 from onebot_bringup.steering.limits import Braking, Controller, Limits, braking_of, limits_of
 from onebot_bringup.steering.odometry import OdometryTopic
+from onebot_bringup.steering.page_parameters import PageParameters
 from onebot_bringup.steering.protocol import Velocity
 from onebot_bringup.steering.senses import Senses
 from onebot_bringup.steering.server import RobotStatus, ServerContext, SteeringServer
@@ -66,10 +67,8 @@ from onebot_bringup.steering.view_proxy import Viewer, ViewProxy
 from onebot_bringup.viewer.display_server import has_display
 from onebot_description.errors import OneBotError
 from onebot_description.node import run_node
-from onebot_description.parameters.reader import declare, parameter, read, refuse_undeclared
-from onebot_description.parameters.values import MAX_PORT
+from onebot_description.parameters.reader import declare, read, refuse_undeclared
 
-_MIN_RATE, _MAX_RATE = 5.0, 100.0  # Hz
 _TIMEOUT_PERIOD = 0.05  # s between checks of the driver's timeout
 _GRAPH_PERIOD = 0.25  # s between polls of the ROS graph
 _WARN_EVERY = 5.0  # s
@@ -78,46 +77,8 @@ _SHORT_TOKEN = 8  # characters; a token shorter than this can be guessed
 _TOPICS = ("topic", "odom_topic", "viewer_page")  # parameters that are names of topics
 
 
-def _limit(unit: str) -> Any:
-    description = f"upper bound of commands beside the controller's, {unit}; 0: none"
-    return parameter(0.0, description, at_least=0.0, read_only=True)
-
-
-@dataclass(frozen=True)
-class SteeringParameters:
-    """The parameters of the node; topics are full names, "" for none."""
-
-    host: str = parameter(
-        "127.0.0.1",
-        "address to serve the page on; 0.0.0.0: for other computers, too",
-        read_only=True,
-    )
-    port: int = parameter(
-        8080, "another one if it is in use; 0: any", at_least=0, at_most=MAX_PORT, read_only=True
-    )
-    token: str = parameter(
-        "", "required in the page's address; generated where one is needed", read_only=True
-    )
-    topic: str = parameter(
-        "velocity_controller/cmd_vel",
-        "initial command topic, Twist or TwistStamped",
-        not_empty=True,
-        write="the name of the topic to steer",
-        read_only=True,
-    )
-    odom_topic: str = parameter("", "Odometry to show; empty: the robot's own", read_only=True)
-    rate: float = parameter(
-        20.0, "of commands, Hz", at_least=_MIN_RATE, at_most=_MAX_RATE, read_only=True
-    )
-    max_linear: float = _limit("m/s")
-    max_angular: float = _limit("rad/s")
-    viewer_page: str = parameter(
-        "rerun_viewer/page", "the topic with the address of the view", read_only=True
-    )
-    await_view: float = parameter(
-        0.0, "s to wait for the view before the address is printed", at_least=0.0, read_only=True
-    )
-    open_browser: bool = parameter(True, "open the page, if there is a display", read_only=True)
+class SteeringParameters(PageParameters):
+    """The parameters as the node has them."""
 
     @classmethod
     def of(cls, node: Node) -> "SteeringParameters":
@@ -273,7 +234,7 @@ class SteeringPage(Node):
     def _poll_graph(self) -> None:
         """Update topics, subscribers and limits from the ROS graph."""
         commands = self._commands
-        before = commands.kind, commands.topic, len(commands.listeners)
+        previous = commands.kind, commands.topic, len(commands.listeners)
         robots = self._controllers.names
         commands.update(robots)
         subscribers = [end.node for end in commands.subscribers]
@@ -283,10 +244,10 @@ class SteeringPage(Node):
         self._robots = commanded_robots(self, self._topics)
         namespace = namespace_of(commands.topic)
         self._ground.update(namespace)
-        others = {namespace_of(robot.topic) for robot in self._robots} - {namespace}
-        self._senses.update(namespace, others, self._arbiter.state.pages > 0)
+        other_namespaces = {namespace_of(robot.topic) for robot in self._robots} - {namespace}
+        self._senses.update(namespace, other_namespaces, self._arbiter.state.pages > 0)
         self._viewer.update()
-        if before != (commands.kind, commands.topic, len(commands.listeners)):
+        if previous != (commands.kind, commands.topic, len(commands.listeners)):
             self._arbiter.changed()
 
     def _on_lock(self, locked: bool) -> None:

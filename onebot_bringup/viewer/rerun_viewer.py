@@ -65,10 +65,13 @@ def _port(default: int, description: str) -> Any:
 class ViewerParameters:
     """The node's own parameters."""
 
-    viewer: str = parameter("web", "where to see it", choices=VIEWERS, read_only=True)
+    viewer: str = parameter("web", "where the robot is shown", choices=VIEWERS, read_only=True)
     save: str = parameter("", "a .rrd file to write the recording to", read_only=True)
     view: str = parameter(
-        "", "a saved view, .yaml, .rviz or .rbl; empty: the robot's own; none: none", read_only=True
+        "",
+        "a view file .yaml, .rviz or .rbl, reloaded when edited; empty: config/view.yaml of the "
+        "package <robot name>_description; none: none",
+        read_only=True,
     )
     robots: tuple[str, ...] = parameter(
         (),
@@ -82,13 +85,15 @@ class ViewerParameters:
         (), "those of robots with curves; empty: the first five", unique=True, read_only=True
     )
     frame_prefix: str = parameter(
-        "", "prepended to link names, as robot_state_publisher does", read_only=True
+        "", "robot_state_publisher's; with robots, it is the namespace of each", read_only=True
     )
     grpc_port: int = _port(9876, "port on 127.0.0.1 for viewers; 0: any")
     web_port: int = _port(9090, "port on 127.0.0.1 for the page; 0: any")
     open_browser: bool = parameter(True, "open the page, if there is a display", read_only=True)
     embedded: bool = parameter(
-        False, "another page holds this one, which is neither logged nor opened", read_only=True
+        False,
+        "another page holds this one, so that its address is neither logged nor opened",
+        read_only=True,
     )
     memory_limit: str = parameter(
         "256MB",

@@ -64,10 +64,10 @@ class CameraSettings:
 class PanelsSettings:
     """The state of the viewer's panels."""
 
-    blueprint: str = setting("collapsed", "hidden, collapsed or expanded", _PANEL)
-    selection: str = setting("collapsed", "hidden, collapsed or expanded", _PANEL)
-    time: str = setting("collapsed", "hidden, collapsed or expanded", _PANEL)
-    top: str = setting("expanded", "hidden, collapsed or expanded", _PANEL)
+    blueprint: str = setting("collapsed", "state of the panel", _PANEL)
+    selection: str = setting("collapsed", "state of the panel", _PANEL)
+    time: str = setting("collapsed", "state of the panel", _PANEL)
+    top: str = setting("expanded", "state of the panel", _PANEL)
 
 
 def _with_displays(kind: type[T]) -> type[T]:

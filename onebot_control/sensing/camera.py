@@ -51,9 +51,9 @@ def depths(camera: Camera, hits: Hits, generator: np.random.Generator | None = N
     true = hits.distances
     far = (hits.surfaces == NOTHING) | (true > np.float32(camera.depth_far))
     measured = true if generator is None else add_noise(true, camera.noise, 0.0, generator)
-    found = np.where(far, np.float32(np.inf), measured)
-    found[true < np.float32(camera.depth_near)] = -np.inf
-    return found.reshape(camera.height, camera.width)
+    depths_seen = np.where(far, np.float32(np.inf), measured)
+    depths_seen[true < np.float32(camera.depth_near)] = -np.inf
+    return depths_seen.reshape(camera.height, camera.width)
 
 
 class Painter:

@@ -197,9 +197,9 @@ def cast(
     limit, surfaces = _ground(directions[:, 2], position[2], reach)
     # One origin for all, which no copies take time for.
     origins = np.ndarray(directions.shape, np.float32, position.astype(np.float32), 0, (0, 4))
-    found = still.cast(origins, directions, limit)
-    surfaces[found.faces >= 0] = 0
-    hits = Hits(limit, surfaces, *found, directions)
+    faces = still.cast(origins, directions, limit)
+    surfaces[faces.faces >= 0] = 0
+    hits = Hits(limit, surfaces, *faces, directions)
     if not targets.surfaces:
         return hits
     centers = (targets.centers - position) @ rotation
@@ -386,10 +386,10 @@ class _Bullet:
         fractions: list[float] = []
         for start in range(0, len(ends), _MOST_RAYS):
             part = slice(start, start + _MOST_RAYS)
-            found = self._engine.rayTestBatch(
+            results = self._engine.rayTestBatch(
                 origins[part].tolist(), ends[part].tolist(), physicsClientId=self._client
             )
-            fractions += [each[2] if each[0] >= 0 else math.inf for each in found]
+            fractions += [result[2] if result[0] >= 0 else math.inf for result in results]
         hit = np.isfinite(fractions)
         dists[hit] *= np.array(fractions, np.float32)[hit]
         nowhere = np.zeros(len(ends), np.float32)

@@ -43,14 +43,16 @@ class MotionParameters:
     times: tuple[float, ...] | None = parameter(None, "keyframes: increasing, from 0 on, s")
     positions: tuple[float, ...] | None = parameter(None, "keyframes: one per time, rad or m")
     poses: tuple[str, ...] | None = parameter(None, "keyframes: named poses, instead of positions")
-    blend: str | None = parameter(None, "keyframes: interpolation between them", choices=BLENDS)
-    loop: bool | None = parameter(None, "keyframes: start over after the last")
+    blend: str | None = parameter(
+        None, "keyframes: interpolation; linear if not given", choices=BLENDS
+    )
+    loop: bool | None = parameter(None, "keyframes: start over after the last, unless false")
     pose: str | None = parameter(None, "pose: name of the pose to hold")
 
     @property
     def given(self) -> set[str]:
         """The keys that were given, without the type."""
-        names = (one.name for one in fields(self) if one.name != "type")
+        names = (setting.name for setting in fields(self) if setting.name != "type")
         return {name for name in names if getattr(self, name) is not None}
 
     def check(self) -> Iterator[Problem]:
@@ -164,7 +166,7 @@ class JointsConfig:
     )
     swing: float = parameter(
         0.0,
-        "period in which these swing within their limits, if delta is 0, s; 0: they rest",
+        "period in which joints that nothing else moves swing within their limits, s; 0: they rest",
         at_least=0.0,
     )
     zeros: Mapping[str, float] = parameter(
@@ -201,8 +203,8 @@ class JointsConfig:
     @cached_property
     def motions(self) -> Mapping[str, Motion]:
         """The motions by joint."""
-        given = self.motion_parameters.items()
-        return {joint: one.motion(joint, self.poses) for joint, one in given}
+        motion_items = self.motion_parameters.items()
+        return {joint: one.motion(joint, self.poses) for joint, one in motion_items}
 
     @property
     def moves(self) -> bool:

@@ -13,7 +13,7 @@ from onebot_description.joints.config import Dependent
 from onebot_description.joints.limits import FloatArray, JointLimits
 from onebot_description.parameters.reader import Problem
 
-Followers = dict[str, Dependent]  # by name of the joint that follows
+Followers = dict[str, Dependent]  # keys: the joints that follow
 _Chain = tuple[str, float, float]  # its leader, and factor and offset of all of it
 
 
@@ -68,7 +68,7 @@ def resolve(
     for circle in _circles(mimics):
         names = " -> ".join([*circle, circle[0]])
         # Without one of them the others can follow; rather one that the tags do not ask for.
-        name = next((one for one in circle if one in dependent), circle[0])
+        name = next((joint for joint in circle if joint in dependent), circle[0])
         leave_out(name, f"joints follow one another in a circle: {names}")
     while True:
         following = _reduced(joints, mimics)
@@ -114,9 +114,9 @@ def _reduced(joints: Sequence[Joint], mimics: Followers) -> Following:
     index = {joint.name: number for number, joint in enumerate(joints)}
     count = len(joints)
     leader, factor, offset = np.arange(count), np.ones(count), np.zeros(count)
-    known: dict[str, _Chain] = {}
+    chains: dict[str, _Chain] = {}
     for name, number in index.items():
-        root, factor[number], offset[number] = _chain(name, mimics, known)
+        root, factor[number], offset[number] = _chain(name, mimics, chains)
         leader[number] = index[root]
     return Following(leader, factor, offset)
 
@@ -147,20 +147,20 @@ def _narrow(
     narrowed, wrong, notes = limits.copy(), {}, []
     for follower in np.flatnonzero(following.follows).tolist():
         leader = int(following.leader[follower])
-        before = narrowed.lower[leader], narrowed.upper[leader]
+        old = narrowed.lower[leader], narrowed.upper[leader]
         _narrow_leader(narrowed, limits, following, follower)
-        after = narrowed.lower[leader], narrowed.upper[leader]
+        new = narrowed.lower[leader], narrowed.upper[leader]
         text = (
             f'joint "{joints[follower].name}", which follows "{joints[leader].name}" as its'
             f" position * {following.factor[follower]:g} + {following.offset[follower]:g},"
             f" has limits [{limits.lower[follower]:g}, {limits.upper[follower]:g}]"
         )
-        if after[0] > after[1]:
+        if new[0] > new[1]:
             remedy = "correct the limits or the mimic tag, or set use_mimic_tags to false"
             wrong[joints[follower].name] = f"{text}, and no position suits both; {remedy}"
-            narrowed.lower[leader], narrowed.upper[leader] = before
-        elif after[0] > before[0] + 1e-6 or after[1] < before[1] - 1e-6:  # also of infinite ones
-            notes.append(Problem("", f"{text}, so both keep to [{after[0]:g}, {after[1]:g}]"))
+            narrowed.lower[leader], narrowed.upper[leader] = old
+        elif new[0] > old[0] + 1e-6 or new[1] < old[1] - 1e-6:
+            notes.append(Problem("", f"{text}, so both keep to [{new[0]:g}, {new[1]:g}]"))
     return narrowed, wrong, notes
 
 

@@ -43,13 +43,13 @@ class Keyframes:
     """Move through ``positions`` at ``times``."""
 
     times: tuple[float, ...]  # increasing, from 0 on
-    positions: tuple[float, ...]  # as many as times
+    positions: tuple[float, ...]  # one per time
     blend: str = LINEAR  # interpolation, one of BLENDS
     loop: bool = True  # start over after the last, instead of holding it
     # Seconds to reach the first position from the present one, once; the times are counted from
     # its end. 0 for none.
     lead: float = 0.0
-    turn: float = 0.0  # what each pass of the loop adds to the positions
+    turn: float = 0.0  # added to the positions at each pass of the loop
     pose: str = ""  # the named pose that the one position comes from
 
     @classmethod
@@ -82,12 +82,12 @@ class Keyframes:
         time, period, passes = time - self.lead, self.times[-1], 0.0
         if self.loop and period > 0.0:
             passes, time = divmod(time, period)
-        after = bisect_right(self.times, time)
-        if not 0 < after < len(self.times):
-            position = self.positions[0 if after == 0 else -1]
+        index = bisect_right(self.times, time)
+        if not 0 < index < len(self.times):
+            position = self.positions[0 if index == 0 else -1]
         else:
-            begin, end = self.times[after - 1 : after + 1]
-            from_, to = self.positions[after - 1 : after + 1]
+            begin, end = self.times[index - 1 : index + 1]
+            from_, to = self.positions[index - 1 : index + 1]
             position = self._between(from_, to, (time - begin) / (end - begin))
         return position + passes * self.turn
 
@@ -156,9 +156,10 @@ def _keyframes(motion: Keyframes, allowed: Allowed) -> Iterator[str]:
     for number, position in enumerate(positions, 1):
         if not allowed.holds(position):
             name = f"keyframe {number} at" if len(positions) > 1 else "position"
-            asked = f'pose "{motion.pose}"' if motion.pose else name
+            if motion.pose:
+                name = f'pose "{motion.pose}"'
             nearest = min(max(position, allowed.lower), allowed.upper)
-            text = f"{asked} {position:.6g} {unit} is beyond {allowed.range}"
+            text = f"{name} {position:.6g} {unit} is beyond {allowed.range}"
             yield f"{text}: held at {nearest:.6g}"
     factor = 1.0 if motion.blend == LINEAR else MINIMUM_JERK_PEAK
     for number in range(1, len(times)):

@@ -29,7 +29,7 @@ from onebot_description.joints.motions import (
 from onebot_description.parameters.reader import ConfigError, Problem
 from onebot_description.parameters.values import LARGEST
 
-_SHARE_OF_RANGE, _SHARE_OF_SPEED = 0.9, 0.5  # of a swinging joint
+_SHARE_OF_RANGE, _SHARE_OF_SPEED = 0.9, 0.5  # a swinging joint uses them
 _FREE_SWING = math.pi / 2  # rad or m, without limits
 # A step this much over the limit is rounding; allowing it keeps followers exact.
 _ROUNDING = 1e-9
@@ -62,10 +62,9 @@ def make_plan(all_joints: Sequence[Joint], config: JointsConfig) -> Plan:
         *problems,
         *more,
     ]
-    alone = np.ones(len(joints), dtype=bool)
-    alone[following.leader[following.follows]] = False
-    continuous = np.array([joint.kind == "continuous" for joint in joints], dtype=bool)
-    endless = continuous & alone & ~following.follows
+    endless = np.array([joint.kind == "continuous" for joint in joints], dtype=bool)
+    endless[following.leader[following.follows]] = False
+    endless &= ~following.follows
     planner = _Planner(joints, narrowed, limits, endless, config, [*config.notes, *problems])
     motions = tuple(
         Keyframes.hold(0.0) if follows else planner.motion(index)
@@ -102,15 +101,15 @@ class _Planner:
         self._endless = endless
         self._config = config
         self.reports = notes
-        known = {joint.name for joint in joints}
-        for name in sorted(set(config.zeros) - known):
-            self._report(f"zeros.{name}", f"no joint of this name moves{did_you_mean(name, known)}")
+        names = {joint.name for joint in joints}
+        for name in sorted(set(config.zeros) - names):
+            self._report(f"zeros.{name}", f"no joint of this name moves{did_you_mean(name, names)}")
 
     def zero(self, index: int) -> float:
         """Return the position of a joint that nothing moves, within its limits."""
         default = _limits.zero_position(self._own.lower[index], self._own.upper[index])
-        asked = self._config.zeros.get(self._joints[index].name, default)
-        return self._clamp(index, asked)
+        position = self._config.zeros.get(self._joints[index].name, default)
+        return self._clamp(index, position)
 
     def motion(self, index: int) -> Motion:
         """Return the held pose, or else its motion, the sequence, the sweep, the swing or zero."""
@@ -227,20 +226,19 @@ def _wrong_names(
     joints: Sequence[Joint], all_joints: Sequence[Joint], config: JointsConfig
 ) -> list[Problem]:
     """Return the motions, poses and followers of joints that do not exist or cannot move."""
-    known = [joint.name for joint in joints]
+    moving = [joint.name for joint in joints]
     kinds = {joint.name: joint.kind for joint in all_joints}
-    named = {f"motions.{name}": name for name in config.motions}
-    named |= {f"dependent_joints.{name}": name for name in config.dependent_joints}
+    keys = {f"motions.{name}": name for name in config.motions}
+    keys |= {f"dependent_joints.{name}": name for name in config.dependent_joints}
     for pose, positions in config.poses.items():
-        named |= {f"poses.{pose}.{name}": name for name in positions}
+        keys |= {f"poses.{pose}.{name}": name for name in positions}
     problems = []
-    for key, name in named.items():
-        if name in kinds and name not in known:
-            text = f'joint "{name}" is {kinds[name]}{did_you_mean(name, known, "joints that move")}'
-            problems.append(Problem(key, text))
-        elif name not in known:
-            hint = did_you_mean(name, known, "joints that move")
-            problems.append(Problem(key, f'the robot has no joint "{name}"{hint}'))
+    for key, name in keys.items():
+        if name not in moving:
+            hint = did_you_mean(name, moving, "joints that move")
+            absent = f'the robot has no joint "{name}"'
+            text = f'joint "{name}" is {kinds[name]}' if name in kinds else absent
+            problems.append(Problem(key, text + hint))
     return problems
 
 
@@ -248,19 +246,15 @@ def _moved_followers(
     joints: Sequence[Joint], following: Following, config: JointsConfig
 ) -> list[Problem]:
     """Return the motions of joints that follow others."""
-    index = {joint.name: number for number, joint in enumerate(joints)}
-    leaders = {
-        name: joints[int(following.leader[index[name]])].name
-        for name in config.motions
-        if name in index and following.follows[index[name]]
-    }
-    return [
-        Problem(
-            f"motions.{name}",
-            f'joint "{name}" follows "{leader}"; move that one, or set use_mimic_tags to false',
-        )
-        for name, leader in leaders.items()
-    ]
+    problems = []
+    for number in np.flatnonzero(following.follows).tolist():
+        name, leader = joints[number].name, joints[int(following.leader[number])].name
+        if name in config.motions:
+            remedy = "move that one, or set use_mimic_tags to false"
+            problems.append(
+                Problem(f"motions.{name}", f'joint "{name}" follows "{leader}"; {remedy}')
+            )
+    return problems
 
 
 class ReceivedJointStates:
@@ -268,9 +262,9 @@ class ReceivedJointStates:
 
     def __init__(self, names: Sequence[str]) -> None:
         self._index = {name: number for number, name in enumerate(names)}
-        self.position = np.full(len(names), math.nan)  # (N,) rad or m
-        self.velocity = np.full(len(names), math.nan)  # (N,) rad/s or m/s
-        self.effort = np.full(len(names), math.nan)  # (N,) N m or N
+        self._values = np.full((3, len(names)), math.nan)
+        # Each (N,): rad or m, rad/s or m/s, N m or N.
+        self.position, self.velocity, self.effort = self._values
 
     @property
     def any(self) -> bool:
@@ -294,32 +288,26 @@ class ReceivedJointStates:
         velocity: Sequence[float],
         effort: Sequence[float],
     ) -> str | None:
-        """Store the values of one message.
+        """Store the values of one message; return why all of it was ignored, if it was.
 
         Each list is as long as ``names``, or empty. Values that are not finite or beyond LARGEST,
         and joints of other robots, are skipped.
-
-        Returns:
-            None, or why the whole message was ignored.
         """
-        lists = {"position": position, "velocity": velocity, "effort": effort}
-        for what, values in lists.items():
+        lists = position, velocity, effort
+        for what, values in zip(("position", "velocity", "effort"), lists, strict=True):
             if len(values) not in (0, len(names)):
                 return f"{len(names)} names but {len(values)} values of {what}"
-        for what, values in lists.items():
-            kept: FloatArray = getattr(self, what)
+        for row, values in zip(self._values, lists, strict=True):
             for name, value in zip(names, values, strict=False):
                 number = self._index.get(name)
                 if number is not None and abs(value) <= LARGEST:
-                    kept[number] = value
+                    row[number] = value
         return None
 
     def copy_from(self, previous: "ReceivedJointStates", pairs: Iterable[tuple[int, int]]) -> None:
-        """Copy what ``previous`` received; pairs are (index here, index there)."""
-        for here, there in pairs:
-            self.position[here] = previous.position[there]
-            self.velocity[here] = previous.velocity[there]
-            self.effort[here] = previous.effort[there]
+        """Copy what ``previous`` received; pairs are (index here, index in it)."""
+        for mine, theirs in pairs:
+            self._values[:, mine] = previous._values[:, theirs]
 
 
 class JointStateSource:
@@ -340,13 +328,13 @@ class JointStateSource:
         previous: "JointStateSource | None" = None,
         tolerant: bool = False,
     ) -> None:
-        """Start at the zero positions, or at the positions of ``previous``.
+        """Start at the zero positions, or where joints of the same names are in ``previous``.
 
         Args:
             joints: all joints of the robot, in the order of the samples; fixed ones are left out.
             config: the parameters; by default no joint moves.
-            previous: a source to continue from, for joints of the same names.
-            tolerant: parameters that do not suit the joints are left out, and among ``reports``.
+            previous: a source to continue from.
+            tolerant: leave out parameters that do not suit the joints, and report them.
 
         Raises:
             ConfigError: parameters do not suit the joints.
@@ -391,24 +379,13 @@ class JointStateSource:
             ConfigError: they do not suit the joints; what those in force have wrong is tolerated.
         """
         plan = make_plan(self._all_joints, config)
-        known = self._plan.unsuitable
-        if new := [problem for problem in plan.unsuitable if problem not in known]:
+        tolerated = self._plan.unsuitable
+        if new := [problem for problem in plan.unsuitable if problem not in tolerated]:
             raise ConfigError(new)
         return plan
 
-    def configure(self, config: JointsConfig) -> tuple[Problem, ...]:
-        """Apply new parameters and return the warnings on them.
-
-        Unchanged motions continue; changed ones start now.
-
-        Raises:
-            ConfigError: with the problems found; the old parameters stay in force.
-        """
-        self.apply(self.prepare(config))
-        return self.reports
-
     def apply(self, plan: Plan) -> None:
-        """Apply a plan that `prepare` returned."""
+        """Apply a plan of `prepare`: unchanged motions continue, changed ones start now."""
         self._plan = plan
         changed = np.array(
             [old != new for old, new in zip(self._begun, plan.motions, strict=True)], dtype=bool
@@ -448,8 +425,8 @@ class JointStateSource:
             self._velocity = np.zeros_like(self._position)
             return
         limits, following = self._plan.limits, self._plan.following
-        asked = np.clip(self._asked(), limits.lower, limits.upper)
-        leading = self._toward(asked, step)
+        target = np.clip(self._asked(), limits.lower, limits.upper)
+        leading = self._toward(target, step)
         # Followers move to their leaders' new positions; they lag only after a change of leader.
         position = np.where(following.follows, self._toward(self._follow(leading), step), leading)
         velocity = (position - self._position) / step
@@ -460,8 +437,8 @@ class JointStateSource:
         """The motions' positions of now; the present one where a motion's cannot be computed."""
         times = np.maximum(self._elapsed - self._origins, 0.0).tolist()
         motions = zip(self._plan.motions, times, self._starts.tolist(), strict=True)
-        asked = np.array([motion.at(time, start) for motion, time, start in motions], float)
-        return np.where(np.isfinite(asked), asked, self._position)
+        positions = np.array([motion.at(time, start) for motion, time, start in motions], float)
+        return np.where(np.isfinite(positions), positions, self._position)
 
     def _toward(self, target: FloatArray, step: float) -> FloatArray:
         """Move from the present positions to ``target`` as far as the velocity limits allow."""

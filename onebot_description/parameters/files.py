@@ -40,8 +40,8 @@ _INT64 = range(-(2**63), 2**63)
 class Parameters:
     """Parameters that files hold for one node."""
 
-    values: dict[str, Any] = field(default_factory=dict)  # by dotted name
-    places: dict[str, str] = field(default_factory=dict)  # where each was written: joints.yaml:7
+    values: dict[str, Any] = field(default_factory=dict)  # keys: dotted names
+    places: dict[str, str] = field(default_factory=dict)  # file and line of each, joints.yaml:7
     shared: set[str] = field(default_factory=set)  # names in a section for several nodes
     sections: list[str] = field(default_factory=list)  # node names that the files have
 
@@ -59,22 +59,22 @@ class Parameters:
 
 
 def read_parameters(text: str, name: str, node: str) -> Parameters:
-    """Read the parameters a file holds for one node.
+    """Read the parameters that the YAML ``text`` of the file ``name`` holds for one node.
 
     Args:
         text: the YAML.
-        name: of the file, for errors and places.
+        name: the file's, for errors and places.
         node: full name of the node, such as ``/joint_state_publisher``.
 
     Raises:
         ConfigError: the YAML is broken, or not ROS 2 parameter YAML.
     """
-    found = Parameters()
+    merged = Parameters()
     for section, parameters in _sections(text, name).items():
-        found.sections.append(section)
+        merged.sections.append(section)
         if section_matches(section, node):
-            found.update(parameters)
-    return found
+            merged.update(parameters)
+    return merged
 
 
 @functools.lru_cache(maxsize=8)
@@ -100,14 +100,14 @@ class _Yaml:
         """Return the text's tree; None if it is empty."""
         try:
             return bounded_yaml.compose(text, aliases=aliases)
-        except yaml.MarkedYAMLError as error:
+        except yaml.YAMLError as error:
+            if not isinstance(error, yaml.MarkedYAMLError):
+                raise self._error(None, f"invalid YAML: {error}") from None
             mark = error.problem_mark or error.context_mark
             # libyaml ends a last line that has no end.
             line = min(mark.line, text.count("\n")) if mark else None
             reason = " ".join(part for part in (error.context, error.problem) if part)
             raise self._error(line, f"invalid YAML: {reason}") from None
-        except yaml.YAMLError as error:
-            raise self._error(None, f"invalid YAML: {error}") from None
 
     def _pairs(self, node: yaml.Node) -> list[tuple[yaml.ScalarNode, yaml.Node]]:
         if not isinstance(node, yaml.MappingNode):
@@ -125,7 +125,7 @@ class _Yaml:
     def _entries(
         self, node: yaml.Node, prefix: str = ""
     ) -> Iterator[tuple[str, yaml.ScalarNode, yaml.Node]]:
-        """Yield dotted name, key and value of all that is in a map and in the maps in it."""
+        """Yield dotted name, key and value of each entry of a map and of the maps in it."""
         for key, value in self._pairs(node):
             name = prefix + key.value
             if isinstance(value, yaml.MappingNode) and value.value:
@@ -169,13 +169,13 @@ class _File(_Yaml):
                 self._fail(key, f'"{key.value}" must hold a map with "{_MARK}:" in it')
 
     def _parameters(self, node: yaml.Node) -> Parameters:
-        found = Parameters()
+        parameters = Parameters()
         for name, key, value in self._entries(node):
             # rcl cannot infer the type of an empty list, and treats it as not given.
             if value.value or isinstance(value, yaml.ScalarNode):
-                found.values[name] = self._value(name, value)
-                found.places[name] = self._place(key)
-        return found
+                parameters.values[name] = self._value(name, value)
+                parameters.places[name] = self._place(key)
+        return parameters
 
     def _value(self, name: str, node: yaml.Node) -> Any:
         if isinstance(node, yaml.ScalarNode):
@@ -219,16 +219,10 @@ def plain_value(text: str) -> bool | int | float | str:
 
 
 def read_map(text: str, name: str) -> Parameters:
-    """Read a YAML file that is a map, such as a saved view, with the line of every entry.
+    """Return the values by dotted names of a YAML file that is a map, such as a saved view.
 
-    Unlike a parameter file, it may have aliases, values that are null, and lists of anything.
-
-    Args:
-        text: the YAML.
-        name: of the file, for errors and places.
-
-    Returns:
-        The values, by dotted names; an empty map is a value.
+    Unlike a parameter file, it may have aliases, null and lists of anything; an empty map is a
+    value.
 
     Raises:
         ConfigError: the YAML is broken, or no map.
@@ -238,15 +232,15 @@ def read_map(text: str, name: str) -> Parameters:
 
 class _Map(_Yaml):
     def read(self, text: str) -> Parameters:
-        found, loader = Parameters(), yaml.SafeLoader("")
+        content, loader = Parameters(), yaml.SafeLoader("")
         root = self._compose(text, aliases=True)
         for name, key, node in self._entries(root) if root is not None else ():
             try:
-                found.values[name] = loader.construct_object(node, deep=True)
-            except Exception as error:  # of whichever kind, for a value that does not suit its tag
+                content.values[name] = loader.construct_object(node, deep=True)
+            except Exception as error:  # any kind, if a value does not suit its tag
                 self._fail(node, f"invalid YAML: {' '.join(str(error).split())}")
-            found.places[name] = self._place(key)
-        return found
+            content.places[name] = self._place(key)
+        return content
 
 
 # The parameter files of one node, read as one --------------------------------------------------
@@ -257,19 +251,14 @@ def read_files(files: Iterable[Path], node: str, kind: type) -> Parameters:
 
     Unknown parameters in a section shared by several nodes are taken to be for another one.
 
-    Args:
-        files: parameter files.
-        node: full name of the node.
-        kind: the dataclass of its parameters.
-
     Raises:
         ConfigError: a file cannot be read, or is not ROS 2 parameter YAML.
     """
-    found = Parameters()
+    merged = Parameters()
     for file in files:
-        found.update(read_parameters(read_text(file), str(file), node))
-    found.drop_shared(lambda names: unknown_parameters(kind, names))
-    return found
+        merged.update(read_parameters(read_text(file), str(file), node))
+    merged.drop_shared(lambda names: unknown_parameters(kind, names))
+    return merged
 
 
 def no_section(parameters: Parameters, files: Iterable[Path], node: str) -> str | None:
@@ -282,11 +271,7 @@ def no_section(parameters: Parameters, files: Iterable[Path], node: str) -> str 
 
 
 def refuse_other_sections(file: Path, nodes: Sequence[str]) -> None:
-    """Refuse a file with sections that are for none of ``nodes``: they would do nothing.
-
-    Args:
-        file: a parameter file.
-        nodes: full names of those that it is given to.
+    """Refuse a file with sections for none of ``nodes``, full names: they would do nothing.
 
     Raises:
         ConfigError: with the sections that would be for them; or the file cannot be read.
@@ -297,7 +282,7 @@ def refuse_other_sections(file: Path, nodes: Sequence[str]) -> None:
             name = section.rpartition("/")[2]
             same = [node for node in nodes if node.rpartition("/")[2] == name] or nodes
             names = dict.fromkeys(node.rpartition("/")[2] for node in same)
-            possible = listing([*same, *(f"/**/{each}" for each in names)])
+            possible = listing([*same, *(f"/**/{name}" for name in names)])
             text = f'{file}: section "{section}" is for no node that it is given to: {possible}'
             problems.append(Problem("", text))
     if problems:
@@ -327,16 +312,7 @@ class LiveParameters:
     """
 
     def __init__(self, files: Sequence[Path], node: str, kind: type) -> None:
-        """Read the files.
-
-        Args:
-            files: later ones override.
-            node: full name of the node.
-            kind: the dataclass of its parameters.
-
-        Raises:
-            ConfigError: a file cannot be read, or is not ROS 2 parameter YAML.
-        """
+        """Read the files, of which later ones override; raises as ``read_files``."""
         self._given = self.files = tuple(files)
         self._node, self._kind = node, kind
         self._pinned: dict[str, Any] = {}
@@ -353,29 +329,32 @@ class LiveParameters:
 
     def pin(self, names: Iterable[str], values: Mapping[str, Any]) -> None:
         """Remember the parameters of these ``names`` that the command line decided."""
-        decided = (n for n in names if n in values and n not in _SOURCES)
         written = self.file.values
-        self._pinned = {n: values[n] for n in decided if values[n] != written.get(n)}
+        self._pinned = {
+            name: values[name]
+            for name in names
+            if name in values and name not in _SOURCES and values[name] != written.get(name)
+        }
 
     def read(self) -> Parameters:
-        """Read the files as they are now, in any thread; raises as the constructor does."""
+        """Read the files as they are now, in any thread; raises as ``read_files``."""
         return read_files(self.files, self._node, self._kind)
 
     def changes(self, file: Parameters, current: Mapping[str, Any]) -> dict[str, Any]:
         """Return what to set, None to unset, for ``current`` to be as ``file`` has it."""
-        known = [name for name in current if is_parameter(self._kind, name)]
-        wanted = {**dict.fromkeys(known), **defaults(self._kind), **file.values, **self._pinned}
+        names = [name for name in current if is_parameter(self._kind, name)]
+        values = {**dict.fromkeys(names), **defaults(self._kind), **file.values, **self._pinned}
         written = {*file.values, *self._pinned}
         return {
             name: value
-            for name, value in wanted.items()
+            for name, value in values.items()
             if not _same(current.get(name), value) and (name in written or name not in _SOURCES)
         }
 
     def overridden(self, file: Parameters) -> list[str]:
         """Names edited in ``file`` without effect, as the command line overrides them."""
-        before = self.file.values
-        return [name for name in self._pinned if file.values.get(name) != before.get(name)]
+        last = self.file.values
+        return [name for name in self._pinned if file.values.get(name) != last.get(name)]
 
     def places(self, values: Mapping[str, Any]) -> dict[str, str]:
         """Return where those of ``values`` were written that the files decided."""

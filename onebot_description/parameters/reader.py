@@ -24,7 +24,7 @@ import functools
 import sys
 import types
 import typing
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import MISSING, dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
@@ -59,7 +59,7 @@ class Problem:
     # Dotted name of the parameter or of its group, such as motions.elbow.frequency; empty when no
     # parameter is the cause.
     key: str
-    text: str  # what is wrong and what would be right
+    text: str  # the fault, and what would be right
 
     def message(self, places: Mapping[str, str] | None = None) -> str:
         """Return ``place: key: text``.
@@ -85,8 +85,8 @@ class ConfigError(OneBotError):
     ) -> None:
         self.problems = tuple(problems)
         lines = [problem.message(places) for problem in self.problems[:_MOST_LISTED]]
-        rest = len(self.problems) - len(lines)
-        super().__init__("\n".join([*lines, *([f"and {rest} more"] if rest else [])]))
+        surplus = len(self.problems) - len(lines)
+        super().__init__("\n".join([*lines, *([f"and {surplus} more"] if surplus else [])]))
 
     def located(self, places: Mapping[str, str]) -> "ConfigError":
         """Return the same error, its message naming where each parameter was written."""
@@ -131,7 +131,7 @@ class _Field(NamedTuple):
     """One field of a dataclass."""
 
     field: str  # its name in the dataclass
-    name: str  # in ROS or YAML
+    name: str  # the one in ROS or YAML
     shape: "_Shape"
     default: Any  # REQUIRED if there is none
 
@@ -147,7 +147,7 @@ class _Map(NamedTuple):
     """A map with names of the user's own."""
 
     item: "_Shape"
-    key: str  # what the names are, such as joint; empty: no parameters of a node
+    key: str  # a word for its names, such as joint; empty: no parameters of a node
 
 
 _Shape = ValueType | _Group | _Map
@@ -157,11 +157,11 @@ _Shape = ValueType | _Group | _Map
 def _group(kind: Any) -> _Group:
     hints = typing.get_type_hints(kind)
     fields = []
-    for one in dataclasses.fields(kind):
-        rule = one.metadata.get(_RULE, Rule())
-        default = one.default if one.default_factory is MISSING else one.default_factory()
-        shape = _shape(hints[one.name], rule)
-        fields.append(_Field(one.name, rule.name or one.name, shape, default))
+    for item in dataclasses.fields(kind):
+        rule = item.metadata.get(_RULE, Rule())
+        default = item.default if item.default_factory is MISSING else item.default_factory()
+        shape = _shape(hints[item.name], rule)
+        fields.append(_Field(item.name, rule.name or item.name, shape, default))
     return _Group(kind, tuple(fields))
 
 
@@ -169,7 +169,7 @@ def _shape(hint: Any, rule: Rule) -> _Shape:
     origin, args = typing.get_origin(hint), typing.get_args(hint)
     if dataclasses.is_dataclass(hint):
         return _group(typing.cast(Any, hint))
-    if origin in (typing.Union, types.UnionType):  # with None
+    if origin in (typing.Union, types.UnionType):  # one with None
         return dataclasses.replace(typing.cast(ValueType, _shape(args[0], rule)), optional=True)
     if origin is tuple:
         return ValueType(args[0], rule, True, None if args[-1] is Ellipsis else len(args))
@@ -182,14 +182,9 @@ def _shape(hint: Any, rule: Rule) -> _Shape:
 class Leaf(NamedTuple):
     """A parameter, or all whose names differ in words of the user's own."""
 
-    name: str  # with a word such as <joint> for a name of the user's own
-    path: tuple[str, ...]  # the fields to it
+    name: str  # it has <joint> for a name of the user's own
     type: ValueType
     default: Any
-
-    def value(self, config: Any) -> Any:
-        """Return the value in ``config``, a dataclass, as ROS has it."""
-        return _as_ros(self.type, functools.reduce(getattr, self.path, config))
 
     @property
     def default_text(self) -> str:
@@ -204,22 +199,17 @@ def leaves(kind: Any) -> list[Leaf]:
 
     A map counts if its ``keys`` say what its names are.
     """
-    return [*_walk(_group(kind), "", ())]
+    return [*_walk(_group(kind), "")]
 
 
-def _fixed(kind: Any) -> Mapping[str, Leaf]:
-    """Return the parameters with fixed names, by name."""
-    return {leaf.name: leaf for leaf in leaves(kind) if "<" not in leaf.name}
-
-
-def _walk(shape: "_Shape", name: str, path: tuple[str, ...], default: Any = None) -> Iterator[Leaf]:
+def _walk(shape: "_Shape", name: str, default: Any = None) -> Iterator[Leaf]:
     if isinstance(shape, ValueType):
-        yield Leaf(name, path, shape, default)
+        yield Leaf(name, shape, default)
     elif isinstance(shape, _Group):
-        for one in shape.fields:
-            yield from _walk(one.shape, _join(name, one.name), (*path, one.field), one.default)
+        for field in shape.fields:
+            yield from _walk(field.shape, _join(name, field.name), field.default)
     elif shape.key:
-        yield from _walk(shape.item, f"{name}.<{shape.key}>", path)
+        yield from _walk(shape.item, f"{name}.<{shape.key}>")
 
 
 def _as_ros(leaf: ValueType, value: Any) -> Any:
@@ -242,8 +232,8 @@ def _locate(kind: type, name: str) -> tuple[_Shape, str]:
 def _step(shape: _Shape, name: str) -> tuple[str, _Shape, str] | None:
     """Return the part of ``shape`` that ``name`` begins with, its shape, and what follows."""
     if isinstance(shape, _Map):
-        first, rest = _split(shape.item, name)
-        return first, shape.item, rest
+        first, subname = _split(shape.item, name)
+        return first, shape.item, subname
     for field in shape.fields if isinstance(shape, _Group) else ():
         if f"{name}.".startswith(f"{field.name}."):
             return field.name, field.shape, name[len(field.name) + 1 :]
@@ -255,8 +245,8 @@ def _split(item: _Shape, name: str) -> tuple[str, str]:
     if isinstance(item, ValueType):
         return name, ""
     if isinstance(item, _Map):
-        first, _, rest = name.partition(".")
-        return first, rest
+        first, _, subname = name.partition(".")
+        return first, subname
     ends = [field.name for field in item.fields if name.endswith(f".{field.name}")]
     end = max(ends, key=len, default=name.rpartition(".")[2])
     return (name.removesuffix(f".{end}"), end) if "." in name else (name, "")
@@ -304,29 +294,31 @@ def defaults(kind: type) -> dict[str, Any]:
 
     Values are as ROS has them: lists, and an empty one for a list that is not given.
     """
-    return {leaf.name: _as_ros(leaf.type, leaf.default) for leaf in _fixed(kind).values()}
+    fixed = (leaf for leaf in leaves(kind) if "<" not in leaf.name)
+    return {leaf.name: _as_ros(leaf.type, leaf.default) for leaf in fixed}
 
 
 def values_of(config: Any) -> dict[str, Any]:
     """Return what ``defaults`` does, but with the values of ``config``, a dataclass."""
-    return {leaf.name: leaf.value(config) for leaf in _fixed(type(config)).values()}
+    changed, usual = dict(_flat(as_map(config))), defaults(type(config))
+    return {name: changed.get(name, value) for name, value in usual.items()}
 
 
 def as_map(config: Any) -> dict[str, Any]:
     """Return ``config``, a dataclass, as nested maps for ``read``, without what has its default."""
-    found: dict[str, Any] = {}
+    changes: dict[str, Any] = {}
     kind: Any = type(config)
     for field in _group(kind).fields:
         value = getattr(config, field.field)
         if value == field.default:
             continue
         if isinstance(field.shape, ValueType):
-            found[field.name] = _as_ros(field.shape, value)
+            changes[field.name] = _as_ros(field.shape, value)
         elif isinstance(field.shape, _Map):
-            found[field.name] = {name: as_map(item) for name, item in value.items()}
+            changes[field.name] = {name: as_map(item) for name, item in value.items()}
         else:
-            found[field.name] = as_map(value)
-    return found
+            changes[field.name] = as_map(value)
+    return changes
 
 
 def replaced(config: T, name: str, value: Any) -> T:
@@ -336,20 +328,10 @@ def replaced(config: T, name: str, value: Any) -> T:
         ConfigError: it has no such parameter, or that cannot have this value.
     """
     kind = type(config)
-    leaf = _fixed(kind).get(name)
-    if leaf is None:
+    if name not in defaults(kind):
         problems = unknown_parameters(kind, [name])
         raise ConfigError(problems or [Problem(name, "is more than one parameter")])
-    try:
-        return typing.cast(T, _replaced(config, leaf.path, leaf.type.checked(value)))
-    except ValueError as error:
-        raise ConfigError([Problem(name, str(error))]) from None
-
-
-def _replaced(config: Any, path: Sequence[str], value: Any) -> Any:
-    field, *rest = path
-    new = _replaced(getattr(config, field), rest, value) if rest else value
-    return dataclasses.replace(config, **{field: new})
+    return read(kind, {**dict(_flat(as_map(config))), name: value})
 
 
 # Reading --------------------------------------------------------------------------------------
@@ -367,15 +349,15 @@ def read(kind: type[T], values: Values, places: Mapping[str, str] | None = None)
     Raises:
         ConfigError: with every problem, each naming the parameter and what would be right.
     """
-    given = {name: one for name, one in _flat(values, "") if not is_of_every_node(name)}
-    reading = _Reading()
-    config = reading.build(_group(typing.cast(Any, kind)), given, "")
-    if reading.problems:
-        raise ConfigError(reading.problems, places)
+    node_values = {name: value for name, value in _flat(values) if not is_of_every_node(name)}
+    problems: list[Problem] = []
+    config = _build(_group(typing.cast(Any, kind)), node_values, "", problems)
+    if problems:
+        raise ConfigError(problems, places)
     return typing.cast(T, config)
 
 
-def _flat(values: Values, prefix: str) -> Iterator[tuple[str, Any]]:
+def _flat(values: Values, prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Yield values by dotted names; an empty map is a value."""
     for key, value in values.items():
         if isinstance(value, Mapping) and value:
@@ -384,64 +366,53 @@ def _flat(values: Values, prefix: str) -> Iterator[tuple[str, Any]]:
             yield f"{prefix}{key}", value
 
 
-class _Reading:
-    """Builds a dataclass of values, and collects what is wrong with them."""
+def _build(shape: _Shape, given: Values, key: str, problems: list[Problem]) -> Any:
+    """Return what is given for ``key``, checked; REQUIRED if it is wrong.
 
-    def __init__(self) -> None:
-        self.problems: list[Problem] = []
-
-    def _report(self, key: str, text: str) -> None:
-        self.problems.append(Problem(key, text))
-
-    def build(self, shape: _Shape, given: Values, key: str) -> Any:
-        """Return what is given for ``key``, checked; REQUIRED if it is wrong.
-
-        Args:
-            shape: what belongs there.
-            given: values by what follows ``key`` in their names, "" for the value of ``key``.
-            key: dotted name, "" for the whole.
-        """
-        parts: dict[str, dict[str, Any]] = {}
-        shapes: dict[str, _Shape] = {}
-        for name, value in given.items():
-            if name and (step := _step(shape, name)):
-                first, shapes[first], rest = step
-                parts.setdefault(first, {})[rest] = value
-            elif name:
-                self._report(_join(key, name), _no_such(shape, name, len(self.problems)))
-            elif isinstance(shape, ValueType):
-                return self._value(shape, value, key)
-            elif value != {}:
-                self._report(key, f"{shown(value)}; write a map{_form(shape)}")
+    Args:
+        shape: what belongs there.
+        given: values by the rest of their names, "" for the value of ``key`` itself.
+        key: dotted name, "" for the whole.
+        problems: is extended.
+    """
+    parts: dict[str, dict[str, Any]] = {}
+    shapes: dict[str, _Shape] = {}
+    for name, value in given.items():
+        if name and (step := _step(shape, name)):
+            first, shapes[first], rest = step
+            parts.setdefault(first, {})[rest] = value
+        elif name:
+            problems.append(Problem(_join(key, name), _no_such(shape, name, len(problems))))
+        elif isinstance(shape, ValueType):
+            try:
+                return shape.checked(value)
+            except ValueError as error:
+                problems.append(Problem(key, str(error)))
                 return REQUIRED
-        if key and any(given) and not parts:  # nothing in it is known: it counts as not given
+        elif value != {}:
+            problems.append(Problem(key, f"{shown(value)}; write a map{_form(shape)}"))
             return REQUIRED
-        built = {n: self.build(shapes[n], part, _join(key, n)) for n, part in parts.items()}
-        built = {name: one for name, one in built.items() if one is not REQUIRED}
-        return self._group(shape, parts, built, key) if isinstance(shape, _Group) else built
+    if key and any(given) and not parts:  # only unknown names: it counts as not given
+        return REQUIRED
+    built = {n: _build(shapes[n], part, _join(key, n), problems) for n, part in parts.items()}
+    built = {name: value for name, value in built.items() if value is not REQUIRED}
+    return _make(shape, parts, built, key, problems) if isinstance(shape, _Group) else built
 
-    def _value(self, kind: ValueType, value: Any, key: str) -> Any:
-        try:
-            return kind.checked(value)
-        except ValueError as error:
-            self._report(key, str(error))
-            return REQUIRED
 
-    def _group(self, shape: _Group, given: Values, values: Values, key: str) -> Any:
-        required = [field for field in shape.fields if field.default is REQUIRED]
-        self.problems += [_missing(one, key) for one in required if one.name not in given]
-        if any(field.name not in values for field in required):
-            return REQUIRED
-        named = {one.field: values[one.name] for one in shape.fields if one.name in values}
-        result = shape.kind(**named)
-        if hasattr(result, "check") and len(self.problems) < _MOST_LISTED:
-            self.problems += self._unrelated(result.check(), key)
-        return result
-
-    def _unrelated(self, found: Iterable[Problem], prefix: str) -> list[Problem]:
-        """Return the problems that follow from no other."""
-        named = [Problem(_join(prefix, problem.key), problem.text) for problem in found]
-        return [one for one in named if not any(_overlap(one, other) for other in self.problems)]
+def _make(shape: _Group, given: Values, values: Values, key: str, problems: list[Problem]) -> Any:
+    """Return the dataclass of checked ``values``; REQUIRED if one is missing."""
+    required = [field for field in shape.fields if field.default is REQUIRED]
+    problems += [_missing(field, key) for field in required if field.name not in given]
+    if any(field.name not in values for field in required):
+        return REQUIRED
+    named = {field.field: values[field.name] for field in shape.fields if field.name in values}
+    config = shape.kind(**named)
+    if hasattr(config, "check") and len(problems) < _MOST_LISTED:
+        # A parameter that is wrong has its default now: what follows from that is not reported.
+        more = [Problem(_join(key, one.key), one.text) for one in config.check()]
+        earlier = list(problems)
+        problems += [one for one in more if not any(_overlap(one, other) for other in earlier)]
+    return config
 
 
 def _overlap(one: Problem, other: Problem) -> bool:
@@ -497,8 +468,8 @@ def declare(
     for name, default in first.items():
         if not node.has_parameter(name):
             _declare(node, kind, name, default, ignore_override=name in (fixed or {}))
-    found = {n: plain(node.get_parameter(n).value) for n in first if is_parameter(kind, n)}
-    return {name: value for name, value in found.items() if value is not None}
+    current = {n: plain(node.get_parameter(n).value) for n in first if is_parameter(kind, n)}
+    return {name: value for name, value in current.items() if value is not None}
 
 
 def _declare(node: "Node", kind: type, name: str, default: Any, *, ignore_override: bool) -> None:
@@ -508,9 +479,9 @@ def _declare(node: "Node", kind: type, name: str, default: Any, *, ignore_overri
     # rclpy cannot infer the type of an empty list: it is set afterwards, as is a double.
     first = None if default == [] else default
     node.declare_parameter(name, first, ParameterDescriptor(dynamic_typing=True), ignore_override)
-    given = node.get_parameter(name)
-    final = _with_double(kind, ros_parameter(name, default) if given.value is None else given)
-    if final.type_ != given.type_:
+    present = node.get_parameter(name)
+    final = _with_double(kind, ros_parameter(name, default) if present.value is None else present)
+    if final.type_ != present.type_:
         node.set_parameters([final])
     # Out of range, it is left to ``read`` to report.
     with contextlib.suppress(InvalidParameterValueException):
@@ -534,7 +505,7 @@ def _with_double(kind: type, parameter: "Parameter") -> "Parameter":
 
 def set_doubles(node: "Node", kind: type) -> None:
     """Have an integer that is set for a double of the dataclass ``kind`` be one on ``node``."""
-    node.add_pre_set_parameters_callback(lambda given: [_with_double(kind, one) for one in given])
+    node.add_pre_set_parameters_callback(lambda given: [_with_double(kind, item) for item in given])
 
 
 def refuse_undeclared(node: "Node", kind: type) -> None:
@@ -575,14 +546,14 @@ def descriptor(kind: type, name: str) -> "ParameterDescriptor":
     if leaf.many or rule.nan or not rule.range:
         return result
     low = rule.at_least if rule.above is None else rule.above
-    given = {"from_value": low, "to_value": rule.at_most}
-    ends = {end: leaf.base(value) for end, value in given.items() if value is not None}
+    bounds = {"from_value": low, "to_value": rule.at_most}
+    ends = {end: leaf.base(value) for end, value in bounds.items() if value is not None}
     if leaf.base is float:
         widest = {"from_value": -sys.float_info.max, "to_value": sys.float_info.max}
         result.floating_point_range = [FloatingPointRange(**{**widest, **ends})]
     elif leaf.base is int:
-        whole = {"from_value": -(2**63), "to_value": 2**63 - 1, "step": 1}
-        result.integer_range = [IntegerRange(**{**whole, **ends})]
+        widest = {"from_value": -(2**63), "to_value": 2**63 - 1, "step": 1}
+        result.integer_range = [IntegerRange(**{**widest, **ends})]
     return result
 
 

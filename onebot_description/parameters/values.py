@@ -35,14 +35,14 @@ class Rule:
     """What one value means and may be. Rules on numbers and strings are for each one in a list."""
 
     description: str = ""  # one line, with the unit
-    name: str = ""  # in ROS or YAML, if it is not the field's; may hold dots
+    name: str = ""  # the one in ROS or YAML, if it is not the field's; may hold dots
     above: float | None = None  # numbers must be greater
     at_least: float | None = None
     at_most: float | None = None
     choices: tuple[str, ...] = ()  # the only strings allowed
     not_empty: bool = False  # neither a string nor a list may be empty
     unique: bool = False  # a list must not hold anything twice
-    pattern: re.Pattern[str] | None = None  # what a string must match
+    pattern: re.Pattern[str] | None = None  # a string must match it
     write: str = ""  # what would be right, for errors, such as "a topic, such as /odom"
     nan: str = ""  # what NaN means, such as "no limit"; empty if the number must be finite
     read_only: bool = False  # it is read once, when the node starts
@@ -75,7 +75,7 @@ class ValueType:
     base: type  # float, int, bool or str
     rule: Rule = Rule()
     many: bool = False  # it is a list
-    length: int | None = None  # of the list; None for any
+    length: int | None = None  # the list's; None for any
     optional: bool = False  # None and an empty list are "not given"
 
     def checked(self, value: Any) -> Any:

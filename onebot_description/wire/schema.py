@@ -118,6 +118,7 @@ class _Number(_Leaf):
 
 
 _STANDARD = str.maketrans("lL", "qQ")  # NumPy's letters that ``struct`` has for others
+_COUNT = _Number(np.dtype("<u4"))
 
 
 class _Text(_Leaf):
@@ -489,6 +490,12 @@ class Sequences(Sequence[Any]):
         if isinstance(chosen, range):
             return Sequences(self._leaf, self._rows.chosen(chosen), self._offset)
         return self._leaf.value(self._rows.chosen(range(chosen, chosen + 1)), self._offset)
+
+    @property
+    def counts(self) -> NDArray[np.uint32]:
+        """Elements of each; the viewer's markers need them."""
+        counts: NDArray[np.uint32] = _COUNT.column(self._rows, self._offset + 4)
+        return counts
 
 
 class Schema:

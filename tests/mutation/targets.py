@@ -169,7 +169,7 @@ EQUIVALENT = (
     Equivalent(
         "onebot_description/joints/motions.py",
         "_keyframes",
-        "if motion.loop and abs(gap) > _WHOLE_TURN and motion.times[-1] != 0.0:",
+        "if motion.loop and abs(gap) > _WHOLE_TURN and times[-1] != 0.0:",
         "the times begin at 0 or later",
     ),
     Equivalent(

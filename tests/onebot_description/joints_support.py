@@ -3,6 +3,9 @@
 from typing import Any
 
 from onebot_description.description import Joint, Mimic
+from onebot_description.joints.config import JointsConfig
+from onebot_description.joints.source import JointStateSource
+from onebot_description.parameters.reader import Problem
 
 
 def joint(name: str, kind: str = "revolute", **changes: Any) -> Joint:
@@ -21,3 +24,9 @@ def joint(name: str, kind: str = "revolute", **changes: Any) -> Joint:
 def mimic(joint_name: str, multiplier: float = 1.0, offset: float = 0.0) -> Mimic:
     """A mimic tag."""
     return Mimic(joint=joint_name, multiplier=multiplier, offset=offset)
+
+
+def configure(source: JointStateSource, config: JointsConfig) -> tuple[Problem, ...]:
+    """Apply new parameters, and return the warnings on them."""
+    source.apply(source.prepare(config))
+    return source.reports

@@ -2,7 +2,6 @@
 
 import contextlib
 import os
-import time
 from pathlib import Path
 
 import pytest
@@ -21,24 +20,16 @@ from onebot_description.parameters import bounded_yaml
 from onebot_description.parameters.files import read_files, read_map, read_parameters
 from onebot_description.parameters.reader import ConfigError, read
 from tests.readme import CHECKOUT
-from tests.support import assert_time_grows_with_size
 
 NESTED = "".join(f"{' ' * level}a:\n" for level in range(3000))
-BRACKETS = "a: " + "[" * 20_000
 BOMB = "a: &a [x, x]\n" + "".join(
     f"{name}: &{name} [{', '.join([f'*{before}'] * 10)}]\n"
-    for before, name in zip("abcdefghij", "bcdefghijk", strict=True)
-)
-MERGES = "a: &a {x: 1, y: 2}\n" + "".join(
-    f"{name}: &{name} {{<<: [{', '.join([f'*{before}'] * 10)}]}}\n"
     for before, name in zip("abcdefghij", "bcdefghijk", strict=True)
 )
 MANY = "a: [" + "1, " * 600_000 + "1]\n"
 HOSTILE = {
     "nested": (NESTED, "nested more than 64 deep"),
-    "brackets": (BRACKETS, "nested more than 64 deep"),
     "alias bomb": (BOMB, "more than 500000 values"),
-    "merge bomb": (MERGES, "more than 500000 values"),
     "many": (MANY, "more than 500000 values"),
     "within itself": ("a: &a {b: *a}\n", "more than 500000 values"),
 }
@@ -113,15 +104,6 @@ def test_aliases_that_repeat_little_are_fine() -> None:
     assert bounded_yaml.load("a: &a {b: 1}\nc: [*a, *a]\n") == {"a": {"b": 1}, "c": [{"b": 1}] * 2}
 
 
-def test_depth_and_number_have_room() -> None:
-    """For 10,000 joints with a motion each, and for maps in maps."""
-    motion = "{type: sine, offset: 0.0, amplitude: 1.0, frequency: 0.1, phase: 0.0}"
-    joints = "".join(f"      j{number}: {motion}\n" for number in range(10_000))
-    text = f"jsp:\n  ros__parameters:\n    motions:\n{joints}"
-    assert len(read_parameters(text, "file.yaml", "/jsp").values) == 50_000
-    assert bounded_yaml.load("[" * 64 + "]" * 64)
-
-
 def test_only_regular_files_are_read(tmp_path: Path) -> None:
     """A pipe, a device and a folder are refused at once."""
     os.mkfifo(tmp_path / "pipe.yaml")
@@ -147,20 +129,3 @@ def test_a_tag_that_does_not_suit_its_value_is_invalid(text: str) -> None:
         read_map(f"a: {text}\n", "view.yaml")
     with pytest.raises(yaml.YAMLError):
         bounded_yaml.load(f"a: {text}\n")
-
-
-def test_thousands_of_mistakes_are_a_short_message(tmp_path: Path) -> None:
-    """Found in time that does not grow with their square."""
-    file = tmp_path / "joints.yaml"
-
-    def seconds(count: int) -> float:
-        names = "".join(f"    wrong_{number}: 1\n" for number in range(count))
-        file.write_text(f"jsp:\n  ros__parameters:\n{names}")
-        began = time.process_time()
-        with pytest.raises(ConfigError) as caught:
-            JointsConfig.from_parameters(read_files([file], "/jsp", JointsConfig).values)
-        assert len(str(caught.value).splitlines()) < 60
-        assert str(caught.value).splitlines()[-1].startswith("and ")
-        return time.process_time() - began
-
-    assert_time_grows_with_size(seconds, 30_000)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from onebot_description.joints.config import JointsConfig
 from onebot_description.joints.source import JointStateSource
 from onebot_description.parameters.reader import ConfigError
-from tests.onebot_description.joints_support import joint, mimic
+from tests.onebot_description.joints_support import configure, joint, mimic
 
 CHAIN = [
     joint("a", mimic=mimic("b", -1.0)),
@@ -133,7 +133,7 @@ def test_a_follower_takes_to_a_new_leader_without_a_jump() -> None:
     source = JointStateSource([joint("a"), joint("b")])
     source.sample(0.0)
     config = JointsConfig.from_parameters({"dependent_joints.b": {"parent": "a", "offset": 1.0}})
-    source.configure(config)
+    configure(source, config)
     positions, velocities = source.sample(1.0)
     assert np.allclose(positions, [0.0, 0.5])
     assert np.allclose(velocities, [0.0, 0.5])

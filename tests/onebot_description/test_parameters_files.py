@@ -163,11 +163,6 @@ def test_other_yaml_files_can_be_broken(text: str, words: str) -> None:
     assert words in str(caught.value)
 
 
-def test_an_empty_file_says_nothing() -> None:
-    """Comments only, too."""
-    assert read_parameters("# nothing\n", "file.yaml", "/jsp").values == {}
-
-
 def test_later_files_come_first_and_shared_sections_may_be_for_others(tmp_path: Path) -> None:
     """An unknown name in a section for all nodes is another node's; in ours it is a mistake."""
     one, two = tmp_path / "one.yaml", tmp_path / "two.yaml"
@@ -212,13 +207,6 @@ def test_the_command_line_comes_first(tmp_path: Path) -> None:
     fresh = live.read()
     assert live.changes(fresh, current) == {"delta": 0.2}
     assert live.overridden(fresh) == ["rate"]
-
-
-def test_places_are_only_of_what_the_file_decided(tmp_path: Path) -> None:
-    """A value set live was not written on any line."""
-    file = write(tmp_path / "a.yaml", "rate: 5, delta: 0.1")
-    live = LiveParameters([file], LIVE_NODE, JointsConfig)
-    assert live.places({"rate": 5, "delta": 0.3}) == {"rate": f"{file}:2"}
 
 
 def test_config_file_comes_last_and_can_change(tmp_path: Path) -> None:

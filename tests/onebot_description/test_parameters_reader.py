@@ -207,14 +207,6 @@ def test_what_every_node_has_is_neither_a_parameter_nor_a_mistake() -> None:
     assert [problem.key for problem in unknown_parameters(Settings, names)] == names
 
 
-def test_only_the_first_of_very_many_names_have_a_hint() -> None:
-    """Those that a message shows."""
-    problems = unknown_parameters(Settings, [f"rate{number}" for number in range(60)])
-    assert [" (did you mean" in problem.text for problem in problems] == [True] * 50 + [False] * 10
-    assert problems[-1].text == "no such parameter"
-    assert str(ConfigError(problems)).splitlines()[50:] == ["and 10 more"]
-
-
 @dataclass(frozen=True)
 class Mark:
     """With a dotted name, and another that is its end."""

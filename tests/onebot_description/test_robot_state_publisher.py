@@ -87,23 +87,6 @@ def _until(send, node, text):
     wait_for(said, f"the warning: {text}")
 
 
-def test_topics_have_the_genuine_types_and_qos(ros_domain, arm):
-    """Type, type hash and QoS are those RViz and C++ tf2 match."""
-    with NodeProcess(MODULE, str(arm)), Peer(ros_domain) as peer:
-        node = peer.node
-        wait_for(lambda: node.get_publishers_info_by_topic("/tf_static"), "/tf_static")
-        wait_for(lambda: node.get_publishers_info_by_topic("/tf"), "/tf")
-        [tf] = node.get_publishers_info_by_topic("/tf")
-        assert tf.topic_type == "tf2_msgs/msg/TFMessage"
-        assert tf.qos_profile.durability.name == "VOLATILE"
-        assert tf.qos_profile.reliability.name == "RELIABLE"
-        [static] = node.get_publishers_info_by_topic("/tf_static")
-        assert static.qos_profile.durability.name == "TRANSIENT_LOCAL"
-        wait_for(lambda: node.get_subscriptions_info_by_topic("/joint_states"), "joint_states")
-        [states] = node.get_subscriptions_info_by_topic("/joint_states")
-        assert states.qos_profile.reliability.name == "BEST_EFFORT"
-
-
 def test_live_changes_take_effect_or_are_rejected_with_the_reason(ros_domain, arm):
     """Description and frame_prefix change while it runs; a bad description changes nothing."""
     with NodeProcess(MODULE, str(arm)) as node, Peer(ros_domain) as peer:

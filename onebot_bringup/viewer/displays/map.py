@@ -47,7 +47,7 @@ _DATA = BytesMaker(rr.GridMap.columns(data=[b"0"]))
 class MapSettings(TopicSettings):
     """Occupancy grids."""
 
-    alpha: float = setting(0.7, "opacity, 0 to 1", fraction)
+    alpha: float = setting(0.7, "opacity", fraction)
     color_scheme: str = setting(
         AUTO,
         "auto is costmap if the topic has that in its name, else map",

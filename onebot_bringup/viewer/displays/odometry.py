@@ -53,7 +53,7 @@ class OdometrySettings(PoseShape):
 
     keep: int = setting(100, "poses that are shown; 0 for as many as possible (1000)")
     position_tolerance: float = setting(0.1, "metres from one pose to the next")
-    angle_tolerance: float = setting(0.1, "or radians")
+    angle_tolerance: float = setting(0.1, "radians from one pose to the next")
 
 
 class OdometryDrawing(PosesDrawing[OdometrySettings]):

@@ -35,7 +35,7 @@ _FITTING = "0: in proportion to the robot"
 class PoseShape(TopicSettings):
     """Poses as arrows along x, or as axes."""
 
-    shape: str = setting(ARROW, "Arrow or Axes", one_of(ARROW, AXES))
+    shape: str = setting(ARROW, "how a pose is drawn", one_of(ARROW, AXES))
     color: Color | None = setting(None, "of arrows, sRGB bytes; by default one of ours", color)
     shaft_length: float = setting(0.0, f"of an arrow, metres; {_FITTING}")
     shaft_radius: float = setting(0.0, f"of an arrow, metres; {_FITTING}")
@@ -115,7 +115,7 @@ class PoseDrawing(PosesDrawing[PoseSettings]):
 class PoseArraySettings(PoseShape):
     """Many poses, as flat arrows along x, as arrows, or as axes."""
 
-    shape: str = setting(FLAT, "Arrow (Flat), Arrow (3D) or Axes", one_of(FLAT, SOLID, AXES))
+    shape: str = setting(FLAT, "how a pose is drawn", one_of(FLAT, SOLID, AXES))
     arrow_length: float = setting(0.3, "of a flat arrow, metres")
     shaft_length: float = setting(0.23, "of an arrow, metres")
     shaft_radius: float = setting(0.01, "of an arrow, metres")

@@ -1,0 +1,29 @@
+"""The parameters of robot_state_publisher, some of which are launch arguments, too."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from onebot_description.parameters.reader import Problem, parameter
+
+_LEAST_HERTZ = 0.001
+
+
+@dataclass(frozen=True)
+class StateParameters:
+    """The node's parameters."""
+
+    robot_description: str = parameter("", "the URDF; required without FILE")
+    publish_frequency: float = parameter(
+        0.0,
+        f"maximum rate of each transform, Hz; 0: every message, else at least {_LEAST_HERTZ:g}",
+        at_least=0.0,
+        at_most=1e3,
+    )
+    ignore_timestamp: bool = parameter(False, "publish joint states whatever their stamp is")
+    frame_prefix: str = parameter("", "prepended to every frame as it is")
+
+    def check(self) -> Iterator[Problem]:
+        """Report an interval that is longer than time."""
+        if 0.0 < self.publish_frequency < _LEAST_HERTZ:
+            text = f"{self.publish_frequency:g} is below {_LEAST_HERTZ:g}"
+            yield Problem("publish_frequency", f"{text}; write 0 for every message, or more")
