@@ -326,8 +326,8 @@ class ControlParameters:
         names = [n for to, n in arguments.names if to in ("", name)]
         if problems := unknown_parameters(ControlConfig, names):
             raise ConfigError(problems)
-        # Values of the files count unless -p sets them. rcl would take the last
-        # of a node's sections in the first file, whatever later files have.
+        # Values of the files count unless -p sets them. With several sections
+        # for a node rcl would use the first file's last, whatever later files have.
         written = {name: v for name, v in file.values.items() if name not in names}
         self.values = declare(node, ControlConfig, file.values, fixed=written)
         self.places = {

@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from onebot_description.errors import DescriptionError, OneBotError, UsageError, did_you_mean
 
-TYPE_CHECKING = False  # that of typing, which is slow to import
+TYPE_CHECKING = False  # typing's constant; typing is slow to import
 if TYPE_CHECKING:
     from onebot_bringup.cli.options import Subcommand
     from onebot_bringup.launch.bringup import Bringup

@@ -181,8 +181,8 @@ class Arbiter:
 
     def _set_driver(self, page: str | None) -> None:
         self._driver = page
-        for other in self._pages.values():  # a late page took hold before that
-            other.holding |= other.late
+        for connected_page in self._pages.values():  # a late page took hold before that
+            connected_page.holding |= connected_page.late
 
     def _halt(self) -> None:
         self._velocity, self._moving = Velocity(), False

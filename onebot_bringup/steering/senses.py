@@ -103,7 +103,7 @@ class Body(NamedTuple):
         x, y = ahead * points[:, 0], points[:, 1]
         along, aside = x, y
         if abs(angular) > 1e-3 * abs(linear):
-            radius = linear / angular  # to the left
+            radius = linear / angular  # positive: left
             side = math.copysign(1.0, radius)
             along = abs(radius) * np.arctan2(x, side * (radius - y))
             aside = np.hypot(x, y - radius) - abs(radius)
@@ -140,7 +140,7 @@ class Senses:
         self._topics = FollowedTopics(node, 1, self._subscription)
         self._used = -math.inf  # when a picture was requested
         self._picture: bytes | None = None  # the newest message
-        self._drawn: tuple[bytes | None, bytes | None] = None, None  # of which message, a JPEG
+        self._drawn: tuple[bytes | None, bytes | None] = None, None  # a message and its JPEG
         self._body: Body | None = None
         self._seen = math.inf, -math.inf  # the clearance, and when it was
         self.camera = ""

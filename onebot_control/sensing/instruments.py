@@ -40,7 +40,7 @@ _OPTICAL = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 # Measurements of a sensor that may wait, in the order in which those of a robot are made.
 _WAITING = {Imu: 50, Lidar: 4, Camera: 1}
 _FIRST_REPORT, _REPORT = 10.0, 60.0  # s between reports of dropped measurements
-_ENOUGH = 0.95  # of the measurements due; fewer are reported
+_ENOUGH = 0.95  # share of the measurements due; a smaller one is reported
 _PATIENCE = 10.0  # s for the thread to end
 _LEAP = 0.01  # m: a robot that has moved farther than by its speed was put there
 
@@ -72,7 +72,7 @@ class SensedWorld(NamedTuple):
     frame: Frame
     placed: Placed
     painter: camera.Painter
-    period: float  # of a control cycle, s
+    period: float  # control cycle, s
     gravity: float  # m/s^2
 
 

@@ -92,7 +92,7 @@ class SensorPublisher:
         imu = self._sensor.model
         assert isinstance(imu, Imu)
         message = ImuMessage()
-        orientation, angular, linear = (each.tolist() for each in values)
+        orientation, angular, linear = (vector.tolist() for vector in values)
         for part, names, numbers in (
             (message.orientation, "xyzw", orientation),
             (message.angular_velocity, "xyz", angular),
@@ -101,7 +101,7 @@ class SensorPublisher:
             for name, number in zip(names, numbers, strict=True):
                 setattr(part, name, number)
         variances = [
-            [each.stddev**2 for each in noises]
+            [noise.stddev**2 for noise in noises]
             for noises in (imu.angular_velocity, imu.linear_acceleration)
         ]
         message.angular_velocity_covariance = np.diag(variances[0]).ravel()
@@ -176,7 +176,7 @@ class RobotSensors:
         """
         self._node, self._changed = node, changed
         self._sensors: list[Sensor] = []
-        self._publishers: dict[tuple[type, str], Publisher] = {}  # by type and topic
+        self._publishers: dict[tuple[type, str], Publisher] = {}  # keys: type and topic
         self._file, self._read = "", _NO_FILE
         self._watch = FileWatch(())
 
@@ -199,7 +199,9 @@ class RobotSensors:
         self._follow(config.sensors, description)
         warn = self._node.get_logger().warning
         sensors = [*description.sensors, *self._read.sensors]
-        bad = {*description.bad_sensors, *self._read.bad_sensors} - {each.name for each in sensors}
+        bad = {*description.bad_sensors, *self._read.bad_sensors} - {
+            listed.name for listed in sensors
+        }
         for sensor in self._sensors:
             if sensor.name in bad and sensor.link in description.link_names:
                 warn(f'sensor "{sensor.name}" stays as it was: there is a fault in its block')

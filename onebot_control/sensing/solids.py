@@ -29,8 +29,8 @@ Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 Integers = NDArray[np.int32]
 
-_PLAIN: Rgba = (0.7, 0.7, 0.7, 1.0)  # of a visual without a colour
-_SECTIONS, _SUBDIVISIONS = 64, 3  # of the facets around cylinders and spheres
+_PLAIN: Rgba = (0.7, 0.7, 0.7, 1.0)  # colour of a visual without one
+_SECTIONS, _SUBDIVISIONS = 64, 3  # facets around cylinders and spheres
 
 
 class Rounds(NamedTuple):

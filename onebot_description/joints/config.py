@@ -204,7 +204,10 @@ class JointsConfig:
     def motions(self) -> Mapping[str, Motion]:
         """The motions by joint."""
         motion_items = self.motion_parameters.items()
-        return {joint: one.motion(joint, self.poses) for joint, one in motion_items}
+        return {
+            joint: motion_parameters.motion(joint, self.poses)
+            for joint, motion_parameters in motion_items
+        }
 
     @property
     def moves(self) -> bool:

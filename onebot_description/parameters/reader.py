@@ -379,8 +379,8 @@ def _build(shape: _Shape, given: Values, key: str, problems: list[Problem]) -> A
     shapes: dict[str, _Shape] = {}
     for name, value in given.items():
         if name and (step := _step(shape, name)):
-            first, shapes[first], rest = step
-            parts.setdefault(first, {})[rest] = value
+            first, shapes[first], subname = step
+            parts.setdefault(first, {})[subname] = value
         elif name:
             problems.append(Problem(_join(key, name), _no_such(shape, name, len(problems))))
         elif isinstance(shape, ValueType):
@@ -409,9 +409,13 @@ def _make(shape: _Group, given: Values, values: Values, key: str, problems: list
     config = shape.kind(**named)
     if hasattr(config, "check") and len(problems) < _MOST_LISTED:
         # A parameter that is wrong has its default now: what follows from that is not reported.
-        more = [Problem(_join(key, one.key), one.text) for one in config.check()]
+        more = [Problem(_join(key, problem.key), problem.text) for problem in config.check()]
         earlier = list(problems)
-        problems += [one for one in more if not any(_overlap(one, other) for other in earlier)]
+        problems += [
+            problem
+            for problem in more
+            if not any(_overlap(problem, reported) for reported in earlier)
+        ]
     return config
 
 
@@ -520,14 +524,14 @@ def refuse_undeclared(node: "Node", kind: type) -> None:
     from rclpy.exceptions import ParameterNotDeclaredException
 
     def check(parameters: list["Parameter"]) -> list["Parameter"]:
-        names = [one.name for one in parameters if not node.has_parameter(one.name)]
+        names = [item.name for item in parameters if not node.has_parameter(item.name)]
         if names:
-            texts = {one.key: one.text for one in unknown_parameters(kind, names)}
+            texts = {problem.key: problem.text for problem in unknown_parameters(kind, names)}
             error = ParameterNotDeclaredException(names)
             lines = (f"{name}: {texts.get(name, 'no such parameter')}" for name in names)
             error.args = ("\n".join(lines),)
             raise error
-        return [_with_double(kind, one) for one in parameters]
+        return [_with_double(kind, item) for item in parameters]
 
     node.add_pre_set_parameters_callback(check)
 
