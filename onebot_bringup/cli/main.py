@@ -72,7 +72,8 @@ def start_process(interrupted: int) -> None:
 
     Ctrl-C ends it at once, until something runs that has to be ended in order and installs its own
     handler: a KeyboardInterrupt would become a traceback in imports of compiled libraries, and at
-    the interpreter's end. What the terminal's encoding lacks is printed as escape sequences.
+    the interpreter's end. What the terminal's encoding lacks is printed, and read, as escape
+    sequences.
 
     Args:
         interrupted: the exit code after Ctrl-C.
@@ -82,8 +83,9 @@ def start_process(interrupted: int) -> None:
     # Background jobs of a shell ignore it, and go on doing so.
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
         signal.signal(signal.SIGINT, lambda *_: os._exit(interrupted))
-    if sys.stdout is not None:
-        sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
+    for stream in (sys.stdin, sys.stdout):
+        if stream is not None:
+            stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
 
 
 def run_command(
