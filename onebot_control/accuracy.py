@@ -63,7 +63,7 @@ class Segment(NamedTuple):
 class DrivenPath(NamedTuple):
     """Segments driven one after the other, from rest."""
 
-    name: str  # in the table
+    name: str  # heading in the table
     segments: tuple[Segment, ...]
     turning: bool = False  # a turn on the spot, whose error is in heading, not in position
 

@@ -50,7 +50,7 @@ class Snapshot(NamedTuple):
     tick: int  # cycles done before this one
     joints: JointStates  # all joints that move
     odometry: PlanarPose  # the wheels' pose, in the odometry's frame
-    covariance: PoseCovariance  # that pose's
+    covariance: PoseCovariance  # covariance of that pose
     twist: tuple[float, float]  # linear and angular velocity by the wheels, m/s and rad/s
     pose: Pose  # the true one in the world
     velocity: Twist  # the true one, in the base's frame

@@ -225,8 +225,8 @@ def _is_simulated(nodes: Sequence[Node], settings: Sequence[ControlParameters]) 
         ConfigError: the nodes differ in what is the world's.
     """
     for name in _OF_THE_WORLD:
-        first, *others = [node.get_parameter(name).value for node in nodes]
-        for node, value in zip(nodes[1:], others, strict=True):
+        first, *other_values = [node.get_parameter(name).value for node in nodes]
+        for node, value in zip(nodes[1:], other_values, strict=True):
             if value != first:
                 text = f"{value}, but {first} of {_full_name(nodes[0])}"
                 problem = f"{text}; it is the same for all robots of a world"
@@ -305,13 +305,13 @@ class RobotDriving:
         Raises:
             ConfigError: two frames have one name, or the frame of a scene would change.
         """
-        others = {
+        other_frames = {
             _full_name(robot._node): robot._frames()
             for robot in self._driving.robots
             if robot is not self
         }
         frames, world = self._frames(config, description), self._frames().world
-        problems = [*frames.problems(others, self._driving.scene)]
+        problems = [*frames.problems(other_frames, self._driving.scene)]
         if self._driving.scene is not None and frames.world != world:
             # The frames of the scene are published once.
             text = f'the frames of the world are in "{world}"; restart the node to change it'
@@ -359,15 +359,15 @@ class RobotDriving:
             raise
 
     def _on_description(self, urdf: str) -> None:
-        loop, before = self._driving.loop, self.description
-        if before is not None and before.urdf == urdf:
+        loop, previous = self._driving.loop, self.description
+        if previous is not None and previous.urdf == urdf:
             return
         try:
             description = parse_description(urdf, "robot_description")
             if loop is None:
                 self._start(description)
-            elif before is not None and description.urdf != before.urdf:
-                if (description.links, description.joints) != (before.links, before.joints):
+            elif previous is not None and description.urdf != previous.urdf:
+                if (description.links, description.joints) != (previous.links, previous.joints):
                     self.check_frames(description=description)
                     loop.call(lambda: self._replace(loop, description))
                 self.description = description
@@ -456,26 +456,26 @@ class RobotDriving:
         return SetParametersResult(successful=True)
 
     def _apply(self, parameters: Sequence[Parameter]) -> None:
-        before, warned = self._settings.config, self._settings.warnings
+        previous_config, warned = self._settings.config, self._settings.warnings
         self._settings.accept(parameters)
         for warning in self._settings.warnings:
             if warning not in warned:
                 self._node.get_logger().warning(warning)
         config, loop = self._settings.config, self._driving.loop
-        if config == before:
+        if config == previous_config:
             return
-        if config.cmd_vel_type != before.cmd_vel_type:
+        if config.cmd_vel_type != previous_config.cmd_vel_type:
             self.commands.choose(config.cmd_vel_type)
         if loop is not None:
             # Of many robots that follow one, waiting for a cycle each would take long.
-            follows = config == replace(before, real_time_factor=self._driving.factor)
+            follows = config == replace(previous_config, real_time_factor=self._driving.factor)
             try:
                 (loop.post if follows else loop.call)(lambda: self._configure(loop, config))
             except OneBotError as error:  # here it would end the process
                 self._refuse("parameters", f"parameters not applied, {_GOES_ON}: {error}")
         if config.real_time_factor != self._driving.factor:
             self._driving.set_factor(config.real_time_factor)
-        if replace(config, real_time_factor=before.real_time_factor) != before:
+        if replace(config, real_time_factor=previous_config.real_time_factor) != previous_config:
             self._sense_again()
 
     def _configure(self, loop: ControlLoop, config: ControlConfig) -> None:

@@ -110,9 +110,9 @@ class RollingMean:
 
     def resized(self, size: int) -> "RollingMean":
         """Return the same over ``size`` values, beginning with the last ones of these."""
-        other = RollingMean(size)
-        other._values.extend(self._values)
-        return other
+        mean = RollingMean(size)
+        mean._values.extend(self._values)
+        return mean
 
 
 class Odometry:

@@ -189,8 +189,8 @@ class ControlConfig:
     def check(self) -> Iterator[Problem]:
         """Report wheels that do not make two sides."""
         left, right = self.left_wheel_names, self.right_wheel_names
-        for side, names, others in (("left", left, right), ("right", right, left)):
-            if others and not names:
+        for side, names, opposite_names in (("left", left, right), ("right", right, left)):
+            if opposite_names and not names:
                 text = f"is empty; name joints: [{side}_wheel_joint]"
                 yield Problem(f"{side}_wheel_names", text)
         if left and right and len(left) != len(right):
@@ -326,8 +326,8 @@ class ControlParameters:
         names = [n for to, n in arguments.names if to in ("", name)]
         if problems := unknown_parameters(ControlConfig, names):
             raise ConfigError(problems)
-        # Values of the files count unless -p sets them. rcl would use the last of several sections
-        # for one node in the first file, whatever later files have.
+        # Values of the files count unless -p sets them. With several sections
+        # for a node rcl would use the first file's last, whatever later files have.
         written = {name: v for name, v in file.values.items() if name not in names}
         self.values = declare(node, ControlConfig, file.values, fixed=written)
         self.places = {
@@ -357,8 +357,8 @@ class ControlParameters:
     def accept(self, parameters: Sequence["Parameter"]) -> None:
         """Apply parameters that ``changed`` found nothing wrong with."""
         self.values.update(_own(parameters))
-        for one in parameters:  # no longer as the file has it
-            self.places.pop(one.name, None)
+        for new_parameter in parameters:  # no longer as the file has it
+            self.places.pop(new_parameter.name, None)
         self.config = read(ControlConfig, self.values)
 
 

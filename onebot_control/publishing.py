@@ -75,29 +75,29 @@ class Frames(NamedTuple):
             others: the frames of the other robots of the world, by the robots' names.
             scene: what stands around them.
         """
-        taken, worlds = dict.fromkeys(self.links - {self.base}, "a link of the robot"), {}
-        for name, other in others.items():
-            taken[other.odom] = f"odom_frame_id of {name}"
-            taken[other.base] = f"base_frame_id of {name}"
-            worlds[other.world] = f"world_frame_id of {name}"
-            if scene is not None and other.world != self.world:
-                text = f'"{self.world}", but "{other.world}" of {name}; in a world it is the same'
+        owners, worlds = dict.fromkeys(self.links - {self.base}, "a link of the robot"), {}
+        for name, frames in others.items():
+            owners[frames.odom] = f"odom_frame_id of {name}"
+            owners[frames.base] = f"base_frame_id of {name}"
+            worlds[frames.world] = f"world_frame_id of {name}"
+            if scene is not None and frames.world != self.world:
+                text = f'"{self.world}", but "{frames.world}" of {name}; in a world it is the same'
                 yield Problem("world_frame_id", text)
         for link in scene.links if scene else ():
             if link.name in self.links:
                 text = f'{link.where}: link "{link.name}": a frame of the robot has this name'
                 yield Problem("", f"{text}; rename the link")
             elif not (scene and link.name == scene.root_link == self.world):
-                taken.setdefault(link.name, f"a link of the world, {link.where}")
+                owners.setdefault(link.name, f"a link of the world, {link.where}")
         for key, frame in zip(
             ("base_frame_id", "odom_frame_id", "world_frame_id"),
             (self.base, self.odom, self.world),
             strict=True,
         ):
-            what = taken.get(frame) or (key != "world_frame_id" and worlds.get(frame))
+            what = owners.get(frame) or (key != "world_frame_id" and worlds.get(frame))
             if frame and what:
                 yield Problem(key, f'"{frame}" is {what}; each frame needs a name of its own')
-            taken.setdefault(frame, key)
+            owners.setdefault(frame, key)
 
 
 class Publishers:

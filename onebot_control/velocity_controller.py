@@ -112,12 +112,12 @@ def velocity_controllers(
     Raises:
         OneBotError: the parameters or a description cannot be used.
     """
-    nodes = [VelocityController(own) for own in robots] or [VelocityController()]
+    nodes = [VelocityController(words) for words in robots] or [VelocityController()]
     # Only now: this process and the others discover each other while it is imported.
     from onebot_control.driving import Driving
 
-    each = [arguments.joined(own) for own in robots] or [arguments]
-    driving = Driving(nodes, file, each)
+    node_arguments = [arguments.joined(words) for words in robots] or [arguments]
+    driving = Driving(nodes, file, node_arguments)
     at_stop(driving.stop)
     for node in nodes:
         node.driving = driving
@@ -127,15 +127,15 @@ def velocity_controllers(
 def main(args: list[str] | None = None) -> int:
     """Run the node; ``args`` are as in sys.argv. Return the exit code."""
     sys.setswitchinterval(_SWITCH_INTERVAL)
-    own, robots = split_robots(sys.argv if args is None else args)
-    files = [file for each in robots for file in RosArguments().joined(each).files]
+    common_arguments, robots = split_robots(sys.argv if args is None else args)
+    files = [file for words in robots for file in RosArguments().joined(words).files]
     return run_described_node(
         "velocity_controller",
         __doc__,
         ControlConfig,
         partial(velocity_controllers, robots),
         lambda common: read_control_files([*common, *files], "/", "velocity_controller"),
-        own,
+        common_arguments,
         default_file=default_control_file,
         events=True,
     )

@@ -49,16 +49,16 @@ def did_you_mean(name: str, candidates: Iterable[str], what: str = "known") -> s
     """
     if isinstance(candidates, Collection) and len(candidates) > _MAX_COMPARED:
         return f" ({len(candidates)} {what})"
-    others = {candidate for candidate in candidates if candidate != name}
-    guess = nearest(name, others)
+    names = {candidate for candidate in candidates if candidate != name}
+    guess = nearest(name, names)
     question = f'did you mean "{guess}"? ' if guess is not None else ""
-    if len(others) <= _MAX_LISTED:
-        return f" ({question}{what}: {listing(others)})"
+    if len(names) <= _MAX_LISTED:
+        return f" ({question}{what}: {listing(names)})"
     from difflib import get_close_matches
 
     # The most similar ones: the first of the alphabet would be no help.
-    alike = get_close_matches(name, others, n=_MAX_LISTED, cutoff=0.0)
-    return f" ({question}{what}: {', '.join(alike)}, and {len(others) - _MAX_LISTED} more)"
+    alike = get_close_matches(name, names, n=_MAX_LISTED, cutoff=0.0)
+    return f" ({question}{what}: {', '.join(alike)}, and {len(names) - _MAX_LISTED} more)"
 
 
 def printable(text: str) -> str:

@@ -175,11 +175,11 @@ class JointParameters:
 
     def _topic_problems(self, topics: Sequence[str]) -> list[Problem]:
         problems = []
-        own = self._node.resolve_topic_name("joint_states")
+        own_topic = self._node.resolve_topic_name("joint_states")
         for topic in topics:
             try:
                 validate_topic_name(topic)
-                same = self._node.resolve_topic_name(topic) == own
+                same = self._node.resolve_topic_name(topic) == own_topic
             except InvalidTopicNameException as error:
                 problems.append(Problem("source_list", " ".join(str(error).split())))
                 continue

@@ -345,18 +345,18 @@ def split_robots(arguments: Sequence[str]) -> tuple[list[str], list[list[str]]]:
         The arguments of the process, and those of each robot's node: what follows each --robot,
         until --ros-args or the end. They are ROS arguments.
     """
-    own: list[str] = []
+    common: list[str] = []
     robots: list[list[str]] = []
-    target, inside = own, False
+    target, inside = common, False
     for word in arguments:
         if word == "--ros-args":
-            target, inside = own, True
+            target, inside = common, True
         elif word == "--robot" and not inside:
             target = []
             robots.append(target)
             continue
         target.append(word)
-    return own, robots
+    return common, robots
 
 
 def ros_args(own: Sequence[str] | None) -> list[str] | None:
@@ -453,8 +453,8 @@ class OnlyPublisher:
         names = self._names() if self._node.count_publishers(self._topic) > 1 else []
         if not self._lasting.new(names, time.monotonic()):
             return
-        others = ", ".join(names)
-        text = f"also published by {others}" if self._own else f"published by {others} at once"
+        rivals = ", ".join(names)
+        text = f"also published by {rivals}" if self._own else f"published by {rivals} at once"
         self._node.get_logger().warning(f"{self._topic} is {text}: {self._problem}")
 
     def _names(self) -> list[str]:

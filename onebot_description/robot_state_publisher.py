@@ -84,8 +84,8 @@ class RobotStatePublisher(Node):
         """
         super().__init__("robot_state_publisher", cli_args=ros_args(arguments))
         self._warn = Throttled(self.get_logger().warning)
-        given = {} if description is None else {"robot_description": description.urdf}
-        self._values = declare(self, StateParameters, fixed=given)
+        fixed = {} if description is None else {"robot_description": description.urdf}
+        self._values = declare(self, StateParameters, fixed=fixed)
         self._settings = read(StateParameters, self._values)
         self._tf = self.create_publisher(TFMessage, "/tf", QoSProfile(depth=100))
         self._tf_static = self.create_publisher(TFMessage, "/tf_static", LATCHED)
@@ -223,26 +223,26 @@ def _parse(urdf: str) -> Description:
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node; returns the exit code."""
-    own, robots = split_robots(sys.argv if args is None else args)
+    common, robots = split_robots(sys.argv if args is None else args)
     followed = None
-    if _FOLLOW in own:
-        at = own.index(_FOLLOW)
-        followed = Source.from_json(own[at + 1])
-        del own[at : at + 2]
+    if _FOLLOW in common:
+        at = common.index(_FOLLOW)
+        followed = Source.from_json(common[at + 1])
+        del common[at : at + 2]
 
     def make_nodes(file: str | None, _: RosArguments) -> list[RobotStatePublisher]:
         description, source, now_ns = None, followed, time.time_ns()
         if file is not None:
             description = load_description(file)
             source = Source(file, {}, tuple(map(str, description.files)), now_ns)
-        nodes = [RobotStatePublisher(description, each) for each in robots]
+        nodes = [RobotStatePublisher(description, words) for words in robots]
         nodes = nodes or [RobotStatePublisher(description, source=source)]
         # In every bringup there is this process, and only one.
         DiscoveryServerCheck(nodes)
         return nodes
 
     return run_described_node(
-        "robot_state_publisher", __doc__, StateParameters, make_nodes, None, own, events=True
+        "robot_state_publisher", __doc__, StateParameters, make_nodes, None, common, events=True
     )
 
 

@@ -78,9 +78,9 @@ def offers(
     }
     if publishers:
         return publishers
-    own = node.get_name(), node.get_namespace()
+    node_name = node.get_name(), node.get_namespace()
     ends = node.get_subscriptions_info_by_topic(topic)
-    types = {end.topic_type for end in ends if (end.node_name, end.node_namespace) != own}
+    types = {end.topic_type for end in ends if (end.node_name, end.node_namespace) != node_name}
     return {kind: [] for kind in types if accepted is None or kind in accepted}
 
 

@@ -108,23 +108,23 @@ def log_bag(
     )
     for warning in robot_view.offer(_with_messages(bag, first, namespace)):
         warn(warning)
-    shown = player.play(robot_view, progress)
+    replay = player.play(robot_view, progress)
     for warning in bag.warnings[warned:]:
         warn(warning)
-    if not shown.messages:
+    if not replay.messages:
         topics = [f"{topic} ({kind})" for topic, kind in bag.topics.items()]
         raise OneBotError(f"nothing of {bag.source} can be shown: it has {listing(topics)}")
-    return shown
+    return replay
 
 
 def _with_messages(bag: Bag, robot: "RecordedRobot", namespace: str) -> dict[str, str]:
     """The types of the topics that have messages, without the robots' that are not shown."""
     spaces = {*_spaces(bag, _DESCRIPTION_NAME, DESCRIPTION.name)} if namespace else set()
-    others = tuple(f"{space}/" for space in spaces - {"", robot.space})
+    other_prefixes = tuple(f"{space}/" for space in spaces - {"", robot.space})
     return {
         topic: kind
         for topic, kind in bag.topics.items()
-        if (bag.counts[topic] or not bag.count) and not topic.startswith(others)
+        if (bag.counts[topic] or not bag.count) and not topic.startswith(other_prefixes)
     }
 
 
@@ -207,15 +207,15 @@ def robots_of(bag: Bag, namespace: str = "") -> list[RecordedRobot]:
     spaces = described or [""]
     if namespace:
         spaces = [f"/{namespace.strip('/')}".rstrip("/")]
-        known = {*described, *joints, *filter(None, transforms)}
-        if spaces[0] not in known:
-            hint = did_you_mean(namespace, {space or "/" for space in known}, "robots")
+        known_spaces = {*described, *joints, *filter(None, transforms)}
+        if spaces[0] not in known_spaces:
+            hint = did_you_mean(namespace, {space or "/" for space in known_spaces}, "robots")
             raise OneBotError(f"namespace:={namespace}: {bag.source} has no robot there{hint}")
     robots = []
     for space in spaces:
         with_joints, with_tf = space, [t for t in ("", space) if t in transforms]
         if not described and not namespace:
-            with_joints = next((one for one in (space, *joints) if one in joints), space)
+            with_joints = next((option for option in (space, *joints) if option in joints), space)
         if not namespace and len(spaces) == 1:
             with_tf += transforms
         description = f"{space}/{_DESCRIPTION_NAME}" if space in described else ""
@@ -235,7 +235,7 @@ def _robots_to_show(
 ) -> list[RobotToShow]:
     """The robots with the prefixes of their frames, which are found out if none is given."""
     frames = set() if frame_prefix or not descriptions else frames_of(bag, robots[0])
-    shown: list[RobotToShow] = []
+    choice: list[RobotToShow] = []
     for robot in robots:
         description, prefix = descriptions.get(robot.description), frame_prefix
         if description is not None and not prefix:
@@ -244,8 +244,8 @@ def _robots_to_show(
             )
         # Of one robot alone, ``resolved`` has its topics.
         space = robot.space if len(robots) > 1 else ""
-        shown.append(RobotToShow(space, prefix, plotted=len(shown) < MOST_PLOTTED))
-    return shown
+        choice.append(RobotToShow(space, prefix, plotted=len(choice) < MOST_PLOTTED))
+    return choice
 
 
 def descriptions_in(bag: Bag, topics: Collection[str]) -> dict[str, Description]:

@@ -105,8 +105,8 @@ def _size(number: float) -> str:
 
 
 def _seconds(nanoseconds: int) -> str:
-    seconds, rest = divmod(nanoseconds, _NANO)
-    return f"{seconds}.{rest:09d}"
+    seconds, remainder = divmod(nanoseconds, _NANO)
+    return f"{seconds}.{remainder:09d}"
 
 
 def _date(nanoseconds: int) -> str:

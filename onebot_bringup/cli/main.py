@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from onebot_description.errors import DescriptionError, OneBotError, UsageError, did_you_mean
 
-TYPE_CHECKING = False  # that of typing, which is slow to import
+TYPE_CHECKING = False  # typing's constant; typing is slow to import
 if TYPE_CHECKING:
     from onebot_bringup.cli.options import Subcommand
     from onebot_bringup.launch.bringup import Bringup
@@ -172,9 +172,9 @@ def run_verb(words: list[str]) -> int:
     if not words:
         print(usage(), file=sys.stderr)
         return 2
-    first, *rest = words
-    if first == "help" and rest:
-        first, *rest = [*rest, "--help"]
+    first, *arguments = words
+    if first == "help" and arguments:
+        first, *arguments = [*arguments, "--help"]
     if first in ("-h", "--help", "help"):
         print(usage())
         return 0
@@ -182,14 +182,14 @@ def run_verb(words: list[str]) -> int:
         print(f"onebot {version()}")
         return 0
     if first not in VERBS:
-        raise UsageError(f'onebot has no command "{first}"{_instead(first, rest)}')
+        raise UsageError(f'onebot has no command "{first}"{_instead(first, arguments)}')
     from importlib import import_module
 
     if table := subcommands(first):
         from onebot_bringup.cli.options import dispatch
 
-        return dispatch(first, table, rest)
-    return int(import_module(f"{PACKAGE}.{first}").run(rest))
+        return dispatch(first, table, arguments)
+    return int(import_module(f"{PACKAGE}.{first}").run(arguments))
 
 
 def take_settings(words: list[str]) -> list[str]:

@@ -39,7 +39,7 @@ class Named:
 
     def question(self, session: Session, name: str) -> str:
         """Return a question for the most similar name, such as `` (did you mean "/a"?)``."""
-        names = [other for other, _ in self.discovered(session, False) if other != name]
+        names = [candidate for candidate, _ in self.discovered(session, False) if candidate != name]
         guess = nearest(name, names)
         return f' (did you mean "{guess}"?)' if guess else ""
 

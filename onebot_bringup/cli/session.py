@@ -29,7 +29,7 @@ _MOST = 2.0  # s of discovery
 _LOOKUP = 3.5  # s to discover a name: all participants announce themselves every 3 s
 PATIENCE = 1.0  # s until a waiting command prints what it waits for
 _POLL = 0.02  # s
-_UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"  # as rcl has it
+_UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"  # rcl's name for an unknown node
 
 
 class Session:

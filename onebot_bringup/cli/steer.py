@@ -60,16 +60,16 @@ Arguments and their defaults:
 def run(argv: Sequence[str]) -> int:
     """Run the command and return its exit code."""
     arguments = split(argv)
-    given = with_positional(arguments, "topic", "topic", "onebot steer")
+    words = with_positional(arguments, "topic", "topic", "onebot steer")
     if arguments.help or arguments.show:
         print(_HELP if arguments.help else table(_ARGUMENTS))
         return 0
-    values = complete(_ARGUMENTS, given)
+    values = complete(_ARGUMENTS, words)
     _check(values)
     bind_address = choose_bind_address(values["host"], int(values["port"]), values["token"])
     if bind_address.warning:
         print(f"warning: {bind_address.warning}", file=sys.stderr)
-    os.environ.update(environment(values, forced="discovery" in given))
+    os.environ.update(environment(values, forced="discovery" in words))
     with tempfile.TemporaryDirectory(prefix="onebot-") as folder:
         return _launch(Path(folder), values, bind_address, arguments.ros_args)
 

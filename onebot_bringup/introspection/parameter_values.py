@@ -88,7 +88,7 @@ def parse_value(text: str, declared: int = NOT_SET) -> tuple[str, int, Any]:
 def is_finite(value: Any) -> bool:
     """Whether a value, or list, has neither infinities nor NaN."""
     values = value if isinstance(value, list) else [value]
-    return all(math.isfinite(one) for one in values if isinstance(one, float))
+    return all(math.isfinite(number) for number in values if isinstance(number, float))
 
 
 def _unquoted(text: str) -> str:
@@ -166,7 +166,7 @@ def dump(node: str, names: Sequence[str], values: Sequence[Any]) -> str:
         if value.type == NOT_SET:
             continue  # rcl reads no file with a null in it
         *groups, last = name.split(".")
-        if any(name.startswith(f"{other}.") for other in names):
+        if any(name.startswith(f"{prefix}.") for prefix in names):
             groups, last = [], name  # "a" and "a.b" are parameters, both
         level = tree
         for group in groups:

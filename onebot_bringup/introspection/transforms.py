@@ -17,7 +17,7 @@ from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.wire.messages import TfArrays
 
 Floats = NDArray[np.float64]
-_MOST_ROWS = 100_000  # in all blocks: messages may come with ever other sets of frames
+_MOST_ROWS = 100_000  # limit over all blocks: each new set of frames adds some
 _HISTORY_NS, _HISTORY_ROWS = 10_000_000_000, 1_000_000  # tf2 keeps ten seconds
 _FOR_EVER = np.iinfo(np.int64).max
 _LATE_NS = 1_000_000_000  # a message that is older than the latest by more is of another clock
@@ -113,10 +113,10 @@ class FrameTree:
     def __init__(self) -> None:
         self.version = 0  # another number after every change of a frame's parent
         self._places: dict[str, tuple[_Block, int]] = {}
-        # By the identity of the lists that were given, which are kept for that.
+        # Keyed by the identity of the lists given, which are kept so that it stays theirs.
         self._blocks: dict[tuple[int, int], tuple[object, object, _Block]] = {}
-        self._rows = 0  # in all blocks
-        self._lists: dict[tuple[str, str], tuple[list[str], list[str]]] = {}  # by a frame
+        self._rows = 0  # sum over all blocks
+        self._lists: dict[tuple[str, str], tuple[list[str], list[str]]] = {}  # keyed by a frame
         self._tops: dict[str, str] = {}
         self._names: frozenset[str] | None = None
 
@@ -331,10 +331,10 @@ class FrameTree:
         chain = self.chain(target, source)
         # Of each pair of neighbours the child, and whether it is the second one.
         steps = []
-        for frame, other in zip(chain, chain[1:], strict=False):
-            block, row = self._places.get(other, (None, 0))
+        for frame, next_frame in zip(chain, chain[1:], strict=False):
+            block, row = self._places.get(next_frame, (None, 0))
             down = block is not None and block.parents[row] == frame
-            steps.append((other if down else frame, down))
+            steps.append((next_frame if down else frame, down))
         spans = [span for child, _ in steps if (span := self.span(child)) is not None]
         time_ns = min((newest for _, newest in spans), default=0)
         oldest = max((oldest for oldest, _ in spans), default=0)

@@ -137,7 +137,7 @@ class Arguments:
 def split(argv: Sequence[str]) -> Arguments:
     """Split a command line into its parts."""
     words, ros_args = _split_ros_args(argv)
-    given: dict[str, str] = {}
+    assignments: dict[str, str] = {}
     positional: list[str] = []
     options: set[str] = set()
     for word in words:
@@ -145,13 +145,13 @@ def split(argv: Sequence[str]) -> Arguments:
         if separator and not name.startswith("-"):
             if not name:
                 raise UsageError(f'"{word}" has no name; write name:=value')
-            given[name] = value
+            assignments[name] = value
         elif word.startswith("-") and word != "-":
             options.add(_option(word))
         else:
             positional.append(word)
     return Arguments(
-        given, tuple(positional), ros_args, "--help" in options, "--show-args" in options
+        assignments, tuple(positional), ros_args, "--help" in options, "--show-args" in options
     )
 
 

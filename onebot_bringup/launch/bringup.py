@@ -92,30 +92,30 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     from onebot_description.description_files import Source
 
     arguments = split(argv)
-    given = _with_model(command, arguments)
-    declared, of_model = command.arguments(), command.model_arguments(given)
-    model = given.get("model", command.model)
+    assignments = _with_model(command, arguments)
+    declared, of_model = command.arguments(), command.model_arguments(assignments)
+    model = assignments.get("model", command.model)
     if arguments.help or arguments.show:
         print(help_text(command, declared, of_model.arguments, complete=arguments.help))
         return 0
     if not model:
         raise UsageError(f"{command.program} needs a file, a URDF or xacro")
-    own, for_xacro = _divide(given, declared, of_model)
-    values = checked_values(declared, own)
+    command_arguments, for_xacro = _divide(assignments, declared, of_model)
+    values = checked_values(declared, command_arguments)
     find_spec("rclpy")  # one error here if it is missing, rather than one of each node
     # No matrix of a node is large enough for threads; without them xacro can run in a fork here.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     _check_files(values)
-    values = with_params_file(values, own)
+    values = with_params_file(values, command_arguments)
     if values.get("world"):
-        values["view"] = own.get("view", command.world_view)
+        values["view"] = command_arguments.get("view", command.world_view)
     read_ns = time.time_ns()
     description = load_description(model, for_xacro)
     description.require_tree()
     robots = _placed(values.get("robots", ""), description)
-    _check_sections(values, own, robots)
+    _check_sections(values, command_arguments, robots)
     source = Source(model, for_xacro, tuple(map(str, description.files)), read_ns)
-    os.environ.update(environment(values, forced="discovery" in own))
+    os.environ.update(environment(values, forced="discovery" in command_arguments))
     with (
         KeyboardInterrupts(),  # they leave no folder and no process behind
         tempfile.TemporaryDirectory(prefix="onebot-") as folder,
@@ -159,8 +159,8 @@ def _divide(
     problems = [unknown(name, names) for name in given if name not in names]
     if problems and of_model.complete:  # else expanding it shows whether they exist
         raise UsageError("\n".join(problems))
-    own = {name: value for name, value in given.items() if name in ours}
-    return own, {name: value for name, value in given.items() if name not in ours}
+    command_arguments = {name: value for name, value in given.items() if name in ours}
+    return command_arguments, {name: value for name, value in given.items() if name not in ours}
 
 
 def _check_files(values: Mapping[str, str]) -> None:

@@ -44,8 +44,8 @@ class Launch:
     @property
     def params_files(self) -> list[Path]:
         """The controller's parameter files; the later one overrides."""
-        own = self.robot.params_file if self.robot else None
-        return [Path(self.values["params_file"]).absolute(), *filter(None, [own])]
+        robot_file = self.robot.params_file if self.robot else None
+        return [Path(self.values["params_file"]).absolute(), *filter(None, [robot_file])]
 
     def is_true(self, name: str) -> bool:
         """Whether a switch is on; one that the command does not have is off."""
@@ -66,9 +66,9 @@ class Launch:
         if self.robots and row.each_robot:
             for robot in self.robots:
                 launch = self._of_robot(robot)
-                own = row.parameters(launch) | parameters
+                node_parameters = row.parameters(launch) | parameters
                 files = launch.params_files[1:] if row.params_files else ()
-                words += ["--robot", *launch.ros_nodes.arguments(row.name, own, files)]
+                words += ["--robot", *launch.ros_nodes.arguments(row.name, node_parameters, files)]
         else:
             parameters |= row.parameters(self)
         files = self.params_files if row.params_files else ()

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from onebot_bringup.cli.main import run_bringup
 
-TYPE_CHECKING = False  # that of typing, which is slow to import
+TYPE_CHECKING = False  # typing's constant; typing is slow to import
 if TYPE_CHECKING:
     from onebot_bringup.launch.bringup import Bringup
 

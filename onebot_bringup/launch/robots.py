@@ -69,10 +69,12 @@ class RobotsFile:
             if not _NAME.fullmatch(name):
                 text = "is not possible as a namespace; write letters, digits and _"
                 yield Problem(f"robots.{name}", text)
-        for (one, a), (two, b) in combinations(self.robots.items(), 2):
+        for (name_a, a), (name_b, b) in combinations(self.robots.items(), 2):
             if math.hypot(a.x - b.x, a.y - b.y) < _SAME:
-                text = f"is in the same place as {one}, x {b.x:g} m, y {b.y:g} m; move one of them"
-                yield Problem(f"robots.{two}", text)
+                text = (
+                    f"is in the same place as {name_a}, x {b.x:g} m, y {b.y:g} m; move one of them"
+                )
+                yield Problem(f"robots.{name_b}", text)
 
 
 def placed_robots(text: str, description: Description) -> list[PlacedRobot]:

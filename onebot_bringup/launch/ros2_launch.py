@@ -30,11 +30,11 @@ def launch_description(script: ModuleType) -> Any:
 
     command: Bringup = script.command()
     arguments = [*command.arguments(), *command.model_arguments({}).arguments]
-    given: dict[str, str] = {}
+    configurations: dict[str, str] = {}
 
     def start(context: Any) -> list[Any]:
-        given.update(context.launch_configurations)
-        process = [sys.executable, "-m", script.__name__, *words(command, given)]
+        configurations.update(context.launch_configurations)
+        process = [sys.executable, "-m", script.__name__, *words(command, configurations)]
         return [
             ExecuteProcess(
                 cmd=process,
@@ -46,7 +46,7 @@ def launch_description(script: ModuleType) -> Any:
 
     def forget_defaults(context: Any) -> None:
         for argument in arguments:
-            if argument.name not in given:
+            if argument.name not in configurations:
                 context.launch_configurations.pop(argument.name, None)
 
     return LaunchDescription(
@@ -69,8 +69,10 @@ def words(command: Bringup, configurations: Mapping[str, str]) -> list[str]:
     """
     of_model = command.model_arguments(configurations).arguments
     names = {argument.name for argument in (*command.arguments(), *of_model)}
-    given = {name: value for name, value in configurations.items() if name in names}
+    assignments = {name: value for name, value in configurations.items() if name in names}
     if pushed := configurations.get(_PUSHED):
-        own = given.get("namespace", "")
-        given["namespace"] = own if own.startswith("/") else f"{pushed}/{own}"
-    return [f"{name}:={value}" for name, value in given.items()]
+        namespace = assignments.get("namespace", "")
+        assignments["namespace"] = (
+            namespace if namespace.startswith("/") else f"{pushed}/{namespace}"
+        )
+    return [f"{name}:={value}" for name, value in assignments.items()]

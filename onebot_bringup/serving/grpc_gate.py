@@ -64,12 +64,12 @@ class GrpcGate(LoopThread):
     ) -> None:
         source, server = await asyncio.open_connection(*self._backend)
         server.write(_PREFACE)
-        there = asyncio.ensure_future(_pump(reader, server))
+        outbound = asyncio.ensure_future(_pump(reader, server))
         back = asyncio.ensure_future(_pump(source, client))
         try:
-            await asyncio.wait((there, back), return_when=asyncio.FIRST_COMPLETED)
+            await asyncio.wait((outbound, back), return_when=asyncio.FIRST_COMPLETED)
         finally:
-            for pump in (there, back):
+            for pump in (outbound, back):
                 pump.cancel()
             server.close()
 

@@ -30,7 +30,7 @@ def refusal(address: str, host: str, origin: str | None, allowed: Iterable[str])
     if not is_own_name(address, host):
         names = ", ".join(sorted(_LOOPBACK_NAMES | {address}))
         return f'This server is not "{_shown(host)}": open it as {names}.'
-    if origin is not None and origin.lower() not in {one.lower() for one in allowed}:
+    if origin is not None and origin.lower() not in {site.lower() for site in allowed}:
         return f"Pages of {_shown(origin)} have no access to this robot."
     return ""
 
@@ -64,8 +64,8 @@ def guard(address: str) -> Middleware:
     @web.middleware
     async def check(request: web.Request, handler: Handler) -> web.StreamResponse:
         host = request.headers.get("Host", "")
-        own = [f"http://{host}"]
-        problem = refusal(address, host, request.headers.get("Origin"), own)
+        own_origins = [f"http://{host}"]
+        problem = refusal(address, host, request.headers.get("Origin"), own_origins)
         if problem := problem or foreign_refusal(request):
             return web.Response(status=403, text=f"{problem}\n")
         return await handler(request)

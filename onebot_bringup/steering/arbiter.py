@@ -181,8 +181,8 @@ class Arbiter:
 
     def _set_driver(self, page: str | None) -> None:
         self._driver = page
-        for other in self._pages.values():  # a late page took hold before that
-            other.holding |= other.late
+        for connected_page in self._pages.values():  # a late page took hold before that
+            connected_page.holding |= connected_page.late
 
     def _halt(self) -> None:
         self._velocity, self._moving = Velocity(), False
@@ -191,15 +191,15 @@ class Arbiter:
     def _update(self) -> Iterator[None]:
         """Publish at once what a change does to the robot, and notify pages of a new state."""
         with self._lock:
-            before, acts = self._state(), (self._driver, self._moving, self._stops)
+            previous_state, acts = self._state(), (self._driver, self._moving, self._stops)
             yield
-            after = self._state()
+            state = self._state()
             if acts != (self._driver, self._moving, self._stops):
                 self._publish_next()
-        if (before.driver, before.pages, before.limits) != (
-            after.driver,
-            after.pages,
-            after.limits,
+        if (previous_state.driver, previous_state.pages, previous_state.limits) != (
+            state.driver,
+            state.pages,
+            state.limits,
         ):
             self.changed()
 

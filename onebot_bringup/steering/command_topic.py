@@ -108,11 +108,11 @@ def foreign_type(node: Node, topic: str) -> str:
     The publisher of ``node`` itself does not count.
     """
     ends = node.get_publishers_info_by_topic(topic) + node.get_subscriptions_info_by_topic(topic)
-    own = node.get_name(), node.get_namespace()
+    own_name = node.get_name(), node.get_namespace()
     kinds = {
         end.topic_type
         for end in ends
-        if (end.node_name, end.node_namespace) != own or end.topic_type not in _TYPES
+        if (end.node_name, end.node_namespace) != own_name or end.topic_type not in _TYPES
     }
     return "" if kinds & _TYPES.keys() else ", ".join(sorted(kinds))
 
@@ -225,9 +225,9 @@ class CommandTopic:
 
     def _other_publishers(self) -> list[str]:
         names = [full_name(end) for end in self._node.get_publishers_info_by_topic(self.topic)]
-        own = self._node.get_fully_qualified_name()
-        if self._publisher is not None and own in names:
-            names.remove(own)  # another page's server may have the same name
+        own_name = self._node.get_fully_qualified_name()
+        if self._publisher is not None and own_name in names:
+            names.remove(own_name)  # another page's server may have the same name
         return sorted(names)
 
     def _create_publisher(self) -> None:

@@ -79,7 +79,7 @@ class Controllers:
 
     def _on_event(self, event: ParameterEvent) -> None:
         changes = (*event.new_parameters, *event.changed_parameters, *event.deleted_parameters)
-        if event.node in self._inquiries and any(one.name in NAMES for one in changes):
+        if event.node in self._inquiries and any(change.name in NAMES for change in changes):
             self._inquiries[event.node].due = 0.0
 
 

@@ -74,8 +74,8 @@ class Ground:
         """Follow publishers of the robot's map, or that of all robots; to be called often."""
         topics: dict[str, str] = {}
         if time.monotonic() < self._used + _UNUSED:
-            own = f"{namespace}/{_MAP}"
-            grid = own if self._node.count_publishers(own) else f"/{_MAP}"
+            own_map = f"{namespace}/{_MAP}"
+            grid = own_map if self._node.count_publishers(own_map) else f"/{_MAP}"
             topics = {"/tf": _TF, "/tf_static": _TF, grid: _GRID}
         left = self._topics.update(topics)
         if _TF in left:

@@ -42,8 +42,10 @@ class Controller:
         if "max_velocity" not in linear and "max_velocity" not in angular:
             return None
         timeout = values.get(TIMEOUT, 0.0)
-        known = 0.0 < timeout < math.inf
-        return cls(node, SpeedLimits(**linear), SpeedLimits(**angular), timeout if known else None)
+        is_known = 0.0 < timeout < math.inf
+        return cls(
+            node, SpeedLimits(**linear), SpeedLimits(**angular), timeout if is_known else None
+        )
 
 
 def _speed_limits(axis: str, values: Mapping[str, float]) -> dict[str, float]:
@@ -111,7 +113,11 @@ def limits_of(controllers: Sequence[Controller], fixed: Velocity = _NONE) -> Lim
 def _bound(
     controllers: Iterable[tuple[str, SpeedLimits]], parameter: tuple[str, float]
 ) -> Bound | None:
-    limited = [(node, each) for node, each in controllers if not math.isnan(each.max_velocity)]
+    limited = [
+        (node, controller)
+        for node, controller in controllers
+        if not math.isnan(controller.max_velocity)
+    ]
     limits = [(speeds.max_velocity, node) for node, speeds in limited]
     if parameter[1]:
         limits.append((parameter[1], parameter[0]))

@@ -35,9 +35,15 @@ def choose_odometry(
     """
 
     def of(nodes: Collection[str]) -> str:
-        own = [topic for topic, names in publishers.items() if not set(nodes).isdisjoint(names)]
+        own_topics = [
+            topic for topic, names in publishers.items() if not set(nodes).isdisjoint(names)
+        ]
         # A simulation publishes the ground truth, too.
-        named = [topic for topic in own if topic.endswith("/odom")] if len(own) > 1 else own
+        named = (
+            [topic for topic in own_topics if topic.endswith("/odom")]
+            if len(own_topics) > 1
+            else own_topics
+        )
         return named[0] if len(named) == 1 else ""
 
     sibling = f"{commands.rpartition('/')[0]}/odom"

@@ -103,7 +103,7 @@ class Body(NamedTuple):
         x, y = ahead * points[:, 0], points[:, 1]
         along, aside = x, y
         if abs(angular) > 1e-3 * abs(linear):
-            radius = linear / angular  # to the left
+            radius = linear / angular  # positive: left
             side = math.copysign(1.0, radius)
             along = abs(radius) * np.arctan2(x, side * (radius - y))
             aside = np.hypot(x, y - radius) - abs(radius)
@@ -140,7 +140,7 @@ class Senses:
         self._topics = FollowedTopics(node, 1, self._subscription)
         self._used = -math.inf  # when a picture was requested
         self._picture: bytes | None = None  # the newest message
-        self._drawn: tuple[bytes | None, bytes | None] = None, None  # of which message, a JPEG
+        self._drawn: tuple[bytes | None, bytes | None] = None, None  # a message and its JPEG
         self._body: Body | None = None
         self._seen = math.inf, -math.inf  # the clearance, and when it was
         self.camera = ""
@@ -159,11 +159,11 @@ class Senses:
             others: the namespaces of other robots.
             watched: whether there is a page.
         """
-        spaces = tuple(f"{other}/" for other in others if other.startswith(f"{namespace}/"))
+        spaces = tuple(f"{space}/" for space in others if space.startswith(f"{namespace}/"))
         names: dict[str, list[str]] = {kind: [] for kind in _TYPES}
         for name, kinds in self._node.get_topic_names_and_types():
-            own = name.startswith(f"{namespace}/") and not name.startswith(spaces)
-            if own and kinds[0] in names and self._node.count_publishers(name):
+            is_own = name.startswith(f"{namespace}/") and not name.startswith(spaces)
+            if is_own and kinds[0] in names and self._node.count_publishers(name):
                 names[kinds[0]].append(name)
 
         def first(kind: str) -> str:

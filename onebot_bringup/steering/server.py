@@ -270,8 +270,8 @@ def _stamp() -> int:
 def _policy(request: web.Request, status: int) -> dict[str, str]:
     # Some browsers do not count ws: as a part of 'self'. The guard has checked the host's form.
     socket = f" ws://{request.host}" if status < 400 else ""
-    other = other_site(request.host) if status < 400 else ""
-    view = f" http://{other}" if other else ""
+    other_host = other_site(request.host) if status < 400 else ""
+    view = f" http://{other_host}" if other_host else ""
     return {
         "Content-Security-Policy": "default-src 'self'; img-src 'self' data:; object-src 'none'; "
         "base-uri 'none'; form-action 'none'; frame-ancestors 'self'; "

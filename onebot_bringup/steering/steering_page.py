@@ -234,7 +234,7 @@ class SteeringPage(Node):
     def _poll_graph(self) -> None:
         """Update topics, subscribers and limits from the ROS graph."""
         commands = self._commands
-        before = commands.kind, commands.topic, len(commands.listeners)
+        previous = commands.kind, commands.topic, len(commands.listeners)
         robots = self._controllers.names
         commands.update(robots)
         subscribers = [end.node for end in commands.subscribers]
@@ -244,10 +244,10 @@ class SteeringPage(Node):
         self._robots = commanded_robots(self, self._topics)
         namespace = namespace_of(commands.topic)
         self._ground.update(namespace)
-        others = {namespace_of(robot.topic) for robot in self._robots} - {namespace}
-        self._senses.update(namespace, others, self._arbiter.state.pages > 0)
+        other_namespaces = {namespace_of(robot.topic) for robot in self._robots} - {namespace}
+        self._senses.update(namespace, other_namespaces, self._arbiter.state.pages > 0)
         self._viewer.update()
-        if before != (commands.kind, commands.topic, len(commands.listeners)):
+        if previous != (commands.kind, commands.topic, len(commands.listeners)):
             self._arbiter.changed()
 
     def _on_lock(self, locked: bool) -> None:

@@ -210,7 +210,7 @@ async def _json(action: Callable[[], Mapping[str, Any]]) -> web.Response:
 
 
 def _values(name: str, value: Any) -> Mapping[str, str]:
-    if not isinstance(value, dict) or not all(isinstance(each, str) for each in value.values()):
+    if not isinstance(value, dict) or not all(isinstance(item, str) for item in value.values()):
         raise ProtocolError(f"{name} must have a text in YAML for each parameter", name)
     return value
 

@@ -159,8 +159,8 @@ class ViewProxy:
         """Let the frame read the response, and only the steering page have the frame."""
         if not self.has_key(request):
             return
-        other = other_site(request.host)
-        pages = f"'self' http://{other}" if other else "'self'"
+        other_host = other_site(request.host)
+        pages = f"'self' http://{other_host}" if other_host else "'self'"
         answer.headers.add("Content-Security-Policy", f"frame-ancestors {pages}")
         answer.headers["Cross-Origin-Resource-Policy"] = "cross-origin"
         # The guard has checked the origin.

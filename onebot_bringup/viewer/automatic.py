@@ -47,20 +47,20 @@ class TopicSelection:
         """
         topics, problems = self._readable(published)
         view, resolve = self.stage.view, self.stage.resolve
-        kept = {each.topic for each in self.offered if each.visible}
+        kept = {display.topic for display in self.offered if display.visible}
         hidden, named = set(map(resolve, view.hidden)), set(map(resolve, view.shown))
         visible, crowded = set[str](), list[str]()
         room = {False: MOST_SHOWN, True: MOST_HEAVY}
         for topic in sorted(topics, key=lambda name: (name not in kept, name)):
             drawing = MESSAGE_DISPLAYS[topics[topic]]
             settings = view.of(drawing)
-            of_topics = {resolve(name): one for name, one in settings.topics.items()}
-            other = _is_hidden(topic) or topic in drawn_otherwise
-            other = other or drawing.is_duplicate(topic, topics)
+            of_topics = {resolve(name): setting for name, setting in settings.topics.items()}
+            is_excluded = _is_hidden(topic) or topic in drawn_otherwise
+            is_excluded = is_excluded or drawing.is_duplicate(topic, topics)
             chosen = topic in named or topic in of_topics
             drawn = topic in named or of_topics.get(topic, settings).visible
-            wanted = chosen or (view.automatic and not other)
-            if topic in hidden or not drawn or not wanted:
+            is_wanted = chosen or (view.automatic and not is_excluded)
+            if topic in hidden or not drawn or not is_wanted:
                 continue
             if chosen or room[drawing.heavy] > 0:
                 visible.add(topic)
@@ -84,16 +84,16 @@ class TopicSelection:
                     self.stage.message_type(kind)
                     readable[topic] = kind
                 except (OneBotError, ValueError) as error:
-                    topics = [name for name, each in published.items() if each == kind]
+                    topics = [name for name, topic_type in published.items() if topic_type == kind]
                     bad[kind] = f"{listing(topics, _LISTED)} cannot be shown: {error}"
         return readable, list(bad.values())
 
     def of(self, drawing: type[Drawing[Any]]) -> dict[str, str]:
         """Return the topics that are to be drawn so, with their types."""
         return {
-            each.topic: each.type
-            for each in self.offered
-            if each.visible and each.type in drawing.message_types
+            display.topic: display.type
+            for display in self.offered
+            if display.visible and display.type in drawing.message_types
         }
 
 

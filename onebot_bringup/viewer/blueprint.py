@@ -154,11 +154,11 @@ class BlueprintSender:
 
     def _followed(self, wanted: str) -> str | None:
         """The entity that moves with a link, which is named by its frame among several robots."""
-        for shown in self._robots:
-            robot = shown.description
+        for candidate in self._robots:
+            robot = candidate.description
             for link in robot.link_names if wanted and robot is not None else ():
-                if wanted == (link if len(self._robots) == 1 else shown.frame_of(link)):
-                    return shown.entity_of(link)
+                if wanted == (link if len(self._robots) == 1 else candidate.frame_of(link)):
+                    return candidate.entity_of(link)
         return None
 
 

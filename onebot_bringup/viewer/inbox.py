@@ -107,15 +107,15 @@ class WantedTopic:
         if other is None:
             return self
         names = [kind.name for kind in self.types]
-        both = tuple(kind for kind in other.types if kind.name in names)
-        if not both:
+        common_types = tuple(kind for kind in other.types if kind.name in names)
+        if not common_types:
             raise ValueError(
                 f'the view\'s topic "{self.name}" cannot be subscribed as {" or ".join(names)}: '
                 f"something else is shown of it, as {other.types[0].name}"
             )
         return WantedTopic(
             self.name,
-            both,
+            common_types,
             reliable=self.reliable or other.reliable,
             latched=self.latched or other.latched,
             optional=self.optional and other.optional,
@@ -165,10 +165,10 @@ class Inbox:
         for (name, kind_name), queue in queues.items():
             limits = [display.limit for display, *_ in queue.takers]
             if all(limits):
-                queue.limits, queue.most = [each for each in limits if each], topics[name].depth
-            before = self._queues.get((name, kind_name))
-            if before is not None:
-                queue.messages, queue.times = before.empty()
+                queue.limits, queue.most = [limit for limit in limits if limit], topics[name].depth
+            previous_queue = self._queues.get((name, kind_name))
+            if previous_queue is not None:
+                queue.messages, queue.times = previous_queue.empty()
         self._queues, self.topics = queues, topics
         return problems
 

@@ -1,7 +1,7 @@
 """A robot in a notebook: drawn inline as in the viewer, with a slider for each joint. No ROS here.
 
 robot = NotebookRobot(load_description("robot.urdf.xacro"))
-robot  # as the last line of a cell, this shows it
+robot  # the last line of a cell shows it
 robot.move({"elbow": 0.5})
 """
 

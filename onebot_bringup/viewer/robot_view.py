@@ -180,8 +180,10 @@ class RobotView:
                     if not number or not topic.name.startswith("/"):
                         yield robot.full_name(topic.name), display, topic
         world = self.stage.world
-        wanted = WantedTopic(world.names.description, (DESCRIPTION,), latched=True, optional=True)
-        yield world.full_name(wanted.name), None, wanted
+        description_topic = WantedTopic(
+            world.names.description, (DESCRIPTION,), latched=True, optional=True
+        )
+        yield world.full_name(description_topic.name), None, description_topic
         for message_display in self.stage.message_displays if of_messages else ():
             for topic in message_display.topics():
                 yield topic.name, message_display, topic
@@ -201,7 +203,7 @@ class RobotView:
         steady_ns = int(self.stage.clock() * 1e9) if self._live else now_ns
         warnings = self._set_descriptions()
         self.stage.now_ns = self.inbox.stamps.display_time(0, now_ns)
-        self._flush([each for each in self._active if each.is_due(now_ns, steady_ns)])
+        self._flush([item for item in self._active if item.is_due(now_ns, steady_ns)])
         # Comparing layouts costs as much as drawing a scan.
         tree = self.stage.frames.version, self._changed
         if tree == self._laid_out_of and 0 < steady_ns - self._laid_out_ns < SELDOM:
@@ -280,8 +282,8 @@ class RobotView:
             What in it does not fit the robot or the other topics, a sentence each.
         """
         self.inbox.deliver(self._displays)
-        before, self.stage.view = self.stage.view, view
-        self._apply(each for each in self._displays if view.of(each) != before.of(each))
+        previous_view, self.stage.view = self.stage.view, view
+        self._apply(item for item in self._displays if view.of(item) != previous_view.of(item))
         self._laid_out_ns = 0
         problems = [*self._select(), *self.inbox.set_takers(self._takers())]
         self._warnings.forget()
@@ -306,16 +308,16 @@ class RobotView:
         return warnings
 
     def _set_description(self, robot: ShownRobot, urdf: str) -> list[str]:
-        stage, before = self.stage, self.robot
+        stage, previous = self.stage, self.robot
         # Of several robots that are alike the first is parsed, and warned of.
-        others = (each for each in stage.robots if each is not robot and each.urdf == urdf)
-        alike = next((each.description for each in others), None)
+        twins = (twin for twin in stage.robots if twin is not robot and twin.urdf == urdf)
+        alike = next((twin.description for twin in twins), None)
         warnings = robot.set_description(urdf, alike)
         for display in (self._tf, *stage.message_displays):
             display.set_robot()
         stage.robot_size = min(map(robot_size, self.robots.values()), default=0.0)
         first = self.robot
-        if first is not None and (before is None or first.robot_name != before.robot_name):
+        if first is not None and (previous is None or first.robot_name != previous.robot_name):
             several = "" if stage.alone else f" and {len(stage.robots) - 1} more"
             stage.recording.send_recording_name(f"{first.robot_name}{several}")
         self._changed = stage.clock()
@@ -329,14 +331,16 @@ class RobotView:
         stage = self.stage
         if self.robot is None:
             complete = False
-            if not stage.fixed_frame and not any(each.visible for each in self.offered):
+            if not stage.fixed_frame and not any(offer.visible for offer in self.offered):
                 return
         else:
             complete = all(robot.is_complete(stage.wanted_frame) for robot in stage.robots)
         if not complete and stage.clock() - self._changed < _PATIENCE:
             return
-        whole = [each for each in self._active if each in (self._tf, *stage.message_displays)]
-        parts = [display.layout() for display in whole]
+        robot_displays = [
+            item for item in self._active if item in (self._tf, *stage.message_displays)
+        ]
+        parts = [display.layout() for display in robot_displays]
         for robot in (*stage.robots, stage.world):
             parts += robot.layout(collision=stage.view.collision)
         layout = Layout.of(stage.view, parts, stage.fixed_frame, complete, stage.robots)

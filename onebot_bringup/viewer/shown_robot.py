@@ -55,7 +55,7 @@ class ShownRobot:
         self.description: Description | None = None
         self.urdf = ""  # the text of the description
         self.fitting_length = 0.0  # axes and arcs, metres, by the robot's size; 0: not known yet
-        self.axes_lengths: Mapping[str, float] = {}  # by frames of links, metres
+        self.axes_lengths: Mapping[str, float] = {}  # metres, keyed by frames of links
         self.joint_colors: dict[str, Color] = {}  # every joint whose state has come
 
     def frame_of(self, link: str) -> str:

@@ -79,7 +79,7 @@ class Stage:
     ) -> None:
         """Log messages, each at its time, in as few calls as possible."""
         ready = [
-            (stamp_ns, [column for each in archetypes for column in one_row(each)])
+            (stamp_ns, [column for archetype in archetypes for column in one_row(archetype)])
             for stamp_ns, archetypes in rows
         ]
         for same in joinable(ready):
@@ -98,8 +98,8 @@ class Stage:
     @property
     def descriptions(self) -> dict[str, Description]:
         """The robots shown now, by their namespaces."""
-        shown = ((str(robot.names), robot.description) for robot in self.robots)
-        return {name: description for name, description in shown if description is not None}
+        robots = ((str(robot.names), robot.description) for robot in self.robots)
+        return {name: description for name, description in robots if description is not None}
 
     def wrong_names(self) -> list[str]:
         """Return that no robot has the link that the camera is to follow."""
@@ -115,14 +115,14 @@ class Stage:
 
     def late(self) -> list[str]:
         """Return which frames and descriptions are missing, a sentence each."""
-        wanted = self.wanted_frame
+        frame = self.wanted_frame
         if not self.descriptions:
-            fixed, wanted = self.fixed_frame, self.view.fixed_frame
-            return [] if wanted in ("", fixed) else [unknown_frame(self.frames, wanted, fixed)]
+            fixed, frame = self.fixed_frame, self.view.fixed_frame
+            return [] if frame in ("", fixed) else [unknown_frame(self.frames, frame, fixed)]
         sentences = []
         for robot in (*self.robots, self.world):
             if robot.description is not None:
-                sentences += robot.resolution.warnings(robot.description, wanted)
+                sentences += robot.resolution.warnings(robot.description, frame)
         lacking = [str(robot.names) for robot in self.robots if robot.description is None]
         if lacking:
             sentences.append(f"no description yet of the robots in {listing(lacking, _LISTED)}")
@@ -148,10 +148,10 @@ class Stage:
         for robot in self.robots:
             if robot.description is not None:
                 return robot.resolution.fixed_frame(robot.description, self.wanted_frame)
-        wanted = self.view.fixed_frame
-        if wanted and (wanted in self.frames.names or wanted in self._message_frames):
-            return wanted
-        return self.frame_without_robot or wanted
+        view_frame = self.view.fixed_frame
+        if view_frame and (view_frame in self.frames.names or view_frame in self._message_frames):
+            return view_frame
+        return self.frame_without_robot or view_frame
 
     @property
     def frame_without_robot(self) -> str:
@@ -159,10 +159,10 @@ class Stage:
 
         Without transforms, the frame that most have.
         """
-        known, tops = self.frames.names, [self.frames.top(each) for each in self._message_frames]
+        names, tops = self.frames.names, [self.frames.top(frame) for frame in self._message_frames]
         if tops:
-            return max(tops, key=lambda top: (top in known, tops.count(top)))
-        return self.frames.top(min(known)) if known else ""
+            return max(tops, key=lambda top: (top in names, tops.count(top)))
+        return self.frames.top(min(names)) if names else ""
 
     @property
     def _message_frames(self) -> list[str]:
@@ -177,11 +177,11 @@ class Stage:
     @property
     def wanted_frame(self) -> str:
         """The frame that the view names; "" where each of several robots has one of that name."""
-        wanted = self.view.fixed_frame
-        if self.alone or wanted in self.frames.names:
-            return wanted
-        prefixed = (robot.frame_of(wanted) for robot in self.robots)
-        return "" if any(frame in self.frames.names for frame in prefixed) else wanted
+        view_frame = self.view.fixed_frame
+        if self.alone or view_frame in self.frames.names:
+            return view_frame
+        prefixed = (robot.frame_of(view_frame) for robot in self.robots)
+        return "" if any(frame in self.frames.names for frame in prefixed) else view_frame
 
     @property
     def missing(self) -> list[str]:
@@ -197,9 +197,9 @@ class Stage:
     @property
     def has_fixed_frame(self) -> bool:
         """The frame that the view names, if any, is known."""
-        wanted = self.wanted_frame
-        return not wanted or any(
+        wanted_frame = self.wanted_frame
+        return not wanted_frame or any(
             robot.description is not None
-            and bool(robot.resolution.known_as(robot.description, wanted))
+            and bool(robot.resolution.known_as(robot.description, wanted_frame))
             for robot in self.robots
         )

@@ -12,8 +12,8 @@ Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
 
-_SUN = np.array([0.35, 0.5, 0.79]) / np.linalg.norm([0.35, 0.5, 0.79])  # where it stands
-_SUNLIGHT, _SKYLIGHT, _REFLECTED = 0.55, 0.55, 0.30  # from the sun, from above and from below
+_SUN = np.array([0.35, 0.5, 0.79]) / np.linalg.norm([0.35, 0.5, 0.79])  # direction to the sun
+_SUNLIGHT, _SKYLIGHT, _REFLECTED = 0.55, 0.55, 0.30  # shares: sun, sky, ground
 _ZENITH = np.array([0.45, 0.64, 0.86], np.float32)  # sRGB
 _HORIZON = np.array([0.86, 0.90, 0.94], np.float32)
 _GROUND = np.array([0.56, 0.57, 0.58], np.float32)
@@ -51,9 +51,9 @@ def depths(camera: Camera, hits: Hits, generator: np.random.Generator | None = N
     true = hits.distances
     far = (hits.surfaces == NOTHING) | (true > np.float32(camera.depth_far))
     measured = true if generator is None else add_noise(true, camera.noise, 0.0, generator)
-    found = np.where(far, np.float32(np.inf), measured)
-    found[true < np.float32(camera.depth_near)] = -np.inf
-    return found.reshape(camera.height, camera.width)
+    result = np.where(far, np.float32(np.inf), measured)
+    result[true < np.float32(camera.depth_near)] = -np.inf
+    return result.reshape(camera.height, camera.width)
 
 
 class Painter:

@@ -40,7 +40,7 @@ _OPTICAL = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 # Measurements of a sensor that may wait, in the order in which those of a robot are made.
 _WAITING = {Imu: 50, Lidar: 4, Camera: 1}
 _FIRST_REPORT, _REPORT = 10.0, 60.0  # s between reports of dropped measurements
-_ENOUGH = 0.95  # of the measurements due; fewer are reported
+_ENOUGH = 0.95  # share of the measurements due; a smaller one is reported
 _PATIENCE = 10.0  # s for the thread to end
 _LEAP = 0.01  # m: a robot that has moved farther than by its speed was put there
 
@@ -72,7 +72,7 @@ class SensedWorld(NamedTuple):
     frame: Frame
     placed: Placed
     painter: camera.Painter
-    period: float  # of a control cycle, s
+    period: float  # control cycle, s
     gravity: float  # m/s^2
 
 
@@ -166,9 +166,14 @@ class Instrument:
         self.outlet.publish(world.frame.stamp, outputs)
 
     def _cast(self, world: SensedWorld, pose: LinkPose, reach: float) -> Hits:
-        own = world.placed.surroundings.target(self.row, self.sensor.link)
+        own_target = world.placed.surroundings.target(self.row, self.sensor.link)
         return cast(
-            self._rays, *pose, world.placed.surroundings.still, world.placed.targets, reach, own
+            self._rays,
+            *pose,
+            world.placed.surroundings.still,
+            world.placed.targets,
+            reach,
+            own_target,
         )
 
     def _ranges(
@@ -225,14 +230,14 @@ class Instrument:
     ) -> dict[str, Any]:
         frame = world.frame
         now = frame.snapshots[self.row]
-        before = frame.before[self.row] if frame.before else None
-        if before and _was_put(before, now, world.period):
-            before = None
+        previous = frame.before[self.row] if frame.before else None
+        if previous and _was_put(previous, now, world.period):
+            previous = None
         motion = _motion(now)
         body = motion.rotation
         mount = body.T @ pose.rotation, body.T @ (pose.position - now.pose.translation)
         values = np.concatenate(
-            imu.measure(before and _motion(before), motion, world.period, mount, world.gravity)
+            imu.measure(previous and _motion(previous), motion, world.period, mount, world.gravity)
         )
         if generator is not None:
             for axis, noise in enumerate(imu.noises(model)):
@@ -249,7 +254,7 @@ def _motion(snapshot: Snapshot) -> imu.Motion:
 def _was_put(before: Snapshot, now: Snapshot, period: float) -> bool:
     """Whether a robot did not drive from one pose to the next; then it does not feel it."""
     shift = now.pose.translation - before.pose.translation
-    speed = max(float(np.linalg.norm(each.velocity.linear)) for each in (before, now))
+    speed = max(float(np.linalg.norm(snapshot.velocity.linear)) for snapshot in (before, now))
     return float(np.linalg.norm(shift)) > 2.0 * speed * period + _LEAP
 
 
@@ -320,8 +325,8 @@ class Sensing:
         if self._last is None or self._last[0] != tick:  # else simulated time stands still
             for instruments in self._instruments.values():
                 for instrument in instruments:
-                    if instrument.divider.due() and (wanted := instrument.outlet.wanted()):
-                        self._due.append((instrument, wanted))
+                    if instrument.divider.due() and (topics := instrument.outlet.wanted()):
+                        self._due.append((instrument, topics))
         return frozenset(instrument.row for instrument, _ in self._due)
 
     def take(self, stamp: int, snapshots: Sequence[Snapshot], boxes: Sequence[Transform]) -> None:
@@ -334,24 +339,24 @@ class Sensing:
         """
         tick, last = snapshots[0].tick, self._last
         if self._due:
-            before = last[1] if last and last[0] == tick - 1 else None
-            frame = Frame(tick, stamp, snapshots, before, boxes, self._robots)
-            for instrument, wanted in self._due:
+            previous = last[1] if last and last[0] == tick - 1 else None
+            frame = Frame(tick, stamp, snapshots, previous, boxes, self._robots)
+            for instrument, topics in self._due:
                 if instrument.busy:
                     instrument.dropped += 1
                 else:
                     instrument.given += 1
-                    self._jobs.put((instrument, wanted, frame))
+                    self._jobs.put((instrument, topics, frame))
         self._last = tick, snapshots
 
     def _run(self) -> None:
         try:
             world: SensedWorld | None = None
             while (job := self._jobs.get()) and not self._stopped:
-                instrument, wanted, frame = job
+                instrument, topics, frame = job
                 if world is None or world.frame is not frame:
                     world = self._world_of(frame)
-                instrument.measure(world, wanted)
+                instrument.measure(world, topics)
                 instrument.done += 1
                 if text := instrument.warning(time.monotonic()):
                     self._warn(text)
@@ -367,6 +372,8 @@ class Sensing:
 
     def _world_of(self, frame: Frame) -> SensedWorld:
         surroundings, painter = self._build(frame.robots)
-        states = [RobotState(*each.pose, each.joints.positions) for each in frame.snapshots]
+        states = [
+            RobotState(*snapshot.pose, snapshot.joints.positions) for snapshot in frame.snapshots
+        ]
         placed = Placed(surroundings, frame.boxes, states)
         return SensedWorld(frame, placed, painter, 1.0 / self._cycles, self._gravity)

@@ -56,9 +56,9 @@ def ranges(
         measured = add_noise(distances, lidar.noise, offset, generator)
         measured = np.clip(measured, np.float32(lidar.least), np.float32(lidar.greatest))
     far = ~hit | (distances > np.float32(lidar.greatest))
-    found = np.where(far, np.float32(np.inf), measured)
-    found[distances < np.float32(lidar.least)] = -np.inf
-    return found
+    result = np.where(far, np.float32(np.inf), measured)
+    result[distances < np.float32(lidar.least)] = -np.inf
+    return result
 
 
 def fill_points(

@@ -25,12 +25,12 @@ Singles = NDArray[np.float32]
 Integers = NDArray[np.int32]
 
 HAS_EMBREE = EmbreeScene is not None
-NOTHING, GROUND = -2, -1  # in place of a surface
+NOTHING, GROUND = -2, -1  # values that are no surface's index
 # Of so many rays at least, so many are bundled: more bundles find fewer rays, and take longer.
 _BUNDLES = ((50_000, 64), (200, 8), (0, 1))
 _PASSES = 64  # facets of round shapes that a ray may pass without touching one
 _ASIDE = 1e-5  # m behind a facet, where a ray that has passed it goes on
-_MOST_RAYS = 16_000  # of one call of PyBullet
+_MOST_RAYS = 16_000  # limit of one call of PyBullet
 
 
 class Cones(NamedTuple):
@@ -145,8 +145,8 @@ class Rays:
         rows = (starts[:, None] * self._size + np.arange(self._size)).ravel()
         targets = targets.repeat(self._size)
         if self._count % self._size:
-            there = rows < self._count
-            rows, targets = rows[there], targets[there]
+            is_target = rows < self._count
+            rows, targets = rows[is_target], targets[is_target]
         return rows, targets
 
 
@@ -197,9 +197,9 @@ def cast(
     limit, surfaces = _ground(directions[:, 2], position[2], reach)
     # One origin for all, which no copies take time for.
     origins = np.ndarray(directions.shape, np.float32, position.astype(np.float32), 0, (0, 4))
-    found = still.cast(origins, directions, limit)
-    surfaces[found.faces >= 0] = 0
-    hits = Hits(limit, surfaces, *found, directions)
+    still_faces = still.cast(origins, directions, limit)
+    surfaces[still_faces.faces >= 0] = 0
+    hits = Hits(limit, surfaces, *still_faces, directions)
     if not targets.surfaces:
         return hits
     centers = (targets.centers - position) @ rotation
@@ -233,12 +233,12 @@ def cast(
         else:
             turned = np.einsum("pij,pj->pi", turns[indices], turned)
         distances = limit[rows]
-        found = surface.cast(starts[indices], turned, distances)
-        hit = np.flatnonzero(found.faces >= 0)
-        hit = hit[np.argsort(-distances[hit], kind="stable")]  # of a ray's hits the nearest counts
+        target_faces = surface.cast(starts[indices], turned, distances)
+        hit = np.flatnonzero(target_faces.faces >= 0)
+        hit = hit[np.argsort(-distances[hit], kind="stable")]  # a ray's nearest hit counts
         rows = rows[hit]
         limit[rows], surfaces[rows] = distances[hit], indices[hit] + 1
-        for all_rays, some in zip((hits.faces, hits.second, hits.third), found, strict=True):
+        for all_rays, some in zip((hits.faces, hits.second, hits.third), target_faces, strict=True):
             all_rays[rows] = some[hit]
     return hits
 
@@ -309,13 +309,13 @@ class Surface:
             none = np.zeros(len(directions), np.float32)
             return _Found(np.full(len(directions), -1, np.int32), none, none.copy())
         refined = len(self._rounds.radii) > 0
-        found = distances.copy() if refined else distances
-        hits = self._caster.run(origins, directions, dists=found, output=True)
+        hit_distances = distances.copy() if refined else distances
+        hits = self._caster.run(origins, directions, dists=hit_distances, output=True)
         faces: Integers = hits["primID"]
         if refined:
-            self._refine(origins, directions, distances, found, faces)
-            nearer = (faces >= 0) & (found < distances)
-            distances[nearer] = found[nearer]
+            self._refine(origins, directions, distances, hit_distances, faces)
+            nearer = (faces >= 0) & (hit_distances < distances)
+            distances[nearer] = hit_distances[nearer]
             faces[~nearer] = -1
         return _Found(faces, hits["u"], hits["v"])
 
@@ -386,10 +386,10 @@ class _Bullet:
         fractions: list[float] = []
         for start in range(0, len(ends), _MOST_RAYS):
             part = slice(start, start + _MOST_RAYS)
-            found = self._engine.rayTestBatch(
+            results = self._engine.rayTestBatch(
                 origins[part].tolist(), ends[part].tolist(), physicsClientId=self._client
             )
-            fractions += [each[2] if each[0] >= 0 else math.inf for each in found]
+            fractions += [result[2] if result[0] >= 0 else math.inf for result in results]
         hit = np.isfinite(fractions)
         dists[hit] *= np.array(fractions, np.float32)[hit]
         nowhere = np.zeros(len(ends), np.float32)

@@ -92,7 +92,7 @@ class SensorPublisher:
         imu = self._sensor.model
         assert isinstance(imu, Imu)
         message = ImuMessage()
-        orientation, angular, linear = (each.tolist() for each in values)
+        orientation, angular, linear = (vector.tolist() for vector in values)
         for part, names, numbers in (
             (message.orientation, "xyzw", orientation),
             (message.angular_velocity, "xyz", angular),
@@ -101,7 +101,7 @@ class SensorPublisher:
             for name, number in zip(names, numbers, strict=True):
                 setattr(part, name, number)
         variances = [
-            [each.stddev**2 for each in noises]
+            [noise.stddev**2 for noise in noises]
             for noises in (imu.angular_velocity, imu.linear_acceleration)
         ]
         message.angular_velocity_covariance = np.diag(variances[0]).ravel()
@@ -176,7 +176,7 @@ class RobotSensors:
         """
         self._node, self._changed = node, changed
         self._sensors: list[Sensor] = []
-        self._publishers: dict[tuple[type, str], Publisher] = {}  # by type and topic
+        self._publishers: dict[tuple[type, str], Publisher] = {}  # keys: type and topic
         self._file, self._read = "", _NO_FILE
         self._watch = FileWatch(())
 
@@ -198,13 +198,15 @@ class RobotSensors:
         """
         self._follow(config.sensors, description)
         warn = self._node.get_logger().warning
-        found = [*description.sensors, *self._read.sensors]
-        bad = {*description.bad_sensors, *self._read.bad_sensors} - {each.name for each in found}
+        sensors = [*description.sensors, *self._read.sensors]
+        bad = {*description.bad_sensors, *self._read.bad_sensors} - {
+            listed.name for listed in sensors
+        }
         for sensor in self._sensors:
             if sensor.name in bad and sensor.link in description.link_names:
                 warn(f'sensor "{sensor.name}" stays as it was: there is a fault in its block')
-                found.append(sensor)
-        self._sensors = [*_usable(found, config.update_rate, warn)]
+                sensors.append(sensor)
+        self._sensors = [*_usable(sensors, config.update_rate, warn)]
         self._announce()
         space = self._node.get_namespace()
         instruments = []
@@ -217,8 +219,10 @@ class RobotSensors:
                 for output, topic in sensor.topics.items()
             }
             outlet = SensorPublisher(sensor, frame, rate, topics)
-            own = Instrument(sensor, row, space, outlet, config.update_rate, config.sensor_noise)
-            instruments.append(own)
+            instrument = Instrument(
+                sensor, row, space, outlet, config.update_rate, config.sensor_noise
+            )
+            instruments.append(instrument)
         return instruments
 
     def _follow(self, file: str, description: Description) -> None:
@@ -228,18 +232,18 @@ class RobotSensors:
             return
         logger = self._node.get_logger()
         try:
-            read = load_sensors(file, description)
+            result = load_sensors(file, description)
         except OneBotError as error:
             if file != self._file:
                 raise
             logger.error(f"{error}\nThe sensors stay as they were until this is mended.")
             return
-        for notice in read.notices:
+        for notice in result.notices:
             logger.warning(notice)
         if file != self._file:
-            self._watch = FileWatch(read.files)
-        self._watch.watch(read.files)
-        self._file, self._read = file, read
+            self._watch = FileWatch(result.files)
+        self._watch.watch(result.files)
+        self._file, self._read = file, result
 
     def _announce(self) -> None:
         """Have a publisher for each topic, and no other ones."""
@@ -261,18 +265,18 @@ def _usable(
     sensors: Sequence[Sensor], cycles: float, warn: Callable[[str], object]
 ) -> Iterator[Sensor]:
     """Yield the sensors that can be simulated together; warn of the others."""
-    taken: set[str] = set()
+    used_topics: set[str] = set()
     for sensor in sensors:
         topics = {*sensor.topics.values()}
         if isinstance(sensor.model, Camera) and not HAS_EMBREE:
             reason = "cameras need the package embreex, which is not installed here"
-        elif taken & topics:
-            reason = f"{listing(taken & topics)} is another sensor's topic"
+        elif used_topics & topics:
+            reason = f"{listing(used_topics & topics)} is another sensor's topic"
         else:
             if sensor.rate > cycles:
                 rates = f"{sensor.rate:g} Hz is more than update_rate, {cycles:g} Hz"
                 warn(f'sensor "{sensor.name}": {rates}, as often as which it is published')
-            taken |= topics
+            used_topics |= topics
             yield sensor
             continue
         warn(f'{sensor.where}: sensor "{sensor.name}" is not simulated: {reason}')

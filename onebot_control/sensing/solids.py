@@ -29,8 +29,8 @@ Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 Integers = NDArray[np.int32]
 
-_PLAIN: Rgba = (0.7, 0.7, 0.7, 1.0)  # of a visual without a colour
-_SECTIONS, _SUBDIVISIONS = 64, 3  # of the facets around cylinders and spheres
+_PLAIN: Rgba = (0.7, 0.7, 0.7, 1.0)  # colour of a visual without one
+_SECTIONS, _SUBDIVISIONS = 64, 3  # facets around cylinders and spheres
 
 
 class Rounds(NamedTuple):
@@ -72,9 +72,9 @@ class Rounds(NamedTuple):
             caps = np.stack([(-half - o[:, 2]) / d[:, 2], (half - o[:, 2]) / d[:, 2]])
             x, y = (o[:, axis] + caps * d[:, axis] for axis in (0, 1))
             caps[~(x * x + y * y <= radius * radius)] = np.inf
-        found = np.concatenate([sides, caps])
-        found[~(found > 0.0)] = np.inf
-        nearest: Floats = found.min(axis=0)
+        candidates = np.concatenate([sides, caps])
+        candidates[~(candidates > 0.0)] = np.inf
+        nearest: Floats = candidates.min(axis=0)
         return nearest
 
 
@@ -191,12 +191,12 @@ def _mesh(mesh: Mesh, state: tuple[int, int] | None) -> tuple[_Part, ...]:
     """The surfaces of a mesh file in a ``state``; as in RViz, its colours override the visual's."""
     scene = mesh_scene(mesh)
     assert mesh.path is not None
-    own = has_colors(mesh.path, scene)
+    has_own_colors = has_colors(mesh.path, scene)
     parts = []
     for surface in surfaces(scene):
         corners = np.asarray(surface.vertices, float) * mesh.scale
         faces = np.asarray(surface.faces, np.intp)
-        colors, texture = _look(surface.visual) if own else (None, None)
+        colors, texture = _look(surface.visual) if has_own_colors else (None, None)
         parts.append(_Part(corners, faces, colors, None, texture))
     return tuple(parts)
 

@@ -22,7 +22,7 @@ class SensedRobot(NamedTuple):
     """A robot that is seen."""
 
     description: Description
-    joints: Sequence[str]  # that move, in the order of their positions
+    joints: Sequence[str]  # joints that move, in the order of their positions
     held: Mapping[str, float]  # others, to their positions
 
 
@@ -31,7 +31,7 @@ class RobotState(NamedTuple):
 
     translation: Floats  # (3,) of the root link in the world
     rotation: Floats  # (4,), likewise, x y z w
-    positions: Floats  # of ``SensedRobot.joints``
+    positions: Floats  # positions of ``SensedRobot.joints``
 
 
 class LinkPose(NamedTuple):

@@ -274,15 +274,15 @@ def _principal(description: Description, body: Body) -> tuple[Floats, Floats]:
         # A rotation needs right-handed axes.
         axes[:, 2] *= np.sign(np.linalg.det(axes))
     greatest = int(np.argmax(moments))
-    others = float(moments.sum() - moments[greatest])
-    if moments.min() <= 0 or moments[greatest] > others * (1 + _ROUNDING):
+    sum_of_others = float(moments.sum() - moments[greatest])
+    if moments.min() <= 0 or moments[greatest] > sum_of_others * (1 + _ROUNDING):
         numbers = ", ".join(f"{moment:.3g}" for moment in sorted(moments))
         raise OneBotError(
             f"{where} has the principal moments of inertia {numbers} kg m^2; all must be above 0 "
             "and none greater than the sum of the others, else it cannot be simulated"
         )
     # PyBullet ignores the whole inertia if rounding lifts one moment above that sum.
-    moments[greatest] = min(moments[greatest], others * (1 - 1e-9))
+    moments[greatest] = min(moments[greatest], sum_of_others * (1 - 1e-9))
     return moments, axes
 
 

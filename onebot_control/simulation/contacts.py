@@ -43,8 +43,8 @@ _GLIDING = 0.01  # coefficient of friction
 # Rigid casters before and behind the wheels would carry the robot alone: what is round and no
 # lower than the wheels by _LEVEL is lifted to _LIFT above the ground, m.
 _LEVEL, _LIFT = 0.005, 0.0002
-# The same for meshes and boxes of a base that round shapes support. PyBullet uses the convex hull
-# of a mesh, which also fills the space between the wheels.
+# The same for meshes and boxes of a base that round shapes support. PyBullet takes a mesh's
+# convex hull, which also fills the space between the wheels.
 _DEEP, _CLEAR = 0.02, 0.002
 _MARGIN = 0.001  # m by which PyBullet's convex hulls are larger than their mesh
 

@@ -157,15 +157,15 @@ def _moment(wheels: Wheels, name: str, tyre: Tyre, mass: float) -> float:
     An impulse at its contact moves that as much along the robot, where the wheel turns, as across,
     where it slides on its axle; see ``SkidAxle``.
     """
-    whole = wheels.robot
+    robot_body = wheels.robot
     places = {
-        wheel: wheels.axles[wheel].middle(wheels.tyres.of(wheel)) - whole.center
+        wheel: wheels.axles[wheel].middle(wheels.tyres.of(wheel)) - robot_body.center
         for wheel in wheels.names
     }
     _, y, z = places[name]
-    roll, pitch, yaw = np.diag(whole.inertia)
+    roll, pitch, yaw = np.diag(robot_body.inertia)
     # Across, the wheels do not turn with the robot.
     yaw = max(yaw - mass * sum(place[0] ** 2 for place in places.values()), _LEAST * yaw)
     sideways = 1.0 / mass + tyre.radius**2 / roll
-    base = 1.0 / whole.mass + y**2 / yaw + z**2 / pitch
+    base = 1.0 / robot_body.mass + y**2 / yaw + z**2 / pitch
     return float(tyre.radius**2 / max(sideways - base, _LEAST * sideways))

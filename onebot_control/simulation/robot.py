@@ -103,9 +103,9 @@ class Robot:
         """Whether something other than the ground touches the robot."""
         if len(self.world.robots) == 1 and self.world.scene is None:
             return False
-        own = {self.parts.body, self.parts.ground}
+        own_bodies = {self.parts.body, self.parts.ground}
         points = engine.getContactPoints(self.parts.body, physicsClientId=self.world.client)
-        return any(not {point[1], point[2]} <= own for point in points)
+        return any(not {point[1], point[2]} <= own_bodies for point in points)
 
     def turn(self, velocities: Sequence[float]) -> None:
         """Set the target velocities of the motors, which stay until others are set.
@@ -271,8 +271,8 @@ def _driven_joints(spawn: RobotSpawn) -> Iterable[Joint]:
         raise OneBotError(f"{source}: the simulation has no driven joints")
     for name in spawn.driven:
         if name not in joints:
-            known = did_you_mean(name, joints, "joints that move")
-            raise OneBotError(f'{source}: there is no joint "{name}" to drive{known}')
+            hint = did_you_mean(name, joints, "joints that move")
+            raise OneBotError(f'{source}: there is no joint "{name}" to drive{hint}')
         if list(spawn.driven).count(name) > 1:
             raise OneBotError(f'{source}: driven joint "{name}" is named twice')
         if not joints[name].effort:

@@ -65,7 +65,7 @@ class SceneBodies:
         if problems := [*link_problems(description), *self._joint_problems()]:
             raise OneBotError("\n".join(problems))
         joints = tuple(replace(joint, kind="fixed") for joint in description.joints)
-        poses = link_poses(replace(description, joints=joints))  # in the root link's frame
+        poses = link_poses(replace(description, joints=joints))  # poses in the root link's frame
         # Each link is a body of its own, since it has a friction of its own.
         self._fixed = []
         for link in description.links:
@@ -140,16 +140,16 @@ class SceneBodies:
     def _overlap_problems(self, ground: int) -> Iterator[str]:
         """Report boxes that are in the ground, in what stands still, or in another box."""
         joints = {joint.child: joint for joint in self.description.joints}
-        others = {body: f'link "{link}"' for body, link in self.fixed.items()}
-        others[ground] = "the ground"
+        obstacles = {body: f'link "{link}"' for body, link in self.fixed.items()}
+        obstacles[ground] = "the ground"
         for link, part in zip(self.links, self._parts, strict=False):
             where = f'{joints[link].where}: joint "{joints[link].name}": link "{link}"'
-            for body, other in others.items():
+            for body, obstacle in obstacles.items():
                 if (depth := self._depth(part.body, body)) > _DEEPEST:
                     remedy = f"{'raise' if body == ground else 'move'} its <origin>"
-                    text = f"starts {depth:.3g} m deep in {other}, which would throw it out"
+                    text = f"starts {depth:.3g} m deep in {obstacle}, which would throw it out"
                     yield f"{where} {text}; {remedy}"
-            others[part.body] = f'link "{link}"'
+            obstacles[part.body] = f'link "{link}"'
 
     def read(self) -> None:
         """Read the poses of what can be pushed."""

@@ -24,8 +24,8 @@ class World:
 
     settings: Settings
     client: int  # PyBullet's index of the world, for direct calls
-    robots: tuple[Robot, ...]  # in the given order
-    scene: SceneBodies | None  # what stands around the robots
+    robots: tuple[Robot, ...]  # order as given
+    scene: SceneBodies | None  # bodies around the robots
 
     def __init__(
         self,
@@ -110,7 +110,7 @@ class World:
             pose = self._pose_at(robot, where)
             robot.parts.place(pose, positions)
             if self.scene is not None and at_start:
-                self.scene.put_back([other.parts for other in self.robots])
+                self.scene.put_back([standing_robot.parts for standing_robot in self.robots])
             self._check_boxes(robot, where)
             self._check_overlaps(robot)
         except OneBotError:
@@ -138,8 +138,8 @@ class World:
         try:
             if self.scene is not None and world.scene is not None:
                 world.scene.put(self.scene.poses)
-            for other, (new, old) in enumerate(zip(world.robots, self.robots, strict=True)):
-                if other != row:
+            for index, (new, old) in enumerate(zip(world.robots, self.robots, strict=True)):
+                if index != row:
                     new.continue_from(old)
             world.robots[row].teleport(spawn.x, spawn.y, spawn.yaw)
         except BaseException:
@@ -237,7 +237,7 @@ class World:
         if len(self.robots) == 1:
             return
         engine.performCollisionDetection(physicsClientId=self.client)
-        rows = {other.parts.body: row for row, other in enumerate(self.robots)}
+        rows = {standing_robot.parts.body: row for row, standing_robot in enumerate(self.robots)}
         for point in engine.getContactPoints(physicsClientId=self.client):
             if point[1] == point[2] or point[8] >= 0.0 or not {point[1], point[2]} <= rows.keys():
                 continue

@@ -222,7 +222,7 @@ def _is_passive(wheel: _Wheel) -> bool:
 
 def _has_rollers(description: Description, wheel: _Wheel) -> bool:
     link = next(link for link in description.links if link.name == wheel.link)
-    shapes = [each.shape for each in (*link.collisions, *link.visuals)]
+    shapes = [geometry.shape for geometry in (*link.collisions, *link.visuals)]
     # The folders next to the file, not those of its user.
     files = ["/".join(shape.uri.split("/")[-3:]) for shape in shapes if isinstance(shape, Mesh)]
     return any(map(_ROLLERS.search, (wheel.name, wheel.link, *files)))

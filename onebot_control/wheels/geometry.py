@@ -79,10 +79,10 @@ class Wheels:
     @cached_property
     def robot(self) -> Body:
         """The robot as one rigid body in the frame of its root link, all joints at 0."""
-        whole = Body(self.description.root_link)
+        body = Body(self.description.root_link)
         for link in self.description.links:
-            whole.add(link, self._places[link.name])
-        return whole
+            body.add(link, self._places[link.name])
+        return body
 
     @cached_property
     def separation(self) -> float:

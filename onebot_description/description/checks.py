@@ -312,7 +312,7 @@ def check_schema(findings: Findings) -> None:
     if leftovers:
         element, text = leftovers[0]
         more = f" and {len(leftovers) - 1} more" if len(leftovers) > 1 else ""
-        lacks_parts = any(one.tag.startswith("{") for one, _ in leftovers)
+        lacks_parts = any(leftover.tag.startswith("{") for leftover, _ in leftovers)
         report = findings.error if lacks_parts else findings.problem
         report(
             element,

@@ -157,9 +157,9 @@ class Noise:
 
     mean: float = 0.0
     stddev: float = 0.0
-    bias_mean: float = 0.0  # of an offset that is drawn once, its sign by a coin
+    bias_mean: float = 0.0  # mean of an offset drawn once, with a random sign
     bias_stddev: float = 0.0
-    precision: float = 0.0  # to which the sum is rounded; 0: it is not
+    precision: float = 0.0  # step to which the sum is rounded; 0: no rounding
 
 
 class Fan(NamedTuple):
@@ -192,7 +192,7 @@ class Camera:
     far: float
     depth_near: float  # the same of the depth
     depth_far: float
-    noise: Noise = Noise()  # of colours from 0 to 1; of the depth, m
+    noise: Noise = Noise()  # unit: 1 for colours (0 to 1), m for the depth
 
 
 @dataclass(frozen=True)
@@ -211,9 +211,9 @@ class Sensor:
     link: str
     origin: Origin  # in the link's frame
     rate: float  # measurements a simulated second, Hz; 0: one in each control cycle
-    # By what is published on them: scan, imu, image, depth, points or camera_info; relative.
+    # Relative names, keyed by content: scan, imu, image, depth, points or camera_info.
     topics: Mapping[str, str]
-    frame: str  # of the messages; one of the links, unless it is named otherwise on purpose
+    frame: str  # frame_id of the messages; a link, unless set otherwise on purpose
     model: Lidar | Camera | Imu
     where: str = field(default="", compare=False)
 

@@ -202,8 +202,8 @@ def use_environment_prefix() -> None:
     environment's own, as an overlay is meant to. Calling it again changes nothing.
     """
     ours = _own_prefixes()
-    others = [entry for entry in _entries(_AMENT_PATH) if entry not in ours]
-    os.environ[_AMENT_PATH] = os.pathsep.join(others + ours)
+    other_entries = [entry for entry in _entries(_AMENT_PATH) if entry not in ours]
+    os.environ[_AMENT_PATH] = os.pathsep.join(other_entries + ours)
 
 
 def package_share(name: str) -> Path:

@@ -345,7 +345,7 @@ def read_links(findings: Findings, materials: Mapping[Element, Material]) -> dic
 
 def _read_link(findings: Findings, element: Element, colors: Mapping[Element, Rgba]) -> Link:
     parts: dict[str, list[Geometry]] = {"visual": [], "collision": []}
-    left_out: list[str] = []
+    warnings: list[str] = []
     for part in element:
         if part.tag in parts:
             start = len(findings.texts)
@@ -353,7 +353,7 @@ def _read_link(findings: Findings, element: Element, colors: Mapping[Element, Rg
             if geometry is not None:
                 parts[part.tag].append(geometry)
             else:
-                left_out += [text for _, text in findings.texts[start:]]
+                warnings += [text for _, text in findings.texts[start:]]
     friction = element.find("contact/lateral_friction")
     return Link(
         element.get("name", ""),
@@ -362,7 +362,7 @@ def _read_link(findings: Findings, element: Element, colors: Mapping[Element, Rg
         _read_inertial(findings, element),
         None if friction is None else read(findings, friction)[0],
         findings.where(element),
-        tuple(left_out),
+        tuple(warnings),
     )
 
 

@@ -49,7 +49,7 @@ _POSITIVE, _NOT_NEGATIVE, _ANY = Rule(above=0.0), Rule(at_least=0.0), Rule()
 _ANGLE, _COUNT = Rule(at_least=-_TURN, at_most=_TURN), Rule(at_least=1, at_most=_MOST_PIXELS)
 _VALUES: Mapping[str, tuple[float | None, Rule]] = {
     "update_rate": (0.0, Rule(at_least=0.0, at_most=1000.0)),
-    "updateRate": (0.0, Rule(at_least=0.0, at_most=1000.0)),  # of a plugin
+    "updateRate": (0.0, Rule(at_least=0.0, at_most=1000.0)),  # a plugin's
     "samples": (None, Rule(at_least=1, at_most=_MOST_RAYS)),
     "resolution": (1.0, _POSITIVE),
     "min_angle": (0.0, _ANGLE),
@@ -118,13 +118,13 @@ def read_sensors(
             _warn_of_plugin(findings, plugin, links)
     blocks = [block for block in blocks if block.kind]
     unnamed = Counter(block.kind for block in blocks if not block.names.given)
-    sensors, taken = list[Sensor](), dict[str, _Block]()
+    sensors, blocks_by_topic = list[Sensor](), dict[str, _Block]()
     for block in blocks:
         sensor = block.read(links, alone=unnamed[block.kind] < 2)
         for topic in () if block.wrong else sensor.topics.values():
-            other = taken.setdefault(topic, block)
-            if other is not block:
-                text = f'publishes "{topic}", as the one at {other.place} does'
+            first_block = blocks_by_topic.setdefault(topic, block)
+            if first_block is not block:
+                text = f'publishes "{topic}", as the one at {first_block.place} does'
                 block.problem(f"{text}; give it a <topic> of its own")
         if not block.wrong:
             block.warn_of_frame(sensor, links, joints)
@@ -232,11 +232,11 @@ class _Block:
         if is_there or not sensor.topics.keys() & {"scan", "imu"}:
             return
         body, at, turn = _pose_in_body(sensor.link, sensor.origin, joints)
-        other, place, direction = _pose_in_body(sensor.frame, Origin(), joints)
+        frame_body, place, direction = _pose_in_body(sensor.frame, Origin(), joints)
         apart = math.dist(at, place)
-        cosine = abs(sum(map(operator.mul, turn, direction)))  # of half the angle
+        cosine = abs(sum(map(operator.mul, turn, direction)))  # cosine of half the angle
         angle = 2 * math.acos(min(1.0, cosine))
-        if body != other:
+        if body != frame_body:
             text = "moves against"
         elif apart > _APART or angle > _TURNED:
             text = f"is {apart:.3g} m and {math.degrees(angle):.3g} degrees from"
@@ -332,10 +332,10 @@ class _Block:
         if imu is None:
             return Imu()
         groups = []
-        for tag, former in (("angular_velocity", "rate"), ("linear_acceleration", "accel")):
-            old = imu.find(f"noise/{former}")
-            each = [imu.find(f"{tag}/{axis}/noise") for axis in "xyz"]
-            noises = [self._noise(old if noise is None else noise) for noise in each]
+        for tag, old_name in (("angular_velocity", "rate"), ("linear_acceleration", "accel")):
+            old = imu.find(f"noise/{old_name}")
+            elements = [imu.find(f"{tag}/{axis}/noise") for axis in "xyz"]
+            noises = [self._noise(old if noise is None else noise) for noise in elements]
             groups.append((noises[0], noises[1], noises[2]))
         return Imu(*groups)
 
@@ -344,16 +344,16 @@ class _Block:
             return Noise()
         kind = (element.get("type") or element.findtext("type") or "gaussian").strip()
         if kind not in ("none", "gaussian", "gaussian_quantized"):
-            known = "none, gaussian, gaussian_quantized"
-            self.problem(f'unknown noise type "{kind}"; write one of: {known}', element)
+            kinds = "none, gaussian, gaussian_quantized"
+            self.problem(f'unknown noise type "{kind}"; write one of: {kinds}', element)
         if kind == "none":
             return Noise()
         return Noise(*(self._number(element, field.name) for field in fields(Noise)))
 
     def _inside(self, *tags: str) -> Element:
         """The element that holds the values: some robots have them in <sensor> itself."""
-        found = (self._element.find(tag) for tag in tags)
-        return next((each for each in found if each is not None), self._element)
+        elements = (self._element.find(tag) for tag in tags)
+        return next((element for element in elements if element is not None), self._element)
 
     def _number(self, parent: Element, path: str) -> float:
         """Return a value by the table, 0 if it is wrong."""
@@ -393,12 +393,12 @@ class _Block:
 
     def _warn_of_unknown(self, element: Element) -> None:
         """Warn of elements that are not read: a name may be misspelt."""
-        known = _KNOWN.get(element.tag)
-        if known is None:
+        known_tags = _KNOWN.get(element.tag)
+        if known_tags is None:
             return
         for child in element:
-            if child.tag not in known.split():
-                hint = self._findings.hint(child.tag, known.split(), "known here")
+            if child.tag not in known_tags.split():
+                hint = self._findings.hint(child.tag, known_tags.split(), "known here")
                 text = f"is not simulated inside <{element.tag}>, so it is ignored{hint}"
                 self._findings.warning(child, text)
             self._warn_of_unknown(child)

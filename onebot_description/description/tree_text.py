@@ -40,8 +40,8 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 
     Of the columns after the first, those that are empty below the heading are left out.
     """
-    first, *others = zip(*rows, strict=True)
-    columns = [first, *(column for column in others if any(column[1:]))]
+    first, *later_columns = zip(*rows, strict=True)
+    columns = [first, *(column for column in later_columns if any(column[1:]))]
     widths = [max(map(len, column)) for column in columns]
     return [
         "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip()

@@ -167,9 +167,9 @@ def _xacro_kind(element: Element) -> str:
 
 def _included(name: str, file: Path, packages: Resources) -> Path | None:
     if name.startswith("$(find ") and ")" in name:
-        package, _, rest = name.removeprefix("$(find ").partition(")")
+        package, _, subpath = name.removeprefix("$(find ").partition(")")
         try:
-            name = f"{packages.package(package.strip())}{rest}"
+            name = f"{packages.package(package.strip())}{subpath}"
         except OneBotError:
             return None
     return None if "$" in name or not name else file.parent / name

@@ -52,7 +52,7 @@ class MotionParameters:
     @property
     def given(self) -> set[str]:
         """The keys that were given, without the type."""
-        names = (one.name for one in fields(self) if one.name != "type")
+        names = (setting.name for setting in fields(self) if setting.name != "type")
         return {name for name in names if getattr(self, name) is not None}
 
     def check(self) -> Iterator[Problem]:
@@ -204,8 +204,11 @@ class JointsConfig:
     @cached_property
     def motions(self) -> Mapping[str, Motion]:
         """The motions by joint."""
-        given = self.motion_parameters.items()
-        return {joint: one.motion(joint, self.poses) for joint, one in given}
+        motion_items = self.motion_parameters.items()
+        return {
+            joint: motion_parameters.motion(joint, self.poses)
+            for joint, motion_parameters in motion_items
+        }
 
     @property
     def moves(self) -> bool:

@@ -68,7 +68,7 @@ def resolve(
     for circle in _circles(mimics):
         names = " -> ".join([*circle, circle[0]])
         # Without one of them the others can follow; rather one that the tags do not ask for.
-        name = next((one for one in circle if one in dependent), circle[0])
+        name = next((joint for joint in circle if joint in dependent), circle[0])
         leave_out(name, f"joints follow one another in a circle: {names}")
     while True:
         following = _reduced(joints, mimics)
@@ -114,9 +114,9 @@ def _reduced(joints: Sequence[Joint], mimics: Followers) -> Following:
     index = {joint.name: number for number, joint in enumerate(joints)}
     count = len(joints)
     leader, factor, offset = np.arange(count), np.ones(count), np.zeros(count)
-    known: dict[str, _Chain] = {}
+    chains: dict[str, _Chain] = {}
     for name, number in index.items():
-        root, factor[number], offset[number] = _chain(name, mimics, known)
+        root, factor[number], offset[number] = _chain(name, mimics, chains)
         leader[number] = index[root]
     return Following(leader, factor, offset)
 

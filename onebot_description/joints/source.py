@@ -150,11 +150,11 @@ class _Planner:
     def _sequence(self, index: int, zero: float) -> Keyframes | None:
         sequence, name = self._config.sequence, self._joints[index].name
         named = [self._config.poses[pose].get(name) for pose in sequence.poses]
-        given = [position for position in named if position is not None]
-        if not given:
+        keyframes = [position for position in named if position is not None]
+        if not keyframes:
             return None
         # A pose without this joint leaves it at its position in the previous pose.
-        last = given[-1] if sequence.loop else zero
+        last = keyframes[-1] if sequence.loop else zero
         positions = []
         for position in named:
             last = last if position is None else position

@@ -83,8 +83,8 @@ def _check(text: str, loader: Any, aliases: bool) -> None:
     begun: list[tuple[str | None, int]] = []  # maps and lists: the anchor, the values before
     for event in yaml.parse(text, Loader=loader):
         if isinstance(event, yaml.CollectionEndEvent):
-            anchor, before = begun.pop()
-            sizes[anchor] = count - before
+            anchor, start = begun.pop()
+            sizes[anchor] = count - start
         elif isinstance(event, yaml.AliasEvent):
             if not aliases:
                 _refuse(event, f"ROS parameters know no aliases such as *{event.anchor}")

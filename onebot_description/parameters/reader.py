@@ -85,8 +85,8 @@ class ConfigError(OneBotError):
     ) -> None:
         self.problems = tuple(problems)
         lines = [problem.message(places) for problem in self.problems[:_MOST_LISTED]]
-        rest = len(self.problems) - len(lines)
-        super().__init__("\n".join([*lines, *([f"and {rest} more"] if rest else [])]))
+        surplus = len(self.problems) - len(lines)
+        super().__init__("\n".join([*lines, *([f"and {surplus} more"] if surplus else [])]))
 
     def located(self, places: Mapping[str, str]) -> "ConfigError":
         """Return the same error, its message naming where each parameter was written."""
@@ -232,8 +232,8 @@ def _locate(kind: type, name: str) -> tuple[_Shape, str]:
 def _step(shape: _Shape, name: str) -> tuple[str, _Shape, str] | None:
     """Return the part of ``shape`` that ``name`` begins with, its shape, and what follows."""
     if isinstance(shape, _Map):
-        first, rest = _split(shape.item, name)
-        return first, shape.item, rest
+        first, subname = _split(shape.item, name)
+        return first, shape.item, subname
     for field in shape.fields if isinstance(shape, _Group) else ():
         if f"{name}.".startswith(f"{field.name}."):
             return field.name, field.shape, name[len(field.name) + 1 :]
@@ -245,8 +245,8 @@ def _split(item: _Shape, name: str) -> tuple[str, str]:
     if isinstance(item, ValueType):
         return name, ""
     if isinstance(item, _Map):
-        first, _, rest = name.partition(".")
-        return first, rest
+        first, _, subname = name.partition(".")
+        return first, subname
     ends = [field.name for field in item.fields if name.endswith(f".{field.name}")]
     end = max(ends, key=len, default=name.rpartition(".")[2])
     return (name.removesuffix(f".{end}"), end) if "." in name else (name, "")
@@ -349,9 +349,9 @@ def read(kind: type[T], values: Values, places: Mapping[str, str] | None = None)
     Raises:
         ConfigError: with every problem, each naming the parameter and what would be right.
     """
-    given = {name: value for name, value in _flat(values) if not is_of_every_node(name)}
+    node_values = {name: value for name, value in _flat(values) if not is_of_every_node(name)}
     problems: list[Problem] = []
-    config = _build(_group(typing.cast(Any, kind)), given, "", problems)
+    config = _build(_group(typing.cast(Any, kind)), node_values, "", problems)
     if problems:
         raise ConfigError(problems, places)
     return typing.cast(T, config)
@@ -379,8 +379,8 @@ def _build(shape: _Shape, given: Values, key: str, problems: list[Problem]) -> A
     shapes: dict[str, _Shape] = {}
     for name, value in given.items():
         if name and (step := _step(shape, name)):
-            first, shapes[first], rest = step
-            parts.setdefault(first, {})[rest] = value
+            first, shapes[first], subname = step
+            parts.setdefault(first, {})[subname] = value
         elif name:
             problems.append(Problem(_join(key, name), _no_such(shape, name, len(problems))))
         elif isinstance(shape, ValueType):
@@ -409,9 +409,13 @@ def _make(shape: _Group, given: Values, values: Values, key: str, problems: list
     config = shape.kind(**named)
     if hasattr(config, "check") and len(problems) < _MOST_LISTED:
         # A parameter that is wrong has its default now: what follows from that is not reported.
-        more = [Problem(_join(key, one.key), one.text) for one in config.check()]
+        more = [Problem(_join(key, problem.key), problem.text) for problem in config.check()]
         earlier = list(problems)
-        problems += [one for one in more if not any(_overlap(one, other) for other in earlier)]
+        problems += [
+            problem
+            for problem in more
+            if not any(_overlap(problem, reported) for reported in earlier)
+        ]
     return config
 
 
@@ -505,7 +509,7 @@ def _with_double(kind: type, parameter: "Parameter") -> "Parameter":
 
 def set_doubles(node: "Node", kind: type) -> None:
     """Have an integer that is set for a double of the dataclass ``kind`` be one on ``node``."""
-    node.add_pre_set_parameters_callback(lambda given: [_with_double(kind, one) for one in given])
+    node.add_pre_set_parameters_callback(lambda given: [_with_double(kind, item) for item in given])
 
 
 def refuse_undeclared(node: "Node", kind: type) -> None:
@@ -520,14 +524,14 @@ def refuse_undeclared(node: "Node", kind: type) -> None:
     from rclpy.exceptions import ParameterNotDeclaredException
 
     def check(parameters: list["Parameter"]) -> list["Parameter"]:
-        names = [one.name for one in parameters if not node.has_parameter(one.name)]
+        names = [item.name for item in parameters if not node.has_parameter(item.name)]
         if names:
-            texts = {one.key: one.text for one in unknown_parameters(kind, names)}
+            texts = {problem.key: problem.text for problem in unknown_parameters(kind, names)}
             error = ParameterNotDeclaredException(names)
             lines = (f"{name}: {texts.get(name, 'no such parameter')}" for name in names)
             error.args = ("\n".join(lines),)
             raise error
-        return [_with_double(kind, one) for one in parameters]
+        return [_with_double(kind, item) for item in parameters]
 
     node.add_pre_set_parameters_callback(check)
 

@@ -131,8 +131,8 @@ class _Text(_Leaf):
         return self._read(rows, offset, rows.length)
 
     def _read(self, rows: _Rows, offset: int, count: int) -> list[str]:
-        read, at = _compiled().onebot_read_strings, rows.at + offset
-        strings: list[str] = read(rows.data, rows.rows, at, rows.stride, count, self.element)
+        reader, at = _compiled().onebot_read_strings, rows.at + offset
+        strings: list[str] = reader(rows.data, rows.rows, at, rows.stride, count, self.element)
         return strings
 
 
@@ -170,8 +170,8 @@ class _Group:
     def __init__(self, name: str, leaves: Iterable[tuple[tuple[str, ...], _Leaf, int]]) -> None:
         self.name, self.leaves = name, list(leaves)
         self.fields: dict[str, tuple[_Leaf | _Group, int]] = {}
-        for field, found in itertools.groupby(self.leaves, lambda leaf: leaf[0][0]):
-            inner = [(path[1:], leaf, offset) for path, leaf, offset in found]
+        for field, group in itertools.groupby(self.leaves, lambda leaf: leaf[0][0]):
+            inner = [(path[1:], leaf, offset) for path, leaf, offset in group]
             path, leaf, offset = inner[0]
             self.fields[field] = (_Group(f"{name}.{field}", inner), 0) if path else (leaf, offset)
 
@@ -218,9 +218,9 @@ class _Group:
             TypeError: they are of several types, or other fields lie among them.
         """
         _, leaves, offsets = zip(*self.leaves, strict=True)
-        [dtype, *others] = {leaf.dtype if leaf.kind == _COPIED else None for leaf in leaves}
+        [dtype, *other_dtypes] = {leaf.dtype if leaf.kind == _COPIED else None for leaf in leaves}
         *places, end = itertools.accumulate((leaf.smallest for leaf in leaves), initial=offsets[0])
-        if others or dtype is None or places != [*offsets]:
+        if other_dtypes or dtype is None or places != [*offsets]:
             raise TypeError(f"the fields of {self.name} are not numbers of one type, side by side")
         return _Number(dtype, ((end - places[0]) // dtype.itemsize,)), places[0]
 
@@ -289,8 +289,8 @@ class _Program:
 
     def read(self, data: bytes, block: bytes, at: int, count: int) -> _Rows:
         """Read structs into rows; a WireError if they are not there."""
-        read = _compiled().onebot_read_structs
-        rows = read(data, len(data), at, count, block, self.number)
+        reader = _compiled().onebot_read_structs
+        rows = reader(data, len(data), at, count, block, self.number)
         if rows is None:
             raise WireError(f"no {self._name}: it is truncated, or a bool in it is not 0 or 1")
         return _Rows(data, block, rows, 0, self.row_size, count)
@@ -377,9 +377,9 @@ def _block(programs: Sequence[_Program]) -> bytes:
     operations = [program.operations() for program in programs]
     at = 4 * len(programs) * len(programs[0].header(0, 0))
     numbers: list[int] = []
-    for program, own in zip(programs, operations, strict=True):
-        numbers += program.header(at, len(own))
-        at += sum(4 * len(operation) for operation in own)
+    for program, program_operations in zip(programs, operations, strict=True):
+        numbers += program.header(at, len(program_operations))
+        at += sum(4 * len(operation) for operation in program_operations)
     numbers += itertools.chain.from_iterable(itertools.chain.from_iterable(operations))
     return np.array(numbers, np.uint32).tobytes()
 

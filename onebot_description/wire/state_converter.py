@@ -280,16 +280,16 @@ class _CompiledCall:
 
         The oldest of too many is forgotten.
         """
-        if any(known.key == (frame_id, plan.names) for known in self._known):
+        if any(entry.key == (frame_id, plan.names) for entry in self._known):
             return
-        known = _Known.of(frame_id, plan)
-        if known.layout.size > LARGEST_KEPT:
+        entry = _Known.of(frame_id, plan)
+        if entry.layout.size > LARGEST_KEPT:
             return
         place = self._next % _KNOWN
         self._next += 1
         # The place is written before the layout whose memory it held may go.
-        self._state.layouts[place] = known.layout
-        self._known[place : place + 1] = [known]
+        self._state.layouts[place] = entry.layout
+        self._known[place : place + 1] = [entry]
         self._state.known = len(self._known)
 
 
