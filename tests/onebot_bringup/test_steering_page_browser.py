@@ -754,9 +754,9 @@ def test_it_shows_the_camera_and_an_obstacle_in_the_way(
     with NodeProcess("onebot_control.velocity_controller", *robot), steering(**LIMITS) as node:
         page.open(node.address)
         peer.publisher(String, "robot_description", LATCHED).publish(String(data=urdf))
-        width = "return document.querySelector('#camera img').naturalWidth"
-        wait_for(lambda: page.driver.execute_script(width) == 160, "a picture")
-        assert page.find("#camera img").get_property("alt") == camera
+        # The page replaces the element with each picture: an element found once is soon stale.
+        picture = "const i = document.querySelector('#camera img'); return [i.naturalWidth, i.alt]"
+        wait_for(lambda: page.driver.execute_script(picture) == [160, camera], "a picture")
         page.driver.execute_script("document.querySelector('#camera').open = false")
         wait_for(lambda: not peer.node.count_subscribers(camera), "the camera to be left")
         distance = page.find("#braking output")
