@@ -21,7 +21,10 @@ def _description(*names: str) -> tuple[str, ...]:
 
 
 _SIMULATION = ("simulation_loading", "simulation_state", "simulation_motion")
-_CHECKS = ("description_checks", "description_faults", "description_loading")
+_CHECKS = (
+    *("description_checks", "description_sizes", "description_problems"),
+    *("description_faults", "description_loading"),
+)
 _SOURCE = ("joints_source", "joints_mimic")
 _READER = ("parameters_reader", "parameters_values")
 

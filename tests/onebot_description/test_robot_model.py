@@ -224,6 +224,11 @@ def test_quaternion_products_are_hamiltons():
     np.testing.assert_array_equal(quaternions.multiply(i, j), k)
     np.testing.assert_array_equal(quaternions.multiply(j, i), -k)
     np.testing.assert_array_equal(quaternions.multiply(k, k), -one)
+    a, b = np.random.default_rng(1).normal(size=(2, 5, 4))
+    product = Rotation.from_quat(a) * Rotation.from_quat(b)
+    found = quaternions.normalized(quaternions.multiply(a, b))
+    np.testing.assert_allclose(product.as_matrix(), Rotation.from_quat(found).as_matrix())
+    np.testing.assert_allclose(quaternions.to_matrix(found), product.as_matrix(), atol=1e-12)
     np.testing.assert_allclose(quaternions.from_rpy([0.0, 0.0, np.pi]), k, atol=1e-15)
     np.testing.assert_allclose(
         quaternions.rotate(quaternions.from_rpy([np.pi / 2, 0, 0]), np.array([0.0, 1.0, 0.0])),
