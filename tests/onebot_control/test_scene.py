@@ -147,7 +147,7 @@ def test_it_starts_at_rest_on_a_ramp(yaw):
 def test_it_cannot_start_in_a_wall_or_a_box(place, text):
     box = part("box", xyz="-0.5 0.8 0.1", kind="floating", mass=1.0)
     with pytest.raises(OneBotError, match=text):
-        among(scene(WALL, box), **place)
+        among(scene(part("pillar", xyz="9 9 0.1"), WALL, box), **place)
 
 
 def test_teleport_into_a_wall_is_refused_and_onto_a_ramp_tilts():

@@ -254,7 +254,8 @@ def test_principal_axes_give_the_inertia_back(halves, rpy):
 
 def test_axes_as_written_are_kept():
     """An inertia without products keeps its frame, even where the moments are equal or unsorted."""
-    for moments in ((3, 0, 0, 2, 0, 2), (1, 0, 0, 1, 0, 1), (2, 1e-13, 0, 3, 0, 4)):
+    edge = (1, 1e-12, 0, 1, 0, 1)
+    for moments in ((3, 0, 0, 2, 0, 2), (1, 0, 0, 1, 0, 1), (2, 1e-13, 0, 3, 0, 4), edge):
         inertial = _text(_robot(_inertial(1.0, moments))).find("link/inertial")
         np.testing.assert_array_equal(origin(inertial), np.eye(4))
         values = [float(inertial.find("inertia").get(name)) for name in ("ixx", "iyy", "izz")]
