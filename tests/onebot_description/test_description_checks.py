@@ -624,6 +624,7 @@ def test_textures_are_files():
         ('<gazebo><link x="1"><limit a="1"/></link></gazebo>', []),
         ("<sensor/><contact/><self_collision_checking/>", []),
         ("<joint/>", ["<joint>: unknown inside <link>"]),
+        ('<wheel name="w"/>', ['wheel "w": unknown inside <link>']),
         ('<x:y xmlns:x="http://a.org" a="1"><visul/></x:y>', []),
     ],
 )
