@@ -18,7 +18,8 @@ class Settings:
 
     # Physics steps per simulated second. A control period has to be a whole number of them, which
     # PyBullet's default of 240 is not at 100 Hz; ``fitted`` makes it one for any control rate.
-    # 400 are no more accurate, and take twice as long.
+    # 400 take twice as long. OneBot is as accurate with both; the odometry of tall robots with
+    # arms (Stretch) is within 0.04 % of the truth, with 400 within 0.02 %.
     rate: float = 200.0
     # Of the constraint solver in each step. It never stops early, so that a robot at rest drifts by
     # nanometres instead of millimetres.
