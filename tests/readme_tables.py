@@ -55,7 +55,7 @@ def _arguments(arguments: Iterable[Argument]) -> str:
 
 
 def _names(names: Iterable[str]) -> str:
-    """Return names for a cell: `{a, b}.c` for `a.c` and `b.c`."""
+    """Return names for a cell: `{a, b}.x` for `a.x` and `b.x`."""
     ends: dict[str, list[str]] = {}
     for name in names:
         group, _, end = name.rpartition(".")
