@@ -33,7 +33,7 @@ from onebot_description.description import Description, load_description, parse_
 from onebot_description.description.packages import cache_folder, use_environment_prefix
 from onebot_description.discovery import configure_discovery, question, server
 from onebot_description.errors import OneBotError, shortened
-from onebot_description.parameters.table import help_text
+from onebot_description.parameters.reader import help_text
 from onebot_description.signals import StopSignals
 
 P = ParamSpec("P")

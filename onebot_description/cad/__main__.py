@@ -15,7 +15,7 @@ try:
     from onebot_description.cad.caster import make_caster_wheel, make_fork
     from onebot_description.cad.collada import to_collada
     from onebot_description.cad.dimensions import Dimensions, read_dimensions
-    from onebot_description.cad.solids import MassProperties, Part
+    from onebot_description.cad.primitives import MassProperties, Part
     from onebot_description.cad.wheel import make_wheel
 except ModuleNotFoundError as error:
     if error.name != "manifold3d":

@@ -7,7 +7,7 @@ from manifold3d import Manifold, OpType
 from numpy.typing import NDArray
 
 from onebot_description.cad.dimensions import Base, Dimensions
-from onebot_description.cad.solids import (
+from onebot_description.cad.primitives import (
     MassProperties,
     Part,
     box,

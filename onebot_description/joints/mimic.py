@@ -10,7 +10,7 @@ from onebot_description.description import Joint
 from onebot_description.description.checks import cycles
 from onebot_description.errors import did_you_mean
 from onebot_description.joints.config import Dependent
-from onebot_description.joints.limits import FloatArray, JointLimits
+from onebot_description.joints.motion_limits import FloatArray, JointLimits
 from onebot_description.parameters.reader import Problem
 
 Followers = dict[str, Dependent]  # keys: the joints that follow

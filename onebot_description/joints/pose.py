@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError
-from onebot_description.joints.limits import zero_position
+from onebot_description.joints.motion_limits import zero_position
 from onebot_description.model import RobotModel
 
 Floats = NDArray[np.float64]

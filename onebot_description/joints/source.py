@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from onebot_description.description import Joint
 from onebot_description.errors import did_you_mean
-from onebot_description.joints import limits as _limits
 from onebot_description.joints import mimic
+from onebot_description.joints import motion_limits as _limits
 from onebot_description.joints.config import JointsConfig
-from onebot_description.joints.limits import FloatArray, JointLimits, movable
 from onebot_description.joints.mimic import Following
+from onebot_description.joints.motion_limits import FloatArray, JointLimits, movable
 from onebot_description.joints.motions import (
     TURN,
     Allowed,

@@ -1,11 +1,11 @@
-"""onebot_description.joints.limits: how far joints go, and where they rest."""
+"""onebot_description.joints.motion_limits: how far joints go, and where they rest."""
 
 import math
 
 import pytest
 
-from onebot_description.joints import limits as limits_module
-from onebot_description.joints.limits import JointLimits, movable, zero_position
+from onebot_description.joints import motion_limits as limits_module
+from onebot_description.joints.motion_limits import JointLimits, movable, zero_position
 from tests.onebot_description.joints_support import joint
 
 

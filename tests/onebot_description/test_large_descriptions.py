@@ -15,8 +15,8 @@ from onebot_description.description import (
     parse_description,
 )
 from onebot_description.joints.config import Dependent
-from onebot_description.joints.limits import joint_limits
 from onebot_description.joints.mimic import resolve
+from onebot_description.joints.motion_limits import joint_limits
 from tests.support import assert_time_grows_with_size
 
 COUNT = 3_000

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from onebot_description.description.description import Mesh
-from onebot_description.description.mesh_scene import mesh_scene
-from onebot_description.description.meshes import locate_mesh
+from onebot_description.description.meshes import locate_mesh, mesh_scene
 from onebot_description.description.packages import Resources
 from onebot_description.errors import OneBotError
 
