@@ -77,7 +77,6 @@ def at_rest(description: Description, **config: object) -> dict[str, float]:
 
 
 def test_limits_the_wrong_way_round_are_swapped() -> None:
-    """The joint moves between them."""
     limit = '<limit lower="3" upper="1" effort="1" velocity="1"/>'
     description = taken(robot(hinge("j", "a", limit)), "lower 3 is above upper 1; swap them")
     assert (description.joints[0].lower, description.joints[0].upper) == (1.0, 3.0)
@@ -87,7 +86,6 @@ def test_limits_the_wrong_way_round_are_swapped() -> None:
 
 @pytest.mark.parametrize("name", ["effort", "velocity"])
 def test_a_limit_below_zero_is_none(name: str) -> None:
-    """The joint moves as if it were not written."""
     description = taken(
         robot(hinge("j", "a", LIMIT.replace(f'{name}="1"', f'{name}="-1"'))), "is negative"
     )
@@ -132,7 +130,6 @@ def test_a_joint_without_limits_stays_at_0(limit: str, problem: str) -> None:
 def test_a_joint_that_can_follow_nothing_moves_by_itself(
     parts: tuple[str, ...], problem: str
 ) -> None:
-    """It has a joint state and a transform of its own."""
     description = taken(robot(*parts), problem)
     assert all(joint.mimic is None for joint in description.joints)
     assert at_rest(description)["j"] == 0.0
@@ -149,7 +146,6 @@ def test_loose_links_have_joint_states_but_no_transforms() -> None:
 
 
 def test_a_robot_may_lie_in_another_element() -> None:
-    """As in the tests of joint_state_publisher; what is published begins with <robot>."""
     description = taken(
         f"<urdf>\n{robot(hinge('j', 'a'))}</urdf>", 'r:2: robot "r": lies in <urdf>'
     )
@@ -199,7 +195,6 @@ def test_other_formats_are_refused(text: str, problem: str) -> None:
 def test_a_shape_that_cannot_be_read_is_left_out(
     inside: str, problem: str, shapes: list[object]
 ) -> None:
-    """The link knows why, so that the viewer says so."""
     urdf = robot(base=f"<visual><geometry>{inside}</geometry></visual>")
     description = taken(urdf, problem) if problem else parse_description(urdf)
     [link] = description.links
@@ -216,7 +211,6 @@ def test_moments_below_zero_by_rounding_are_a_warning() -> None:
 
 
 def test_the_simulation_names_what_it_cannot_do() -> None:
-    """All at once, with the lines."""
     heavy = f'<inertial><mass value="-1"/>{MOMENTS}</inertial>'
     urdf = robot(
         "\n" + hinge("j", "a", ""),

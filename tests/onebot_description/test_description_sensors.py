@@ -247,7 +247,6 @@ def test_a_fault_leaves_the_sensor_out(written, fault):
 
 
 def test_all_faults_at_once_and_the_other_sensors_stay():
-    """Blocks of Gazebo classic and gz sim mixed; two sensors on one topic."""
     on_scan = RAY.format(**VALUES) + "<topic>/scan</topic>"
     found = read(
         block("good", inside=on_scan),
@@ -312,7 +311,6 @@ def test_a_frame_that_is_not_where_the_scan_is_measured_is_a_warning(frame, pose
 
 
 def test_a_file_gives_sensors_to_a_robot_that_lacks_them(tmp_path):
-    """As for ROS 2's turtlebot3_burger.urdf, which has none."""
     file = tmp_path / "sensors.urdf.xacro"
     sensor = block(rate="${2 * 5}", link="base_scan")
     file.write_text(

@@ -182,10 +182,6 @@ def seconds(state: JointState) -> float:
 def test_a_saved_file_moves_the_robot(
     start: Start, listener: Listener, mrm: str, tmp_path: Path
 ) -> None:
-    """Broken saves keep the last good motion and say why; the mended one is applied.
-
-    All the while no step between two messages is faster than 0.5 rad/s.
-    """
     file = tmp_path / "joints.yaml"
     file.write_text(yaml("rate: 50"))
     node = start(mrm, "--ros-args", "--params-file", str(file))
@@ -225,7 +221,6 @@ def test_a_saved_file_moves_the_robot(
 def test_removing_a_motion_from_the_file_ends_it(
     start: Start, listener: Listener, mrm: str, tmp_path: Path
 ) -> None:
-    """Also one set live: a save makes everything as the file says, but -p comes first."""
     file = tmp_path / "joints.yaml"
     file.write_text(yaml(f"motions:\n  {JOINT}: {{type: constant, position: 0.1}}"))
     start(mrm, "--ros-args", "--params-file", str(file), "-p", "rate:=40")
@@ -240,7 +235,6 @@ def test_removing_a_motion_from_the_file_ends_it(
 
 
 def test_parameters_can_be_set_while_it_runs(start: Start, listener: Listener, mrm: str) -> None:
-    """Each set takes effect or is refused with the reason; motions can be built up key by key."""
     start(mrm, "--ros-args", "-p", "rate:=50.0")
     listener.hears(lambda s: True, "the first message")
     assert "0.001" in listener.set("rate", 1e-12)
@@ -265,7 +259,6 @@ def test_parameters_can_be_set_while_it_runs(start: Start, listener: Listener, m
 
 
 def test_the_description_comes_from_the_topic(start: Start, listener: Listener) -> None:
-    """Waiting is logged, and a broken one; parameters for another robot do not end the node."""
     node = start(
         "--ros-args", "-p", "motions.elbow.type:=constant", "-p", "motions.elbow.position:=0.1"
     )
@@ -283,7 +276,6 @@ def test_the_description_comes_from_the_topic(start: Start, listener: Listener) 
 
 
 def test_sources_count_more(start: Start, listener: Listener, mrm: str) -> None:
-    """Their values are passed on; messages that make no sense are ignored with a warning."""
     node = start(mrm, "--ros-args", "-p", "source_list:=[measured]", "-p", "rate:=50")
     measured = listener.node.create_publisher(JointState, "measured", 10)
     listener.hears(lambda s: s.position[0] == 0.0, "the default")
@@ -324,7 +316,6 @@ def test_a_namespace_applies_to_file_and_topics(
 def test_config_file_is_read_and_watched(
     start: Start, listener: Listener, mrm: str, tmp_path: Path
 ) -> None:
-    """The parameter config_file does what --params-file does."""
     file = tmp_path / "joints.yaml"
     file.write_text(yaml(f"motions:\n  {JOINT}: {{type: constant, position: 0.1}}"))
     start(mrm, "--ros-args", "-p", f"config_file:={file}")
@@ -346,7 +337,6 @@ def test_it_publishes_while_a_saved_description_is_expanded(
     mrm: str,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """A xacro may take long; here it takes until some messages have been received."""
     node = start_node(lambda: JointStatePublisher(mrm), rate=50)
     expanding, go_on = threading.Event(), threading.Event()
 
@@ -379,10 +369,6 @@ def test_it_publishes_while_a_saved_description_is_expanded(
 def test_a_joint_can_be_renamed_in_both_files(
     start: Start, listener: Listener, mrm: str, tmp_path: Path, description_first: bool
 ) -> None:
-    """The robot changes at once, as all nodes must show the same; the parameters once they suit it.
-
-    A parameter file that is removed is reported, and changes nothing.
-    """
     file = tmp_path / "joints.yaml"
     file.write_text(yaml(f"rate: 50\nmotions:\n  {JOINT}: {{type: constant, position: 0.1}}"))
     node = start(mrm, "--ros-args", "--params-file", str(file))
@@ -411,7 +397,6 @@ def test_a_joint_can_be_renamed_in_both_files(
 
 
 def test_sim_time_is_respected(start: Start, listener: Listener, mrm: str) -> None:
-    """Stamps and speed go by /clock."""
     start(
         mrm,
         "--ros-args",
@@ -443,7 +428,6 @@ def test_sim_time_is_respected(start: Start, listener: Listener, mrm: str) -> No
 
 
 def test_limits_exceeded_are_told_once(start: Start, mrm: str, tmp_path: Path) -> None:
-    """With file and line, and the remedy."""
     file = tmp_path / "joints.yaml"
     motion = f"motions:\n  {JOINT}: {{type: sine, amplitude: 1.0, frequency: 0.2}}"
     file.write_text(yaml(motion))
@@ -473,7 +457,6 @@ def test_limits_exceeded_are_told_once(start: Start, mrm: str, tmp_path: Path) -
 def test_mistakes_at_the_start_end_it(
     start: Start, mrm: str, arguments: list[str], words: str
 ) -> None:
-    """With exit code 1 and one clear error, no traceback."""
     node = start(mrm, "--ros-args", *arguments)
     assert node.ends() == 1
     assert words in node.output
@@ -483,7 +466,6 @@ def test_mistakes_at_the_start_end_it(
 def test_a_robot_that_cannot_move_publishes_nothing(
     start: Start, listener: Listener, tmp_path: Path
 ) -> None:
-    """It says so, and waits for another description."""
     file = tmp_path / "fixed.urdf"
     # As in a test of the standard node: links without joints, <robot> within another element.
     file.write_text('<urdf><robot name="zero"><link name="a"/><link name="b"/></robot></urdf>')

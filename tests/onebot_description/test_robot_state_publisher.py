@@ -41,7 +41,6 @@ def _state(position, seconds=100, names=("turn",)):
 
 
 def test_late_joiner_gets_description_and_static_and_moving_transforms(ros_domain, arm):
-    """A subscriber that comes later still gets what is latched, and /tf at known angles."""
     with NodeProcess(MODULE, str(arm)) as node, Peer(ros_domain) as first:
         early = first.hear(String, "robot_description", LATCHED)
         wait_for(lambda: early, "the description")
@@ -88,7 +87,6 @@ def _until(send, node, text):
 
 
 def test_live_changes_take_effect_or_are_rejected_with_the_reason(ros_domain, arm):
-    """Description and frame_prefix change while it runs; a bad description changes nothing."""
     with NodeProcess(MODULE, str(arm)) as node, Peer(ros_domain) as peer:
         static = peer.hear(TFMessage, "/tf_static", LATCHED)
         described = peer.hear(String, "robot_description", LATCHED)
@@ -155,7 +153,6 @@ def test_live_changes_take_effect_or_are_rejected_with_the_reason(ros_domain, ar
 
 
 def test_an_edited_file_is_published(ros_domain, arm):
-    """A file that is broken changes nothing; /tf goes on meanwhile."""
     with NodeProcess(MODULE, str(arm)) as node, Peer(ros_domain) as peer:
         static = peer.hear(TFMessage, "/tf_static", LATCHED)
         wait_for(lambda: static, "/tf_static")
@@ -167,7 +164,6 @@ def test_an_edited_file_is_published(ros_domain, arm):
 
 
 def test_publish_frequency_throttles_by_stamp(ros_domain, arm):
-    """At 1 Hz, of stamps 0.25 s apart one in four passes; at 0.0 all do."""
     args = ros_args(publish_frequency="1.0")
     with NodeProcess(MODULE, str(arm), *args), Peer(ros_domain) as peer:
         moving = peer.hear(TFMessage, "/tf")
@@ -203,7 +199,6 @@ def test_publish_frequency_throttles_by_stamp(ros_domain, arm):
 
 
 def test_bad_messages_leave_it_running(ros_domain, arm):
-    """Mismatched, unknown, NaN and malformed joint states are ignored; good ones still pass."""
     with NodeProcess(MODULE, str(arm)) as node, Peer(ros_domain) as peer:
         moving = peer.hear(TFMessage, "/tf")
         publisher = peer.publisher(JointState, "joint_states", qos_profile_sensor_data)
@@ -249,7 +244,6 @@ def test_bad_messages_leave_it_running(ros_domain, arm):
     ],
 )
 def test_user_mistakes_give_one_clear_error(ros_domain, args, fragments):
-    """The exit code is 1, the message names what is wrong, and there is no traceback."""
     with NodeProcess(MODULE, *args, check=False) as node:
         assert node.wait() == 1
         for fragment in fragments:
@@ -258,7 +252,6 @@ def test_user_mistakes_give_one_clear_error(ros_domain, args, fragments):
 
 
 def test_namespace_keeps_its_topics_and_global_tf(ros_domain, arm):
-    """In a namespace, joint_states and robot_description move with it, /tf stays."""
     args = ["--ros-args", "-r", "__ns:=/left"]
     with NodeProcess(MODULE, str(arm), *args), Peer(ros_domain) as peer:
         described = peer.hear(String, "/left/robot_description", LATCHED)
@@ -269,7 +262,6 @@ def test_namespace_keeps_its_topics_and_global_tf(ros_domain, arm):
 
 
 def test_ctrl_c_while_busy(ros_domain, arm):
-    """It stops at once with exit code 0 though joint states pour in."""
     with NodeProcess(MODULE, str(arm)) as node, Peer(ros_domain) as peer:
         moving = peer.hear(TFMessage, "/tf")
         publisher = peer.publisher(JointState, "joint_states", qos_profile_sensor_data)
@@ -292,7 +284,6 @@ def test_ctrl_c_while_busy(ros_domain, arm):
 
 
 def test_a_second_publisher_of_the_description_is_warned_of(ros_domain, arm):
-    """By both, once, with the remedy; one that was killed before counts no more."""
     with Peer(ros_domain) as peer, NodeProcess(MODULE, str(arm), check=False) as killed:
         wait_for(lambda: peer.node.count_publishers("robot_description") == 1, "the first")
         killed.process.kill()
