@@ -185,24 +185,6 @@ def test_usage() -> None:
     assert build_library.main(["--help"]) == 2
 
 
-def test_only_the_standard_library(tmp_path: Path) -> None:
-    shutil.copy(build_library.__file__, tmp_path)
-    code = "import build_library; print(build_library.LIBRARY)"
-    environment = {
-        key: value
-        for key, value in os.environ.items()
-        if key not in ("_ROS_WHEELS_BOOTSTRAP_COMPLETE", "LD_LIBRARY_PATH")
-    }
-    result = subprocess.run(
-        [sys.executable, "-S", "-c", code],
-        cwd=tmp_path,
-        env=environment,
-        capture_output=True,
-        text=True,
-    )
-    assert result.returncode == 0, result.stderr
-
-
 def build_backend(project: Path, call: str, **environment: str) -> str:
     """Call the build backend as pip does; return what it answers."""
     pytest.importorskip("hatchling")

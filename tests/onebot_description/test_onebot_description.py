@@ -12,20 +12,13 @@ import rerun as rr
 import yaml
 import yourdfpy
 
-from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.pictures import render
-from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.scene import Scene
 from onebot_bringup.viewer.shapes import load_shape
-from onebot_bringup.viewer.view_config import load_view
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.description import Cylinder, Mesh, Sphere
 from onebot_description.description.meshes import locate_mesh
 from onebot_description.description.packages import Resources, package_share
 from onebot_description.model.robot_model import RobotModel
-from onebot_description.wire.messages import TfArrays
-from tests.onebot_bringup.viewer_support import describe, take_tf
-from tests.support_rendering import colored, pixels, require_renderer
 
 SHARE = package_share("onebot_description")
 FILE = SHARE / "urdf/onebot.urdf.xacro"
@@ -149,41 +142,6 @@ def test_rerun_shows_every_combination_without_complaint(combination):
         assert visual.color is not None
         if isinstance(visual.shape, Mesh):
             assert load_shape(visual.shape).colored
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("mesh", ["true", "false"])
-def test_the_picture_shows_the_robot(tmp_path, mesh):
-    require_renderer()
-    image = _picture(tmp_path, _load(mesh))
-    shell = [round(255 * value) for value in DIMENSIONS["colors"]["shell"]]
-    accent = [round(255 * value) for value in DIMENSIONS["colors"]["accent"]]
-    bright = colored(image, tuple(shell)) & (image.min(axis=2) > 120)
-    assert bright.mean() > 0.04
-    assert (colored(image, tuple(accent)).sum() > 100) == (mesh == "true")
-
-
-def _picture(tmp_path, description: Description):
-    view = tmp_path / "view.yaml"
-    view.write_text(
-        "fixed_frame: base_link\naxes: {visible: false}\ngrid: {visible: false}\n"
-        "background: [0, 0, 60]\njoint_plot: {positions: false, velocities: false}\n"
-        "camera: {eye: [0.3, 0.35, 0.25], target: [-0.1, 0.0, 0.0]}\n"
-    )
-    recording = open_recording(save=tmp_path / "onebot.rrd")
-    live = RobotView(recording.stream, load_view(view))
-    describe(live, description.urdf)
-    model = RobotModel.from_description(description)
-    translations, rotations = model.transforms(np.zeros(4))
-    parents = [joint.parent for joint in description.joints]
-    children = [joint.child for joint in description.joints]
-    stamps = np.full(4, 1_700_000_000_000_000_000)
-    take_tf(live, TfArrays(parents, children, stamps, translations, rotations))
-    assert live.tick(int(stamps[0])) == []
-    live.finish()
-    recording.close()
-    render(tmp_path / "onebot.rrd", tmp_path / "onebot.png", 640, 400)
-    return pixels(tmp_path / "onebot.png")
 
 
 def test_primitives_have_the_size_of_the_meshes():
