@@ -74,11 +74,7 @@ class JointParameters:
     describing: bool  # descriptions change, no values
 
     def __init__(self, node: Node, arguments: RosArguments) -> None:
-        """Declare every parameter that anybody set, and the rest with its default.
-
-        Raises:
-            ConfigError: something is wrong with them.
-        """
+        """Declare every parameter that anybody set, and the rest with its default."""
         self._node = node
         self._name = node.get_fully_qualified_name()
         self._places: Mapping[str, str] = {}  # lines of the file being applied
@@ -118,11 +114,7 @@ class JointParameters:
     def changed(
         self, values: Mapping[str, Any], parameters: Sequence[Parameter]
     ) -> tuple[dict[str, Any], JointsConfig]:
-        """Return all ``values`` and the configuration with ``parameters`` set, None unset.
-
-        Raises:
-            ConfigError: they cannot be set, and why.
-        """
+        """Return all ``values`` and the configuration with ``parameters`` set, None unset."""
         changed = {**values, **{one.name: plain(one.value) for one in parameters}}
         changed = {name: value for name, value in changed.items() if value is not None}
         config = self._checked(changed)
@@ -136,11 +128,7 @@ class JointParameters:
         return error.located(self._places)
 
     def set_all(self, changes: Mapping[str, Any], places: Mapping[str, str]) -> None:
-        """Set all ``changes`` or none, None to unset; ``places`` are where they were written.
-
-        Raises:
-            OneBotError: they were refused.
-        """
+        """Set all ``changes`` or none, None to unset; ``places`` are where they were written."""
         if not changes:
             return
         parameters = [ros_parameter(name, value) for name, value in changes.items()]
@@ -202,8 +190,7 @@ class JointsState:
     def describing(self, description: Description, *, tolerant: bool) -> "JointsState":
         """Return the state with another robot, whose joints go on from where they are.
 
-        Raises:
-            ConfigError: the parameters do not suit it; ``tolerant`` leaves those out instead.
+        Parameters that do not suit it are a ConfigError; ``tolerant`` leaves them out instead.
         """
         source = JointStateSource(
             description.joints, self.config, previous=self.source, tolerant=tolerant
@@ -213,11 +200,7 @@ class JointsState:
     def with_parameters(
         self, values: Mapping[str, Any], config: JointsConfig, new: Description | None = None
     ) -> "JointsState":
-        """Return the state with other parameters, and ``new``, the robot that they describe.
-
-        Raises:
-            ConfigError: the parameters do not suit the robot.
-        """
+        """Return the state with other parameters, and ``new``, the robot that they describe."""
         changed = replace(self, values=values, config=config, plan=None)
         if new is not None:
             return changed.describing(new, tolerant=False)
@@ -415,11 +398,7 @@ class JointStatePublisher(Node):
     def __init__(
         self, description_file: str | None = None, arguments: RosArguments = _NO_ARGUMENTS
     ) -> None:
-        """Start publishing as soon as the description is known.
-
-        Raises:
-            OneBotError: the parameters or the description cannot be used.
-        """
+        """Start publishing as soon as the description is known."""
         super().__init__("joint_state_publisher", allow_undeclared_parameters=True)
         self._reported: set[Problem] = set()
         self._warn = Throttled(self.get_logger().warning)
@@ -482,11 +461,7 @@ class JointStatePublisher(Node):
     # Applying parameters and descriptions ----------------------------------------------------
 
     def _use(self, description: Description) -> None:
-        """Start with ``description``.
-
-        Raises:
-            ConfigError: the parameters do not suit it.
-        """
+        """Start with ``description``; parameters that do not suit it are a ConfigError."""
         try:
             self._apply(self._state.describing(description, tolerant=False))
         except ConfigError as error:

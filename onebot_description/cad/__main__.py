@@ -36,11 +36,7 @@ def make_parts(dimensions: Dimensions) -> tuple[Part, ...]:
 
 
 def write_robot(source: Path, folder: Path) -> dict[Path, str]:
-    """Make the parts and write meshes/<part>.dae and config/inertials.yaml into ``folder``.
-
-    Returns:
-        The written files, with a comment on each.
-    """
+    """Write meshes and inertials into ``folder``; return a comment on each file."""
     dimensions = read_dimensions(source)
     parts = make_parts(dimensions)
     written = {}

@@ -54,9 +54,6 @@ def load_description(source: str | Path, arguments: Mapping[str, str] | None = N
             namespace is xacro whatever its name.
         arguments: values for its ``<xacro:arg>``s, by name.
 
-    Returns:
-        The robot, with its problems and warnings.
-
     Raises:
         DescriptionError: the file cannot be read or expanded, an argument is not one it takes, or
             nothing of the robot can be published; all problems at once, each with file, line,
@@ -97,8 +94,7 @@ class SensorFile(NamedTuple):
 def load_sensors(source: str | Path, robot: Description) -> SensorFile:
     """Read a URDF or xacro file whose root holds ``<gazebo reference="LINK">`` blocks.
 
-    Raises:
-        DescriptionError: it cannot be read or expanded, or holds no sensor.
+    One that cannot be read or expanded, or holds no sensor, is a DescriptionError.
     """
     path = _locate(source)
     document, files, warnings = _read(path, {})

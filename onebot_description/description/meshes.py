@@ -63,8 +63,7 @@ def _unsuitable(path: Path) -> str:
 def mesh_scene(mesh: Mesh, *, materials: bool = True) -> "trimesh.Scene":
     """Return the surfaces of a mesh file, in metres, unscaled.
 
-    Raises:
-        OneBotError: it cannot be read, or holds no triangles.
+    One that cannot be read, or holds no triangles, is an OneBotError.
     """
     import trimesh
 

@@ -44,7 +44,7 @@ def resolve(
     """Reduce chains of mimic joints to their leaders.
 
     Args:
-        joints: the N movable joints.
+        joints: the N movable joints, whose ``limits`` these are.
         all_joints: all joints of the robot, for error messages.
         limits: of the N joints.
         dependent: the parameters dependent_joints, which override mimic tags.

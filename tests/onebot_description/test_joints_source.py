@@ -43,27 +43,22 @@ def _keyframes(pieces: list[tuple[float, float]], blend: str, loop: bool) -> dic
 
 
 _blend = st.sampled_from(["linear", "minimum_jerk"])
+
+
+def _sine(amplitude: float, frequency: float, phase: float, offset: float) -> dict[str, Any]:
+    numbers = {"amplitude": amplitude, "frequency": frequency, "phase": phase, "offset": offset}
+    return {"type": "sine", **numbers}
+
+
+def _sequence(durations: tuple[float, float], blend: str, loop: bool) -> dict[str, Any]:
+    return {"poses": ["one", "two"], "durations": list(durations), "blend": blend, "loop": loop}
+
+
+_pieces = st.lists(st.tuples(_seconds, _number), min_size=1, max_size=5)
 _motion = st.one_of(
-    st.builds(lambda p: {"type": "constant", "position": p}, _number),
-    st.builds(
-        lambda a, f, p, o: {
-            "type": "sine",
-            "amplitude": a,
-            "frequency": f,
-            "phase": p,
-            "offset": o,
-        },
-        _number,
-        st.floats(0.0, 20.0),
-        _number,
-        _number,
-    ),
-    st.builds(
-        _keyframes,
-        st.lists(st.tuples(_seconds, _number), min_size=1, max_size=5),
-        _blend,
-        st.booleans(),
-    ),
+    st.builds(lambda position: {"type": "constant", "position": position}, _number),
+    st.builds(_sine, _number, st.floats(0.0, 20.0), _number, _number),
+    st.builds(_keyframes, _pieces, _blend, st.booleans()),
 )
 _pose = st.dictionaries(st.sampled_from(LEADERS), _number, min_size=1)
 _parameters = st.fixed_dictionaries(
@@ -73,21 +68,8 @@ _parameters = st.fixed_dictionaries(
         "delta": st.sampled_from([0.0, 0.01, 1.0]),
         "pose": st.sampled_from(["", "", "", "one", "two"]),
         "zeros": st.dictionaries(st.sampled_from(LEADERS), _number),
-        "sequence": st.one_of(
-            st.just({}),
-            st.builds(
-                lambda a, b, blend, loop: {
-                    "poses": ["one", "two"],
-                    "durations": [a, b],
-                    "blend": blend,
-                    "loop": loop,
-                },
-                _seconds,
-                _seconds,
-                _blend,
-                st.booleans(),
-            ),
-        ),
+        "sequence": st.just({})
+        | st.builds(_sequence, st.tuples(_seconds, _seconds), _blend, st.booleans()),
     }
 )
 _edits = st.lists(
