@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
-from onebot_bringup.steering.limits import Limits
+from onebot_bringup.steering.command_limits import Limits
 from onebot_bringup.steering.protocol import Drive, Release, SetLimits, Stop, Velocity
 
 COMMAND_TIMEOUT = 0.25  # s without a message from the driver until the robot is stopped

@@ -17,7 +17,7 @@ from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import qos_profile_parameter_events
 
-from onebot_bringup.steering.limits import ANGULAR, LINEAR, NAMES, TIMEOUT, Controller
+from onebot_bringup.steering.command_limits import ANGULAR, LINEAR, NAMES, TIMEOUT, Controller
 
 _PERIOD = 5.0  # s between two requests to a node, answered or not; sooner if it announces a change
 _NUMBERS = ParameterType.PARAMETER_INTEGER, ParameterType.PARAMETER_DOUBLE

@@ -18,7 +18,7 @@ from rclpy.node import Node
 
 from onebot_bringup.introspection.transforms import FrameTree, TransformError
 from onebot_bringup.steering.followed_topics import FollowedTopics
-from onebot_bringup.steering.odometry import OdometryTopic
+from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_control.poses import Transform, compose, yaw_of
 from onebot_description.topic_subscription import TopicSubscription
 from onebot_description.wire.messages import OdometrySample, tf_arrays

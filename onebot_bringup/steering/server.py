@@ -15,8 +15,8 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 from onebot_bringup.serving.origin import foreign_refusal
 from onebot_bringup.steering.access import Access, other_site
 from onebot_bringup.steering.arbiter import Arbiter
+from onebot_bringup.steering.command_limits import Braking
 from onebot_bringup.steering.command_topic import CommandedRobot
-from onebot_bringup.steering.limits import Braking
 from onebot_bringup.steering.protocol import ChooseTopic, ProtocolError, message_text, parse
 from onebot_bringup.steering.tool_requests import ToolRequests
 from onebot_bringup.steering.view_proxy import ViewProxy

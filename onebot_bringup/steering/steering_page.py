@@ -16,7 +16,7 @@ Publishes:
 
 Subscribes:
     the parameter topic with _locked at its end (std_msgs/Bool, latched): whether the robot is.
-    odometry (nav_msgs/Odometry, best effort, depth 1): see odom_topic.
+    odometry (nav_msgs/Odometry): see odom_topic.
     the parameter viewer_page (std_msgs/String, latched): the address of rerun_viewer's page.
     displays (std_msgs/String, latched), of the same node: the topics that are shown in the view.
     /tf, /tf_static, map (nav_msgs/OccupancyGrid): while a page shows its map.
@@ -45,6 +45,13 @@ from onebot_bringup.serving.http_server import ServerThread
 from onebot_bringup.serving.ports import is_loopback, listen, reachable_as
 from onebot_bringup.steering.access import Access, new_token
 from onebot_bringup.steering.arbiter import Arbiter
+from onebot_bringup.steering.command_limits import (
+    Braking,
+    Controller,
+    Limits,
+    braking_of,
+    limits_of,
+)
 from onebot_bringup.steering.command_topic import (
     CommandedRobot,
     CommandTopic,
@@ -55,8 +62,7 @@ from onebot_bringup.steering.command_topic import (
 )
 from onebot_bringup.steering.controllers import Controllers
 from onebot_bringup.steering.ground import Ground
-from onebot_bringup.steering.limits import Braking, Controller, Limits, braking_of, limits_of
-from onebot_bringup.steering.odometry import OdometryTopic
+from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_bringup.steering.page_parameters import PageParameters
 from onebot_bringup.steering.protocol import Velocity
 from onebot_bringup.steering.senses import Senses

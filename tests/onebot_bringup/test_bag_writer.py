@@ -12,7 +12,7 @@ import pytest
 from mcap.reader import NonSeekingReader
 from rosbags.rosbag2 import Reader
 
-from onebot_bringup.bags.reader import Bag
+from onebot_bringup.bags.bag_reader import Bag
 from onebot_bringup.bags.writer import BagWriter
 from onebot_description.errors import OneBotError
 from tests.onebot_bringup.bag_support import cdr, read_all, topic, write_words

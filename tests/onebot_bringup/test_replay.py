@@ -11,7 +11,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from onebot_bringup.bags.reader import Bag
+from onebot_bringup.bags.bag_reader import Bag
 from onebot_bringup.bags.replay import frame_prefix_of, log_bag
 from onebot_bringup.bags.writer import BagWriter
 from onebot_bringup.cli.main import main

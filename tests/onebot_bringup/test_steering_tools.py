@@ -33,7 +33,7 @@ from rcl_interfaces.srv import GetParameters
 
 from onebot_bringup.introspection.parameter_values import parse_value, text_of
 from onebot_bringup.steering.ground import Ground, PublishedMap
-from onebot_bringup.steering.odometry import OdometryTopic
+from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_bringup.steering.protocol import ProtocolError
 from onebot_bringup.steering.tool_requests import OtherThread, parse_values
 from onebot_bringup.steering.tools import Click, message_of, parse_click

@@ -17,10 +17,10 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
+from onebot_bringup.steering.command_limits import LINEAR, TIMEOUT
 from onebot_bringup.steering.command_topic import named_robots
 from onebot_bringup.steering.controllers import Controllers
-from onebot_bringup.steering.limits import LINEAR, TIMEOUT
-from onebot_bringup.steering.odometry import choose_odometry
+from onebot_bringup.steering.odometry_topic import choose_odometry
 from tests.onebot_bringup.steering_support import (
     TOPIC,
     Commands,
