@@ -1,6 +1,6 @@
 """An aiohttp application served in a thread of its own.
 
-A connection without a whole request within a few seconds is closed, which aiohttp does if its timeout
+A connection without a whole request within a few seconds is closed: aiohttp does so if its timeout
 of idle connections is as short.
 """
 

@@ -196,12 +196,10 @@ class Senses:
         self._footprint = Footprint.of(message.data)
 
     def _on_scan(self, _: str, scan: LaserScan) -> None:
-        now, clearance = self._odometry.sample, math.inf
-        if self._footprint is not None and now is not None and abs(now.linear[0]) > _STANDING:
-            points = self._footprint.points(scan)
-            clearance = self._footprint.clearance(
-                points, float(now.linear[0]), float(now.angular[2])
-            )
+        odometry, footprint, clearance = self._odometry.sample, self._footprint, math.inf
+        if footprint is not None and odometry is not None and abs(odometry.linear[0]) > _STANDING:
+            linear, angular = float(odometry.linear[0]), float(odometry.angular[2])
+            clearance = footprint.clearance(footprint.points(scan), linear, angular)
         self._seen = clearance, time.monotonic()
 
     def picture(self) -> bytes | None:
