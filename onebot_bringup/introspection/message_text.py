@@ -389,7 +389,6 @@ class _TextLoader(yaml.BaseLoader):
     """Keeps scalars as text, to be parsed by field; rejects duplicate keys."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """Build a dictionary from ``node``."""
         seen: set[str] = set()
         for key, _ in node.value:
             name = str(key.value)

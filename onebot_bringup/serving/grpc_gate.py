@@ -32,7 +32,6 @@ class GrpcGate(LoopThread):
         super().__init__("grpc gate")
 
     async def serve(self, end: asyncio.Event) -> None:
-        """Serve until ``end`` is set, then close all connections and the socket."""
         server = await asyncio.start_server(self._serve_client, sock=self._listener)
         await end.wait()
         server.close()

@@ -43,7 +43,7 @@ from rclpy.node import Node
 
 from onebot_bringup.serving.http_server import ServerThread
 from onebot_bringup.serving.ports import is_loopback, listen, reachable_as
-from onebot_bringup.steering.access import Access, new_token
+from onebot_bringup.steering.access import Access, choose_bind_address
 from onebot_bringup.steering.arbiter import Arbiter
 from onebot_bringup.steering.command_limits import (
     Braking,
@@ -88,14 +88,12 @@ class SteeringParameters(PageParameters):
 
     @classmethod
     def of(cls, node: Node) -> "SteeringParameters":
-        """Declare the parameters on ``node`` and return their values."""
         settings = read(cls, declare(node, cls))
         refuse_undeclared(node, cls)
         topics: dict[str, Any] = {n: _topic(node, n, getattr(settings, n)) for n in _TOPICS}
         return replace(settings, **topics)
 
     def limits(self, controllers: Sequence[Controller]) -> Limits:
-        """Return the limits of commands, with these controllers on the topic."""
         return limits_of(controllers, Velocity(self.max_linear, self.max_angular))
 
 
@@ -138,12 +136,15 @@ class SteeringPage(Node):
         self.create_timer(_GRAPH_PERIOD, self._poll_graph, clock=steady)
 
     def _serve(self) -> None:
-        port = self._settings.port
-        listener = listen(self._settings.host, port)
-        address, free = listener.getsockname()[:2]
-        if port not in (0, free):
-            self.get_logger().warning(f"port {port} is in use; using {free} instead")
-        access = Access(self._token(address), address, free)
+        settings = self._settings
+        bind = choose_bind_address(settings.host, settings.port, settings.token)
+        if bind.warning:
+            self.get_logger().warning(bind.warning)
+        listener = listen(bind.host, bind.port)
+        address, port = listener.getsockname()[:2]
+        if not is_loopback(address):
+            self._warn_of_access()
+        access = Access(bind.token, address, port)
         publishers = ToolPublishers(self, self._commands)
         tools = ToolRequests(
             self._thread, self._commands, self._ground, self._senses, publishers, self._nodes
@@ -175,11 +176,8 @@ class SteeringPage(Node):
         if self._settings.open_browser and has_display():
             threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
 
-    def _token(self, address: str) -> str:
-        token = self._settings.token
-        if is_loopback(address):
-            return token
-        if token and len(token) < _SHORT_TOKEN:
+    def _warn_of_access(self) -> None:
+        if 0 < len(self._settings.token) < _SHORT_TOKEN:
             self.get_logger().warning(
                 "the token is short: anyone who guesses it can drive the robot"
             )
@@ -187,7 +185,6 @@ class SteeringPage(Node):
             "other computers can reach the page: anyone with its address can drive the robot, and"
             " the address is not encrypted on the network (use an SSH tunnel to keep it private)"
         )
-        return token or new_token()
 
     def _robot(self) -> RobotStatus:
         commands = self._commands
@@ -238,7 +235,6 @@ class SteeringPage(Node):
             self._poll_graph()
 
     def _poll_graph(self) -> None:
-        """Update topics, subscribers and limits from the ROS graph."""
         commands = self._commands
         previous = commands.kind, commands.topic, len(commands.listeners)
         robots = self._controllers.names
