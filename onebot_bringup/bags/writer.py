@@ -134,6 +134,7 @@ class BagWriter:
         write_whole(self.folder / METADATA, _yaml(self._metadata()).encode())
 
     def _metadata(self) -> dict[str, Any]:
+        """Version 9 of rosbag2's metadata, which is that of Jazzy."""
         name = self._file.path.name
         start = self._start if self.message_count else _INFINITE
         extent = {

@@ -25,11 +25,8 @@ def choose_odometry(
 ) -> str:
     """Return the topic with the robot's odometry; "" if it is not certain which that is.
 
-    Args:
-        publishers: the nodes that publish each topic of odometry.
-        commands: the command topic.
-        controllers: the nodes that are known to be the robot's.
-        subscribers: all nodes that subscribe to commands.
+    ``publishers`` has the nodes that publish each topic of odometry, ``controllers`` the nodes that
+    are known to be the robot's, ``subscribers`` all nodes that subscribe to the topic ``commands``.
     """
 
     def of(nodes: Collection[str]) -> str:

@@ -154,10 +154,7 @@ class Senses:
     def update(self, namespace: str, others: Iterable[str], watched: bool) -> None:
         """Follow publishers that come and go; to be called several times per second.
 
-        Args:
-            namespace: of the robot.
-            others: the namespaces of other robots.
-            watched: whether there is a page.
+        ``others`` are the namespaces of other robots; ``watched``: there is a page.
         """
         spaces = tuple(f"{space}/" for space in others if space.startswith(f"{namespace}/"))
         names: dict[str, list[str]] = {kind: [] for kind in _TYPES}

@@ -34,7 +34,7 @@ import sys
 import threading
 import webbrowser
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 from urllib.parse import quote
 
@@ -66,7 +66,7 @@ from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_bringup.steering.page_parameters import PageParameters
 from onebot_bringup.steering.protocol import Velocity
 from onebot_bringup.steering.senses import Senses
-from onebot_bringup.steering.server import RobotStatus, ServerContext, SteeringServer
+from onebot_bringup.steering.server import ServerContext, SteeringServer
 from onebot_bringup.steering.tool_requests import OtherThread, ToolRequests
 from onebot_bringup.steering.tools import ToolPublishers
 from onebot_bringup.steering.view_proxy import Viewer, ViewProxy
@@ -186,22 +186,23 @@ class SteeringPage(Node):
             " the address is not encrypted on the network (use an SSH tunnel to keep it private)"
         )
 
-    def _robot(self) -> RobotStatus:
+    def _robot(self) -> Mapping[str, Any]:
+        """Return the robot's part of a page's state."""
         commands = self._commands
-        return RobotStatus(
-            topic=commands.topic,
-            topic_type=commands.kind,
-            topics=self._topics,
-            robots=self._robots,
-            listeners=len(commands.listeners),
-            others=tuple(commands.others),
-            locked=commands.locked,
-            controllers=tuple(self._controllers.names),
-            braking=self._braking,
-            odometry=self._odometry.fields(),
-            camera=self._senses.camera,
-            obstacle=self._senses.obstacle,
-        )
+        return {
+            "topic": commands.topic,
+            "topic_type": commands.kind,
+            "topics": self._topics,  # to choose from, those with subscribers first
+            "robots": [asdict(robot) for robot in self._robots],  # to choose from
+            "listeners": len(commands.listeners),
+            "others": commands.others,  # the other nodes that publish commands
+            "locked": commands.locked,  # it ignores all commands until a page drives again
+            "controllers": self._controllers.names,  # the nodes whose limits are known
+            "braking": asdict(self._braking) if self._braking else None,
+            "odometry": self._odometry.fields(),
+            "camera": self._senses.camera,  # the topic of its pictures
+            "obstacle": self._senses.obstacle,  # m until it meets what its scan sees
+        }
 
     def _nodes(self) -> Mapping[str, Any]:
         first = self._controllers.names

@@ -206,7 +206,7 @@ def test_leaving_the_page_stops(tab: Page, node: Steering, heard: list[Twist], l
 
 
 def test_a_dead_server_stops_the_robot_and_the_page_comes_back_still(
-    tab: Page, heard: list[Twist]
+    peer: Peer, tab: Page, heard: list[Twist]
 ) -> None:
     """By the controller's timeout; the page says it is lost, connects anew, and does not drive.
 
