@@ -112,7 +112,7 @@ class ParameterClient:
         """Set parameters to values in YAML; return a SetParametersResult each.
 
         ``same_types`` reads a value as one of the type that the parameter has now, as far as that
-        can be, also where the node would let it have another; ``finite`` refuses infinities and NaN.
+        can be, also where the node allows another; ``finite`` refuses infinities and NaN.
         """
         from rcl_interfaces.msg import Parameter, ParameterValue
 

@@ -101,7 +101,7 @@ class BindAddress(NamedTuple):
 
 
 def choose_bind_address(host: str, port: int, token: str) -> BindAddress:
-    """Return a free address to serve the page on; it has a token if other computers can reach it."""
+    """Return a free address to serve the page on; with a token if other computers can reach it."""
     with listen(host, port) as probe:
         address, free = probe.getsockname()[:2]
     if not token and not is_loopback(address):
