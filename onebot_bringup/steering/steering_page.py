@@ -192,8 +192,8 @@ class SteeringPage(Node):
         return {
             "topic": commands.topic,
             "topic_type": commands.kind,
-            "topics": self._topics,  # to choose from, those with subscribers first
-            "robots": [asdict(robot) for robot in self._robots],  # to choose from
+            "topics": self._topics,  # choices, those with subscribers first
+            "robots": [asdict(robot) for robot in self._robots],  # choices
             "listeners": len(commands.listeners),
             "others": commands.others,  # the other nodes that publish commands
             "locked": commands.locked,  # it ignores all commands until a page drives again
