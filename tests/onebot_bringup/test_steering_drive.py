@@ -9,7 +9,7 @@ import pytest
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 
-from tests.onebot_bringup.steering_support import PageClient, address_of, steering
+from tests.onebot_bringup.steering_support import PageClient, steering
 from tests.onebot_control.control_support import urdf
 from tests.ros_support import NodeProcess, Peer, ros_args
 from tests.support import wait_for
@@ -52,9 +52,8 @@ def test_stop_stops_the_robot_whoever_drives_it(odometry, ros_domain):
     with Peer(ros_domain, "script") as script:
         publisher = script.publisher(Twist, "/velocity_controller/cmd_vel")
         timer = script.node.create_timer(0.05, lambda: publisher.publish(command))
-        args = ros_args(port=0, open_browser="false")
-        with NodeProcess("onebot_bringup.steering.steering_page", *args, check=False) as node:
-            with PageClient(address_of(node)) as page:
+        with steering(check=False) as node:
+            with PageClient(node.address) as page:
                 wait_for(lambda: page.state["others"] == ["/script"], "the other publisher")
                 wait_for(lambda: page.state["controllers"], "the robot")
                 assert page.state["limits"] == {"linear": 0.5, "angular": 3.0}
@@ -70,7 +69,7 @@ def test_stop_stops_the_robot_whoever_drives_it(odometry, ros_domain):
                 wait_for(locked, "the lock")
                 _come_to_rest(odometry)
             node.process.send_signal(signal.SIGKILL)
-        with steering() as node, PageClient(address_of(node)) as page:
+        with steering() as node, PageClient(node.address) as page:
             wait_for(lambda: page.state["locked"], "the state of the lock")
             count = len(odometry)
             wait_for(lambda: len(odometry) > count + 25, "half a second at rest")
@@ -83,11 +82,9 @@ def test_stop_stops_the_robot_whoever_drives_it(odometry, ros_domain):
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP, signal.SIGTERM])
 def test_the_robot_stops_when_the_server_does(odometry, number):
     """Killed or hanging, by the controller's timeout; asked to end, by zeros of its own."""
-    args = ros_args(port=0, open_browser="false")
-    with NodeProcess("onebot_bringup.steering.steering_page", *args, check=False) as node:
-        with PageClient(address_of(node)) as page:
-            _drive(page, odometry)
-            node.process.send_signal(number)
-            _come_to_rest(odometry)
-            node.process.send_signal(signal.SIGKILL)
-            wait_for(lambda: page.closed, "the end of the connection")
+    with steering(check=False) as node, PageClient(node.address) as page:
+        _drive(page, odometry)
+        node.process.send_signal(number)
+        _come_to_rest(odometry)
+        node.process.send_signal(signal.SIGKILL)
+        wait_for(lambda: page.closed, "the end of the connection")

@@ -1,7 +1,6 @@
 """The steering page's node on real DDS, with a WebSocket client in the page's place."""
 
 import re
-import socket
 import threading
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -276,15 +275,6 @@ def test_a_token_of_ones_own_is_kept_and_asked_for(ros_domain):
         assert address.endswith("/?token=a%20b%26c%2F%2B")
         assert _status(address, "/")[0] == 403
         assert _status(address, "/?token=a%20b%26c%2F%2B")[0] == 200
-
-
-def test_a_port_in_use_is_replaced(ros_domain):
-    """It says so and takes another one."""
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        port = taken.getsockname()[1]
-        with steering(port=port) as node:
-            assert urlsplit(address_of(node)).port != port
-            assert f"port {port} is in use" in node.output
 
 
 @pytest.mark.parametrize(
