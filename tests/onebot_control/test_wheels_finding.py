@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 import trimesh
 
-from onebot_control.accuracy import PATHS, measure
 from onebot_control.driven_robot import DrivenRobot, wheels_of
-from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
+from onebot_control.parameters import ControlConfig
 from onebot_control.simulation.drivable import drivable
 from onebot_control.wheels import tyres
 from onebot_control.wheels.geometry import Wheels
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.packages import package_share
 from onebot_description.errors import OneBotError
+from tests.accuracy import PATHS, default_config, measure
 from tests.onebot_control.control_support import config, robot
 
 INERTIA = '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
@@ -200,9 +200,7 @@ PUBLIC = Path(__file__).parents[1] / "robots"
 
 def drive(description: Description) -> list[tuple[float, float]]:
     """Drive 2 m straight and turn once; return odometry's and truth's distance and angle."""
-    parameters = read_control_files([default_control_file()], "/", "velocity_controller")
-    default = ControlConfig.from_parameters(parameters.values)
-    straight, turn = measure(description, default, PATHS[:2], rest=1.0).results
+    straight, turn = measure(description, default_config(), PATHS[:2])
     assert straight.odometry.x == pytest.approx(2.0, abs=1e-3)
     assert abs(straight.truth.y) < 1e-3 and abs(straight.truth.yaw) < 1e-3
     assert turn.odometry.yaw == pytest.approx(2.0 * math.pi, abs=1e-3)
