@@ -18,7 +18,7 @@ import numpy as np
 
 from onebot_control.simulation.bodies import Body, Floats, link_poses, matrix, origin_of
 from onebot_control.simulation.engine import engine, logger
-from onebot_control.simulation.settings import Settings
+from onebot_control.simulation.physics_settings import Settings
 from onebot_description.description.description import (
     Box,
     Cylinder,

@@ -6,9 +6,15 @@ from typing import NamedTuple
 
 from onebot_control.poses import Quaternion, Transform, Triple, about_z, multiply, yaw_of
 from onebot_control.simulation.engine import engine, logger
-from onebot_control.simulation.loading import LoadedRobot, load_robot, make_world
-from onebot_control.simulation.scene import SceneBodies
-from onebot_control.simulation.settings import RobotSpawn, Settings, SpawnPose
+from onebot_control.simulation.physics_settings import Settings
+from onebot_control.simulation.scene_bodies import SceneBodies
+from onebot_control.simulation.spawning import (
+    LoadedRobot,
+    RobotSpawn,
+    SpawnPose,
+    load_robot,
+    make_world,
+)
 from onebot_description.description import Description
 from onebot_description.description.sizes import LARGEST
 from onebot_description.errors import OneBotError, listing

@@ -10,9 +10,13 @@ from numpy.typing import NDArray
 
 from onebot_control.poses import Transform, Triple, conjugate, cross, rotate
 from onebot_control.simulation.engine import engine
-from onebot_control.simulation.loading import LoadedRobot, load_robot
 from onebot_control.simulation.rest_pose import RestPose
-from onebot_control.simulation.settings import RobotSpawn, checked_spawn_pose
+from onebot_control.simulation.spawning import (
+    LoadedRobot,
+    RobotSpawn,
+    checked_spawn_pose,
+    load_robot,
+)
 from onebot_description.description.description import Joint
 from onebot_description.errors import OneBotError, did_you_mean
 

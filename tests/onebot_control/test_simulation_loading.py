@@ -10,7 +10,7 @@ import trimesh
 from onebot_control.simulation import Settings
 from onebot_control.simulation.bodies import physics_urdf, rigid_bodies
 from onebot_control.simulation.engine import engine
-from onebot_control.simulation.loading import converted_meshes
+from onebot_control.simulation.spawning import converted_meshes
 from onebot_description.description import (
     DescriptionError,
     load_description,

@@ -85,7 +85,7 @@ def test_caught_lines_are_logged_as_warnings(caplog):
 
 def test_import_is_silent_even_with_stdout_closed():
     """PyBullet announces itself on import; a daemon may have no stdout at all."""
-    code = "import onebot_control.simulation.loading"
+    code = "import onebot_control.simulation.spawning"
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, cwd=CHECKOUT, check=True
     )

@@ -20,7 +20,7 @@ from onebot_control.poses import (
     rotate,
 )
 from onebot_control.simulation import Robot, RobotSpawn, Settings, World
-from onebot_control.simulation.settings import checked_spawn_pose
+from onebot_control.simulation.spawning import checked_spawn_pose
 from onebot_description.errors import OneBotError
 from tests.onebot_control.simulation_support import DRIVEN, LEFT, RIGHT, robot
 

@@ -12,8 +12,8 @@ from dataclasses import replace
 from onebot_control.poses import Transform
 from onebot_control.simulation.bodies import Body, link_poses, link_problems, origin_of
 from onebot_control.simulation.engine import engine
-from onebot_control.simulation.loading import LoadedRobot, load_fixed, load_robot, make_world
-from onebot_control.simulation.settings import Settings
+from onebot_control.simulation.physics_settings import Settings
+from onebot_control.simulation.spawning import LoadedRobot, load_fixed, load_robot, make_world
 from onebot_description.description.description import Description
 from onebot_description.description.worlds import load_world
 from onebot_description.errors import OneBotError
