@@ -58,12 +58,7 @@ class Snapshot(NamedTuple):
 
 
 class JointStateBroadcaster:
-    """Chooses the joints and interfaces that a JointState message holds, as ros2_control's does.
-
-    Attributes:
-        names: of the joints in the message.
-        frame_id: of its header.
-    """
+    """Chooses the joints and interfaces that a JointState message holds, as ros2_control's does."""
 
     def __init__(
         self,
@@ -156,15 +151,11 @@ class DrivenRobot:
     """A robot and its controller.
 
     Attributes:
-        wheels: those that drive it.
         config: the parameters in force.
         geometry: of the wheels, before multipliers.
-        description: of the robot.
-        broadcaster: chooses what joint_states holds.
         plant: the simulated robot.
         held: joints that the plant has not, to the positions at which they are held still.
         ticks: control cycles done.
-        drift: compares odometry and truth.
     """
 
     def __init__(

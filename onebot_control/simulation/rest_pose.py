@@ -180,13 +180,6 @@ def pose_on(
 
     The robot is held level above it, let go, and has to come to rest there on its wheels.
 
-    Args:
-        scene: what stands around.
-        spawn: the robot.
-        settings: of the simulation.
-        rest: of the robot on level ground.
-        where: x, y and yaw.
-
     Raises:
         OneBotError: it cannot stand there.
     """

@@ -114,13 +114,7 @@ class SceneBodies:
         return replace(description, root_link=first, links=links, joints=joints)
 
     def enter(self, client: int, ground: int, settings: Settings, *, free: bool = True) -> None:
-        """Load the bodies into a world.
-
-        Args:
-            client: the world.
-            ground: its ground, as ``make_world`` returned it.
-            settings: of the world.
-            free: also those that can be pushed.
+        """Load the bodies into the world ``client``; ``free``: also those that can be pushed.
 
         Raises:
             OneBotError: one cannot be loaded, or what can be pushed starts in something else.

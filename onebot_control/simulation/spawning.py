@@ -28,7 +28,7 @@ class RobotSpawn(NamedTuple):
     """A robot to add to a world, and the initial pose of its root link's frame."""
 
     description: Description
-    driven: Sequence[str]  # joints with a motor; see ``Simulation``
+    driven: Sequence[str]  # joints with a motor; see ``Robot``
     x: float = 0.0  # m
     y: float = 0.0  # m
     yaw: float = 0.0  # heading, rad
@@ -120,14 +120,8 @@ def load_robot(
 ) -> LoadedRobot:
     """Load a robot into the world ``client``, its root link's frame at the origin.
 
-    PyBullet's output is logged.
-
-    Args:
-        client: the world.
-        ground: its ground, as ``make_world`` returned it.
-        description: of the robot.
-        settings: of the world.
-        driven: the joints with a motor, which holds them until it is told otherwise.
+    The ``driven`` joints have a motor, which holds them until they get a velocity. What PyBullet
+    prints is logged.
 
     Raises:
         OneBotError: the robot cannot be loaded.
@@ -214,14 +208,7 @@ def _file(text: str) -> Iterator[str]:
 
 @contextmanager
 def converted_meshes(bodies: Iterable[Body], *, convex: bool = True) -> Iterator[Mapping[str, str]]:
-    """Convert the collision meshes of ``bodies`` to files that exist within the block.
-
-    Args:
-        bodies: have the meshes.
-        convex: write their convex hulls, of which moving bodies consist.
-
-    Yields:
-        The file of each mesh by URI.
+    """Yield files of the collision meshes by URI; ``convex``: of their hulls, as bodies move.
 
     Raises:
         OneBotError: meshes cannot be read; each is named with its links.
