@@ -17,7 +17,6 @@ from tests.accuracy import (
     TRUTH_GOAL,
     DrivenPath,
     Result,
-    Segment,
     default_config,
     follow,
     measure,
@@ -73,14 +72,6 @@ def test_commanded_paths_are_what_they_are_called(results: dict[str, list[Result
     lines = table([two_metres], 1e-9).splitlines()
     assert lines[2].startswith("| 2 m straight at 0.2 m/s | 2000.000 mm, 0.000 mm, 0.0000° |")
     assert lines[-1] == "At rest the robot moves 0.000001 mm in 60 s."
-
-
-def test_where_the_robot_starts_does_not_matter() -> None:
-    arc = DrivenPath("arc", (Segment(0.2, 0.2, 2.0), Segment(0.0, 0.0, 1.0)))
-    config = default_config(x=3.0, y=-2.0, yaw=2.5)
-    [result] = measure(load_description(FILES["diff_drive"]), config, [arc])
-    assert math.dist(result.truth[:2], result.commanded[:2]) < 1e-3
-    assert result.truth_error < 2e-3
 
 
 @pytest.mark.parametrize("rate", [33.3, 150, 1000])

@@ -257,22 +257,3 @@ def test_several_wheels_a_side_count_by_their_mean(by_position: bool) -> None:
     drive = DrivenRobot(wheels_of(robot(*wheels), chosen), chosen, cast(Robot, FourWheels()))
     snapshot = run(drive, 0.5, 0.3, 20)
     assert snapshot.twist == pytest.approx((0.5, 0.3))
-
-
-def test_same_commands_give_the_same_bits() -> None:
-    """Two runs of one sequence agree in every bit of state, odometry and truth."""
-
-    def once() -> list[bytes]:
-        drive = DrivenRobot.of(robot(), config(**LIMITS))
-        log = []
-        for cycle in range(200):
-            if cycle % 7 == 0:
-                drive.accept(0.3, 1.0 - cycle / 100.0)
-            snapshot = drive.cycle()
-            values = [*snapshot.joints, *snapshot.pose, *snapshot.velocity]
-            numbers = [*snapshot.odometry, *snapshot.twist, *snapshot.command]
-            log.append(b"".join(v.tobytes() for v in values) + np.array(numbers).tobytes())
-        drive.plant.close()
-        return log
-
-    assert once() == once()

@@ -117,13 +117,6 @@ def test_it_climbs_a_ramp_with_the_pitch_of_the_ramp():
         assert over == pytest.approx(0.06, abs=1e-3)
 
 
-def test_on_a_ramp_of_ice_it_stays_below():
-    """The friction of the ramp's link counts, not the ground's."""
-    with among(ramp(0.01)) as simulation:
-        go(simulation, 4.0, 5.0)
-        assert pitch(simulation) < _SLOPE - 0.01
-
-
 @pytest.mark.parametrize("yaw", [0.0, math.pi, 1.5])
 def test_it_starts_at_rest_on_a_ramp(yaw):
     with among(ramp(), x=1.2, yaw=yaw) as simulation:
