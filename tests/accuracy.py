@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from onebot_control.driven_robot import DrivenRobot, wheels_of
+from onebot_control.driven_robot import wheels_of
+from onebot_control.fleet import Fleet, Member
 from onebot_control.odometry import Odometry, PoseCovariance
 from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
 from onebot_control.poses import PlanarPose, yaw_of
@@ -139,15 +140,12 @@ def measure(
     description: Description, config: ControlConfig, paths: Iterable[DrivenPath]
 ) -> list[Result]:
     """Drive ``paths``, each from the robot's start."""
-    robot = DrivenRobot.of(description, config)
-    try:
-        return [follow(robot, path) for path in paths]
-    finally:
-        robot.plant.close()
+    with Fleet.of([Member(description, config)]) as fleet:
+        return [_follow(fleet, path) for path in paths]
 
 
-def follow(robot: DrivenRobot, path: DrivenPath) -> Result:
-    """Drive one path from the robot's start."""
+def _follow(fleet: Fleet, path: DrivenPath) -> Result:
+    [robot] = fleet.robots
     robot.reset()
     commanded = Odometry(robot.controller.odometry.kinematics)
     start = robot.true_pose
@@ -159,7 +157,7 @@ def follow(robot: DrivenRobot, path: DrivenPath) -> Result:
             snapshot = robot.begin()
         else:
             robot.accept(*command)
-            snapshot = robot.cycle()
+            [snapshot] = fleet.cycle()
         x, y, _ = snapshot.pose.translation.tolist()
         # Headings are unwrapped.
         yaw = yaw_of(*snapshot.pose.rotation.tolist())

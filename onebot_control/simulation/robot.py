@@ -212,10 +212,6 @@ class Robot:
         self._efforts = other._efforts
         self._update(self._read_joints())
 
-    def close(self) -> None:
-        """Close the robot's world."""
-        self.world.close()
-
     def check(self) -> None:
         """Raise OneBotError if the world is closed, or the robot's last state not finite."""
         self.world.check_open()

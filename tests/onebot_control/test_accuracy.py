@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from onebot_control.driven_robot import DrivenRobot
 from onebot_control.odometry import PoseCovariance
 from onebot_control.poses import PlanarPose
 from onebot_description.description import load_description
@@ -18,7 +17,6 @@ from tests.accuracy import (
     DrivenPath,
     Result,
     default_config,
-    follow,
     measure,
     missed,
     rest_drift,
@@ -76,12 +74,11 @@ def test_commanded_paths_are_what_they_are_called(results: dict[str, list[Result
 
 @pytest.mark.parametrize("rate", [33.3, 150, 1000])
 def test_odometry_is_as_accurate_at_every_control_rate(rate: float) -> None:
-    robot = DrivenRobot.of(load_description(FILES["diff_drive"]), default_config(update_rate=rate))
-    for path in (DrivenPath("line", straight(0.4)), DrivenPath("spot", turn(0.5), turning=True)):
-        result = follow(robot, path)
+    paths = DrivenPath("line", straight(0.4)), DrivenPath("spot", turn(0.5), turning=True)
+    description = load_description(FILES["diff_drive"])
+    for result in measure(description, default_config(update_rate=rate), paths):
         assert result.odometry_error < ODOMETRY_GOAL
         assert result.truth_error < TRUTH_GOAL
-    robot.plant.close()
 
 
 def test_wrong_odometry_is_seen() -> None:
