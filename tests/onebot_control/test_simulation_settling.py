@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from onebot_control.simulation import Settings
-from onebot_control.simulation.loading import engine, make_world
+from onebot_control.simulation.spawning import engine, make_world
 from onebot_description.description import parse_description
 from onebot_description.description.description import Box
 from onebot_description.errors import OneBotError
@@ -160,7 +160,7 @@ def test_joints_stand_at_zero_whatever_they_did_while_settling(monkeypatch):
     description = robot('<origin xyz="-0.22 0 0"/>', '<origin xyz="-0.22 0.02 0.01"/>')
     with simulate(description) as one:
         assert one.joint_states().positions.tolist() == [0.0] * 4
-    assert 40 < _steps_to_settle(description, monkeypatch, DRIVEN) < 400
+    assert 40 < _steps_to_settle(description, monkeypatch, DRIVEN) < 300
 
 
 def test_the_ground_is_level_at_zero_with_friction_and_gravity():
@@ -260,7 +260,7 @@ def test_a_robot_balanced_on_a_line_is_watched_until_it_tips(caplog, along):
 
 
 def _steps_to_settle(description, monkeypatch, driven=("j",)):
-    """Physics steps until a robot is taken to rest; at most 800."""
+    """Physics steps until a robot is taken to rest; at most 400."""
     steps, step = [], engine.stepSimulation
     with monkeypatch.context() as patch:
         patch.setattr(engine, "stepSimulation", lambda client: steps.append(step(client)))
@@ -277,6 +277,6 @@ def test_a_robot_on_three_points_rests_at_once(monkeypatch, turn):
     for width in (1e-3, 0.03, 0.2):
         narrow = (places * (1.0, width)) @ turned.T
         steps[width] = _steps_to_settle(_spheres(narrow, np.zeros(2)), monkeypatch)
-    assert steps[1e-3] == 800
-    # It is at rest once it has been for 0.05 s, which are 20 steps.
-    assert 20 <= steps[0.2] <= steps[0.03] < 60
+    assert steps[1e-3] == 400
+    # It is at rest once it has been for 0.05 s, which are 10 steps.
+    assert 10 <= steps[0.2] <= steps[0.03] < 30

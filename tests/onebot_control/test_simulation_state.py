@@ -28,12 +28,21 @@ from tests.onebot_control.simulation_support import (
 CHECKOUT = Path(__file__).resolve().parents[2]
 _DRIVE = """
 import hashlib
-from tests.onebot_control.simulation_support import bits, drive, simulate
-with simulate(x=1.0, y=0.5, yaw=0.25) as simulation:
-    drive(simulation, 0.3, 0.7, 1.5)
-    simulation.teleport(4.0, 5.0, -1.0)
-    drive(simulation, -0.3, 0.7, 1.5)
-    print(hashlib.sha256(bits(simulation)).hexdigest())
+from onebot_control.simulation import RobotSpawn, World
+from onebot_description.description.worlds import load_world
+from tests.onebot_control.simulation_support import DRIVEN, bits, robot, wheels
+starts = (0.0, 0.0, 0.0), (-2.0, 0.0, 1.0), (0.0, -2.0, -2.0)
+spawns = [RobotSpawn(robot(), DRIVEN, *start) for start in starts]
+with World(spawns, scene=load_world("maze")) as world:
+    for turn in (0.7, -0.3):
+        for body in world.robots:
+            body.turn(wheels(0.3, turn))
+        world.step(1.5)
+        world.robots[1].teleport(-2.0, 1.0, 0.5)
+        world.step(0.2)
+        world.robots[0].reset()
+    states = b"".join(map(bits, world.robots)) + repr(world.scene.poses).encode()
+    print(hashlib.sha256(states).hexdigest())
 """
 
 
@@ -86,8 +95,8 @@ def test_simulations_do_not_touch_each_other():
 def test_one_long_step_is_many_short_ones():
     with simulate() as one, simulate() as other:
         one.step([2.0, 3.0], 0.5)
-        for _ in range(200):
-            other.step([2.0, 3.0], 1 / 400)
+        for _ in range(100):
+            other.step([2.0, 3.0], 1 / 200)
         for first, second in zip(
             (*one.base_pose(), *one.base_twist(), *one.joint_states()[:2]),
             (*other.base_pose(), *other.base_twist(), *other.joint_states()[:2]),
@@ -127,21 +136,16 @@ def test_drives_the_same_wherever_it_stands():
         assert planar(there) == pytest.approx(expected, abs=5e-4)
 
 
-@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-def test_speeds_that_are_not_finite_never_reach_the_physics(bad):
+def test_what_is_not_finite_never_reaches_the_physics():
     with simulate() as simulation:
-        simulation.step([1.0, 1.0], 0.1)
         before = bits(simulation)
-        for velocities in ([bad, 1.0], [1.0, bad]):
-            with pytest.raises(ValueError, match="finite"):
-                simulation.step(velocities, 0.01)
-        for place in ((bad, 0.0, 0.0), (0.0, bad, 0.0), (0.0, 0.0, bad)):
-            with pytest.raises(ValueError, match="finite"):
-                simulation.teleport(*place)
-        assert bits(simulation) == before
-        simulation.step([1.0, 1.0], 0.01)
         with pytest.raises(ValueError, match="finite"):
-            simulate(x=bad)
+            simulation.step([1.0, math.nan], 0.01)
+        with pytest.raises(ValueError, match="finite"):
+            simulation.teleport(0.0, math.inf, 0.0)
+        assert bits(simulation) == before
+        with pytest.raises(ValueError, match="finite"):
+            simulate(x=math.nan)
 
 
 def test_a_state_that_is_not_finite_goes_no_further():
@@ -186,7 +190,7 @@ def test_memory_does_not_grow():
 
         def work(cycles: int) -> None:
             for cycle in range(cycles):
-                simulation.step([3.0, 2.0], 1 / 400)
+                simulation.step([3.0, 2.0], 1 / 200)
                 bits(simulation)
                 if cycle % 500 == 0:
                     simulation.reset()
@@ -211,7 +215,7 @@ def test_no_command_makes_the_state_non_finite(commands):
     """Any finite speeds, however wild, leave a robot near the ground with a pose."""
     _wild.reset()
     for left, right, steps in commands:
-        _wild.step([left, right], steps / 400)
+        _wild.step([left, right], steps / 200)
         values = np.concatenate([*_wild.joint_states(), *_wild.base_pose(), *_wild.base_twist()])
         assert np.isfinite(values).all()
         assert np.linalg.norm(_wild.base_pose().rotation) == pytest.approx(1.0, abs=1e-6)

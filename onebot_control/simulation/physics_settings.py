@@ -1,15 +1,9 @@
-"""Settings of a simulated world, and the spawn poses of its robots."""
+"""Settings of a simulated world's physics."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
-from onebot_description.description import Description
 from onebot_description.errors import OneBotError
-
-# m; farther out, rounding errors are not small compared with a wheel's contact depth (micrometres).
-FARTHEST = 10_000.0
 
 
 @dataclass(frozen=True)
@@ -18,7 +12,9 @@ class Settings:
 
     # Physics steps per simulated second. A control period has to be a whole number of them, which
     # PyBullet's default of 240 is not at 100 Hz; ``fitted`` makes it one for any control rate.
-    rate: float = 400.0
+    # 400 take twice as long. OneBot is as accurate with both; the odometry of tall robots with
+    # arms (Stretch) is within 0.04 % of the truth, with 400 within 0.02 %.
+    rate: float = 200.0
     # Of the constraint solver in each step. It never stops early, so that a robot at rest drifts by
     # nanometres instead of millimetres.
     iterations: int = 200
@@ -44,9 +40,9 @@ class Settings:
     def fitted(self, cycles: float) -> "Settings":
         """Return these settings for ``cycles`` control periods a second.
 
-        Their rate is the multiple of ``cycles`` that is nearest to this one, and at least once.
+        Their rate is the least multiple of ``cycles`` that is no lower than this one.
         """
-        return replace(self, rate=cycles * max(1, round(self.rate / cycles)))
+        return replace(self, rate=cycles * math.ceil(self.rate / cycles * (1.0 - 1e-9)))
 
     def steps(self, duration: float) -> int:
         """Return the number of physics steps in ``duration`` (s).
@@ -62,33 +58,3 @@ class Settings:
                 f"not {duration} s"
             )
         return count
-
-
-class RobotSpawn(NamedTuple):
-    """A robot to add to a world, and the initial pose of its root link's frame."""
-
-    description: Description
-    driven: Sequence[str]  # joints with a motor; see ``Simulation``
-    x: float = 0.0  # m
-    y: float = 0.0  # m
-    yaw: float = 0.0  # heading, rad
-    name: str = ""  # named in errors
-
-
-SpawnPose = tuple[float, float, float]  # x and y of the root link's frame, m, and yaw, rad
-
-
-def checked_spawn_pose(x: float, y: float, yaw: float) -> SpawnPose:
-    """Return a checked pose for a robot, m and rad.
-
-    Raises:
-        ValueError: a value is not finite.
-        OneBotError: it is too far from the origin to be exact.
-    """
-    if not all(map(math.isfinite, (x, y, yaw))):
-        raise ValueError(f"x, y and yaw must be finite, not {x}, {y}, {yaw}")
-    if max(abs(x), abs(y)) > FARTHEST:
-        raise OneBotError(
-            f"x {x:g} m, y {y:g} m: the simulation is exact up to {FARTHEST:g} m from the origin"
-        )
-    return float(x), float(y), float(yaw)
