@@ -125,7 +125,9 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
         os.environ[PLACES] = folder
         for robot_description in (description, *(robot.description for robot in robots)):
             keep_places(robot_description)
-        launch = Launch(Path(folder), values, description, arguments.ros_args, source, robots)
+        launch = Launch(
+            Path(folder), values, description, arguments.ros_args, source, declared, robots
+        )
         return launcher.run(
             launch.nodes(),
             started_message=summary_text(description, values, robots),

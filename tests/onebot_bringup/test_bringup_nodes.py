@@ -6,7 +6,7 @@ What the nodes then do is tested by bringing robots up (``test_bringup``, ``test
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ import pytest
 import yaml
 
 from onebot_bringup.launch.arguments import (
+    PACKAGES,
     Argument,
     checked_values,
     description_arguments,
@@ -23,6 +24,7 @@ from onebot_bringup.launch.arguments import (
 from onebot_bringup.launch.bringup import (
     Bringup,
     bring_up,
+    environment,
     help_text,
     summary_text,
     with_params_file,
@@ -33,6 +35,8 @@ from onebot_bringup.launcher.process import NodeProcess
 from onebot_description.description import load_description
 from onebot_description.description_files import Source
 from onebot_description.errors import OneBotError, UsageError
+from onebot_description.parameters.reader import leaves
+from tests.readme_tables import PARAMETERS
 
 _MODULE = 3  # where a command names the node's module, after python -m interpreter
 ARM = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
@@ -72,7 +76,7 @@ def make(arm: Path) -> Make:
         nodes = arm.parent / "nodes"
         nodes.mkdir(exist_ok=True)
         values = checked_values(declared, given)
-        return Launch(nodes, values, description, ros_args, source)
+        return Launch(nodes, values, description, ros_args, source, declared)
 
     return factory
 
@@ -98,6 +102,38 @@ def parameters(node: NodeProcess) -> dict[str, Any]:
 
 def parameters_of(launch: Launch, name: str) -> dict[str, Any]:
     return parameters(process_of(launch, name))
+
+
+class Recorded(dict[str, str]):
+    """Launch arguments, and the names of those that were read."""
+
+    def __init__(self, values: Mapping[str, str]) -> None:
+        super().__init__(values)
+        self.names: set[str] = set()
+
+    def __getitem__(self, name: str) -> str:
+        self.names.add(name)
+        return super().__getitem__(name)
+
+    def get(self, name: str, default: Any = None) -> Any:
+        self.names.add(name)
+        return super().get(name, default)
+
+
+def test_every_argument_is_read_and_every_parameter_declared(make: Make) -> None:
+    """Otherwise an argument is accepted without effect, or a node ignores what it is given."""
+    given = {"record": "bag", "steer": "true", "port": "0", "world": "maze", "rate": "50"}
+    launch = make(**given)
+    values = Recorded(launch.values)
+    launch = replace(launch, values=values)
+    for row in NODES:
+        row.starts(launch)
+        declared = {leaf.name for kind in PARAMETERS[row.name] for leaf in leaves(kind)}
+        assert set(parameters_of(launch, row.name)) <= {*declared, "use_sim_time"}
+    environment(values, forced=True)
+    summary_text(launch.description, values)
+    names = {argument.name for argument in launch.arguments}
+    assert names - values.names == {PACKAGES.name}  # which is used before the model is read
 
 
 @pytest.mark.parametrize(
@@ -384,7 +420,7 @@ def test_the_robot_is_not_taken_from_the_controller_s_file(
 )
 def test_the_viewer_s_fixed_frame(make: Make, sim: bool, given: dict[str, str], frame: str) -> None:
     """The one asked for, else the robot's root if it could be simulated but is not."""
-    assert parameters_of(make(sim, **given), "rerun_viewer")["fixed_frame"] == frame
+    assert parameters_of(make(sim, **given), "rerun_viewer").get("fixed_frame", "") == frame
 
 
 def test_the_viewer_gets_what_it_is_to_show(make: Make) -> None:
