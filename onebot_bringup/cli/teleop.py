@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from onebot_bringup.cli.options import Parser, flag, not_negative, option, positive
-from onebot_bringup.cli.robots import chosen_commands
+from onebot_bringup.cli.running_robots import chosen_commands
 from onebot_bringup.cli.session import Session, await_acknowledgements
 from onebot_description.errors import OneBotError
 

@@ -305,13 +305,13 @@ def _await_subscribers(
 
     left = math.inf if timeout is None else timeout
     while not enough():
-        others = _other_subscribers(session, publisher)
+        mismatch = _other_subscribers(session, publisher)
         if left <= 0.0:
             raise OneBotError(
                 f"timed out after {timeout:g} s: fewer than {number} matching subscription(s) of "
-                f"{publisher.topic_name}{others}"
+                f"{publisher.topic_name}{mismatch}"
             )
-        print(f"Waiting for at least {number} matching subscription(s)...{others}")
+        print(f"Waiting for at least {number} matching subscription(s)...{mismatch}")
         session.spin(enough, min(1.0, left))
         left -= 1.0
 
@@ -337,8 +337,8 @@ def _publish(
         if report and time.monotonic() - began > _NO_SUBSCRIBER:
             report = False
             if not publisher.get_subscription_count():
-                others = _other_subscribers(session, publisher)
-                print(f"note: no subscriber of {publisher.topic_name}{others}", file=sys.stderr)
+                mismatch = _other_subscribers(session, publisher)
+                print(f"note: no subscriber of {publisher.topic_name}{mismatch}", file=sys.stderr)
         session.spin_until(due)
 
 

@@ -39,7 +39,7 @@ class Launch:
     description: Description  # the robot
     ros_args: Sequence[str]  # every node gets them, after its own
     source: Source  # the files of the description
-    arguments: Sequence[Argument]  # what the command declares
+    arguments: Sequence[Argument]  # the declarations of the command
     robots: Sequence[PlacedRobot] = ()  # several in one world; empty for a single one
     robot: PlacedRobot | None = None  # the one of them that the node is for
 
@@ -108,7 +108,7 @@ class NodeRow(NamedTuple):
 
     name: str
     module: str  # its last word is the node's name, unless the node is to be renamed
-    parameters: Callable[[Launch], Parameters]  # but those that are arguments
+    parameters: Callable[[Launch], Parameters]  # without those that are arguments
     starts: Callable[[Launch], bool] = lambda _: True
     on_exit: OnExit = "shutdown"
     nice: int = 0
@@ -302,13 +302,10 @@ _Quoting.add_representer(str, _quoted)
 def write_parameters(
     folder: Path, node: str, parameters: Mapping[str, object], namespace: str = ""
 ) -> Path:
-    """Write ``<folder>/<node>.yaml`` and return its path.
+    """Write ``<folder>/<node>.yaml``, for a node of that name, and return its path.
 
-    Args:
-        folder: an existing folder.
-        node: its name.
-        parameters: names to values (bool, int, float, str, list of str), or to nested maps of such.
-        namespace: without outer slashes.
+    Values are bool, int, float, str, list of str, or nested maps of such; ``namespace`` has no
+    outer slashes.
     """
     full_name = f"/{namespace}/{node}" if namespace else f"/{node}"
     path = folder / f"{node}.yaml"

@@ -174,18 +174,9 @@ def test_the_waits_grow_up_to_the_limit(limit: int, first: float, longest: float
     assert restarts.count == limit
 
 
-def test_a_node_that_lived_long_starts_counting_from_zero() -> None:
-    """The count and the wait begin again, also when the limit was reached before."""
-    restarts = Restarts(Restart(limit=2, first_wait=1.0, longest_wait=99.0, healthy_after=30.0))
-    assert [restarts.next_wait(29.9) for _ in range(3)] == [1.0, 2.0, None]
-    assert restarts.next_wait(30.1) == 1.0
-    assert restarts.count == 1
-    assert [restarts.next_wait(0.0) for _ in range(2)] == [2.0, None]
-
-
 def test_the_policy_unless_a_node_has_another() -> None:
-    """Five starts after 1, 2, 4, 8 and 10 s; half a minute counts as healthy."""
+    """Five starts after 1, 2, 4, 8 and 10 s; after half a minute it starts counting from zero."""
     restarts = Restarts(Restart())
     assert [restarts.next_wait(0.0) for _ in range(6)] == [1.0, 2.0, 4.0, 8.0, 10.0, None]
     assert restarts.next_wait(29.0) is None
-    assert restarts.next_wait(31.0) == 1.0
+    assert [restarts.next_wait(31.0), restarts.next_wait(0.0)] == [1.0, 2.0]
