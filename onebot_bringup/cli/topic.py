@@ -14,9 +14,9 @@ from onebot_bringup.cli import qos
 from onebot_bringup.cli.names import TOPICS
 from onebot_bringup.cli.options import (
     ALLOW_NON_FINITE,
-    Group,
     Subcommand,
     count,
+    exclusive,
     expression,
     flag,
     natural,
@@ -364,11 +364,9 @@ _PUB = (
     flag("--stdin", "read the values from stdin"),
     option("-r --rate", "HZ", "messages per second (1)", positive, 1.0),
     option("-p --print", "N", "print every N-th message (1)", natural, 1),
-    Group(
-        (
-            flag("-1 --once", "publish one message and exit"),
-            option("-t --times", "N", "publish N and exit", count),
-        )
+    exclusive(
+        flag("-1 --once", "publish one message and exit"),
+        option("-t --times", "N", "publish N and exit", count),
     ),
     option(
         "-w --wait-matching-subscriptions",
