@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NoReturn
 
 from onebot_bringup.steering.page_parameters import PageParameters
 from onebot_bringup.viewer.settings import FrameSettings
@@ -38,8 +38,8 @@ _FORMER = {
 }
 _TRUE = ("true", "1")
 _FALSE = ("false", "0")
-_HELP = ("-h", "--help")
-_SHOW = ("--show-args", "-s")
+_SWITCH = (*_TRUE, *_FALSE)
+_OPTIONS = {"-h": "help", "--help": "help", "--show-args": "show", "-s": "show"}
 
 
 @dataclass(frozen=True)
@@ -99,8 +99,7 @@ class Argument:
 
 def switch(name: str, default: bool, description: str) -> Argument:
     """Return an argument that is true or false."""
-    choices = (*_TRUE, *_FALSE)
-    return Argument(name, _text(default), description, choices, ValueType(bool))
+    return Argument(name, _text(default), description, _SWITCH, ValueType(bool))
 
 
 def number(
@@ -148,13 +147,12 @@ def parameter_of(
         examples: other values, for tab completion.
     """
     [leaf] = [leaf for leaf in leaves(kind) if leaf.name == parameter]
-    is_switch = leaf.type.base is bool
     joined = "joined by commas" if leaf.type.many else ""
     return Argument(
         name or parameter,
         _text(leaf.default) if default is None else default,
         "; ".join(filter(None, (leaf.type.rule.description, joined, note))),
-        (*_TRUE, *_FALSE) if is_switch else leaf.type.rule.choices,
+        _SWITCH if leaf.type.base is bool else leaf.type.rule.choices,
         leaf.type,
         examples,
         node,
@@ -201,12 +199,10 @@ def split(argv: Sequence[str]) -> Arguments:
                 raise UsageError(f'"{word}" has no name; write name:=value')
             assignments[name] = value
         elif word.startswith("-") and word != "-":
-            options.add(_option(word))
+            options.add(_OPTIONS.get(word) or _refuse_option(word))
         else:
             positional.append(word)
-    return Arguments(
-        assignments, tuple(positional), ros_args, "--help" in options, "--show-args" in options
-    )
+    return Arguments(assignments, tuple(positional), ros_args, "help" in options, "show" in options)
 
 
 def _split_ros_args(argv: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
@@ -219,11 +215,7 @@ def _split_ros_args(argv: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
     return words[:start] + words[end + 1 :], tuple(words[start + 1 : end])
 
 
-def _option(word: str) -> str:
-    if word in _HELP:
-        return "--help"
-    if word in _SHOW:
-        return "--show-args"
+def _refuse_option(word: str) -> NoReturn:
     bare = word.lstrip("-").partition(":=")[0].partition("=")[0]
     raise UsageError(
         f'no option "{word}" (options: --help, --show-args, --ros-args); '

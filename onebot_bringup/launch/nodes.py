@@ -304,8 +304,7 @@ def write_parameters(
 ) -> Path:
     """Write ``<folder>/<node>.yaml``, for a node of that name, and return its path.
 
-    Values are bool, int, float, str, list of str, or nested maps of such; ``namespace`` has no
-    outer slashes.
+    ``namespace`` has no outer slashes.
     """
     full_name = f"/{namespace}/{node}" if namespace else f"/{node}"
     path = folder / f"{node}.yaml"

@@ -57,14 +57,6 @@ def test_shutdown_brings_all_down_and_says_why(start: Start, tmp_path: Path) -> 
     assert not alive(number_in(tmp_path / "runs.pid"))
 
 
-def test_a_signal_that_ends_a_node_is_named(start: Start, tmp_path: Path) -> None:
-    launcher = start("[script('runner', 'runs.py')]")
-    launcher.wait_for_out("ready")
-    os.kill(number_in(tmp_path / "runs.pid"), signal.SIGSEGV)
-    assert launcher.wait() == 1
-    assert "runner exited unexpectedly: ended by SIGSEGV, a crash in compiled code" in launcher.err
-
-
 def test_ignore_goes_on_without_the_node(start: Start, tmp_path: Path) -> None:
     """The failure of a viewer stops nothing; the exit code and the last line report it."""
     launcher = start("[script('runner', 'runs.py'), script('viewer', 'fails.py', 'ignore')]")
@@ -143,7 +135,13 @@ def test_a_program_that_does_not_exist_is_reported(start: Start) -> None:
 
 @pytest.mark.parametrize(
     ("code", "words"),
-    [(0, "finished"), (1, "exit code 1"), (-9, "SIGKILL"), (-11, "SIGSEGV"), (-99, "signal 99")],
+    [
+        (0, "finished"),
+        (1, "exit code 1"),
+        (-9, "SIGKILL"),
+        (-11, "SIGSEGV, a crash"),
+        (-99, "signal 99"),
+    ],
 )
 def test_exit_codes_in_words(code: int, words: str) -> None:
     assert words in describe_exit(code)
