@@ -379,7 +379,7 @@ def simulation_arguments(control: str) -> list[Argument]:
     """Return the further arguments of a robot that can be simulated; ``control`` is its default."""
     # Slow to import.
     from onebot_control.parameters import ControlConfig
-    from onebot_description.description.worlds import shipped_worlds
+    from onebot_description.description.loading import shipped_worlds
 
     def of_controller(parameter: str, name: str = "", **further: Any) -> Argument:
         node = "velocity_controller"

@@ -15,7 +15,7 @@ from onebot_control.simulation.contacts import hold_hub, set_contact, soften
 from onebot_control.simulation.engine import captured, engine, log
 from onebot_control.simulation.settings import FARTHEST, Settings
 from onebot_description.description.description import Description, Link, Mesh
-from onebot_description.description.mesh_scene import read_mesh
+from onebot_description.description.meshes import read_mesh
 from onebot_description.errors import OneBotError, listing
 
 _SLAB = (FARTHEST, FARTHEST, 1.0)  # half the size of the ground's visual, m

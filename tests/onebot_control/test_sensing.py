@@ -33,7 +33,7 @@ from onebot_description.description.description import (
     Origin,
     Sensor,
 )
-from onebot_description.description.worlds import load_world
+from onebot_description.description.loading import load_world
 from onebot_description.model import quaternions
 from tests.onebot_control.control_support import WHEELS, robot
 from tests.support import wait_for
