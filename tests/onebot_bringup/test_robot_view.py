@@ -11,7 +11,7 @@ from sensor_msgs.msg import JointState, LaserScan
 from std_msgs.msg import Header, String
 
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.displays import DISPLAYS
+from onebot_bringup.viewer.displays import MESSAGE_DRAWINGS, ROBOT_DISPLAYS
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import ViewConfig, parse_view
 from onebot_description.errors import OneBotError
@@ -209,7 +209,7 @@ def test_a_topic_wanted_as_two_types_is_refused(tmp_path, text):
 
 def test_every_display_has_settings_and_takes_what_it_subscribes(tmp_path):
     """Each under a key of its own; a message of each topic and type reaches it."""
-    keys = [display.key for display in DISPLAYS]
+    keys = [display.key for display in (*ROBOT_DISPLAYS, *MESSAGE_DRAWINGS)]
     assert len({*keys}) == len(keys)
     shown = Shown(tmp_path)
     for name, topic in shown.view.topics.items():

@@ -86,9 +86,9 @@ def test_many_messages_are_one_call(tmp_path):
         ("linear_acceleration", "but a message of x, y, z"),
         ("linear_acceleration_covariance", "write linear_acceleration_covariance[0]"),
         ("linear_acceleration_covariance[9]", "there are 9 elements"),
-        ("linear_acceleration[0]", "[0] is of what is no array"),
-        ("linear_acceleration.x[0]", "[0] is of what is no array"),
-        ("linear_acceleration.x.y", 'there is no "y" in what is no message'),
+        ("linear_acceleration[0]", "[0] needs an array"),
+        ("linear_acceleration.x[0]", "[0] needs an array"),
+        ("linear_acceleration.x.y", '"y" needs a message'),
         ("header.frame_id", "is text"),
     ],
 )

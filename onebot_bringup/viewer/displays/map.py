@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from onebot_bringup.viewer.columns import BytesMaker, ReadyColumn, empty, one_row
 from onebot_bringup.viewer.displays.display import LARGEST, SELDOM
-from onebot_bringup.viewer.displays.drawing import AUTO, Drawing, TopicSettings, by_topic
+from onebot_bringup.viewer.displays.drawing import AUTO, Drawing, TopicSettings
 from onebot_bringup.viewer.inbox import message_type
 from onebot_bringup.viewer.settings import fraction, one_of, setting
 from onebot_description.model.quaternions import normalized
@@ -42,7 +42,6 @@ _COLORMAPS = {
 _DATA = BytesMaker(rr.GridMap.columns(data=[b"0"]))
 
 
-@by_topic
 @dataclass(frozen=True)
 class MapSettings(TopicSettings):
     """Occupancy grids."""
@@ -67,7 +66,7 @@ class CurrentMap(NamedTuple):
 class MapDrawing(Drawing[MapSettings]):
     """The map of one topic, with its updates; one without cells clears it."""
 
-    key, Settings = "map", MapSettings
+    key = "map"
     message_types = ("nav_msgs/msg/OccupancyGrid",)
     others: ClassVar = {UPDATES: UPDATE}
     live, repeated = False, True

@@ -19,8 +19,8 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from onebot_bringup.viewer.columns import one_row, time_column
-from onebot_bringup.viewer.displays.display import LARGEST, below, is_old
-from onebot_bringup.viewer.displays.drawing import Drawing, TopicSettings, by_topic
+from onebot_bringup.viewer.displays.display import LARGEST, below, entity_path, is_old
+from onebot_bringup.viewer.displays.drawing import Drawing, TopicSettings
 from onebot_bringup.viewer.displays.marker_shapes import (
     ARROW,
     ARROW_STRIP,
@@ -58,7 +58,6 @@ Integers = NDArray[np.integer[Any]]
 MarkerId = tuple[str, int]  # namespace and number
 
 
-@by_topic
 @dataclass(frozen=True)
 class MarkerSettings(TopicSettings):
     """Shapes that programs draw."""
@@ -265,7 +264,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
 
     stamped = False
 
-    key, Settings = "marker", MarkerSettings
+    key = "marker"
     message_types = ("visualization_msgs/msg/Marker", "visualization_msgs/msg/MarkerArray")
     live = False
 
@@ -458,7 +457,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
     def _entity(self, key: LayerKey) -> str:
         """Return the entity of a new layer."""
         space = [key.space] if key.space else []
-        first = below(self.entity, rr.new_entity_path([*space, key.kind]).lstrip("/"))
+        first = below(self.entity, entity_path(*space, key.kind))
         for number in count(1):
             entity = first if number == 1 else f"{first}_{number}"
             if entity not in self._used:

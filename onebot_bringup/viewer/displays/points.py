@@ -17,7 +17,6 @@ from onebot_bringup.viewer.displays.drawing import (
     DEPTH_HEAVY,
     Drawing,
     TopicSettings,
-    by_topic,
 )
 from onebot_bringup.viewer.settings import Color, color, height, one_of, setting
 from onebot_description.errors import listing
@@ -178,16 +177,10 @@ def _usable(positions: Floats32) -> NDArray[np.bool_] | None:
 # --- scans ----------------------------------------------------------------------------------------
 
 
-@by_topic
-@dataclass(frozen=True)
-class LaserScanSettings(PointsSettings):
-    """Points of laser scans."""
-
-
 class LaserScanDrawing(PointsDrawing):
     """The scans of one topic."""
 
-    key, Settings = "laser_scan", LaserScanSettings
+    key = "laser_scan"
     message_types = ("sensor_msgs/msg/LaserScan",)
     order = (INTENSITY, FLAT)
     few = True
@@ -226,7 +219,6 @@ _POSITION = ("x", "y", "z")
 _PACKED = ("rgb", "rgba")  # colours: a byte each, the lowest is blue
 
 
-@by_topic
 @dataclass(frozen=True)
 class PointCloud2Settings(PointsSettings):
     """Points of clouds."""
@@ -241,7 +233,7 @@ class PointCloud2Settings(PointsSettings):
 class PointCloud2Drawing(PointsDrawing):
     """The clouds of one topic."""
 
-    key, Settings = "point_cloud2", PointCloud2Settings
+    key = "point_cloud2"
     message_types = ("sensor_msgs/msg/PointCloud2",)
     heavy, kept = True, DEPTH_HEAVY
     order = (RGB8, INTENSITY, AXIS)

@@ -16,6 +16,7 @@ from onebot_bringup.viewer.displays.display import (
     LARGEST,
     Display,
     LayoutPart,
+    entity_path,
     is_old,
 )
 from onebot_bringup.viewer.inbox import OTHER_CLOCK_NS, MessageType, WantedTopic, one_by_one
@@ -58,7 +59,7 @@ class AxesSettings:
 class TfDisplay(Display[AxesSettings]):
     """Logs /tf and /tf_static, and draws axes in new frames."""
 
-    key, Settings = "axes", AxesSettings
+    key = "axes"
 
     def __init__(self, stage: "Stage") -> None:
         super().__init__(stage)
@@ -182,7 +183,7 @@ class TfDisplay(Display[AxesSettings]):
 
 def axes_entity(frame: str) -> str:
     """Return the entity of the axes of ``frame``."""
-    return rr.new_entity_path([FRAMES_ENTITY, frame]).lstrip("/")
+    return entity_path(FRAMES_ENTITY, frame)
 
 
 # --- transforms -------------------------------------------------------------------------------
@@ -254,7 +255,7 @@ class TransformStream:
                 continue
             self._static[child] = value
             self.recording.log(
-                rr.new_entity_path([TF_STATIC_ENTITY, child]),
+                entity_path(TF_STATIC_ENTITY, child),
                 rr.Transform3D(
                     translation=translation,
                     quaternion=rr.Quaternion(xyzw=rotation),
