@@ -56,11 +56,7 @@ class Scene:
         return min((path for path in self._drawn if path.startswith(start)), default=None)
 
     def set_robot(self, robot: Description) -> list[str]:
-        """Show ``robot`` and nothing else; what did not change is left alone.
-
-        Returns:
-            What could not be drawn, a sentence each.
-        """
+        """Show ``robot`` and nothing else; what did not change is left alone."""
         warnings = [f"{text}; not drawn" for link in robot.links for text in link.left_out]
         entities: set[str] = set()
         failures: dict[str, list[str]] = {}  # reason to links

@@ -39,7 +39,6 @@ class RobotToShow:
         return self.namespace.strip("/")
 
     def __str__(self) -> str:
-        """Return where it is, for messages."""
         return self.namespace or "/"
 
 

@@ -106,7 +106,7 @@ class Stage:
         follow = self.view.camera.follow
         links = {link for robot in self.descriptions.values() for link in robot.link_names}
         names = set(links)
-        for robot in self.robots[: 0 if self.alone else None]:  # one of several, by its frame
+        for robot in () if self.alone else self.robots:  # of several, by frames
             names.update(map(robot.frame_of, links))
         if not links or not follow or follow in names:
             return []

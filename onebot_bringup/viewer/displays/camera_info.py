@@ -48,16 +48,11 @@ class CameraInfoDrawing(Drawing[CameraInfoSettings]):
         return LayoutPart(shown=tuple(pictures) if self._drawn else ())
 
     def style(self) -> Sequence[rr.AsComponents]:
-        """Return the lines."""
         far_clip = self.settings.far_clip
         return [rr.Pinhole.from_fields(image_plane_distance=far_clip, color=self.color)]
 
     def draw(self, message: Any) -> Sequence[rr.AsComponents]:
-        """Return the projection of the rectified picture, if it has changed.
-
-        Raises:
-            ValueError: the camera is not calibrated.
-        """
+        """Return the projection of the rectified picture, if it has changed."""
         matrix, resolution = _projection(message)
         values = self.frame, matrix.tobytes(), resolution
         if values == self._drawn and not is_old(self._logged_at):

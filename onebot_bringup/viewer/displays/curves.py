@@ -322,7 +322,6 @@ class CurvesDisplay(_CurvesDisplay):
         self._unreadable: dict[str, str] = {}
 
     def offer(self, topics: Mapping[str, str]) -> bool:
-        """Note the types of the topics."""
         previous, self._published = self._published, topics
         return any(previous.get(name) != topics.get(name) for name in self._named)
 

@@ -75,7 +75,6 @@ class Plot:
     lines: tuple[str, ...] | None = None  # these entities only
 
     def view(self) -> rrb.View:
-        """Return the view for Rerun."""
         contents = "$origin/**" if self.lines is None else [f"+ /{line}" for line in self.lines]
         return rrb.TimeSeriesView(
             origin=self.entity, contents=contents, name=self.name, time_ranges=last(self.window)

@@ -304,7 +304,6 @@ class DrawingsDisplay(Display[S]):
                     new.replace(drawing)
 
     def topics(self) -> Sequence[WantedTopic]:
-        """Return the topics of each drawing."""
         return [topic for topics in self._topics.values() for topic in topics]
 
     def add(self, topic: str, kind: MessageType[Any], messages: Sequence[tuple[int, Any]]) -> None:
@@ -315,7 +314,6 @@ class DrawingsDisplay(Display[S]):
                     self.items[name].add(stamp_ns, message)
 
     def flush(self) -> None:
-        """Log what can be shown."""
         for drawing in self.items.values():
             drawing.flush()
 
@@ -375,7 +373,6 @@ class MessageDisplay(DrawingsDisplay[Any]):
         return topics != previous
 
     def wanted(self, settings: Any) -> Mapping[str, tuple[Sequence[WantedTopic], Any]]:
-        """Return how each topic is subscribed, and its settings."""
         of_topics = {self.full_name(name): topic for name, topic in settings.topics.items()}
         chosen = {topic: of_topics.get(topic, settings) for topic in self._offered}
         return {topic: (self._subscriptions(topic, item), item) for topic, item in chosen.items()}

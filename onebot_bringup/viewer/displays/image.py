@@ -82,11 +82,7 @@ _LONGEST = 40  # characters of a format, in warnings
 
 
 def _pixels(message: Any, encoding: _Encoding) -> Bytes:
-    """Return the pixels without padding, in the machine's byte order; a view where they are so.
-
-    Raises:
-        ValueError: there are less bytes.
-    """
+    """Return the pixels without padding, in the machine's byte order; a view where they are so."""
     width, rows, step = int(message.width), int(message.height), int(message.step)
     size = np.dtype(encoding.dtype).itemsize
     line = width * encoding.channels * size
@@ -130,7 +126,6 @@ class ImageDrawing(Drawing[ImageSettings]):
         return LayoutPart(views=(ImageView(self.entity, self.name),), hidden=(self.entity,))
 
     def draw(self, message: Any) -> Sequence[ReadyColumn]:
-        """Return the picture."""
         if hasattr(message, "format"):
             return self._compressed(message)
         encoding = _ENCODINGS.get(message.encoding)

@@ -50,7 +50,6 @@ class JointLimitsDisplay(Display[JointRangesSettings]):
         self._settings = settings
 
     def flush(self) -> None:
-        """Draw the ranges, if something has changed."""
         robot = self.robot
         if robot.description is None:
             return

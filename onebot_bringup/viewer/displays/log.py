@@ -60,12 +60,10 @@ class LogDrawing(Drawing[LogSettings]):
     stamped = False
 
     def add(self, stamp_ns: int, message: Any) -> None:
-        """Add a message that is of the level, or above."""
         if message.level >= _LEVELS[self.settings.level][0]:
             super().add(stamp_ns, message)
 
     def draw(self, message: Any) -> Sequence[rr.AsComponents]:
-        """Return a line: the node and what it logs."""
         text = f"[{message.name}] {message.msg}"
         return [rr.TextLog(shortened(text, _LONGEST), level=_level(message.level))]
 

@@ -238,7 +238,6 @@ class Change(NamedTuple):
     is_all: bool  # these are all rows, in their order
 
     def apply(self, came: Batch) -> None:
-        """Change the layer."""
         layer, rows = self.layer, self.rows
         if self.is_all:
             layer.set(self.ids, came)
@@ -284,11 +283,9 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         self._tree: tuple[object, ...] = ()  # where the frames were last looked for
 
     def draw(self, message: Any) -> Sequence[rr.AsComponents]:
-        """Return nothing: ``flush`` draws many messages at once."""
         return ()
 
     def add(self, stamp_ns: int, message: Any) -> None:
-        """Add a message, to be logged by ``flush``."""
         self._pending.append((stamp_ns, message))
         self._in_arrays = hasattr(message, "markers")
         if not self.frame:  # the fixed frame may have to be found by it
@@ -329,7 +326,6 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         return usual_ns if self._now_ns < usual_ns <= now_ns else now_ns
 
     def erase(self) -> None:
-        """Remove what is drawn, from its last time on."""
         for layer in self._layers.values():
             layer.log(self._stamp_ns, hidden=True)
 

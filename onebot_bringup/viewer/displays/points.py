@@ -88,7 +88,6 @@ class PointsDrawing(Drawing[PointsSettings]):
         return [rr.Points3D.from_fields(radii=[self.settings.size / 2 or -_ON_SCREEN / 2])]
 
     def layout(self) -> LayoutPart:
-        """Return how long points stay."""
         seconds = self.settings.decay_time
         return LayoutPart(windows=((self.entity, seconds),) if seconds else ())
 
@@ -239,7 +238,6 @@ class PointCloud2Drawing(PointsDrawing):
     order = (RGB8, INTENSITY, AXIS)
 
     def points(self, message: Any) -> Points:
-        """Return all points."""
         fields = _fields(message, {*_POSITION, *_PACKED, self.settings.channel_name})
         if not fields.keys() >= set(_POSITION):
             present = listing(message.fields.name, 10)
@@ -254,11 +252,7 @@ class PointCloud2Drawing(PointsDrawing):
 
 
 def _fields(message: Any, wanted: set[str]) -> dict[str, tuple[np.dtype[Any], int]]:
-    """Return type and place of those fields that are ``wanted``.
-
-    Raises:
-        ValueError: it is not within a point.
-    """
+    """Return type and place of those fields that are ``wanted``."""
     order, columns = ">" if message.is_bigendian else "<", {}
     fields = message.fields
     for name, offset, kind in zip(fields.name, fields.offset, fields.datatype, strict=True):
@@ -274,11 +268,7 @@ def _fields(message: Any, wanted: set[str]) -> dict[str, tuple[np.dtype[Any], in
 
 
 def _values(message: Any, fields: dict[str, tuple[np.dtype[Any], int]]) -> NDArray[Any]:
-    """Return the points as (N,) structs in the message's own bytes, where rows are not padded.
-
-    Raises:
-        ValueError: there are less bytes.
-    """
+    """Return the points as (N,) structs in the message's own bytes, where rows are not padded."""
     width, rows, step = int(message.width), int(message.height), int(message.point_step)
     row_step = rows > 1 and int(message.row_step) or width * step
     if width * rows == 0:

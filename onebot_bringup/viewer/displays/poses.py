@@ -78,11 +78,7 @@ class PosesDrawing(Drawing[L]):
 
 
 def one_pose(pose: Any) -> Floats:
-    """Return a pose as (1, 7).
-
-    Raises:
-        ValueError: it is not finite.
-    """
+    """Return a pose as (1, 7)."""
     poses = drawable(pose.array()[None])
     if not len(poses):
         raise ValueError("its pose is not finite")

@@ -237,14 +237,7 @@ class ImuDrawing(Drawing[ImuSettings]):
         return [rr.Arrows3D.from_fields(vectors=vectors, colors=colors)]
 
     def _turn(self, message: Any) -> Floats | None:
-        """Return the measured orientation as a matrix (3, 3) from there to the sensor's frame.
-
-        It is that in the fixed frame, whatever the transforms of the sensor's frame are; None if it
-        is not measured.
-
-        Raises:
-            ValueError: it is no quaternion.
-        """
+        """Return the measured orientation as a matrix (3, 3) from there to the sensor's frame."""
         q = message.orientation
         values = np.array([q.x, q.y, q.z, q.w])
         if message.orientation_covariance[0] == _UNKNOWN:
