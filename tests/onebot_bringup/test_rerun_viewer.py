@@ -23,7 +23,7 @@ from onebot_bringup.viewer.rerun_viewer import ViewerParameters
 from onebot_bringup.viewer.rrd import has_content
 from onebot_description.parameters.reader import ConfigError, read
 from onebot_description.wire.tf_message import TFMessage
-from tests.onebot_bringup.drive_support import chunks, while_written
+from tests.onebot_bringup.drive_support import chunks, stamps, while_written
 from tests.onebot_bringup.viewer_support import ARM, BLUE, ORANGE, VIEW
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.support import lines_of_ours, used_domain, wait_for
@@ -262,12 +262,6 @@ def test_bytes_that_are_no_message_are_warned_of_by_topic(shown):
 
     wait_for(warned, "the warnings")
     last = robot.seconds * 10**9
-    wait_for(lambda: last in while_written(_times, shown.file), "the good messages in the file")
-
-
-def _times(file: Path) -> list[int]:
-    return [
-        stamp
-        for chunk in chunks(file, "/tf")
-        for stamp in chunk.to_record_batch().column("ros_time").cast("int64").to_pylist()
-    ]
+    wait_for(
+        lambda: last in while_written(stamps, shown.file, "/tf"), "the good messages in the file"
+    )

@@ -10,7 +10,7 @@ from std_msgs.msg import String
 
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.wire.messages import time_message
-from tests.onebot_bringup.drive_support import chunks, column, frames, while_written
+from tests.onebot_bringup.drive_support import chunks, column, frames, stamps, while_written
 from tests.onebot_bringup.test_rerun_topics import Driver, _viewer
 from tests.onebot_bringup.viewer_support import START_NS, Shown, take, take_tf, transforms
 from tests.ros_support import LATCHED, Peer
@@ -95,9 +95,7 @@ def test_a_path_is_a_line_at_its_own_time(tmp_path):
     np.testing.assert_allclose(first, np.array(LINE) + [0, 0, 0.5])
     np.testing.assert_allclose(second, np.array(LINE[1:]) + [0, 0, 0.5])
     assert len(_lines(file, "other/plan")[0]) == 2
-    times = column(file, "/path/plan", "ros_time")
-    stamps = np.array(times, "datetime64[ns]").astype(np.int64)
-    np.testing.assert_array_equal(stamps, [START_NS, START_NS + SECOND])
+    assert stamps(file, "/path/plan") == [START_NS, START_NS + SECOND]
     assert frames(file, "/path/plan") == ["base"]
     assert frames(file, "/path/other/plan") == ["tip"]
     assert column(file, "/path/plan", "LineStrips3D:colors") == [[0x00DC3CFF]]

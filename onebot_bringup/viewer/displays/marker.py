@@ -134,13 +134,9 @@ class Incoming(NamedTuple):
         )
 
     def report(self, problems: dict[str, str], which: Any, text: str, kind: str = "") -> None:
-        """Keep what is wrong with a row, or with the first of a mask, if nothing of its kind is.
+        """Keep the first problem of a kind: of a row, or of the first row of a mask.
 
-        Args:
-            problems: what is wrong, by kinds.
-            which: the row, or a mask.
-            text: what is wrong.
-            kind: where the text has what may be another with every message.
+        Without a kind, the text is it.
         """
         if isinstance(which, np.ndarray):
             [*rows] = np.flatnonzero(which)[:1]
@@ -281,9 +277,6 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         self._waiting: dict[MarkerId, tuple[int, Any]] = {}  # no transform leads to their frames
         self._fixed = ""  # the fixed frame
         self._tree: tuple[object, ...] = ()  # where the frames were last looked for
-
-    def draw(self, message: Any) -> Sequence[rr.AsComponents]:
-        return ()
 
     def add(self, stamp_ns: int, message: Any) -> None:
         self._pending.append((stamp_ns, message))
