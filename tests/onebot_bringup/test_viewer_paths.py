@@ -11,8 +11,15 @@ from std_msgs.msg import String
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.wire.messages import time_message
 from tests.onebot_bringup.drive_support import chunks, column, frames, stamps, while_written
-from tests.onebot_bringup.test_rerun_topics import Driver, _viewer
-from tests.onebot_bringup.viewer_support import START_NS, Shown, take, take_tf, transforms
+from tests.onebot_bringup.test_rerun_topics import Driver
+from tests.onebot_bringup.viewer_support import (
+    START_NS,
+    Shown,
+    take,
+    take_tf,
+    transforms,
+    viewer_node,
+)
 from tests.ros_support import LATCHED, Peer
 from tests.support import wait_for
 
@@ -195,7 +202,7 @@ def test_the_viewer_shows_a_path_that_is_published(ros_domain, tmp_path, qos):
         plan = peer.node.create_publisher(Path, "plan", qos)
         if qos is LATCHED:
             plan.publish(path(LINE, "odom"))
-        with _viewer(tmp_path, viewer="none") as node:
+        with viewer_node(tmp_path, "") as node:
             driver = Driver(peer)
 
             def recorded() -> bool:
