@@ -28,13 +28,12 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.columns import ColumnMaker, ReadyColumn, one_row, ready
+from onebot_bringup.viewer.columns import ReadyColumn, one_row
 from onebot_bringup.viewer.displays.display import (
     COLORS,
     Display,
     LayoutPart,
     S,
-    below,
     entity_path,
     is_old,
 )
@@ -48,7 +47,6 @@ if TYPE_CHECKING:
 AUTO = "auto"
 _RELIABILITIES = (AUTO, "reliable", "best_effort")
 DEPTH, DEPTH_HEAVY = 100, 5  # messages that wait in DDS, or for a transform
-PLACED_ENTITY = "placed"  # below which frames of our own are placed
 _MOST_AWAITED_NS = 1_000_000_000  # a transform that comes later than this is not awaited
 
 Archetypes = Sequence[rr.AsComponents | ReadyColumn]
@@ -211,21 +209,6 @@ class Drawing(Generic[S]):
                 self.stage.recording.log(self.entity, component, static=True)
         self.stage.log_rows(self.entity, rows)
 
-    def place(self, parent: str, child: str, pose: Floats) -> None:
-        """Place a frame of our own, at the stamp of the message that is drawn.
-
-        It is logged to an entity that is never cleared, since what is drawn needs it.
-
-        Args:
-            parent: the frame it is placed in.
-            child: its name.
-            pose: (4, 4).
-        """
-        # Rerun has matrices column by column.
-        columns = _TRANSLATION.row(pose[:3, 3]), _ROTATION.row(pose[:3, :3].T)
-        entity = below(PLACED_ENTITY, child)
-        self.stage.log_row(entity, self.stamp_ns, *columns, *_frames(parent, child))
-
     def erase(self) -> None:
         """Remove what is drawn, from its last time on.
 
@@ -241,18 +224,9 @@ class Drawing(Generic[S]):
         self._pending.extend(before._pending)
 
 
-_TRANSLATION = ColumnMaker(rr.Transform3D.columns(translation=[(0.0, 0.0, 0.0)]))
-_ROTATION = ColumnMaker(rr.Transform3D.columns(mat3x3=[np.eye(3)]))
-
-
 @lru_cache(maxsize=128)
 def _in_frame(frame: str) -> Archetypes:
     return one_row(rr.CoordinateFrame(frame)) if frame else ()
-
-
-@lru_cache(maxsize=128)
-def _frames(parent: str, child: str) -> Archetypes:
-    return ready(rr.Transform3D.columns(parent_frame=[parent], child_frame=[child]))
 
 
 def topic_entity(key: str, topic: str) -> str:

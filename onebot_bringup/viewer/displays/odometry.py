@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 import rerun as rr
 
-from onebot_bringup.viewer.displays.display import LARGEST, SELDOM, LayoutPart, is_old
+from onebot_bringup.viewer.displays.display import LARGEST, SELDOM, LayoutPart, below, is_old
 from onebot_bringup.viewer.displays.drawing import (
     Archetypes,
     Drawing,
@@ -190,6 +190,7 @@ class TrailDisplay(OdometryDisplay):
 
 # --- covariances ----------------------------------------------------------------------------------
 
+PLACED_ENTITY = "placed"  # below which the frames of the shapes are
 _CHANGE = 0.01  # share of a shape's size: less would not be seen
 
 
@@ -242,7 +243,17 @@ class CovarianceDrawing(SampleDrawing[CovarianceSettings]):
         entity = f"{self.entity}/{part}"
         before, logged_at = self._shapes.get(part, (None, 0.0))
         if outline is not None:
-            self.place(self.frame, entity, pose)
+            # The frame lies on an entity that is never cleared, since what is drawn needs it.
+            self.stage.log_row(
+                below(PLACED_ENTITY, entity),
+                self.stamp_ns,
+                rr.Transform3D(
+                    translation=pose[:3, 3],
+                    mat3x3=pose[:3, :3],
+                    parent_frame=self.frame,
+                    child_frame=entity,
+                ),
+            )
             if before is not None and not is_old(logged_at) and _are_alike(outline, before):
                 return
             lines = rr.LineStrips3D([outline], colors=[self.color], radii=[self.settings.width / 2])

@@ -73,7 +73,6 @@ class PointsDrawing(Drawing[PointsSettings]):
 
     order: ClassVar[Sequence[str]]  # auto takes the first transformer that has data
     placed = True
-    few: ClassVar[bool] = False  # points: to transform them costs less than to log where they are
 
     @abstractmethod
     def points(self, message: Any) -> Points:
@@ -93,13 +92,7 @@ class PointsDrawing(Drawing[PointsSettings]):
 
     def drawn_in(self) -> str:
         """Points are where they were measured, wherever the sensor goes until the next message."""
-        fixed = self.stage.fixed_frame
-        return fixed if self._transformed or self.frame == fixed else self.entity
-
-    @property
-    def _transformed(self) -> bool:
-        """Whether points are logged in the fixed frame; those that stay must be."""
-        return self.few or self.settings.decay_time > 0.0
+        return self.stage.fixed_frame
 
     def draw(self, message: Any) -> Sequence[ReadyColumn]:
         """Return the points that are finite."""
@@ -108,6 +101,11 @@ class PointsDrawing(Drawing[PointsSettings]):
         if usable is not None:
             positions = positions[usable]
             own = None if own is None else own[usable]
+        if self.home != self.frame and (pose := self.pose()) is not None:
+            matrix = pose.T.astype(np.float32)
+            with np.errstate(over="ignore", invalid="ignore"):
+                positions = positions @ matrix[:3, :3]
+                positions += matrix[3, :3]
         transform = self.settings.color_transformer
         for name in self.order if transform == AUTO else (transform,):
             colors = own if name == RGB8 else self._colors(name, positions, channel, usable)
@@ -115,14 +113,6 @@ class PointsDrawing(Drawing[PointsSettings]):
                 break
         else:
             colors = self._flat()
-        if self.home != self.frame and (pose := self.pose()) is not None:
-            if self._transformed:
-                matrix = pose.T.astype(np.float32)
-                with np.errstate(over="ignore", invalid="ignore"):
-                    positions = positions @ matrix[:3, :3]
-                    positions += matrix[3, :3]
-            else:
-                self.place(self.stage.fixed_frame, self.entity, pose)
         return [_POSITIONS.row(positions), _COLORS.row(colors)]
 
     def _colors(
@@ -136,7 +126,7 @@ class PointsDrawing(Drawing[PointsSettings]):
         look = self.settings
         if transformer == AXIS:
             bounds = None if look.autocompute_value_bounds else (look.min_value, look.max_value)
-            return colored(self._along_axis(positions), bounds, _table(True, False))
+            return colored(positions[:, _AXES.index(look.axis)], bounds, _table(True, False))
         values = channel(look.channel_name) if transformer == INTENSITY else None
         if values is None or (look.color_transformer == AUTO and _is_constant(values)):
             return self._flat() if transformer == FLAT else None
@@ -150,14 +140,6 @@ class PointsDrawing(Drawing[PointsSettings]):
     def _flat(self) -> Colors:
         red, green, blue = self.color
         return np.array([red << 24 | green << 16 | blue << 8 | _OPAQUE], np.uint32)
-
-    def _along_axis(self, positions: Floats32) -> NDArray[Any]:
-        axis, pose = _AXES.index(self.settings.axis), self.pose()
-        if pose is None:
-            return positions[:, axis]
-        row = pose[axis].astype(np.float32)
-        heights: Floats32 = positions @ row[:3] + row[3]
-        return heights
 
 
 def _is_constant(values: NDArray[Any]) -> bool:
@@ -182,7 +164,6 @@ class LaserScanDrawing(PointsDrawing):
     key = "laser_scan"
     message_types = ("sensor_msgs/msg/LaserScan",)
     order = (INTENSITY, FLAT)
-    few = True
     _directions: tuple[object, Floats32] = ((), np.empty((0, 2), np.float32))
 
     def points(self, message: Any) -> Points:
