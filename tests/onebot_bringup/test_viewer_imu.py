@@ -76,19 +76,3 @@ def test_few_of_many_messages_are_drawn(tmp_path):
     times = stamps(file, ENTITY)
     assert (np.diff(times[:20]) == 45_000_000).all()
     assert 25 <= len(times) <= 30 and times[-1] < times[15]
-
-
-@pytest.mark.parametrize(
-    ("message", "said"),
-    [
-        (imu((0, 0, 0, 0)), "its orientation [0.0, 0.0, 0.0, 0.0] is no quaternion"),
-        (imu((np.nan, 0, 0, 1)), "is no quaternion"),
-        (imu((np.inf, 0, 0, 1)), "is no quaternion"),
-        (imu(acceleration=(np.nan, 0, 0)), "its acceleration is not finite"),
-    ],
-)
-def test_bad_messages_are_reported(message, said, tmp_path):
-    """And cost nothing of the others."""
-    file, [warning] = show(tmp_path, "", (TOPIC, message), (TOPIC, imu()))
-    assert warning.startswith('imu "/imu": ') and said in warning
-    assert len(arrows(file)) == 1

@@ -194,19 +194,3 @@ def test_a_polygon_is_a_closed_line(tmp_path):
     assert line == [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 0, 0]] and not none
     assert column(file, "/polygon/footprint", "LineStrips3D:colors") == [COLORED]
     assert frames(file, "/polygon/footprint") == ["tip"]
-
-
-@pytest.mark.parametrize(
-    ("key", "message"),
-    [
-        ("pose", PoseStamped(pose=pose(np.nan))),
-        ("pose", PoseStamped(pose=pose(0, 0, (0.0, np.inf, 0.0, 0.0)))),
-        ("point_stamped", point(np.inf)),
-    ],
-)
-def test_what_is_not_finite_is_refused(tmp_path, key, message):
-    """And said."""
-    file, [warning] = show(tmp_path, "", ("/a", stamped(message)))
-    assert "not finite" in warning
-    for component in ("Arrows3D:vectors", "Points3D:positions"):
-        assert not column(file, f"/{key}/a", component)
