@@ -17,7 +17,7 @@ from onebot_bringup.viewer.blueprint import BlueprintSender, Layout
 from onebot_bringup.viewer.displays import MESSAGE_DRAWINGS, ROBOT_DISPLAYS
 from onebot_bringup.viewer.displays.display import SELDOM, Display
 from onebot_bringup.viewer.displays.drawing import MessageDisplay
-from onebot_bringup.viewer.displays.tf import TfDisplay
+from onebot_bringup.viewer.displays.tf_display import TfDisplay
 from onebot_bringup.viewer.inbox import (
     DESCRIPTION,
     WARN_AFTER,

@@ -38,7 +38,7 @@ from onebot_bringup.viewer.displays.joint_plot import JointPlotSettings
 from onebot_bringup.viewer.displays.log import LogSettings
 from onebot_bringup.viewer.displays.map import MapSettings
 from onebot_bringup.viewer.displays.marker import MarkerSettings
-from onebot_bringup.viewer.displays.odometry import (
+from onebot_bringup.viewer.displays.odometry_display import (
     CovarianceSettings,
     OdometrySettings,
     TrailSettings,
@@ -56,7 +56,7 @@ from onebot_bringup.viewer.displays.shapes_of_messages import (
     PolygonSettings,
     RangeSettings,
 )
-from onebot_bringup.viewer.displays.tf import AxesSettings
+from onebot_bringup.viewer.displays.tf_display import AxesSettings
 from onebot_bringup.viewer.settings import Color, color, height, one_of, setting, topic_list, vector
 from onebot_description.description.description import Triple
 from onebot_description.description.packages import package_share

@@ -18,7 +18,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
-from onebot_bringup.viewer.pictures import headless_viewer, still
+from onebot_bringup.viewer.rendering import headless_viewer, still
 from onebot_bringup.viewer.rerun_viewer import ViewerParameters
 from onebot_bringup.viewer.rrd import has_content
 from onebot_description.parameters.reader import ConfigError, read

@@ -17,7 +17,7 @@ from onebot_bringup.cli.session import Session
 from onebot_bringup.cli.snapshot import check_picture, parse_camera, parse_command_line, run
 from onebot_bringup.launch.arguments import UsageError
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.pictures import Framing, framed, robot_view_id
+from onebot_bringup.viewer.rendering import Framing, framed, robot_view_id
 from onebot_bringup.viewer.rrd import has_content
 from onebot_description.description import load_description, parse_description
 from onebot_description.errors import OneBotError

@@ -8,7 +8,7 @@ import pytest
 
 from onebot_bringup.introspection.transforms import FrameTree
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.displays.tf import AxesSettings, TfDisplay, TransformStream
+from onebot_bringup.viewer.displays.tf_display import AxesSettings, TfDisplay, TransformStream
 from onebot_bringup.viewer.shown_robot import RobotToShow
 from onebot_bringup.viewer.stage import Stage
 from onebot_bringup.viewer.view_config import ViewConfig

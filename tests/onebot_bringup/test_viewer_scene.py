@@ -7,7 +7,7 @@ import pytest
 import rerun.blueprint as rrb
 
 from onebot_bringup.viewer.display_server import APPLICATION, open_recording
-from onebot_bringup.viewer.pictures import headless_viewer, render, still
+from onebot_bringup.viewer.rendering import headless_viewer, render, still
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.scene import MISSING_COLOR, Scene
 from onebot_bringup.viewer.view_config import ViewConfig, parse_view

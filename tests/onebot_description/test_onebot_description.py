@@ -13,7 +13,7 @@ import yaml
 import yourdfpy
 
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.pictures import render
+from onebot_bringup.viewer.rendering import render
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.scene import Scene
 from onebot_bringup.viewer.shapes import load_shape

@@ -15,7 +15,7 @@ from onebot_bringup.viewer.displays.joint_plot import JointPlotDisplay
 from onebot_bringup.viewer.displays.log import LogDrawing
 from onebot_bringup.viewer.displays.map import MapDrawing
 from onebot_bringup.viewer.displays.marker import MarkerDrawing
-from onebot_bringup.viewer.displays.odometry import (
+from onebot_bringup.viewer.displays.odometry_display import (
     CovarianceDisplay,
     OdometryDrawing,
     TrailDisplay,

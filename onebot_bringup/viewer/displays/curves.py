@@ -26,7 +26,7 @@ from onebot_bringup.viewer.displays.display import (
     entity_path,
 )
 from onebot_bringup.viewer.displays.drawing import Drawing, NamedDisplay
-from onebot_bringup.viewer.displays.odometry import ODOMETRY
+from onebot_bringup.viewer.displays.odometry_display import ODOMETRY
 from onebot_bringup.viewer.inbox import MessageType, WantedTopic, one_by_one
 from onebot_bringup.viewer.settings import Color, color, one_of, setting, topic
 from onebot_description.errors import OneBotError, listing
