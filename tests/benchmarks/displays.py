@@ -25,7 +25,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from onebot_bringup.viewer.columns import TIMELINE
 from onebot_bringup.viewer.display_server import Recording, open_recording
-from onebot_bringup.viewer.displays.tf import TF
+from onebot_bringup.viewer.displays.tf_display import TF
 from onebot_bringup.viewer.inbox import DESCRIPTION
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_description.wire.messages import transforms_message

@@ -13,7 +13,7 @@ import rerun.chunk
 from numpy.typing import NDArray
 
 from onebot_bringup.viewer.columns import TIMELINE
-from onebot_bringup.viewer.displays.tf import TF_ENTITY
+from onebot_bringup.viewer.displays.tf_display import TF_ENTITY
 
 
 class Frames(NamedTuple):

@@ -27,7 +27,7 @@ from onebot_bringup.viewer.columns import TIMELINE
 from onebot_bringup.viewer.display_server import Recording, open_recording
 from onebot_bringup.viewer.displays.display import SELDOM
 from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
-from onebot_bringup.viewer.displays.tf import TF, TF_ENTITY
+from onebot_bringup.viewer.displays.tf_display import TF, TF_ENTITY
 from onebot_bringup.viewer.inbox import DESCRIPTION
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_description.wire.cdr import DOUBLES_PER_TRANSFORM, NANO, Writer
