@@ -123,7 +123,7 @@ class JointParameters:
         Raises:
             ConfigError: they cannot be set, and why.
         """
-        changed = {**values, **{one.name: plain(one.value) for one in parameters}}
+        changed = {**values, **{parameter.name: plain(parameter.value) for parameter in parameters}}
         changed = {name: value for name, value in changed.items() if value is not None}
         config = self._checked(changed)
         config_file = changed.get("config_file")
@@ -159,10 +159,11 @@ class JointParameters:
         """Describe those parameters that were not declared before they were set."""
         self.describing = True
         try:
-            for one in parameters:
-                if one.value is None or self._node.describe_parameter(one.name).description:
+            for parameter in parameters:
+                name = parameter.name
+                if parameter.value is None or self._node.describe_parameter(name).description:
                     continue
-                self._node.set_descriptor(one.name, descriptor(JointsConfig, one.name))
+                self._node.set_descriptor(name, descriptor(JointsConfig, name))
         finally:
             self.describing = False
 

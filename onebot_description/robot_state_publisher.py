@@ -145,7 +145,11 @@ class RobotStatePublisher(Node):
         self._description.publish(String(data=description.urdf))
 
     def _changes(self, parameters: Sequence[Parameter]) -> dict[str, Any]:
-        return {one.name: one.value for one in parameters if one.name in self._values}
+        return {
+            parameter.name: parameter.value
+            for parameter in parameters
+            if parameter.name in self._values
+        }
 
     def _validate(self, parameters: Sequence[Parameter]) -> SetParametersResult:
         changes = self._changes(parameters)

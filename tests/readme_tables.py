@@ -5,7 +5,7 @@ They are made from the declarations, which also give the nodes' descriptors, ``-
 """
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 from onebot_bringup.bags.bag_recorder import RecorderParameters
 from onebot_bringup.launch.arguments import (
@@ -55,7 +55,24 @@ def _arguments(arguments: Iterable[Argument]) -> str:
 
 
 def _names(names: Iterable[str]) -> str:
-    return ", ".join(f"`{name}`" for name in names)
+    """Return names for a cell: `{a, b}.x` for `a.x` and `b.x`."""
+    ends: dict[str, list[str]] = {}
+    for name in names:
+        group, _, end = name.rpartition(".")
+        ends.setdefault(group, []).append(end)
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for group, names_in_it in ends.items():
+        groups.setdefault(tuple(names_in_it), []).append(group)
+    return ", ".join(
+        f"`{_braces(groups_alike)}.{_braces(ends_alike)}`"
+        if groups_alike != [""]
+        else ", ".join(f"`{end}`" for end in ends_alike)
+        for ends_alike, groups_alike in groups.items()
+    )
+
+
+def _braces(words: Sequence[str]) -> str:
+    return words[0] if len(words) == 1 else f"{{{', '.join(words)}}}"
 
 
 def _code(default: str) -> str:

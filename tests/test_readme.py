@@ -25,6 +25,7 @@ TEXTS = {
         CHECKOUT / "tests/benchmarks/README.md",
     )
 }
+GUIDE = (CHECKOUT / "CONTRIBUTING.md").read_text()
 ALL = "\n".join(TEXTS.values()).replace("\\\n", "")
 BESIDE = re.compile(r"<!-- beside (.*?) -->\n```sh\n(.*?)```", re.DOTALL)
 IN_TURN = re.compile(r"<!-- in turn -->\n```sh\n(.*?)```", re.DOTALL)
@@ -181,16 +182,35 @@ class RunningCommand:
         assert "Traceback" not in self.output
 
 
-@pytest.mark.parametrize("name", TEXTS)
+@pytest.mark.parametrize("name", [*TEXTS, "CONTRIBUTING.md"])
 def test_pictures_and_links_exist(name):
     """Each file that the README points to is in the repository, each heading in that file."""
     folder = (CHECKOUT / name).parent
-    for match in re.findall(r"\]\((?!https?:)([^)]+)\)|src=\"([^\"]+)\"", TEXTS[name]):
+    text = (CHECKOUT / name).read_text()
+    for match in re.findall(r"\]\((?!https?:)([^)]+)\)|src=\"([^\"]+)\"", text):
         target, _, heading = (match[0] or match[1]).partition("#")
         file = folder / target if target else CHECKOUT / name
         assert file.exists(), target
         if heading:
             assert heading in _anchors(file.read_text()), f"{target}#{heading}"
+
+
+def test_code_that_is_named_exists():
+    """Each file in backticks is in the checkout, each name in CONTRIBUTING.md in some source."""
+    sources = [
+        file
+        for folder in CHECKOUT.glob("*_*/")
+        for file in (*folder.rglob("*.py"), *folder.rglob("*.js"), *folder.rglob("*.c"))
+    ]
+    sources += (CHECKOUT / "tests").rglob("*.py")
+    paths = "".join(f"/{file.relative_to(CHECKOUT)}\n" for file in sources)
+    for code in re.findall(r"`([\w./-]+\.(?:py|js|c))`", ALL + GUIDE):
+        path = re.sub("NAME|VERB", r"\\w+", re.escape(code))  # of a file that is yet to be written
+        assert re.search(f"/{path}\n", paths), code
+    words = set(re.findall(r"\w+", " ".join(file.read_text() for file in sources)))
+    for code in re.findall(r"`([A-Za-z_][\w.]*)(?:\(.*?\))?`", GUIDE):
+        if not code.endswith((".py", ".js", ".c")):
+            assert set(code.split(".")) <= words, code
 
 
 def _anchors(text):

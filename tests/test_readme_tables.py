@@ -112,7 +112,15 @@ def _rows(text: str) -> list[list[str]]:
 
 
 def _names(cell: str) -> list[str]:
-    return re.findall(r"`([^`]+)`", cell)
+    """The names in backticks; `{a, b}.x` are two."""
+    return [name for entry in re.findall(r"`([^`]+)`", cell) for name in _without_braces(entry)]
+
+
+def _without_braces(entry: str) -> list[str]:
+    if not (braces := re.fullmatch(r"(.*?)\{([\w., ]+)\}(.*)", entry)):
+        return [entry]
+    before, words, after = braces.groups()
+    return [name for word in words.split(", ") for name in _without_braces(before + word + after)]
 
 
 def _full(name: str, node: str) -> str:

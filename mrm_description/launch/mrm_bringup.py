@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from onebot_bringup.cli.main import run_bringup
 
-TYPE_CHECKING = False  # as in typing, which is slow to import
+TYPE_CHECKING = False  # typing is slow to import
 if TYPE_CHECKING:
     from onebot_bringup.launch.bringup import Bringup
 
@@ -16,7 +16,7 @@ def command() -> "Bringup":
     from onebot_bringup.launch.bringup import Bringup
     from onebot_description.description.packages import package_share
 
-    share = package_share("mrm_description").resolve()  # where edits are made
+    share = package_share("mrm_description").resolve()  # the folder that users edit
     return Bringup(
         program="mrm_bringup",
         summary="Brings MRM up on ROS 2, moving, and shows it.",

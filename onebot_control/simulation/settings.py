@@ -18,7 +18,9 @@ class Settings:
 
     # Physics steps per simulated second. A control period has to be a whole number of them, which
     # PyBullet's default of 240 is not at 100 Hz; ``fitted`` makes it one for any control rate.
-    rate: float = 400.0
+    # 400 take twice as long. OneBot is as accurate with both; the odometry of tall robots with
+    # arms (Stretch) is within 0.04 % of the truth, with 400 within 0.02 %.
+    rate: float = 200.0
     # Of the constraint solver in each step. It never stops early, so that a robot at rest drifts by
     # nanometres instead of millimetres.
     iterations: int = 200
@@ -44,9 +46,9 @@ class Settings:
     def fitted(self, cycles: float) -> "Settings":
         """Return these settings for ``cycles`` control periods a second.
 
-        Their rate is the multiple of ``cycles`` that is nearest to this one, and at least once.
+        Their rate is the least multiple of ``cycles`` that is no lower than this one.
         """
-        return replace(self, rate=cycles * max(1, round(self.rate / cycles)))
+        return replace(self, rate=cycles * math.ceil(self.rate / cycles * (1.0 - 1e-9)))
 
     def steps(self, duration: float) -> int:
         """Return the number of physics steps in ``duration`` (s).

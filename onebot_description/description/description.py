@@ -209,7 +209,7 @@ class Sensor:
 
     name: str
     link: str
-    origin: Origin  # in the link's frame
+    origin: Origin  # relative to the link
     rate: float  # measurements a simulated second, Hz; 0: one in each control cycle
     # Relative names, keyed by content: scan, imu, image, depth, points or camera_info.
     topics: Mapping[str, str]

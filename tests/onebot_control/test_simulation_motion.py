@@ -142,4 +142,4 @@ def test_joint_friction_holds():
     with simulate(robot('(<child link="caster_wheel"/>)', stiff)) as simulation:
         # Free, it would roll by many radians.
         drive(simulation, 0.2, 0.0, 2.0)
-        assert simulation.joint_states().positions[3] == pytest.approx(0.0, abs=0.02)
+        assert simulation.joint_states().positions[3] == pytest.approx(0.0, abs=0.05)

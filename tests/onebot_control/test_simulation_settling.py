@@ -255,7 +255,7 @@ def test_a_robot_balanced_on_a_line_is_watched_until_it_tips(caplog, along):
 
 
 def _steps_to_settle(description, monkeypatch):
-    """Physics steps until a robot of `_spheres` is taken to rest; at most 800."""
+    """Physics steps until a robot of `_spheres` is taken to rest; at most 400."""
     steps, step = [], engine.stepSimulation
     with monkeypatch.context() as patch:
         patch.setattr(engine, "stepSimulation", lambda client: steps.append(step(client)))
@@ -272,6 +272,6 @@ def test_a_robot_on_three_points_rests_at_once(monkeypatch, turn):
     for width in (1e-3, 0.03, 0.2):
         narrow = (places * (1.0, width)) @ turned.T
         steps[width] = _steps_to_settle(_spheres(narrow, np.zeros(2)), monkeypatch)
-    assert steps[1e-3] == 800
-    # It is at rest once it has been for 0.05 s, which are 20 steps.
-    assert 20 <= steps[0.2] <= steps[0.03] < 60
+    assert steps[1e-3] == 400
+    # It is at rest once it has been for 0.05 s, which are 10 steps.
+    assert 10 <= steps[0.2] <= steps[0.03] < 30

@@ -86,8 +86,8 @@ def test_simulations_do_not_touch_each_other():
 def test_one_long_step_is_many_short_ones():
     with simulate() as one, simulate() as other:
         one.step([2.0, 3.0], 0.5)
-        for _ in range(200):
-            other.step([2.0, 3.0], 1 / 400)
+        for _ in range(100):
+            other.step([2.0, 3.0], 1 / 200)
         for first, second in zip(
             (*one.base_pose(), *one.base_twist(), *one.joint_states()[:2]),
             (*other.base_pose(), *other.base_twist(), *other.joint_states()[:2]),
@@ -186,7 +186,7 @@ def test_memory_does_not_grow():
 
         def work(cycles: int) -> None:
             for cycle in range(cycles):
-                simulation.step([3.0, 2.0], 1 / 400)
+                simulation.step([3.0, 2.0], 1 / 200)
                 bits(simulation)
                 if cycle % 500 == 0:
                     simulation.reset()
@@ -211,7 +211,7 @@ def test_no_command_makes_the_state_non_finite(commands):
     """Any finite speeds, however wild, leave a robot near the ground with a pose."""
     _wild.reset()
     for left, right, steps in commands:
-        _wild.step([left, right], steps / 400)
+        _wild.step([left, right], steps / 200)
         values = np.concatenate([*_wild.joint_states(), *_wild.base_pose(), *_wild.base_twist()])
         assert np.isfinite(values).all()
         assert np.linalg.norm(_wild.base_pose().rotation) == pytest.approx(1.0, abs=1e-6)

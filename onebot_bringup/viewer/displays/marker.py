@@ -107,15 +107,15 @@ class Incoming(NamedTuple):
         """Take messages of one marker each."""
         numbers = [
             (
-                each.id,
-                each.type,
-                each.action,
-                each.frame_locked,
-                _nanoseconds(each.lifetime),
-                _nanoseconds(each.header.stamp),
-                len(each.points),
+                marker.id,
+                marker.type,
+                marker.action,
+                marker.frame_locked,
+                _nanoseconds(marker.lifetime),
+                _nanoseconds(marker.header.stamp),
+                len(marker.points),
             )
-            for each in markers
+            for marker in markers
         ]
         ids, types, actions, locked, lifetimes, stamps, points = np.array(numbers, np.int64).T
         return cls(
@@ -189,7 +189,7 @@ class Layer:
         self.first_end = int(batch.ends.min()) if batch is not None and ids else _NEVER
 
     def log(self, stamp_ns: int, *, hidden: bool) -> None:
-        """Log what has changed since the row before; from time to time, all."""
+        """Log what has changed since the last row; from time to time, all."""
         visible = self.batch is not None and self.ids and not hidden
         drawn = self._kind.pieces(self.batch) if visible and self.batch is not None else ()
         if not drawn:
@@ -199,10 +199,10 @@ class Layer:
             return
         pieces = [*self._own, *drawn]
         columns = pieces
-        whole = stamp_ns < self._stamp_ns or is_old(self.whole_at)
-        if len(self._logged) == len(pieces) and not whole:
+        complete = stamp_ns < self._stamp_ns or is_old(self.whole_at)
+        if len(self._logged) == len(pieces) and not complete:
             pairs = zip(pieces, self._logged, strict=True)
-            columns = [piece for piece, before in pairs if not _is_same(piece, before)]
+            columns = [piece for piece, previous in pairs if not _is_same(piece, previous)]
         else:
             self.whole_at = time.monotonic()
         self._logged, self._stamp_ns = pieces, stamp_ns
@@ -214,12 +214,12 @@ class Layer:
             )
 
 
-def _is_same(piece: Piece, before: Piece) -> bool:
-    if isinstance(piece, tuple) and isinstance(before, tuple):
-        numbers, known = piece[1], before[1]
+def _is_same(piece: Piece, previous: Piece) -> bool:
+    if isinstance(piece, tuple) and isinstance(previous, tuple):
+        numbers, logged = piece[1], previous[1]
         # What moves mostly moves from the first one on.
-        return np.array_equal(numbers[:1], known[:1]) and np.array_equal(numbers, known)
-    return piece is before
+        return np.array_equal(numbers[:1], logged[:1]) and np.array_equal(numbers, logged)
+    return piece is previous
 
 
 def _column(piece: Piece) -> Any:
@@ -246,9 +246,9 @@ class Change(NamedTuple):
         elif layer.batch is None or (rows >= 0).all():
             layer.set(self.ids, came.at(rows))
         else:
-            both = layer.batch.joined(came.at(rows[rows >= 0]))
+            union = layer.batch.joined(came.at(rows[rows >= 0]))
             new = np.cumsum(rows >= 0) - 1 + len(layer.batch.ends)
-            layer.set(self.ids, both.at(np.where(rows < 0, self.slots, new)))
+            layer.set(self.ids, union.at(np.where(rows < 0, self.slots, new)))
 
 
 class MarkerUpdate(NamedTuple):
@@ -282,7 +282,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         self._lag_ns = _NEVER  # the shortest time from the stamp of a message to when it came
         self._waiting: dict[MarkerId, tuple[int, Any]] = {}  # no transform leads to their frames
         self._fixed = ""  # the fixed frame
-        self._tree: tuple[object, ...] = ()  # where the frames were last looked for
+        self._tree: tuple[object, ...] = ()  # the TF tree in which they were last looked for
 
     def draw(self, message: Any) -> Sequence[rr.AsComponents]:
         """Return nothing: ``flush`` draws many messages at once."""
@@ -294,7 +294,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         self._in_arrays = hasattr(message, "markers")
         if not self.frame:  # the fixed frame may have to be found by it
             markers = message.markers if self._in_arrays else [message]
-            self.frame = next((_frame(each) for each in markers if _frame(each)), "")
+            self.frame = next((_frame(marker) for marker in markers if _frame(marker)), "")
 
     def flush(self) -> None:
         """Log what has come, and remove what is no longer to be seen."""
@@ -320,9 +320,8 @@ class MarkerDrawing(Drawing[MarkerSettings]):
 
     def _received(self, stamp_ns: int, now_ns: int) -> int:
         """Return when a message of this time came, as far as can be known."""
-        if (
-            self._in_arrays
-        ):  # Arrays have no stamp; one may come from before the clock was set back.
+        if self._in_arrays:
+            # Arrays have no stamp; one may come from before the clock was set back.
             return stamp_ns if stamp_ns < now_ns + _STEP_NS else now_ns
         # It was since the last flush: at the very time that follows if it took as long as others.
         self._lag_ns = min(self._lag_ns, max(0, now_ns - stamp_ns))
@@ -336,8 +335,8 @@ class MarkerDrawing(Drawing[MarkerSettings]):
 
     def replace(self, before: Drawing[MarkerSettings]) -> None:
         """Draw what another look has drawn."""
-        own = {"settings": self.settings, "color": self.color}
-        vars(self).update(vars(before) | own)
+        settings = {"settings": self.settings, "color": self.color}
+        vars(self).update(vars(before) | settings)
         for layer in self._layers.values():
             self._changed[layer.entity] = layer
         self._log(self._stamp_ns)
@@ -347,7 +346,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         pending = [*self._pending]
         self._pending.clear()
         if self._in_arrays:
-            yield from ((stamp, Incoming.of_array(each.markers)) for stamp, each in pending)
+            yield from ((stamp, Incoming.of_array(array.markers)) for stamp, array in pending)
             return
         together: dict[MarkerId, Any] = {}
         first_ns = last_ns = 0
@@ -373,8 +372,8 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         batch = self._batch(stamp_ns, came_ns, incoming, kinds, plan.moved)
         if plan is not self._plan:
             same = all(change.ids == change.layer.ids for change in plan.changes)
-            known = same and plan.where == self._where and not self._waiting
-            self._plan = plan if known else None
+            keeps_plan = same and plan.where == self._where and not self._waiting
+            self._plan = plan if keeps_plan else None
             self._where = plan.where
         for change in plan.changes:
             change.apply(batch)
@@ -389,9 +388,9 @@ class MarkerDrawing(Drawing[MarkerSettings]):
             kinds = np.where(arrows & (incoming.points > 0), ARROW_STRIP, kinds)
         numbers = (incoming.poses, incoming.scales, incoming.colors)
         if not all(
-            float(np.vdot(each, each)) <= LARGEST**2 for each in numbers
+            float(np.vdot(table, table)) <= LARGEST**2 for table in numbers
         ):  # NaN is not less, either
-            sound = np.all([(np.abs(each) <= LARGEST).all(axis=1) for each in numbers], axis=0)
+            sound = np.all([(np.abs(table) <= LARGEST).all(axis=1) for table in numbers], axis=0)
             kinds = np.where(sound, kinds, _NOT_DRAWN)
             incoming.poses[~sound] = _IDENTITY
             drawn = incoming.actions == ADD
@@ -412,9 +411,9 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         source: dict[MarkerId, int] = {}
         moved: dict[str, list[int]] = {}
         newest, cleared = _newest_rows(incoming)
-        for known in (where, self._waiting):
-            for marker in [each for each in known if "" in cleared or each[0] in cleared]:
-                del known[marker]
+        for places in (where, self._waiting):
+            for marker in [marker for marker in places if "" in cleared or marker[0] in cleared]:
+                del places[marker]
         for marker, row in newest.items():
             if incoming.actions[row] == DELETE:
                 where.pop(marker, None)
@@ -472,17 +471,17 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         members: dict[LayerKey, list[MarkerId]] = {key: [] for key in self._layers}
         for marker, key in where.items():
             members[key].append(marker)
-        found = []
+        changes = []
         for key, ids in members.items():
             layer = self._layers[key]
             from_rows = np.array([source.get(marker, -1) for marker in ids], np.intp)
             if ids == layer.ids and (from_rows < 0).all():
                 continue
-            before = {marker: slot for slot, marker in enumerate(layer.ids)}
-            slots = np.array([before.get(marker, -1) for marker in ids], np.intp)
+            previous_slots = {marker: slot for slot, marker in enumerate(layer.ids)}
+            slots = np.array([previous_slots.get(marker, -1) for marker in ids], np.intp)
             is_all = len(ids) == rows and np.array_equal(from_rows, np.arange(rows))
-            found.append(Change(layer, ids, from_rows, slots, is_all))
-        return found
+            changes.append(Change(layer, ids, from_rows, slots, is_all))
+        return changes
 
     def _batch(
         self,
@@ -586,8 +585,8 @@ class MarkerDrawing(Drawing[MarkerSettings]):
 def _check(incoming: Incoming, kinds: Integers, problems: dict[str, str]) -> None:
     """Report what RViz warns of."""
     add = incoming.actions == ADD
-    known = np.isin(incoming.actions, (ADD, DELETE, DELETE_ALL))
-    incoming.report(problems, ~known, "its action is unknown")
+    is_action = np.isin(incoming.actions, (ADD, DELETE, DELETE_ALL))
+    incoming.report(problems, ~is_action, "its action is unknown")
     incoming.report(problems, add & (np.array(incoming.frames) == ""), "it names no frame")
     for kind in set(kinds[add].tolist()):
         rows = add & (kinds == kind)
@@ -649,23 +648,23 @@ def _newest_rows(incoming: Incoming) -> tuple[dict[MarkerId, int], set[str]]:
         else:
             newest.clear()
     return {
-        (space, number): row for space, found in newest.items() for number, row in found.items()
+        (space, number): row for space, numbers in newest.items() for number, row in numbers.items()
     }, cleared
 
 
 def _variants(incoming: Incoming, kinds: Integers) -> dict[int, object]:
     """Return, by row, what only markers have in common that can lie on one entity."""
-    found: dict[int, object] = {}
+    variants: dict[int, object] = {}
     for row in np.flatnonzero(kinds >= MESH).tolist():
         if kinds[row] not in (MESH, TRIANGLE_LIST):
             continue
         message = incoming.messages[row]
         colors = incoming.colors[row : row + 1]
         if kinds[row] == MESH:
-            own = bool(message.mesh_use_embedded_materials)
+            embedded = bool(message.mesh_use_embedded_materials)
             uri = message.mesh_resource
-            found[row] = MeshVariant(uri, None if own else int(rgba(colors)[0]))
+            variants[row] = MeshVariant(uri, None if embedded else int(rgba(colors)[0]))
         else:
-            given = message.colors.array().reshape(-1, 4)[:1] if len(message.colors) else colors
-            found[row] = int(rgba(np.where(np.isnan(given), colors, given))[0]) & 255
-    return found
+            color = message.colors.array().reshape(-1, 4)[:1] if len(message.colors) else colors
+            variants[row] = int(rgba(np.where(np.isnan(color), colors, color))[0]) & 255
+    return variants

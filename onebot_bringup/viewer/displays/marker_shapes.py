@@ -79,22 +79,24 @@ class Batch(NamedTuple):
         points = np.concatenate([part.points for part in self.parts])
         turns, scales, colors = self.poses[rows, 3:], self.scales[rows], self.colors[rows]
         places = rotate(turns, points * scales if scaled else points) + self.poses[rows, :3]
-        own = [
-            part.colors if len(part.colors) else np.full((len(part.points), 4), np.nan)
-            for part in self.parts
-        ]
-        colors = np.where(np.isnan(owned := np.concatenate(own)), colors, owned)
+        point_colors = np.concatenate(
+            [
+                part.colors if len(part.colors) else np.full((len(part.points), 4), np.nan)
+                for part in self.parts
+            ]
+        )
+        colors = np.where(np.isnan(point_colors), colors, point_colors)
         return Instances(np.hstack([places, turns]), scales, colors)
 
 
 def rgba(colors: Floats) -> NDArray[np.uint32]:
     """Return (N, 4) numbers from 0 to 1 as Rerun's colours; the bytes are those on the screen."""
-    found = np.rint(np.clip(colors, 0.0, 1.0) * 255).astype(np.uint8)
-    return found.view(">u4").astype(np.uint32).ravel()
+    channels = np.rint(np.clip(colors, 0.0, 1.0) * 255).astype(np.uint8)
+    return channels.view(">u4").astype(np.uint32).ravel()
 
 
 def _ready(archetypes: Iterable[rr.AsComponents]) -> list[Piece]:
-    return [column for each in archetypes for column in one_row(each)]
+    return [column for archetype in archetypes for column in one_row(archetype)]
 
 
 def _in_color(archetype: Any) -> Callable[[NDArray[Any]], ReadyColumn]:
@@ -110,9 +112,9 @@ _QUATERNIONS = ColumnMaker(_POSES.columns(quaternions=np.zeros((1, 4)))).row
 _SCALES = ColumnMaker(_POSES.columns(scales=np.zeros((1, 3)))).row
 
 
-def _poses(found: Instances) -> list[Piece]:
-    places, turns = found.poses[:, :3], found.poses[:, 3:]
-    return [(_TRANSLATIONS, places), (_QUATERNIONS, turns), (_SCALES, found.scales)]
+def _poses(shapes: Instances) -> list[Piece]:
+    places, turns = shapes.poses[:, :3], shapes.poses[:, 3:]
+    return [(_TRANSLATIONS, places), (_QUATERNIONS, turns), (_SCALES, shapes.scales)]
 
 
 class _Solid:
@@ -123,8 +125,8 @@ class _Solid:
         self._unit = _ready([unit])
         self._colors = _in_color(archetype)
 
-    def __call__(self, found: Instances) -> list[Piece]:
-        return [*self._unit, *_poses(found), (self._colors, found.colors)]
+    def __call__(self, shapes: Instances) -> list[Piece]:
+        return [*self._unit, *_poses(shapes), (self._colors, shapes.colors)]
 
 
 _cubes = _Solid(rr.Boxes3D, half_sizes=[[0.5] * 3])
@@ -144,11 +146,11 @@ def _arrows(starts: Floats, ways: Floats, widths: Floats, colors: Floats) -> lis
     return [(_ORIGINS, starts), (_VECTORS, ways), shafts, (_ARROW_COLORS, colors)]
 
 
-def _arrows_along_x(found: Instances) -> list[Piece]:
-    along = np.zeros((len(found.poses), 3))
-    along[:, 0] = found.scales[:, 0]
-    ways = rotate(found.poses[:, 3:], along)
-    return _arrows(found.poses[:, :3], ways, found.scales[:, 1], found.colors)
+def _arrows_along_x(shapes: Instances) -> list[Piece]:
+    along = np.zeros((len(shapes.poses), 3))
+    along[:, 0] = shapes.scales[:, 0]
+    ways = rotate(shapes.poses[:, 3:], along)
+    return _arrows(shapes.poses[:, :3], ways, shapes.scales[:, 1], shapes.colors)
 
 
 def _arrows_of_points(batch: Batch) -> list[Piece]:
@@ -177,19 +179,19 @@ _LINE_COLORS = _in_color(rr.LineStrips3D)
 def _lines(batch: Batch) -> list[Piece]:
     """Draw lines; a strip whose points have colours is cut up, since one has one colour."""
     corners = batch.vertices()
-    points: list[NDArray[np.intp]] = []  # the numbers of those of each line
+    points: list[NDArray[np.intp]] = []  # their numbers, an array for each line
     lengths: list[NDArray[np.intp]] = []
     at = 0
     for part in batch.parts:
         count = len(part.points)
         if part.pairs:
-            chosen, each = np.arange(at, at + count - count % 2), 2
+            chosen, length = np.arange(at, at + count - count % 2), 2
         elif len(part.colors):
-            chosen, each = np.repeat(np.arange(at, at + count), 2)[1:-1], 2
+            chosen, length = np.repeat(np.arange(at, at + count), 2)[1:-1], 2
         else:
-            chosen, each = np.arange(at, at + count), max(count, 1)
+            chosen, length = np.arange(at, at + count), max(count, 1)
         points.append(chosen)
-        lengths.append(np.full(len(chosen) // each, each))
+        lengths.append(np.full(len(chosen) // length, length))
         at += count
     chosen, counts = np.concatenate(points), np.concatenate(lengths)
     if not len(chosen):
@@ -219,13 +221,13 @@ def _strips(points: Floats, ends: NDArray[np.intp]) -> ReadyColumn:
 
 
 def _points(batch: Batch) -> list[Piece]:
-    found = batch.vertices()
+    points = batch.vertices()
     return _ready(
         [
             rr.Points3D.from_fields(
-                positions=found.poses[:, :3],
-                radii=found.scales[:, 0] / 2,
-                colors=rgba(found.colors),
+                positions=points.poses[:, :3],
+                radii=points.scales[:, 0] / 2,
+                colors=rgba(points.colors),
             )
         ]
     )
