@@ -43,11 +43,11 @@ LIES = {
 
 
 @pytest.mark.slow
-def test_quick_run(capsys):
+def test_quick_run(capfd):
     """Every answer is right; there is no verdict on times, and no process is left."""
     before = set(psutil.Process().children(recursive=True))
     assert main(["--quick"]) == 0
-    printed = capsys.readouterr().out
+    printed = capfd.readouterr().out
     assert "cores" in printed and ", ".join(BENCHMARKS) in printed and "goal" not in printed
     assert set(psutil.Process().children(recursive=True)) <= before
 
