@@ -26,7 +26,7 @@ from tests.benchmarks.report import Report, Result
 _LINEAR, _ANGULAR = 0.3, 0.2  # m/s, rad/s: a circle of 1.5 m radius
 _APART = 4.0  # m between starts, so that circles do not meet
 _DRIVEN = 2.0  # s, of the arc that is checked
-_FARTHEST = 0.005  # m, from the commanded arc and from odometry; onebot_control.accuracy shows less
+_FARTHEST = 0.005  # m, from the commanded arc and from odometry; tests.accuracy shows less
 _TURNED = math.radians(0.2)
 _GOAL = 0.8
 _SLICE = 0.05  # s of processor time; many short ones, as what else the machine does comes and goes
