@@ -18,7 +18,7 @@ from onebot_bringup.viewer.rerun_viewer import ViewerParameters
 from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_control.parameters import ControlConfig
 from onebot_description.joints.config import JointsConfig
-from onebot_description.parameters.table import rows
+from onebot_description.parameters.reader import rows
 from onebot_description.state_parameters import StateParameters
 from tests.readme import CHECKOUT
 

@@ -328,7 +328,7 @@ def description_arguments(model: str, joints: str, view: str) -> list[Argument]:
 
 def simulation_arguments(control: str) -> list[Argument]:
     """Return the further arguments of a robot that can be simulated; ``control`` is its default."""
-    from onebot_description.description.worlds import shipped_worlds  # slow to import
+    from onebot_description.description.loading import shipped_worlds  # slow to import
 
     worlds = tuple(shipped_worlds())
     return [

@@ -22,7 +22,7 @@ from onebot_description.description.description import (
     Rgba,
     Sphere,
 )
-from onebot_description.description.mesh_scene import has_colors, mesh_scene, surfaces
+from onebot_description.description.meshes import has_colors, mesh_scene, surfaces
 from onebot_description.errors import OneBotError
 
 Floats = NDArray[np.float64]

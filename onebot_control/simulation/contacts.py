@@ -31,7 +31,7 @@ from onebot_description.description.description import (
     Shape,
     Sphere,
 )
-from onebot_description.description.mesh_scene import mesh_corners
+from onebot_description.description.meshes import mesh_corners
 from onebot_description.errors import OneBotError
 
 if TYPE_CHECKING:

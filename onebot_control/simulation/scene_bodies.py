@@ -15,7 +15,7 @@ from onebot_control.simulation.engine import engine
 from onebot_control.simulation.physics_settings import Settings
 from onebot_control.simulation.spawning import LoadedRobot, load_fixed, load_robot, make_world
 from onebot_description.description.description import Description
-from onebot_description.description.worlds import load_world
+from onebot_description.description.loading import load_world
 from onebot_description.errors import OneBotError
 from onebot_description.model.quaternions import from_rpy
 

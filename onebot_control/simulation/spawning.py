@@ -16,7 +16,7 @@ from onebot_control.simulation.contacts import hold_hub, set_contact, soften
 from onebot_control.simulation.engine import captured, engine, log
 from onebot_control.simulation.physics_settings import Settings
 from onebot_description.description.description import Description, Link, Mesh
-from onebot_description.description.mesh_scene import read_mesh
+from onebot_description.description.meshes import read_mesh
 from onebot_description.errors import OneBotError, listing
 
 # m; farther out, rounding errors are not small compared with a wheel's contact depth (micrometres).

@@ -191,14 +191,7 @@ class JointsConfig:
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> "JointsConfig":
-        """Check and convert parameters.
-
-        Args:
-            parameters: dotted names, or nested maps as YAML gives them, to values.
-
-        Raises:
-            ConfigError: with all problems.
-        """
+        """Check and convert parameters: by dotted names, or in nested maps as in YAML."""
         return read(cls, parameters)
 
     @cached_property

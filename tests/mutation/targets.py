@@ -48,7 +48,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "onebot_description/joints/motions.py": _description(
         "joints_tracks", "joints_violations", *_SOURCE
     ),
-    "onebot_description/joints/limits.py": _description("joints_limits"),
+    "onebot_description/joints/motion_limits.py": _description("joints_limits"),
     "onebot_description/joints/mimic.py": _description(*_SOURCE),
     "onebot_description/joints/source.py": _description(*_SOURCE),
     "onebot_description/description/checks.py": _description(*_CHECKS),

@@ -8,7 +8,7 @@ from onebot_control.driven_robot import Snapshot
 from onebot_control.fleet import Fleet, Member
 from onebot_control.poses import PlanarPose
 from onebot_description.description import Description, parse_description
-from onebot_description.description.worlds import load_world
+from onebot_description.description.loading import load_world
 from onebot_description.errors import OneBotError
 from tests.onebot_control.control_support import CASTER, config, robot, wheel
 

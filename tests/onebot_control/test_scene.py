@@ -10,7 +10,7 @@ import trimesh
 from onebot_control.simulation import RobotSpawn, World
 from onebot_control.simulation.scene_bodies import load_scene
 from onebot_description.description import parse_description
-from onebot_description.description.worlds import load_world
+from onebot_description.description.loading import load_world
 from onebot_description.errors import OneBotError
 from tests.onebot_control.simulation_support import DRIVEN, bits, planar, robot, simulate
 
