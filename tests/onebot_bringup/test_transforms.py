@@ -125,17 +125,6 @@ def test_history() -> None:
     assert tree.span("b") is None
 
 
-def test_loop() -> None:
-    """A loop has one root, its first frame; nothing runs forever."""
-    tree = FrameTree()
-    for parent, child in (("c", "a"), ("a", "b"), ("b", "c"), ("b", "tail"), ("x", "y")):
-        add(tree, parent, child, 1.0)
-    assert tree.roots == ["a", "x"]
-    assert tree.chain("tail", "c") == ["tail", "b", "a", "c"] or tree.chain("tail", "c")
-    with pytest.raises(TransformError):
-        tree.lookup("a", "y")
-
-
 # --- the viewer's side: messages of many frames ---------------------------------------------------
 
 
@@ -172,6 +161,7 @@ def test_each_frame_of_a_circle_is_its_own_top():
     assert tree.top("tip") == tree.top("link") == "b"
     assert tree.pose("tip", "link")[0, 3] == 1.0 and tree.pose("tip", "b")[0, 3] == 2.0
     assert tree.pose("a", "b") is None and tree.pose("a", "a")[0, 3] == 0.0
+    assert tree.roots == ["a", "d"] and tree.chain("tip", "c") == ["tip", "link", "b", "a", "c"]
     tree = _joined(["b", "c", "a", "b", "link"], ["a", "b", "c", "link", "tip"])
     assert tree.top("tip") == "b" and tree.top("c") == "c" and tree.top("b") == "b"
 
@@ -187,15 +177,6 @@ def test_a_large_circle_takes_time_by_its_size():
         return time.process_time() - start
 
     assert_time_grows_with_size(seconds, 20_000)
-
-
-def test_forgotten_frames_are_gone_until_heard_again():
-    """Frames of a removed link vanish."""
-    tree = _tree()
-    tree.forget(["arm", "never"])
-    assert tree.names == {"odom", "base", "wheel"}
-    tree.update(["base"], ["arm"], np.zeros((1, 3)), NO_TURN[None])
-    assert "arm" in tree.names
 
 
 def test_the_same_lists_of_names_again_only_move_the_frames():
@@ -220,7 +201,7 @@ def test_another_message_on_a_frame_counts_and_so_does_the_next_of_the_first():
     assert tree.version != version and tree.top("c") == "x"
     tree.update(parents, children, both, turns)
     assert tree.top("c") == "a" and tree.pose("c", "a")[0, 3] == 3.0
-    tree.forget(["b"])
+    tree.forget(["b", "never"])
     assert tree.top("c") == "b" and tree.names == {"b", "c"}
     tree.update(parents, children, both, turns)
     assert tree.top("c") == "a" and tree.names == {"a", "b", "c"}
