@@ -246,7 +246,7 @@ class TransformStream:
         Several static chunks on one entity would survive in a file only in part.
         """
         transforms = self._only_usable(transforms)
-        self._frames.update(*_columns(transforms))
+        self._frames.update(transforms, static=True)
         for row, child in enumerate(transforms.children):
             translation, rotation = transforms.translations[row], transforms.rotations[row]
             value = (transforms.parents[row], *translation.tolist(), *rotation.tolist())
@@ -324,15 +324,9 @@ class TransformStream:
     def _remember(self, batch: Sequence[TfArrays], latest_ns: int) -> None:
         """Update ``frames``, and log anew the frames that have not come for a while."""
         now = time.monotonic()
-        # Of each list of frames, in the order in which they came last.
-        found: dict[int, list[TfArrays]] = {}
         for item in batch:
-            same = found.pop(id(item.children), [])
-            same.append(item)
-            found[id(item.children)] = same
-        for names, items in found.items():
-            self._frames.update(*_columns(items[-1]), history=items)
-            self._received[names] = (items[-1].children, now)
+            self._frames.update(item)
+            self._received[id(item.children)] = (item.children, now)
         self._latest_ns = latest_ns
         if is_old(self._repeated_at):
             self._repeated_at = now
@@ -371,7 +365,3 @@ class TransformStream:
         self.recording.send_columns(
             TF_ENTITY, indexes=[time_column(stamps_ns)], columns=[*numbers, *names]
         )
-
-
-def _columns(item: TfArrays) -> tuple[Sequence[str], Sequence[str], Floats, Floats]:
-    return item.parents, item.children, item.translations, item.rotations
