@@ -54,12 +54,6 @@ def tab(chromium: Page) -> Iterator[Page]:
 
 
 @pytest.fixture
-def peer(ros_domain: int) -> Iterator[Peer]:
-    with Peer(ros_domain) as peer:
-        yield peer
-
-
-@pytest.fixture
 def heard(peer: Peer) -> list[Twist]:
     """The commands that a robot receives."""
     return peer.hear(Twist, TOPIC, 1000)
