@@ -27,12 +27,7 @@ _MOST_PORT = 65535
 def discovery_variables(values: Mapping[str, str], *, forced: bool) -> dict[str, str]:
     """Return the variables for the arguments ``discovery`` and ``domain_id``.
 
-    Args:
-        values: of all arguments, ``discovery`` as ``ARGUMENT`` has it.
-        forced: ``discovery`` was given, and so overrides the environment's setting.
-
-    Raises:
-        OneBotError: there is no such host or port.
+    ``forced``: ``discovery`` was given, and so overrides the environment's setting.
     """
     variables = _variables(values["discovery"]) if forced or not _is_chosen() else {}
     return variables | ({"ROS_DOMAIN_ID": values["domain_id"]} if values["domain_id"] else {})

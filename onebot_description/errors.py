@@ -40,12 +40,7 @@ def did_you_mean(name: str, candidates: Iterable[str], what: str = "known") -> s
     """Return a hint to append to a message about an unknown ``name``.
 
     For example `` (did you mean "link1"? known: base_link, link1)``, with a leading space. Of many
-    candidates only the most similar are listed.
-
-    Args:
-        name: the unknown name.
-        candidates: the valid names.
-        what: the word before the list, such as "declared" or "joints".
+    candidates only the most similar are listed. ``what`` is the word before the list.
     """
     if isinstance(candidates, Collection) and len(candidates) > _MAX_COMPARED:
         return f" ({len(candidates)} {what})"

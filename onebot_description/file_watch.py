@@ -60,10 +60,8 @@ class FileWatch:
     ) -> None:
         """Watch ``files``; none need exist.
 
-        Args:
-            files: by name.
-            since_ns: files that were written later than this, ns since 1970, count as changed.
-            clock: seconds.
+        Files that were written later than ``since_ns``, ns since 1970, count as changed; ``clock``
+        gives seconds.
         """
         self._last = _states(files)
         self._known = dict(self._last)

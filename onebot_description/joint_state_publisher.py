@@ -74,14 +74,9 @@ class JointParameters:
     describing: bool  # descriptions change, no values
 
     def __init__(self, node: Node, arguments: RosArguments) -> None:
-        """Declare every parameter that anybody set, and the rest with its default.
-
-        Raises:
-            ConfigError: something is wrong with them.
-        """
+        """Declare every parameter that anybody set, and the rest with its default."""
         self._node = node
         self._name = node.get_fully_qualified_name()
-        self._places: Mapping[str, str] = {}  # lines of the file being applied
         self.describing = False
         set_doubles(node, JointsConfig)
         self.live = LiveParameters(arguments.files, self._name, JointsConfig)
@@ -118,11 +113,7 @@ class JointParameters:
     def changed(
         self, values: Mapping[str, Any], parameters: Sequence[Parameter]
     ) -> tuple[dict[str, Any], JointsConfig]:
-        """Return all ``values`` and the configuration with ``parameters`` set, None unset.
-
-        Raises:
-            ConfigError: they cannot be set, and why.
-        """
+        """Return all ``values`` and the configuration with ``parameters`` set, None unset."""
         changed = {**values, **{parameter.name: plain(parameter.value) for parameter in parameters}}
         changed = {name: value for name, value in changed.items() if value is not None}
         config = self._checked(changed)
@@ -130,30 +121,6 @@ class JointParameters:
         if config_file and config_file != values.get("config_file"):
             read_files([Path(config_file)], self._name, JointsConfig)
         return changed, config
-
-    def located(self, error: ConfigError) -> ConfigError:
-        """Return an error about parameters being set, naming the lines they are written on."""
-        return error.located(self._places)
-
-    def set_all(self, changes: Mapping[str, Any], places: Mapping[str, str]) -> None:
-        """Set all ``changes`` or none, None to unset; ``places`` are where they were written.
-
-        Raises:
-            OneBotError: they were refused.
-        """
-        if not changes:
-            return
-        parameters = [ros_parameter(name, value) for name, value in changes.items()]
-        self._places = places
-        try:
-            self.changed(self._current(), parameters)  # rclpy's errors name no line
-            result = self._node.set_parameters_atomically(parameters)
-        except ConfigError as error:
-            raise self.located(error) from None
-        finally:
-            self._places = {}
-        if not result.successful:
-            raise OneBotError(result.reason)
 
     def describe(self, parameters: Sequence[Parameter]) -> None:
         """Describe those parameters that were not declared before they were set."""
@@ -203,8 +170,7 @@ class JointsState:
     def describing(self, description: Description, *, tolerant: bool) -> "JointsState":
         """Return the state with another robot, whose joints go on from where they are.
 
-        Raises:
-            ConfigError: the parameters do not suit it; ``tolerant`` leaves those out instead.
+        Parameters that do not suit it are a ConfigError; ``tolerant`` leaves them out instead.
         """
         source = JointStateSource(
             description.joints, self.config, previous=self.source, tolerant=tolerant
@@ -214,11 +180,7 @@ class JointsState:
     def with_parameters(
         self, values: Mapping[str, Any], config: JointsConfig, new: Description | None = None
     ) -> "JointsState":
-        """Return the state with other parameters, and ``new``, the robot that they describe.
-
-        Raises:
-            ConfigError: the parameters do not suit the robot.
-        """
+        """Return the state with other parameters, and ``new``, the robot that they describe."""
         changed = replace(self, values=values, config=config, plan=None)
         if new is not None:
             return changed.describing(new, tolerant=False)
@@ -233,16 +195,11 @@ class JointFiles:
     """Parameter files and the description's files, applied as soon as they are saved."""
 
     def __init__(
-        self,
-        node: Node,
-        description_file: str | None,
-        parameters: JointParameters,
-        state: Callable[[], JointsState],
-        replace: Callable[[Description], None],
+        self, node: "JointStatePublisher", description_file: str | None, live: LiveParameters
     ) -> None:
-        """Nothing is watched before ``watch``; ``replace`` applies another description."""
+        """Nothing is watched before ``watch``."""
         self._node, self._log, self._description_file = node, node.get_logger(), description_file
-        self._parameters, self._state, self._replace = parameters, state, replace
+        self._live = live
         self._saved: list[Path] = []  # parameter files, since they were last applied
         self._is_refused = False  # the parameter files as they are
         self._unsuitable: Parameters | None = None  # those refused because of the robot
@@ -254,7 +211,7 @@ class JointFiles:
 
     def watch(self) -> None:
         """Watch the files as they are now."""
-        self._watch.watch(self._parameters.live.files)
+        self._watch.watch(self._live.files)
         steady_timer(self._node, _POLL_EVERY, self._poll)
 
     def read_soon(self) -> None:
@@ -267,7 +224,7 @@ class JointFiles:
             self._apply_parameters(self._unsuitable)
 
     def _poll(self) -> None:
-        self._watch.watch(self._parameters.live.files)
+        self._watch.watch(self._live.files)
         saved, removed = self._watch.poll()
         for file in removed:
             self._log.warning(f"{file} was removed: {_GOES_ON}")
@@ -275,7 +232,7 @@ class JointFiles:
         self._is_unread |= bool(saved)
         if self._is_unread and self._reading is None:
             self._is_unread = False
-            self._reading = in_background(self._parameters.live.read)
+            self._reading = in_background(self._live.read)
         if self._reading is None:
             self._poll_description()  # only after the parameters
         elif self._reading.done():
@@ -283,7 +240,7 @@ class JointFiles:
             self._finish(reading)
 
     def _poll_description(self) -> None:
-        state = self._state()
+        state = self._node.state
         path = self._description_file or state.values.get("robot_description", "")
         if not is_path(path) or state.description is None:
             self._description = None
@@ -295,7 +252,7 @@ class JointFiles:
         try:
             description = self._description.poll()
             if description is not None and description.urdf != state.description.urdf:
-                self._replace(description)
+                self._node.replace(description)
         except DescriptionError as error:
             self._log.error(f"{path} not applied, {_GOES_ON}:\n{error}")
 
@@ -312,18 +269,18 @@ class JointFiles:
     @property
     def _names(self) -> str:
         """The saved parameter files; at a change of config_file, that one."""
-        files = self._saved or self._parameters.live.files[-1:]
+        files = self._saved or self._live.files[-1:]
         return ", ".join(map(str, dict.fromkeys(files))) or "parameters"
 
     def _apply_parameters(self, file: Parameters) -> None:
         """Set every parameter as the files have it; one they do not name gets its default."""
-        live = self._parameters.live
+        live = self._live
         last = live.file
         try:
             overridden = live.overridden(file)
-            changes = live.changes(file, self._state().values)
+            changes = live.changes(file, self._node.state.values)
             live.file = file
-            self._parameters.set_all(changes, file.places)
+            self._node.set_all(changes, file.places)
         except OneBotError as error:
             live.file = last
             self._refuse(error, file)
@@ -416,22 +373,16 @@ class JointStatePublisher(Node):
     def __init__(
         self, description_file: str | None = None, arguments: RosArguments = _NO_ARGUMENTS
     ) -> None:
-        """Start publishing as soon as the description is known.
-
-        Raises:
-            OneBotError: the parameters or the description cannot be used.
-        """
+        """Start publishing as soon as the description is known."""
         super().__init__("joint_state_publisher", allow_undeclared_parameters=True)
         self._reported: set[Problem] = set()
         self._warn = Throttled(self.get_logger().warning)
         self._refuse = Throttled(lambda text: self.get_logger().error(text))
         self._settings = JointParameters(self, arguments)
-        self._state = JointsState(self._settings.values, self._settings.config)
+        self.state = JointsState(self._settings.values, self._settings.config)
         self._output = JointStatesOut(self)
         self._input = JointStatesIn(self, self._on_joint_state)
-        self._files = JointFiles(
-            self, description_file, self._settings, lambda: self._state, self._replace
-        )
+        self._files = JointFiles(self, description_file, self._settings.live)
         self._start(description_file)
         self.add_on_set_parameters_callback(self._validate)
         self.add_post_set_parameters_callback(self._accept)
@@ -439,14 +390,14 @@ class JointStatePublisher(Node):
 
     def _start(self, description_file: str | None) -> None:
         """Apply the description that is already at hand, or wait for one on the topic."""
-        text = self._state.values["robot_description"]
+        text = self.state.values["robot_description"]
         if description_file:
             self._use(load_description(description_file))
         elif text:
             self._use(described_by(text))
         else:
-            self._input.subscribe(self._state.config.source_list)
-            DescriptionTopic(self, self._on_description, lambda: self._state.source is not None)
+            self._input.subscribe(self.state.config.source_list)
+            DescriptionTopic(self, self._on_description, lambda: self.state.source is not None)
 
     # Parameters ------------------------------------------------------------------------------
 
@@ -455,20 +406,30 @@ class JointStatePublisher(Node):
             return SetParametersResult(successful=True)
         try:
             self._next = self._prepare(parameters)
-        except ConfigError as error:
-            reason = str(self._settings.located(error))
-            return SetParametersResult(successful=False, reason=reason)
         except OneBotError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
     def _prepare(self, parameters: Sequence[Parameter]) -> JointsState:
         """Check parameters against each other, the files and the robot; change nothing."""
-        old = self._state
+        old = self.state
         values, config = self._settings.changed(old.values, parameters)
         text = values.get("robot_description")
         new = described_by(text) if text and text != old.values.get("robot_description") else None
         return old.with_parameters(values, config, new)
+
+    def set_all(self, changes: Mapping[str, Any], places: Mapping[str, str]) -> None:
+        """Set all ``changes`` or none, None to unset; ``places`` are where they were written."""
+        if not changes:
+            return
+        parameters = [ros_parameter(name, value) for name, value in changes.items()]
+        try:
+            self._prepare(parameters)  # rclpy's errors name no line
+        except ConfigError as error:
+            raise error.located(places) from None
+        result = self.set_parameters_atomically(parameters)
+        if not result.successful:
+            raise OneBotError(result.reason)
 
     def _accept(self, parameters: Sequence[Parameter]) -> None:
         if self._settings.describing:
@@ -477,28 +438,24 @@ class JointStatePublisher(Node):
         self._apply(self._next)
         if any(parameter.name == "config_file" for parameter in parameters):
             # Its parameters cannot be set from within this callback.
-            self._settings.live.add(self._state.values.get("config_file", ""))
+            self._settings.live.add(self.state.values.get("config_file", ""))
             self._files.read_soon()
 
     # Applying parameters and descriptions ----------------------------------------------------
 
     def _use(self, description: Description) -> None:
-        """Start with ``description``.
-
-        Raises:
-            ConfigError: the parameters do not suit it.
-        """
+        """Start with ``description``; parameters that do not suit it are a ConfigError."""
         try:
-            self._apply(self._state.describing(description, tolerant=False))
+            self._apply(self.state.describing(description, tolerant=False))
         except ConfigError as error:
-            raise error.located(self._settings.live.places(self._state.values)) from None
+            raise error.located(self._settings.live.places(self.state.values)) from None
 
-    def _replace(self, description: Description) -> None:
+    def replace(self, description: Description) -> None:
         """Change to ``description``, as all other nodes do.
 
         Parameters of joints that it does not have are reported and left out.
         """
-        self._change(self._state.describing(description, tolerant=True))
+        self._change(self.state.describing(description, tolerant=True))
         self._files.apply_refused()  # they may be about this robot
         self._report()
 
@@ -507,7 +464,7 @@ class JointStatePublisher(Node):
         self._report()
 
     def _change(self, state: JointsState) -> None:
-        old, self._state = self._state, state
+        old, self.state = self.state, state
         if state.source is not None:
             if state.plan is not None:
                 state.source.apply(state.plan)
@@ -524,7 +481,7 @@ class JointStatePublisher(Node):
 
     def _report(self) -> None:
         """Log once which parameters exceed limits or do not suit the robot."""
-        state = self._state
+        state = self.state
         if state.source is None:
             return
         places = self._settings.live.places(state.values)
@@ -536,19 +493,19 @@ class JointStatePublisher(Node):
     # Messages --------------------------------------------------------------------------------
 
     def _on_description(self, urdf: str) -> None:
-        current = self._state.description
+        current = self.state.description
         if current is not None and urdf == current.urdf:
             return
         try:
-            self._replace(parse_description(urdf, "robot_description"))
+            self.replace(parse_description(urdf, "robot_description"))
         except OneBotError as error:
             goes_on = "still waiting for one" if current is None else _GOES_ON
             self._refuse("description", f"robot_description not applied, {goes_on}:\n{error}")
 
     def _on_joint_state(self, topic: str, message: JointState) -> None:
-        if self._state.source is None:
+        if self.state.source is None:
             return
-        ignored = self._state.source.received.receive(
+        ignored = self.state.source.received.receive(
             message.name, message.position, message.velocity, message.effort
         )
         if ignored:

@@ -38,11 +38,7 @@ class LastFinder:
     def find_spec(
         name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
     ) -> None:
-        """Explain a missing package of ROS; of any other there is nothing to say.
-
-        Raises:
-            MissingRosError: ``name`` is one of ROS.
-        """
+        """Explain a missing package of ROS; of any other there is nothing to say."""
         if name in ROS_PACKAGES or name == _COMPILED:
             sys.excepthook = _print_error
             raise MissingRosError(_explain(name))

@@ -33,7 +33,7 @@ from onebot_description.description import Description, load_description, parse_
 from onebot_description.description.packages import cache_folder, use_environment_prefix
 from onebot_description.discovery import configure_discovery, question, server
 from onebot_description.errors import OneBotError, shortened
-from onebot_description.parameters.table import help_text
+from onebot_description.parameters.reader import help_text
 from onebot_description.signals import StopSignals
 
 P = ParamSpec("P")
@@ -342,8 +342,8 @@ def split_robots(arguments: Sequence[str]) -> tuple[list[str], list[list[str]]]:
     """Split the command line of nodes of several robots, which is as in sys.argv.
 
     Returns:
-        The arguments of the process, and those of each robot's node: what follows each --robot,
-        until --ros-args or the end. They are ROS arguments.
+        The arguments of the process, and the ROS arguments of each robot's node: what follows each
+        --robot, until --ros-args or the end.
     """
     common: list[str] = []
     robots: list[list[str]] = []
@@ -370,11 +370,7 @@ def is_path(text: str) -> bool:
 
 
 def described_by(text: str) -> Description:
-    """Return what a parameter robot_description describes: it is a URDF, or the path of a file.
-
-    Raises:
-        DescriptionError: the description cannot be used.
-    """
+    """Return what a parameter robot_description describes: it is a URDF, or the path of a file."""
     return load_description(text) if is_path(text) else parse_description(text, _DESCRIPTION)
 
 
@@ -435,13 +431,10 @@ class OnlyPublisher:
     """
 
     def __init__(self, node: Node, topic: str, problem: str, *, own: bool) -> None:
-        """Watch a topic.
+        """Watch a ``topic``, whose name is relative to the node's namespace.
 
-        Args:
-            node: looks at the ROS graph.
-            topic: a name, relative to the node's namespace.
-            problem: the consequence of several publishers, and how to fix it.
-            own: the node publishes the topic itself.
+        ``problem`` names the consequence of several publishers, and how to fix it; ``own``: the
+        node publishes the topic itself.
         """
         self._node, self._topic = node, node.resolve_topic_name(topic)
         self._problem = problem

@@ -77,10 +77,6 @@ class RobotStatePublisher(Node):
             description: the robot; None to take the parameter robot_description.
             arguments: ROS arguments of this node alone.
             source: what the description was read from, to publish edits of it.
-
-        Raises:
-            DescriptionError: the description cannot be used.
-            OneBotError: there is none.
         """
         super().__init__("robot_state_publisher", cli_args=ros_args(arguments))
         self._warn = Throttled(self.get_logger().warning)
@@ -114,11 +110,7 @@ class RobotStatePublisher(Node):
             FollowedFiles(self, DescriptionFiles(source))
 
     def replace(self, description: Description) -> bool:
-        """Publish another robot from now on; return whether it is another one.
-
-        Raises:
-            OneBotError: it cannot be published.
-        """
+        """Publish another robot from now on; return whether it is another one."""
         if description.urdf == self._accepted[0].urdf:
             return False
         self._accepted = description, RobotModel.from_description(description)

@@ -63,12 +63,8 @@ def offers(
     """Return which types a topic (its full name) has, and what its publishers offer for each.
 
     As long as it has no publisher, the types are those of other nodes' subscriptions, and nothing
-    is offered for them: an early subscription does not miss the first messages.
-
-    Args:
-        node: looks at the ROS graph; its own subscriptions do not count.
-        topic: the full name.
-        accepted: types to consider; None for all.
+    is offered for them: an early subscription does not miss the first messages. Only ``accepted``
+    types count; None for all.
     """
     offered: dict[str, list[QoSProfile]] = {}
     for end in node.get_publishers_info_by_topic(topic):
@@ -110,7 +106,7 @@ class TopicSubscription:
         Args:
             node: the subscriber.
             topic: a name.
-            received: called with the type and the message.
+            received: called with the type and the message, which is bytes if ``raw``.
             message_class: returns the Python class of a type such as "std_msgs/msg/String".
             raw: receive messages as bytes.
             lost: called with the number of messages that DDS lost.
@@ -128,8 +124,7 @@ class TopicSubscription:
     def update(self, kind: str, qos: QoSProfile) -> None:
         """Make the subscription, or change it; to be called several times a second.
 
-        Raises:
-            TypeConflictError: the node holds the topic as another type; a later call may succeed.
+        While the node holds the topic as another type it is a TypeConflictError.
         """
         if (kind, qos) == (self.type, self.qos):
             return

@@ -6,11 +6,7 @@ from pathlib import Path
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Write a file; an older one is replaced and gives its mode; a link stays a link.
-
-    Raises:
-        OSError: it cannot be written.
-    """
+    """Write a file; an older one is replaced and gives its mode; a link stays a link."""
     path = path.resolve()
     new = path.with_name(f".{path.name}-{os.getpid()}")
     try:

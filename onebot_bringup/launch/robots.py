@@ -181,6 +181,6 @@ def _half(geometry: Geometry) -> float:
         return shape.radius + shape.length / 2.0
     if isinstance(shape, Sphere):
         return shape.radius
-    from onebot_description.description.mesh_scene import mesh_corners  # it takes long to import
+    from onebot_description.description.meshes import mesh_corners  # it takes long to import
 
     return float(np.linalg.norm(mesh_corners(shape) * np.array(shape.scale), axis=1).max())

@@ -1,6 +1,6 @@
 """Shapes as RViz shows them: loaded by yourdfpy, written as GLB, which every Rerun viewer reads.
 
-yourdfpy makes a trimesh scene of each shape (see ``mesh_scene``). What RViz shows and yourdfpy
+yourdfpy makes a trimesh scene of each shape (see ``meshes``). What RViz shows and yourdfpy
 leaves out is added here:
 
 - capsules, and spheres and cylinders that are round at any size on the screen
@@ -26,7 +26,7 @@ from onebot_description.description.description import (
     Shape,
     Sphere,
 )
-from onebot_description.description.mesh_scene import geometry_scene, has_colors, mesh_scene
+from onebot_description.description.meshes import geometry_scene, has_colors, mesh_scene
 from onebot_description.errors import OneBotError
 
 _CYLINDER_SECTIONS = 72

@@ -31,7 +31,16 @@ import yaml
 from onebot_bringup.viewer.displays import DISPLAYS
 from onebot_bringup.viewer.displays.display import Display
 from onebot_bringup.viewer.displays.drawing import Drawing
-from onebot_bringup.viewer.settings import Color, color, height, one_of, setting, topic_list, vector
+from onebot_bringup.viewer.settings import (
+    Color,
+    FrameSettings,
+    color,
+    height,
+    one_of,
+    setting,
+    topic_list,
+    vector,
+)
 from onebot_description.description.description import Triple
 from onebot_description.description.packages import package_share
 from onebot_description.errors import OneBotError
@@ -85,13 +94,12 @@ def _with_displays(kind: type[T]) -> type[T]:
 
 @_with_displays
 @dataclass(frozen=True)
-class ViewConfig:
+class ViewConfig(FrameSettings):
     """How a robot is looked at: what holds for the whole view, and the settings of each display.
 
     The settings of a display are the field of its ``key``, such as ``axes``.
     """
 
-    fixed_frame: str = setting("", 'the frame that stands still; "" for the root of the TF tree')
     grid: GridSettings = group(GridSettings)
     collision: bool = setting(False, "show collision shapes")
     background: Color | None = setting(None, "sRGB bytes", color)

@@ -15,7 +15,7 @@ from onebot_description.description.description import (
     Mesh,
     Sphere,
 )
-from onebot_description.description.mesh_scene import mesh_corners
+from onebot_description.description.meshes import mesh_corners
 from onebot_description.errors import OneBotError
 
 Floats = NDArray[np.float64]

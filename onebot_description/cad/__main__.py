@@ -15,7 +15,7 @@ try:
     from onebot_description.cad.caster import make_caster_wheel, make_fork
     from onebot_description.cad.collada import to_collada
     from onebot_description.cad.dimensions import Dimensions, read_dimensions
-    from onebot_description.cad.solids import MassProperties, Part
+    from onebot_description.cad.primitives import MassProperties, Part
     from onebot_description.cad.wheel import make_wheel
 except ModuleNotFoundError as error:
     if error.name != "manifold3d":
@@ -36,11 +36,7 @@ def make_parts(dimensions: Dimensions) -> tuple[Part, ...]:
 
 
 def write_robot(source: Path, folder: Path) -> dict[Path, str]:
-    """Make the parts and write meshes/<part>.dae and config/inertials.yaml into ``folder``.
-
-    Returns:
-        The written files, with a comment on each.
-    """
+    """Write meshes and inertials into ``folder``; return a comment on each file."""
     dimensions = read_dimensions(source)
     parts = make_parts(dimensions)
     written = {}

@@ -7,7 +7,7 @@ from manifold3d import Manifold, OpType
 from numpy.typing import NDArray
 
 from onebot_description.cad.dimensions import Base, Dimensions
-from onebot_description.cad.solids import (
+from onebot_description.cad.primitives import (
     MassProperties,
     Part,
     box,
@@ -116,9 +116,8 @@ def _section() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 def solve_ballast(dimensions: Dimensions, rest: MassProperties, room: Manifold) -> MassProperties:
     """Return the ballast that, with the ``rest``, has the wanted mass and centre of mass.
 
-    Raises:
-        OneBotError: its mass would be negative, it would be denser than steel, or stick out of the
-            ``room`` inside the hull.
+    One that would weigh less than nothing, be denser than steel, or stick out of the ``room``
+    inside the hull is an OneBotError.
     """
     mass = dimensions.base_mass - rest.mass
     if mass <= 0:

@@ -6,7 +6,7 @@ The fork's frame is where the swivel axis meets the base; the wheel's is on its 
 from manifold3d import CrossSection, Manifold
 
 from onebot_description.cad.dimensions import Caster, CasterWheel, Dimensions
-from onebot_description.cad.solids import Part, cylinder_y, lathe, lathe_y, weigh_all
+from onebot_description.cad.primitives import Part, cylinder_y, lathe, lathe_y, weigh_all
 
 _SEGMENTS = 40  # a multiple of 4, as for the driven wheels
 

@@ -20,7 +20,7 @@ from manifold3d import Manifold
 from numpy.typing import NDArray
 
 from onebot_description.cad.dimensions import Vector
-from onebot_description.cad.solids import Part, to_mesh
+from onebot_description.cad.primitives import Part, to_mesh
 
 Floats = NDArray[np.float64]
 

@@ -4,7 +4,7 @@ import numpy as np
 from manifold3d import Manifold, OpType
 
 from onebot_description.cad.dimensions import Dimensions, Wheel
-from onebot_description.cad.solids import Part, box, cylinder_y, lathe_y, outline, weigh_all
+from onebot_description.cad.primitives import Part, box, cylinder_y, lathe_y, outline, weigh_all
 
 # A multiple of 4, so that the tyre reaches its radius along x and z exactly.
 _SEGMENTS = 60

@@ -65,11 +65,8 @@ def run_bounded(function: str, request: Any, bounds: Bounds) -> Any:
     Args:
         function: ``module:name`` of a function that takes the request and a ``Place``.
         request: anything that JSON can hold, as the function's result.
-        bounds: within which it has to answer.
-
-    Raises:
-        BoundMet: it did not.
-        RuntimeError: it failed; its traceback is on stderr.
+        bounds: beyond them BoundMet is raised, and RuntimeError if the function fails, whose
+            traceback is on stderr then.
     """
     start = _fork if len(os.listdir("/proc/self/task")) == 1 else _spawn
     answer = json.loads(start(function, request, bounds))

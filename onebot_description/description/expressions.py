@@ -36,10 +36,8 @@ _OPERATORS = {**simpleeval.DEFAULT_OPERATORS, ast.Pow: operator.pow}  # 1e7**2 i
 def evaluate(expression: str, names: Mapping[str, Any]) -> Any:
     """Return the value of an expression, which looks ``names`` up as it needs them.
 
-    Raises:
-        simpleeval.InvalidExpression: it holds something that is refused.
-        SyntaxError: it is no expression.
-        Exception: whatever its functions and operators raise.
+    simpleeval.InvalidExpression is raised for what is refused; functions and operators raise
+    others.
     """
     return _Evaluator(names).eval(expression, _parsed(expression.strip()))
 

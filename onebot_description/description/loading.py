@@ -20,7 +20,7 @@ from onebot_description.description.checks import (
     named,
 )
 from onebot_description.description.description import Description, Sensor
-from onebot_description.description.packages import resolve
+from onebot_description.description.packages import package_share, resolve
 from onebot_description.description.reading import (
     Findings,
     read_ends,
@@ -29,11 +29,18 @@ from onebot_description.description.reading import (
     read_materials,
 )
 from onebot_description.description.sensors import read_sensors
-from onebot_description.errors import DescriptionError, OneBotError, condensed, printable
+from onebot_description.errors import (
+    DescriptionError,
+    OneBotError,
+    condensed,
+    did_you_mean,
+    printable,
+)
 
 # The environment variable with a folder that says where the elements of each URDF were written: a
 # bringup knows its files, and its nodes get the text alone.
 PLACES = "ONEBOT_PLACES"
+_WORLD = ".urdf.xacro"  # ending of the files of worlds that ship
 
 
 def load_description(source: str | Path, arguments: Mapping[str, str] | None = None) -> Description:
@@ -46,9 +53,6 @@ def load_description(source: str | Path, arguments: Mapping[str, str] | None = N
         source: a .urdf or .xacro file, or ``package://name/path``. A file that declares the xacro
             namespace is xacro whatever its name.
         arguments: values for its ``<xacro:arg>``s, by name.
-
-    Returns:
-        The robot, with its problems and warnings.
 
     Raises:
         DescriptionError: the file cannot be read or expanded, an argument is not one it takes, or
@@ -90,8 +94,7 @@ class SensorFile(NamedTuple):
 def load_sensors(source: str | Path, robot: Description) -> SensorFile:
     """Read a URDF or xacro file whose root holds ``<gazebo reference="LINK">`` blocks.
 
-    Raises:
-        DescriptionError: it cannot be read or expanded, or holds no sensor.
+    One that cannot be read or expanded, or holds no sensor, is a DescriptionError.
     """
     path = _locate(source)
     document, files, warnings = _read(path, {})
@@ -103,6 +106,30 @@ def load_sensors(source: str | Path, robot: Description) -> SensorFile:
         raise DescriptionError([f"{document.shown}: {text}"])
     notices = (*map(printable, warnings), *findings.of("problem", "warning"))
     return SensorFile(sensors, bad, condensed(notices), files)
+
+
+def load_world(world: str) -> Description:
+    """Read and check the description of a world.
+
+    It is named by its name, such as "maze", if it ships; else as ``load_description`` has it.
+    """
+    worlds = shipped_worlds()
+    if world in worlds:
+        return load_description(worlds[world])
+    if "/" not in world and "." not in world and not Path(world).is_file():
+        raise OneBotError(
+            f'no world "{world}"{did_you_mean(world, worlds, "those that ship")}; write one of '
+            "these, or the path of a URDF or xacro file"
+        )
+    description = load_description(world)
+    description.require_tree()
+    return description
+
+
+def shipped_worlds() -> dict[str, Path]:
+    """Return the files of the worlds that ship, by name."""
+    files = (package_share("onebot_description") / "worlds").glob(f"*{_WORLD}")
+    return {file.name.removesuffix(_WORLD): file for file in sorted(files)}
 
 
 def parse_description(urdf: str, name: str = "<string>") -> Description:

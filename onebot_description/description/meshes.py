@@ -1,13 +1,34 @@
-"""Where mesh files are, without opening them: all that publishing a description needs."""
+"""Mesh files: where they are, and their surfaces for the viewer, the simulation and its sensors.
 
+To publish a description, a file is only located. yourdfpy loads surfaces; what RViz shows and
+yourdfpy leaves out is added here: the <unit> of a Collada file (neither turns its axes by
+<up_axis>), and its surfaces whose material is broken. yourdfpy and trimesh are slow to import, so
+functions do.
+"""
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from xml.etree import ElementTree
 
 from onebot_description.description.description import MESH_SUFFIXES, Mesh, Triple
 from onebot_description.description.packages import Resources
 from onebot_description.description.xml import missing_file, shown_path
 from onebot_description.errors import OneBotError
 
+if TYPE_CHECKING:
+    import numpy as np
+    import trimesh
+    import yourdfpy
+    from numpy.typing import NDArray
+
 _MOST_HINTS = 20  # a description; each compares the names of a folder
+_LFS_POINTER = b"version https://git-lfs.github.com/spec/"
+_MOST_BYTES = 100_000_000  # readers take ten times as much memory
+_LOOKS = ("bind_material", "library_materials", "library_effects", "library_images")
+_MATERIAL = re.compile(rb"^\s*usemtl\s", re.MULTILINE)
 
 
 def locate_mesh(resources: Resources, uri: str, scale: Triple = (1.0, 1.0, 1.0)) -> Mesh:
@@ -37,3 +58,118 @@ def _unsuitable(path: Path) -> str:
         kinds = ", ".join(MESH_SUFFIXES)
         return f'"{path.name}" is of an unsupported kind; convert it to one of: {kinds}'
     return "" if path.stat().st_size else f'"{path.name}" is an empty file; export it again'
+
+
+def mesh_scene(mesh: Mesh, *, materials: bool = True) -> "trimesh.Scene":
+    """Return the surfaces of a mesh file, in metres, unscaled.
+
+    One that cannot be read, or holds no triangles, is an OneBotError.
+    """
+    import trimesh
+
+    path = mesh.path
+    if path is None:
+        raise OneBotError(mesh.problem)
+    try:
+        _check_file(path)
+        if path.suffix.lower() == ".dae":
+            scene = _collada_scene(path, materials).convert_units("meters")
+        else:
+            scene = geometry_scene(_mesh_geometry(path))
+    except OneBotError:
+        raise
+    except Exception as error:  # trimesh and its parsers raise exceptions of many types
+        reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
+        text = f"{path} cannot be read: {reason}; is it malformed or cut short?"
+        raise OneBotError(text) from error
+    parts = scene.geometry.values()
+    if not any(isinstance(part, trimesh.Trimesh) and len(part.faces) for part in parts):
+        raise OneBotError(f"{path} holds no triangles, or is cut short; export it again")
+    return scene
+
+
+def _check_file(path: Path) -> None:
+    """Refuse what its readers would explain badly or not at all."""
+    if (size := path.stat().st_size) > _MOST_BYTES:
+        most = _MOST_BYTES // 1_000_000
+        raise OneBotError(f"{path} is of {size // 1_000_000} MB, more than {most}; simplify it")
+    with path.open("rb") as file:
+        if file.read(len(_LFS_POINTER)) == _LFS_POINTER:
+            text = "is a Git LFS pointer in place of the mesh; fetch it with git lfs pull"
+            raise OneBotError(f"{path} {text}")
+
+
+def surfaces(scene: "trimesh.Scene") -> list[Any]:
+    """Return the parts of a scene as trimesh.Trimesh, each where it lies."""
+    return [part for part in scene.dump() if hasattr(part, "faces")]
+
+
+def mesh_corners(mesh: Mesh) -> "NDArray[np.float64]":
+    """Return the corners (N, 3) of all triangles of a mesh file, in metres, unscaled."""
+    return read_mesh(mesh)[0]
+
+
+def read_mesh(mesh: Mesh) -> "tuple[NDArray[np.float64], NDArray[np.intp]]":
+    """Return the corners (N, 3) of a mesh file, m, unscaled, and its triangles (M, 3) of them."""
+    import numpy as np
+
+    parts = surfaces(mesh_scene(mesh, materials=False))
+    starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
+    corners = np.concatenate([np.asarray(part.vertices, float) for part in parts])
+    faces = [np.asarray(part.faces, np.intp) + at for part, at in zip(parts, starts, strict=False)]
+    return corners, np.concatenate(faces)
+
+
+def geometry_scene(geometry: "yourdfpy.Geometry") -> "trimesh.Scene":
+    """Return what yourdfpy makes of a shape."""
+    import yourdfpy
+
+    visual = yourdfpy.Visual(name="shape", geometry=geometry)
+    robot = yourdfpy.Robot("robot", links=[yourdfpy.Link("link", visuals=[visual])])
+    return yourdfpy.URDF(robot=robot, filename_handler=lambda fname: fname).scene
+
+
+def has_colors(path: Path, scene: "trimesh.Scene") -> bool:
+    """Return whether a mesh file has colours of its own, which override the URDF's, as in RViz."""
+    suffix = path.suffix.lower()
+    if suffix == ".stl":
+        return False
+    if suffix == ".obj":
+        return _MATERIAL.search(path.read_bytes()) is not None
+    visuals = [part.visual for part in scene.geometry.values()]
+    return any(visual.kind is not None and visual.defined for visual in visuals)
+
+
+def _collada_scene(path: Path, materials: bool) -> "trimesh.Scene":
+    """Return the scene of a Collada file; without colours where a broken one costs surfaces."""
+    scene, drawn = None, 0
+    if materials:
+        scene = geometry_scene(_mesh_geometry(path))
+        drawn = len(scene.graph.nodes_geometry)
+        if drawn >= path.read_bytes().count(b"<instance_geometry"):
+            return scene
+    with _without_materials(path) as copy:
+        plain = geometry_scene(_mesh_geometry(copy))
+    return scene if scene is not None and len(plain.graph.nodes_geometry) <= drawn else plain
+
+
+@contextmanager
+def _without_materials(path: Path) -> Iterator[Path]:
+    """Write a copy of a Collada file that holds its surfaces only."""
+    root = ElementTree.parse(path).getroot()
+    for parent in list(root.iter()):
+        for child in list(parent):
+            if child.tag.rpartition("}")[2] in _LOOKS:
+                parent.remove(child)
+    from tempfile import NamedTemporaryFile
+
+    with NamedTemporaryFile(suffix=".dae") as file:
+        file.write(ElementTree.tostring(root))
+        file.flush()
+        yield Path(file.name)
+
+
+def _mesh_geometry(path: Path) -> "yourdfpy.Geometry":
+    import yourdfpy
+
+    return yourdfpy.Geometry(mesh=yourdfpy.Mesh(str(path)))

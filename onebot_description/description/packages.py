@@ -56,8 +56,7 @@ class Resources:
     def locate(self, uri: str) -> Resource:
         """Return the file that ``package://name/path``, ``file:///path`` or a path names.
 
-        Raises:
-            OneBotError: it names no file; the message says what to write.
+        An OneBotError about what names no file says what to write.
         """
         scheme = _scheme(uri)
         try:
@@ -93,8 +92,7 @@ class Resources:
     def package(self, name: str) -> Path:
         """Return the folder of a ROS package, installed or being worked on.
 
-        Raises:
-            OneBotError: there is no such package; the message says where it was looked for.
+        An OneBotError about a missing one says where it was looked for.
         """
         if name not in self._packages:
             if len(self._packages) >= _MOST_PACKAGES:

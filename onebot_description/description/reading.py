@@ -95,11 +95,7 @@ class Findings:
         return tuple(text for severity, text in self.texts if severity in severities)
 
     def raise_errors(self, warnings: Iterable[str] = ()) -> None:
-        """Raise the errors, if there are any, with everything else that was found.
-
-        Raises:
-            DescriptionError: all errors and problems, and the warnings, which may explain them.
-        """
+        """Raise the errors, if there are any, with the problems, and warnings as a cause."""
         if self.of("error"):
             raise DescriptionError(self.of("error", "problem"), (*warnings, *self.of("warning")))
 
@@ -261,10 +257,10 @@ def read(
     """Return an element's numbers, in the order of ``ELEMENTS``.
 
     Args:
-        findings: takes what is wrong.
-        element: has them.
-        needed: whether nothing can be published without them.
-        complete: whether a missing attribute is a problem.
+        findings: collects what is wrong.
+        element: the element.
+        needed: nothing can be published without them.
+        complete: a missing attribute is a problem.
 
     Returns:
         A float each, or a tuple of several; None where it is missing or wrong.

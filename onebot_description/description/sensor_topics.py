@@ -39,11 +39,7 @@ def text_of(element: Element, *tags: str) -> str:
 
 
 class TopicNames:
-    """What a <sensor> says about its topics.
-
-    Attributes:
-        given: whether it says what they are called.
-    """
+    """What a <sensor> says about its topics; ``given``: whether it names them."""
 
     def __init__(self, element: Element, kind: str) -> None:
         self._element, self._kind = element, kind
@@ -60,9 +56,7 @@ class TopicNames:
     def topics(self, *, rows: int, alone: bool) -> dict[str, str]:
         """Return the topic of each output, as written.
 
-        Args:
-            rows: of a lidar's rays.
-            alone: no other sensor of its kind is without names.
+        ``rows`` are those of a lidar's rays; ``alone``: every other sensor of its kind has names.
         """
         if self._kind == LIDAR and rows > 1:
             # As gz sim has it; Gazebo classic's plugin publishes the cloud where it is told.

@@ -99,13 +99,7 @@ _APART, _TURNED = 1e-3, 1e-2  # m, rad
 def read_sensors(
     findings: Findings, links: Collection[str], joints: Iterable[Joint]
 ) -> tuple[tuple[Sensor, ...], tuple[str, ...]]:
-    """Return the sensors of a document, and the names of those that could not be read.
-
-    Args:
-        findings: takes what is wrong.
-        links: names of the robot's links.
-        joints: of the robot.
-    """
+    """Return the sensors of a document, and the names of those that could not be read."""
     root = findings.document.root
     parents = [root] if root.tag == "gazebo" else root.findall("gazebo")
     blocks = [
@@ -192,9 +186,7 @@ class _Block:
     def read(self, links: Collection[str], *, alone: bool) -> Sensor:
         """Return the sensor, which is not to be used if the block is ``wrong``.
 
-        Args:
-            links: names of the robot's links.
-            alone: no other one of its kind lacks a topic.
+        ``alone``: every other sensor of its kind names a topic.
         """
         if not self._link:
             self.problem('lies in no link; write <gazebo reference="LINK"> around it')

@@ -12,7 +12,7 @@ from onebot_description.description.description import (
     Sphere,
     Triple,
 )
-from onebot_description.description.mesh_scene import mesh_corners
+from onebot_description.description.meshes import mesh_corners
 from onebot_description.errors import OneBotError
 
 # m; no larger robot is known. What has no joint that moves may be a world.

@@ -187,18 +187,13 @@ class JointsConfig:
     pose: str = parameter("", "the pose to hold, which overrides all motions; empty: none")
     sequence: Sequence = group(Sequence)
     robot_description: str = parameter("", "the URDF, or the path of a URDF or xacro file")
-    config_file: str = parameter("", "a parameter file to read and watch, like --params-file")
+    config_file: str = parameter(
+        "", "a YAML file of joint_state_publisher's parameters, read and watched"
+    )
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> "JointsConfig":
-        """Check and convert parameters.
-
-        Args:
-            parameters: dotted names, or nested maps as YAML gives them, to values.
-
-        Raises:
-            ConfigError: with all problems.
-        """
+        """Check and convert parameters: by dotted names, or in nested maps as in YAML."""
         return read(cls, parameters)
 
     @cached_property

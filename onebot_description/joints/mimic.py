@@ -10,7 +10,7 @@ from onebot_description.description import Joint
 from onebot_description.description.checks import cycles
 from onebot_description.errors import did_you_mean
 from onebot_description.joints.config import Dependent
-from onebot_description.joints.limits import FloatArray, JointLimits
+from onebot_description.joints.motion_limits import FloatArray, JointLimits
 from onebot_description.parameters.reader import Problem
 
 Followers = dict[str, Dependent]  # keys: the joints that follow
@@ -44,7 +44,7 @@ def resolve(
     """Reduce chains of mimic joints to their leaders.
 
     Args:
-        joints: the N movable joints.
+        joints: the N movable joints, whose ``limits`` these are.
         all_joints: all joints of the robot, for error messages.
         limits: of the N joints.
         dependent: the parameters dependent_joints, which override mimic tags.

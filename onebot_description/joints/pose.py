@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError
-from onebot_description.joints.limits import zero_position
+from onebot_description.joints.motion_limits import zero_position
 from onebot_description.model import RobotModel
 
 Floats = NDArray[np.float64]
@@ -18,16 +18,9 @@ _SLACK = 1e-9  # rad or m beyond a limit: rounding
 def pose_of(model: RobotModel, description: Description, given: Mapping[str, float]) -> Floats:
     """Return the positions of all moving joints, (M,) in the model's order, rad or m.
 
-    A joint that is not given is at 0, or in the middle of its range if 0 is not in it; mimic
-    joints follow.
-
-    Args:
-        model: the robot's.
-        description: the same robot's.
-        given: positions by joint, rad or m.
-
-    Raises:
-        OneBotError: no such joint moves, it follows another one, or a limit is exceeded.
+    A joint that is not in ``given`` is at 0, or in the middle of its range if 0 is not in it; mimic
+    joints follow. An OneBotError names a joint that does not move, follows another one, or would
+    exceed a limit.
     """
     mimics = {joint.name: joint.mimic for joint in description.joints if joint.mimic is not None}
     for name in given:

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from onebot_description.description import Joint
 from onebot_description.errors import did_you_mean
-from onebot_description.joints import limits as _limits
 from onebot_description.joints import mimic
+from onebot_description.joints import motion_limits as _limits
 from onebot_description.joints.config import JointsConfig
-from onebot_description.joints.limits import FloatArray, JointLimits, movable
 from onebot_description.joints.mimic import Following
+from onebot_description.joints.motion_limits import FloatArray, JointLimits, movable
 from onebot_description.joints.motions import (
     TURN,
     Allowed,
@@ -334,10 +334,8 @@ class JointStateSource:
             joints: all joints of the robot, in the order of the samples; fixed ones are left out.
             config: the parameters; by default no joint moves.
             previous: a source to continue from.
-            tolerant: leave out parameters that do not suit the joints, and report them.
-
-        Raises:
-            ConfigError: parameters do not suit the joints.
+            tolerant: leave out parameters that do not suit the joints, and report them; else
+                they are a ConfigError.
         """
         self._all_joints = tuple(joints)
         self._joints = movable(joints)
@@ -375,8 +373,7 @@ class JointStateSource:
     def prepare(self, config: JointsConfig) -> Plan:
         """Return the plan for new parameters, without applying it.
 
-        Raises:
-            ConfigError: they do not suit the joints; what those in force have wrong is tolerated.
+        Those that do not suit the joints are a ConfigError; what is wrong already is tolerated.
         """
         plan = make_plan(self._all_joints, config)
         tolerated = self._plan.unsuitable

@@ -235,13 +235,10 @@ class RobotModel:
             raise OneBotError(f'robot "{self.name}" has no moving joint "{joint}"{hint}') from None
 
     def follower(self, joint: str, given: Mapping[str, object]) -> Follower | None:
-        """Return which of the ``given`` joints determines ``joint``: itself, or what it mimics.
+        """Return which ``given`` joint determines ``joint``: itself, or what it mimics; or None.
 
         A value given for a mimic joint itself wins; chains of mimics are followed to the first
         joint that is given.
-
-        Returns:
-            None when nothing given determines it.
         """
         multiplier, offset = 1.0, 0.0
         while joint not in given:
@@ -285,10 +282,7 @@ class RobotModel:
         return values[..., :3], values[..., 3:]
 
     def link_poses(self, positions: ArrayLike | Mapping[str, float]) -> Floats:
-        """Poses of all links in the root link's frame.
-
-        Args:
-            positions: as for ``transforms``.
+        """Poses of all links in the root link's frame, ``positions`` as for ``transforms``.
 
         Returns:
             (..., L, 7) in the order of ``links``: translation x y z in metres, rotation x y z w.

@@ -61,13 +61,8 @@ class Parameters:
 def read_parameters(text: str, name: str, node: str) -> Parameters:
     """Read the parameters that the YAML ``text`` of the file ``name`` holds for one node.
 
-    Args:
-        text: the YAML.
-        name: the file's, for errors and places.
-        node: full name of the node, such as ``/joint_state_publisher``.
-
-    Raises:
-        ConfigError: the YAML is broken, or not ROS 2 parameter YAML.
+    ``node`` is its full name, such as ``/joint_state_publisher``. YAML that is broken, or not that
+    of ROS 2 parameters, is a ConfigError.
     """
     merged = Parameters()
     for section, parameters in _sections(text, name).items():
@@ -223,9 +218,6 @@ def read_map(text: str, name: str) -> Parameters:
 
     Unlike a parameter file, it may have aliases, null and lists of anything; an empty map is a
     value.
-
-    Raises:
-        ConfigError: the YAML is broken, or no map.
     """
     return _Map(name).read(text)
 
@@ -249,10 +241,8 @@ class _Map(_Yaml):
 def read_files(files: Iterable[Path], node: str, kind: type) -> Parameters:
     """Read the parameters that ``files`` hold for ``node``; later files override.
 
-    Unknown parameters in a section shared by several nodes are taken to be for another one.
-
-    Raises:
-        ConfigError: a file cannot be read, or is not ROS 2 parameter YAML.
+    Unknown parameters in a section shared by several nodes are taken to be for another one. A file
+    that cannot be read, or is not ROS 2 parameter YAML, is a ConfigError.
     """
     merged = Parameters()
     for file in files:
@@ -273,8 +263,7 @@ def no_section(parameters: Parameters, files: Iterable[Path], node: str) -> str 
 def refuse_other_sections(file: Path, nodes: Sequence[str]) -> None:
     """Refuse a file with sections for none of ``nodes``, full names: they would do nothing.
 
-    Raises:
-        ConfigError: with the sections that would be for them; or the file cannot be read.
+    The ConfigError lists the sections that would be for them.
     """
     problems = []
     for section in _sections(read_text(file), str(file)):

@@ -62,11 +62,9 @@ class Problem:
     text: str  # the fault, and what would be right
 
     def message(self, places: Mapping[str, str] | None = None) -> str:
-        """Return ``place: key: text``.
+        """Return ``place: key: text``; ``places`` are where each parameter was written.
 
-        Args:
-            places: where each parameter was written, such as ``joints.yaml:7``; the place of a
-                group is that of the first parameter in it.
+        The place of a group is that of the first parameter in it.
         """
         inside = (place for key, place in (places or {}).items() if _is_in(key, self.key))
         place = (places or {}).get(self.key) or next(inside, "")
@@ -102,11 +100,7 @@ def parameter(default: Any, description: str, **rules: Any) -> Any:
     A type may be float (an integer is one, too), int, bool, str, a tuple of these (``tuple[str,
     ...]``, or ``tuple[float, float, float]`` for exactly three), ``X | None``, where None and an
     empty list are both "not given", or a mapping from names to one of these or to a dataclass.
-
-    Args:
-        default: the value when it is not given; REQUIRED if it must be.
-        description: one line, with the unit.
-        rules: the other fields of Rule.
+    The default of a parameter that must be given is REQUIRED; ``rules`` are fields of Rule.
     """
     metadata = {_RULE: Rule(description, **rules)}
     if isinstance(default, dict):
@@ -117,9 +111,7 @@ def parameter(default: Any, description: str, **rules: Any) -> Any:
 def group(kind: type[T], name: str = "") -> T:
     """Return a dataclass field for a group of parameters, the dataclass ``kind`` by default.
 
-    Args:
-        kind: the dataclass.
-        name: in ROS or YAML, if it is not the field's; may hold dots.
+    ``name`` is the one in ROS or YAML, if it is not the field's; it may hold dots.
     """
     return dataclasses.field(default_factory=kind, metadata={_RULE: Rule(name=name)})
 
@@ -322,11 +314,7 @@ def as_map(config: Any) -> dict[str, Any]:
 
 
 def replaced(config: T, name: str, value: Any) -> T:
-    """Return ``config``, a dataclass, with another value of the parameter ``name``.
-
-    Raises:
-        ConfigError: it has no such parameter, or that cannot have this value.
-    """
+    """Return ``config``, a dataclass, with another value of the parameter ``name``."""
     kind = type(config)
     if name not in defaults(kind):
         problems = unknown_parameters(kind, [name])
@@ -367,13 +355,10 @@ def _flat(values: Values, prefix: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def _build(shape: _Shape, given: Values, key: str, problems: list[Problem]) -> Any:
-    """Return what is given for ``key``, checked; REQUIRED if it is wrong.
+    """Return what is given for ``key``, a dotted name, checked; REQUIRED if it is wrong.
 
-    Args:
-        shape: what belongs there.
-        given: values by the rest of their names, "" for the value of ``key`` itself.
-        key: dotted name, "" for the whole.
-        problems: is extended.
+    ``given`` are values by the rest of their names, "" for the value of ``key`` itself;
+    ``problems`` is extended.
     """
     parts: dict[str, dict[str, Any]] = {}
     shapes: dict[str, _Shape] = {}
@@ -453,20 +438,12 @@ def _form(shape: _Group | _Map) -> str:
 def declare(
     node: "Node", kind: type, values: Values | None = None, fixed: Values | None = None
 ) -> dict[str, Any]:
-    """Declare every parameter of the dataclass ``kind``, with what is known of each.
+    """Declare every parameter of the dataclass ``kind``; return the values in force by dotted name.
 
     Their types are left open, so that ``read`` reports a wrong one with all else that is wrong; an
-    integer for a double is declared as a double.
-
-    Args:
-        node: to declare them on.
-        kind: a dataclass of parameters.
-        values: by name, instead of the defaults; also of names that only the user defines, None
-            for one that the command line sets.
-        fixed: by name, values that override the command line.
-
-    Returns:
-        All values in force, by dotted name.
+    integer for a double is declared as a double. ``values`` replace the defaults, also of names
+    that only the user defines, None for one that the command line sets; ``fixed`` override the
+    command line.
     """
     first = {**defaults(kind), **(values or {}), **(fixed or {})}
     for name, default in first.items():
@@ -513,13 +490,9 @@ def set_doubles(node: "Node", kind: type) -> None:
 
 
 def refuse_undeclared(node: "Node", kind: type) -> None:
-    """Refuse to set what ``node`` does not have, with its name and what would be right.
+    """Refuse to set a parameter that ``node`` does not have, with its name and what would be right.
 
     rclpy refuses it as well, but names nothing. Integers for doubles are set as doubles.
-
-    Args:
-        node: that declared its parameters.
-        kind: their dataclass.
     """
     from rclpy.exceptions import ParameterNotDeclaredException
 
@@ -568,3 +541,39 @@ def ros_parameter(name: str, value: Any) -> "Parameter":
     if value == []:
         return Parameter(name, Parameter.Type.STRING_ARRAY, [])
     return Parameter(name, value=value)
+
+
+# Parameters as a table, for a node's --help and its README -------------------------------------
+
+
+class Row(NamedTuple):
+    """Parameters that differ in their names only."""
+
+    names: list[str]
+    type: str
+    default: str
+    meaning: str
+
+
+def rows(*kinds: type) -> list[Row]:
+    """Return a row for each parameter of dataclasses; those of the same meaning share one.
+
+    Where some can be changed while the node runs, "start:" marks those that cannot.
+    """
+    parameters = [leaf for kind in kinds for leaf in leaves(kind)]
+    some_change = not all(leaf.type.rule.read_only for leaf in parameters)
+    table: dict[tuple[str, str, str], Row] = {}
+    for leaf in parameters:
+        start = "start: " if leaf.type.rule.read_only and some_change else ""
+        cells = leaf.type.name, leaf.default_text, start + leaf.type.meaning
+        table.setdefault(cells, Row([], *cells)).names.append(leaf.name)
+    return list(table.values())
+
+
+def help_text(*kinds: type) -> str:
+    """Return the parameters for ``--help``."""
+    lines = ["Parameters:"]
+    for row in rows(*kinds):
+        default = f", default {row.default}" if row.default else ""
+        lines.append(f"    {', '.join(row.names)} ({row.type}{default}): {row.meaning}")
+    return "\n".join(lines)

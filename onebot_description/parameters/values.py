@@ -79,11 +79,7 @@ class ValueType:
     optional: bool = False  # None and an empty list are "not given"
 
     def checked(self, value: Any) -> Any:
-        """Return ``value`` checked.
-
-        Raises:
-            ValueError: what is wrong and what would be right.
-        """
+        """Return ``value`` checked; a ValueError says what is wrong and what would be right."""
         if self.optional and plain(value) in (None, []):
             return None
         if value is None:

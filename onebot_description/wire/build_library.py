@@ -76,9 +76,6 @@ def build(target: Path) -> None:
     """Compile the library, with the first compiler that can.
 
     ``target`` is replaced in one step: a process that has the old one loaded keeps it.
-
-    Raises:
-        BuildError: no compiler exists or none works, or ``target`` cannot be written.
     """
     commands = find_system_compilers()
     if zig := find_zig():

@@ -212,11 +212,7 @@ class _Group:
 
     @functools.cached_property
     def array(self) -> tuple[_Number, int]:
-        """All its numbers as one field.
-
-        Raises:
-            TypeError: they are of several types, or other fields lie among them.
-        """
+        """All its numbers as one field; a TypeError if they are of several types or apart."""
         _, leaves, offsets = zip(*self.leaves, strict=True)
         [dtype, *other_dtypes] = {leaf.dtype if leaf.kind == _COPIED else None for leaf in leaves}
         *places, end = itertools.accumulate((leaf.smallest for leaf in leaves), initial=offsets[0])
@@ -512,20 +508,15 @@ class Schema:
     def of(name: str, definition: str) -> "Schema":
         """Return the schema of a type such as ``sensor_msgs/msg/LaserScan``.
 
-        Args:
-            name: of the type.
-            definition: its text as rosbag2 and MCAP store it, with those of the types in it.
-
-        Raises:
-            DefinitionError: the definition cannot be used; the message has the type and the line.
+        ``definition`` is its text as rosbag2 and MCAP store it, with those of the types in it. A
+        DefinitionError has the type and the line.
         """
         return Schema(name, definition)
 
     def read(self, data: bytes) -> Message:
         """Read a message; its arrays are views into ``data``.
 
-        Raises:
-            WireError: these bytes are no such message, or not plain little-endian CDR.
+        Bytes that are no such message, or not plain little-endian CDR, are a WireError.
         """
         if not data.startswith(_PLAIN):
             raise WireError("not plain little-endian CDR")

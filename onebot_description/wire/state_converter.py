@@ -169,11 +169,8 @@ class PublishedTimes:
     def due(self, rows: NDArray[np.int64], stamp_ns: int, now_ns: int, warn: Warn) -> bool:
         """Return whether a message may be published; if so, note it as published.
 
-        Args:
-            rows: the joints it moves.
-            stamp_ns: its stamp.
-            now_ns: the node's clock.
-            warn: called with the reason why it is not, unless it is only early.
+        ``rows`` are the joints it moves, ``now_ns`` is the node's clock; ``warn`` is called with
+        the reason why it is not, unless it is only early.
         """
         if now_ns < self.newest_call[0]:
             warn("clock", "the clock was set back; publishing the joints' transforms afresh")

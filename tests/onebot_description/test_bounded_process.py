@@ -150,7 +150,6 @@ def work(request: str, place: Place) -> object:
 
 @pytest.mark.parametrize("threads", [False, True])
 def test_a_function_in_a_process_of_its_own(threads: bool, tmp_path: Path) -> None:
-    """Its result, its failure and its bounds, from a process with threads and from one without."""
     script = tmp_path / "script.py"
     script.write_text(f"""
 import sys, threading

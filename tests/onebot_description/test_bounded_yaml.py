@@ -46,7 +46,6 @@ def test_too_much_is_refused_with_its_line(name: str) -> None:
 
 
 def test_every_file_is_read_within_the_bounds(tmp_path: Path) -> None:
-    """Parameters, control, views, dimensions and the metadata of recordings."""
     file = tmp_path / "metadata.yaml"
     file.write_text(NESTED)
     for read_it in (
@@ -85,7 +84,6 @@ _damages = st.lists(
 def test_a_damaged_file_is_read_or_refused(
     text: str, damages: list[tuple[float, int, str]]
 ) -> None:
-    """Whatever it then is: there is no other end."""
     for where, length, bit in damages:
         at = int(where * len(text))
         text = f"{text[:at]}{bit} {text[at + length :]}"
@@ -100,12 +98,10 @@ def test_a_damaged_file_is_read_or_refused(
 
 
 def test_aliases_that_repeat_little_are_fine() -> None:
-    """They are counted as what they stand for."""
     assert bounded_yaml.load("a: &a {b: 1}\nc: [*a, *a]\n") == {"a": {"b": 1}, "c": [{"b": 1}] * 2}
 
 
 def test_only_regular_files_are_read(tmp_path: Path) -> None:
-    """A pipe, a device and a folder are refused at once."""
     os.mkfifo(tmp_path / "pipe.yaml")
     for file in (tmp_path / "pipe.yaml", Path("/dev/zero"), tmp_path):
         with pytest.raises(
@@ -115,7 +111,6 @@ def test_only_regular_files_are_read(tmp_path: Path) -> None:
 
 
 def test_a_huge_file_is_refused(tmp_path: Path) -> None:
-    """A sparse one, too: no more than the bound is read."""
     with (tmp_path / "huge.yaml").open("wb") as file:
         file.truncate(10**11)
     with pytest.raises(ConfigError, match="larger than 50 MB"):

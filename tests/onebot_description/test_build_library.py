@@ -85,7 +85,6 @@ def write_program(path: Path, text: str) -> Path:
 
 @needs_compiler
 def test_missing_library(checkout: Path) -> None:
-    """Without the library the error names the command that builds it; that command mends it."""
     result = run("-c", USE_MESSAGE, cwd=checkout)
     assert result.returncode == 1
     last = result.stderr.splitlines()[-1]
@@ -104,7 +103,6 @@ def test_missing_library(checkout: Path) -> None:
 
 
 def test_node_without_library(ros_domain: int) -> None:
-    """A node that needs the library ends with one line, which names the command to build it."""
     code = """
 from pathlib import Path
 from onebot_description.wire import build_library
@@ -120,7 +118,6 @@ raise SystemExit(main(["robot_state_publisher", "onebot_description/urdf/onebot.
 
 @needs_compiler
 def test_outdated_or_broken_library(checkout: Path) -> None:
-    """A library that is older than its source, or none at all, is refused with the remedy."""
     library = checkout / FOLDER / "_library.so"
     build_library.build(library)
     source = checkout / FOLDER / "_tf_message.c"
@@ -135,7 +132,6 @@ def test_outdated_or_broken_library(checkout: Path) -> None:
 
 @pytest.mark.skipif(not build_library.find_system_compilers(), reason="no C compiler here")
 def test_no_warnings(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """The C file compiles without a warning; CC may hold arguments."""
     compiler = build_library.find_system_compilers()[0][0]
     monkeypatch.setenv("CC", f"{compiler} -Wall -Wextra -Wpedantic -Wshadow -Werror")
     build_library.build(tmp_path / "library.so")
@@ -143,7 +139,6 @@ def test_no_warnings(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 
 def test_failing_compiler(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """A compiler that fails is reported with its own words, and nothing is left behind."""
     compiler = write_program(tmp_path / "mycc", "echo 'no such thing' >&2; exit 3")
     monkeypatch.setenv("CC", f"{compiler} -O3")
     assert build_library.find_system_compilers() == [[str(compiler), "-O3"]]
@@ -158,7 +153,6 @@ def test_failing_compiler(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> No
 
 
 def test_useless_output(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """What a compiler made is loaded before it is trusted."""
     script = 'while [ "$1" != -o ]; do shift; done; echo rubbish > "$2"'
     monkeypatch.setenv("CC", str(write_program(tmp_path / "mycc", script)))
     if HAS_ZIG:
@@ -169,7 +163,6 @@ def test_useless_output(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None
 
 @pytest.mark.skipif(HAS_ZIG, reason="ziglang is a compiler")
 def test_no_compiler(tmp_path: Path) -> None:
-    """Without any compiler the command fails with what to install, and no traceback."""
     target = str(tmp_path / "library.so")
     arguments = ("-m", "onebot_description.wire.build_library", target)
     result = run(*arguments, cwd=CHECKOUT, PATH=str(tmp_path), CC="")
@@ -183,34 +176,13 @@ def test_no_compiler(tmp_path: Path) -> None:
 
 @needs_compiler
 def test_target_that_cannot_be_written(tmp_path: Path) -> None:
-    """A folder that does not exist is named."""
     with pytest.raises(BuildError, match=r"cannot write .*nowhere/library\.so: No such file"):
         build_library.build(tmp_path / "nowhere" / "library.so")
 
 
 def test_usage() -> None:
-    """Wrong arguments give the usage and exit code 2."""
     assert build_library.main(["a", "b"]) == 2
     assert build_library.main(["--help"]) == 2
-
-
-def test_only_the_standard_library(tmp_path: Path) -> None:
-    """The file runs alone, in a Python without any packages."""
-    shutil.copy(build_library.__file__, tmp_path)
-    code = "import build_library; print(build_library.LIBRARY)"
-    environment = {
-        key: value
-        for key, value in os.environ.items()
-        if key not in ("_ROS_WHEELS_BOOTSTRAP_COMPLETE", "LD_LIBRARY_PATH")
-    }
-    result = subprocess.run(
-        [sys.executable, "-S", "-c", code],
-        cwd=tmp_path,
-        env=environment,
-        capture_output=True,
-        text=True,
-    )
-    assert result.returncode == 0, result.stderr
 
 
 def build_backend(project: Path, call: str, **environment: str) -> str:
@@ -224,7 +196,6 @@ def build_backend(project: Path, call: str, **environment: str) -> str:
 
 @needs_compiler
 def test_source_distribution_and_wheel(checkout: Path, tmp_path: Path) -> None:
-    """The one holds no compiled file, and makes the other, which fits any Python 3 and works."""
     # A library from an earlier editable install must not get into the way.
     (checkout / FOLDER / "_library.so").write_bytes(b"old")
     name = build_backend(checkout, f"build_sdist({str(tmp_path)!r})")
@@ -247,7 +218,6 @@ def test_source_distribution_and_wheel(checkout: Path, tmp_path: Path) -> None:
 
 
 def test_build_requirements(checkout: Path, tmp_path: Path) -> None:
-    """The build asks for the ziglang wheel only where there is no compiler, never for an sdist."""
     compiler = write_program(tmp_path / "gcc", "exit 0")
     for hook in ("get_requires_for_build_wheel()", "get_requires_for_build_editable()"):
         with_compiler = build_backend(checkout, hook, PATH=str(compiler.parent), CC="")

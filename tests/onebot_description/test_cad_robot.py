@@ -26,7 +26,7 @@ from onebot_description.cad.base import solve_ballast  # noqa: E402
 from onebot_description.cad.caster import axle_position  # noqa: E402
 from onebot_description.cad.collada import to_collada  # noqa: E402
 from onebot_description.cad.dimensions import read_dimensions  # noqa: E402
-from onebot_description.cad.solids import Part, box, weigh_box  # noqa: E402
+from onebot_description.cad.primitives import Part, box, weigh_box  # noqa: E402
 from onebot_description.description.packages import package_share  # noqa: E402
 from onebot_description.errors import OneBotError  # noqa: E402
 
@@ -61,7 +61,6 @@ def fresh(tmp_path_factory) -> Path:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_committed_mesh_is_what_the_dimensions_say(fresh, name):
-    """Made again, every material's surface has the same size, place, area and colour."""
     made = _load(fresh / f"meshes/{name}.dae")
     committed = _load(SHARE / f"meshes/{name}.dae")
     assert made.geometry.keys() == committed.geometry.keys(), "run python -m onebot_description.cad"
@@ -76,7 +75,6 @@ def test_the_committed_mesh_is_what_the_dimensions_say(fresh, name):
 
 
 def test_the_committed_inertials_are_what_the_dimensions_say(fresh):
-    """Mass, centre of mass and moments agree to seven digits; the base weighs what it must."""
     made = yaml.safe_load((fresh / "config/inertials.yaml").read_text())
     committed = yaml.safe_load((SHARE / "config/inertials.yaml").read_text())
     assert made.keys() == committed.keys() == set(NAMES)
@@ -89,7 +87,6 @@ def test_the_committed_inertials_are_what_the_dimensions_say(fresh):
 
 
 def test_a_ballast_that_cannot_be_is_refused():
-    """Too heavy without it, denser than steel, or sticking out of the hull."""
     room = box((-2, -2, -2), (2, 2, 2))
     rest = weigh_box(1.5, np.array([-0.06, 0.0, 0.0]), (0.4, 0.25, 0.1))
     heavy = weigh_box(5.0, np.zeros(3), (1, 1, 1))
@@ -105,7 +102,6 @@ def test_a_ballast_that_cannot_be_is_refused():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_meshes_have_the_sizes_asked_for(name):
-    """The dimensions that matter are found again on the committed meshes."""
     wheel, caster, base = DIMENSIONS.wheel, DIMENSIONS.caster, DIMENSIONS.base
     roll, radius, half = caster.wheel, wheel.radius, wheel.width / 2
     foot = -caster.axle_drop - caster.boss_radius
@@ -128,7 +124,6 @@ def test_the_meshes_have_the_sizes_asked_for(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_files_are_collada_that_every_reader_takes(fresh, name):
-    """Small, metres, z up, only triangles, one colour each, symbols that equal the ids."""
     path = fresh / f"meshes/{name}.dae"
     assert path.stat().st_size < 300_000
     root = etree.parse(path).getroot()
@@ -157,7 +152,6 @@ def _check_normals(triangles) -> None:
 
 
 def test_equal_parts_give_equal_bytes(parts):
-    """Making a mesh twice changes nothing, so that a repository shows real changes only."""
     part = parts["caster_base2"]
     first = to_collada(part, DIMENSIONS.colors)
     [again] = [p for p in make_parts(DIMENSIONS) if p.name == part.name]
@@ -176,7 +170,6 @@ def test_the_robot_stands_level(parts):
 
 
 def test_nothing_touches_what_turns(parts):
-    """Driven wheels, the fork at any angle and its wheel are free of what is around them."""
     wheel, caster = DIMENSIONS.wheel, DIMENSIONS.caster
     base, fork, roll = (_whole(parts[name]) for name in ("base_link", "caster_base2", "caswheel"))
     inner = wheel.separation / 2 - wheel.width / 2
@@ -191,7 +184,6 @@ def test_nothing_touches_what_turns(parts):
 
 
 def test_the_command_writes_everything_where_it_is_told(tmp_path, capsys):
-    """--output takes the five files, and each is named with what it weighs."""
     assert main(["--output", str(tmp_path)]) == 0
     assert {path.name for path in tmp_path.rglob("*.*")} == {
         *(f"{name}.dae" for name in NAMES),
@@ -201,13 +193,11 @@ def test_the_command_writes_everything_where_it_is_told(tmp_path, capsys):
 
 
 def test_the_command_tells_what_is_wrong(tmp_path, capsys):
-    """A missing file is one line, and exit code 1."""
     assert main(["--dimensions", str(tmp_path / "none.yaml")]) == 1
     assert "none.yaml" in capsys.readouterr().err
 
 
 def test_without_manifold3d_the_command_says_what_to_install(tmp_path):
-    """The extra that brings it is named, in one line."""
     code = (
         "import sys; sys.modules['manifold3d'] = None\n"
         "from onebot_description.cad.__main__ import main\n"

@@ -45,7 +45,6 @@ class Checked:
     [(3.0, "3.0 s ahead of"), (-3.0, "3.0 s behind"), (0.6, "0.6 s ahead"), (-86400, "86400.0 s")],
 )
 def test_a_clock_that_is_off_is_named_once(offset: float, text: str) -> None:
-    """The topic, the offset and the remedy; not again before a minute."""
     [warning] = Checked().run(lambda _: offset)
     assert warning.startswith(f"stamps of {TOPIC} are {text}") and "chrony or NTP" in warning
 
@@ -63,17 +62,14 @@ def test_a_clock_that_is_off_is_named_once(offset: float, text: str) -> None:
     ],
 )
 def test_what_is_no_other_clock(offset: Callable[[float], float]) -> None:
-    """A small offset, late messages, stamps of no clock."""
     assert Checked().run(offset) == []
 
 
 def test_simulated_time_is_no_other_clock() -> None:
-    """Nor where it is near the system's."""
     assert Checked(simulated=True).run(lambda _: 3.0) == []
 
 
 def test_this_computers_clock_may_be_set_back() -> None:
-    """It goes on checking."""
     checked = Checked()
     checked.run(lambda _: 0.0)
     checked.now -= 3600 * NANO
@@ -81,7 +77,6 @@ def test_this_computers_clock_may_be_set_back() -> None:
 
 
 def test_stamp_of_serialized_messages() -> None:
-    """Where the types have it; what is too short or big endian has none."""
     header = Header(stamp=Time(sec=5, nanosec=7))
     assert stamp_at(serialize_message(JointState(header=header)), HEADER) == 5 * NANO + 7
     assert stamp_at(serialize_message(TwistStamped(header=header)), HEADER) == 5 * NANO + 7
@@ -113,7 +108,6 @@ def published(peer: Peer, message: type, topic: str, ahead: float) -> Iterator[N
 
 @pytest.mark.slow
 def test_nodes_warn_of_a_host_whose_clock_is_off(ros_domain: int, tmp_path: Path) -> None:
-    """State publisher and viewer of joint states, the controller of stamped commands."""
     far = ("-r", "__ns:=/far")
     recording = ros_args(viewer="none", save=tmp_path / "far.rrd")
     nodes = {

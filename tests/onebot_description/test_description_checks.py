@@ -90,7 +90,6 @@ def _limit(lower="-1", upper="1", effort="1", velocity="1"):
     ],
 )
 def test_limits_that_are_fine(kind, limit, found):
-    """A single position other than 0, no effort, and ends left out are no mistakes."""
     description = parse_description(joint(limit, kind), "r")
     (read,) = description.joints
     assert (read.lower, read.upper, read.effort, read.velocity) == found
@@ -146,7 +145,6 @@ def test_limits_that_are_hardly_meant(limit, kind, texts):
 
 @pytest.mark.parametrize("kind", ["continuous", "floating", "planar", "fixed"])
 def test_kinds_without_limits_have_none(kind):
-    """Speed and effort are read all the same."""
     (read,) = parse_description(joint(_limit(), kind)).joints
     assert (read.lower, read.upper, read.velocity, read.effort) == (None, None, 1.0, 1.0)
 
@@ -161,7 +159,6 @@ def test_damping_and_friction_are_none_where_none_is_written(written, damping, f
 
 
 def test_a_limit_that_is_missing():
-    """The joint's own line, and only where one is needed."""
     for kind in ("revolute", "prismatic"):
         (problem,) = problems(joint("", kind))
         assert problem.startswith(
@@ -171,7 +168,6 @@ def test_a_limit_that_is_missing():
 
 @pytest.mark.parametrize("length", [0.9991, 1.0, 1.0009])
 def test_axes_of_almost_unit_length_are_taken_without_a_word(length):
-    """They were rounded when written; what is read has unit length all the same."""
     description = parse_description(joint(f'<axis xyz="0 {length!r} 0"/>{LIMIT}'), "r")
     assert description.warnings == ()
     assert description.joints[0].axis == (0.0, 1.0, 0.0)
@@ -188,7 +184,6 @@ def test_axes_of_another_length_are_a_warning(length):
     ("xyz", "kept"), [("0 0 1.0000005", True), ("0 0 1.000002", False), ("0 0 0.999998", False)]
 )
 def test_the_text_keeps_an_axis_that_is_exact_enough(xyz, kept):
-    """A millionth is the border; what is read is of unit length on both sides of it."""
     description = parse_description(joint(f'<axis xyz="{xyz}"/>{LIMIT}'))
     assert (xyz in description.urdf) is kept
     assert ("0.0 0.0 1.0" in description.urdf) is not kept
@@ -213,7 +208,6 @@ def test_a_zero_axis_is_one_problem(kind):
 
 @pytest.mark.parametrize("kind", ["fixed", "floating"])
 def test_a_joint_without_axis_may_have_a_zero_one(kind):
-    """It is not looked at, unless it is no three numbers."""
     description = parse_description(joint('<axis xyz="0 0 0"/>', kind))
     assert description.joints[0].axis == (1.0, 0.0, 0.0)
     assert description.warnings == ()
@@ -229,7 +223,6 @@ def test_a_missing_kind_is_one_problem():
 
 
 def test_an_unknown_kind_is_one_problem():
-    """Nothing that follows from it is reported, such as a zero axis or who mimics the joint."""
     follower = hinge("k", "b", "c", f'{LIMIT}<mimic joint="j"/>')
     text = joint('<axis xyz="0 0 0"/><mimic joint="k"/>', "revolut").replace(
         "</robot>", f'<link name="c"/>{follower}</robot>'
@@ -277,7 +270,6 @@ def _followers(*leaders, kinds=()):
     ],
 )
 def test_who_follows_whom(leaders, found):
-    """A circle is one problem, however many joints are in it or lead into it."""
     text = _followers(*leaders)
     if found is None:
         assert warnings(text) == []
@@ -298,7 +290,6 @@ def test_only_joints_of_one_position_follow_and_lead(kind):
 
 
 def test_a_misspelt_leader_is_not_answered_with_the_follower_itself():
-    """Only joints that it could follow are proposed."""
     (problem,) = problems(_followers("e", "", "", kinds=[(2, "fixed")]))
     assert "joints: b)" in problem
 
@@ -313,7 +304,6 @@ def test_a_misspelt_leader_is_not_answered_with_the_follower_itself():
     ],
 )
 def test_numbers_of_a_mimic(attributes, multiplier, offset):
-    """A multiplier of 0 is one, and not left out."""
     text = _followers("b", "").replace('joint="b"/>', f'joint="b" {attributes}/>')
     assert parse_description(text).joints[0].mimic == Mimic("b", multiplier, offset)
 
@@ -379,7 +369,6 @@ def test_inertias_are_judged_by_their_eigenvalues(xx, xy, xz, yy, yz, zz, scale)
     ],
 )
 def test_moments_below_zero_are_problems(moments, text):
-    """One each, and no warning about the matrix; products may be negative."""
     assert problems(inertial(**moments)) == [f'3: link "a" <inertial> <inertia>: {text}']
 
 
@@ -430,7 +419,6 @@ def test_a_mass_below_zero_is_one_problem():
     ],
 )
 def test_sizes_of_zero_are_a_warning(shape, count):
-    """One for each attribute, however many zeros are in it; a mesh may be mirrored."""
     found = warnings(visual(shape))
     tag = shape[1:].split()[0]
     assert len(found) == count
@@ -461,7 +449,6 @@ def test_shapes_that_are_none(shape, text):
 
 @pytest.mark.parametrize("tag", ["visual", "collision"])
 def test_geometry_of_one_shape(tag):
-    """None, an empty one and a second shape are one problem each; the tag is named."""
     box, ball = '<box size="1 1 1"/>', '<sphere radius="1"/>'
     assert warnings(link(f"<{tag}><geometry>{box}</geometry></{tag}>")) == []
     (problem,) = problems(link(f"<{tag}/>"))
@@ -525,7 +512,6 @@ RED = _color("1 0 0 1")
     ],
 )
 def test_colours_go_from_0_to_1(rgba, good):
-    """The ends are in; the problem is at <color>, once, though two visuals use the material."""
     use = '<material name="m"/>'
     text = link(_visual(use) + _visual(use), f'<material name="m">{_color(rgba)}</material>')
     if good:
@@ -555,7 +541,6 @@ def test_colours_go_from_0_to_1(rgba, good):
     ],
 )
 def test_materials_used_by_two_visuals(shared, first, second, text):
-    """Defined anywhere, before or after its use; a different look is one warning."""
     uses = [f'<material name="m">{inside}</material>' for inside in (first, second)]
     found = warnings(link("\n".join(map(_visual, uses)), shared))
     if text is None:
@@ -570,14 +555,12 @@ def test_materials_used_by_two_visuals(shared, first, second, text):
 
 
 def test_a_material_is_found_wherever_it_is_defined():
-    """A name given a colour in another visual, or later, still means that colour."""
     uses = _visual('<material name="m"/>') + _visual(f'<material name="m">{RED}</material>')
     [read] = parse_description(link(uses)).links
     assert [visual.color for visual in read.visuals] == [(1.0, 0.0, 0.0, 1.0)] * 2
 
 
 def test_materials_of_the_robot_are_defined_once():
-    """Twice alike is fine; twice unlike is one problem, at the second."""
     both = f'<material name="m">{RED}</material>\n<material name="m">{{}}</material>'
     assert warnings(robot(both.format(RED), '<link name="a"/>')) == []
     (problem,) = problems(robot(both.format(_color("0 0 0 1")), '<link name="a"/>'))
@@ -585,7 +568,6 @@ def test_materials_of_the_robot_are_defined_once():
 
 
 def test_materials_without_a_name_are_each_their_own():
-    """Two visuals may have nameless ones of different looks."""
     uses = _visual(f'<material name="">{RED}</material>') + _visual(
         f'<material name="">{_color("0 1 0 1")}</material>'
     )
@@ -621,7 +603,6 @@ def test_textures_are_files():
     ],
 )
 def test_elements_that_urdf_does_not_know(inside, texts):
-    """One warning each; what is inside an unknown one, or another program's, is not looked at."""
     found = warnings(link(inside))
     assert len(found) == len(texts)
     assert all(
@@ -630,7 +611,6 @@ def test_elements_that_urdf_does_not_know(inside, texts):
 
 
 def test_attributes_that_urdf_does_not_know():
-    """One warning each, with the one that was meant; those of other namespaces are left alone."""
     text = joint('<limit lowr="-1" lower="-1" upper="1" effort="1" velocity="1" jerk="1" x="2"/>')
     found = warnings(text)
     assert len(found) == 2
@@ -642,7 +622,6 @@ def test_attributes_that_urdf_does_not_know():
 
 
 def test_warnings_come_with_the_problems_and_stay_warnings():
-    """They may be the cause, so a message has them, too."""
     text = joint('<limit loer="-1" lower="2" upper="1" effort="1" velocity="0"/>')
     with pytest.raises(DescriptionError) as caught:
         parse_description(text, "r").raise_problems()
@@ -686,7 +665,6 @@ def test_xacro_that_was_not_expanded_is_one_problem():
 
 @pytest.mark.parametrize("tag", ["link", "joint"])
 def test_names_are_given_once(tag):
-    """The second of a name is one problem, with the line of the first; a third one more."""
     rows = ['<link name="a"/>', '<link name="b"/>', '<link name="c"/>', hinge("j", "a", "b")]
     repeated = '<link name="c"/>' if tag == "link" else hinge("j", "b", "c")
     name, first = ("c", 4) if tag == "link" else ("j", 5)
@@ -746,7 +724,6 @@ def _links(names):
     ],
 )
 def test_links_make_one_tree(joints, found):
-    """Each fault is reported once; what merely follows from it is not."""
     rows = [hinge(f"j{row}", *ends) for row, ends in enumerate(joints)]
     text = robot(_links("abc"), *rows)
     if not found:
@@ -791,7 +768,6 @@ def test_ends_that_are_missing_are_one_problem_each():
     ],
 )
 def test_numbers_are_read(text, value):
-    """In every form that a URDF reader takes."""
     (read,) = parse_description(joint(f'<origin xyz="{text} 0 {text}"/>{LIMIT}')).joints
     assert read.origin.xyz == (value, 0.0, value)
 
@@ -831,19 +807,16 @@ def test_what_is_no_number(text, fault):
     ],
 )
 def test_numbers_of_another_count(text, fault):
-    """Commas are named where they are the only fault."""
     assert problems(joint(f'<origin xyz="{text}"/>{LIMIT}')) == [f'4: joint "j" <origin>: {fault}']
 
 
 def test_one_number_is_not_two():
-    """``number``, where one is taken."""
     found = problems(joint(_limit(lower="0 1")))
     assert found == ['4: joint "j" <limit>: lower="0 1" holds 2; it takes 1 number']
 
 
 @pytest.mark.parametrize(("length", "cut"), [(60, False), (61, True)])
 def test_long_texts_are_cut(length, cut):
-    """A message stays in its line: 60 characters, or 57 and dots."""
     text = "x" * length
     (problem,) = problems(joint(f'<origin xyz="{text}"/>{LIMIT}'))
     shown = "x" * 57 + "..." if cut else text
@@ -852,7 +825,6 @@ def test_long_texts_are_cut(length, cut):
 
 @pytest.mark.parametrize(("depth", "good"), [(100, True), (101, False)])
 def test_nesting_ends_at_a_hundred(depth, good):
-    """The robot itself is the first."""
     deep = "<gazebo>" * (depth - 1) + "</gazebo>" * (depth - 1)
     text = f'<robot name="r"><link name="a"/>{deep}</robot>'
     if good:

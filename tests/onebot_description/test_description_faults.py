@@ -33,7 +33,6 @@ SECRET = '<!DOCTYPE robot [<!ENTITY secret SYSTEM "file:///etc/passwd">]>'
     ],
 )
 def test_a_document_that_is_no_robot(tmp_path: Path, document: str | bytes, words: str) -> None:
-    """The message has the file, the line and what to write."""
     path = tmp_path / "robot.urdf"
     path.write_bytes(document if isinstance(document, bytes) else document.encode())
     with pytest.raises(DescriptionError) as caught:
@@ -48,7 +47,6 @@ def test_text_with_half_a_character_is_refused() -> None:
 
 @pytest.mark.parametrize("name", sorted(p.name for p in ROBOTS.glob("good_*")))
 def test_good_robot_loads_without_warning(name: str) -> None:
-    """Good robots give no warnings, and what they expand to is as good as they are."""
     description = load_description(ROBOTS / name)
     assert description.notices == () and describe(description)
     again = parse_description(description.urdf, str(ROBOTS / name))
@@ -79,7 +77,6 @@ def test_all_problems_come_at_once() -> None:
     ],
 )
 def test_source_that_is_no_file(source: str | Path, part: str) -> None:
-    """A source that leads to no file is explained, with the files that are there."""
     with pytest.raises(DescriptionError) as caught:
         load_description(source)
     assert part in str(caught.value)

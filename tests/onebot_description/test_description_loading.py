@@ -48,7 +48,6 @@ _EVERYTHING = """<robot name="r">
 
 
 def test_links_and_joints_are_read_whole() -> None:
-    """Shapes, colours, inertials, frictions and soft limits, each with its line."""
     description = parse_description(_EVERYTHING, "r.urdf")
     a, b = description.links
     assert a.inertial == Inertial(Origin((0, 0, 1)), 2.0, (1, 0, 0, 1, 0, 1))
@@ -76,7 +75,6 @@ def test_numbers_of_extensions_that_are_used_must_be_numbers(good, bad, words) -
 
 
 def test_what_is_wrong_is_left_out() -> None:
-    """The rest is there; the link knows of its shape."""
     text = _EVERYTHING.replace('size="1 2 3"', 'size="1 2"').replace('lower="-1"', 'lower="low"')
     description = parse_description(text.replace('mass value="2"', "mass"), "r.urdf")
     assert (description.root_link, description.link_names) == ("a", ("a", "b"))
@@ -88,7 +86,6 @@ def test_what_is_wrong_is_left_out() -> None:
 
 
 def test_what_reads_descriptions_is_light() -> None:
-    """The state publishers start with it: no numpy, ROS, trimesh or module of another package."""
     code = (
         "import sys; from onebot_description.description import load_description;"
         f"load_description({str(ROBOTS / 'good_meshes.urdf')!r});"
@@ -101,7 +98,6 @@ def test_what_reads_descriptions_is_light() -> None:
 
 
 def test_axis_becomes_a_unit_vector_in_the_text_too() -> None:
-    """Readers of the URDF text see the same unit axis as the Joint has."""
     description = load_description(ROBOTS / "warn_long_axis.urdf")
     assert description.joints[0].axis == pytest.approx((0, 0.6, 0.8), abs=1e-15)
     assert parse_description(description.urdf).joints[0].axis == description.joints[0].axis
@@ -109,7 +105,6 @@ def test_axis_becomes_a_unit_vector_in_the_text_too() -> None:
 
 
 def test_xacro_arguments_includes_and_yaml() -> None:
-    """Arguments take effect, and every file read is listed, the loaded one first."""
     assert joints("good_arguments.xacro")["left"].origin.xyz == (0.0, 0.2, 0.0)
     assert joints("good_arguments.xacro", sides="4")["left"].origin.xyz == (0.0, 0.1, 0.0)
     assert "mast" in joints("good_arguments.xacro", extra="true")
@@ -119,7 +114,6 @@ def test_xacro_arguments_includes_and_yaml() -> None:
 
 
 def test_unknown_argument_is_refused() -> None:
-    """A misspelt argument is an error that lists those there are, not silently ignored."""
     with pytest.raises(
         DescriptionError, match=r'"sids" \(did you mean "sides"\? declared: extra, '
     ):
@@ -129,7 +123,6 @@ def test_unknown_argument_is_refused() -> None:
 
 
 def test_argument_used_but_not_declared_may_be_given(tmp_path: Path) -> None:
-    """``$(arg x)`` without a declaration takes its value from the caller, as in xacro."""
     text = (ROBOTS / "xacro_argument_without_value.xacro").read_text()
     path = tmp_path / "robot.xacro"
     path.write_text(text)
@@ -150,7 +143,6 @@ def test_xacro_warnings_are_collected(tmp_path: Path, capfd: pytest.CaptureFixtu
 
 
 def test_optional_include_may_be_missing(tmp_path: Path) -> None:
-    """``optional="true"`` works as in xacro."""
     path = tmp_path / "robot.xacro"
     path.write_text(
         '<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="base"/>'
@@ -160,7 +152,6 @@ def test_optional_include_may_be_missing(tmp_path: Path) -> None:
 
 
 def test_namespace_and_encoding_do_not_reach_other_readers() -> None:
-    """A default namespace and an encoding are gone from the text, which lxml then takes."""
     from lxml import etree
 
     urdf = load_description(ROBOTS / "good_default_namespace.urdf").urdf
@@ -169,7 +160,6 @@ def test_namespace_and_encoding_do_not_reach_other_readers() -> None:
 
 
 def test_extensions_of_other_programs_stay() -> None:
-    """Transmissions, Gazebo's and ros2_control's elements are kept, whatever they hold."""
     urdf = load_description(ROBOTS / "good_extensions.urdf").urdf
     for part in ("<transmission ", "<ros2_control ", "<text>${kept}</text>", "/dev/ttyUSB0"):
         assert part in urdf
@@ -257,7 +247,6 @@ def _xacro_problem(folder: Path, *lines: str) -> str:
 def test_what_xacro_raises_is_explained(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lines: list[str], found: str
 ) -> None:
-    """The line of the fault, the calls that led there, what it is, and what was meant."""
     monkeypatch.setattr("onebot_description.description.xacro._BOUNDS", Bounds(processor=1))
     problem = _xacro_problem(tmp_path, *lines)
     if found[0].isdigit():
@@ -277,7 +266,6 @@ def test_an_argument_in_the_root_is_given(tmp_path: Path) -> None:
 
 
 def test_names_that_are_proposed_are_the_files_own(tmp_path: Path) -> None:
-    """Not those of Python or of xacro, of which there are hundreds."""
     lines = ['<xacro:property name="width" value="1"/>', '<link name="${zzz}"/>']
     problem = _xacro_problem(tmp_path, *lines)
     assert problem == '3: unknown property "zzz" in ${zzz} (defined: width)'
@@ -298,10 +286,6 @@ def test_text_that_names_a_file_has_its_folder(tmp_path: Path) -> None:
 
 
 def test_the_published_text_carries_what_finds_its_files(tmp_path: Path) -> None:
-    """What only the file's place tells becomes file://; an installed package's URI stays.
-
-    A file:// URI, whose form is the author's, stays as it is.
-    """
     arm, hand = tmp_path / "repo/arm", tmp_path / "repo/parts/folder"
     for folder, name in ((arm / "urdf", "arm_description"), (hand, "hand_description")):
         folder.mkdir(parents=True)

@@ -76,64 +76,56 @@ def at_rest(description: Description, **config: object) -> dict[str, float]:
     return dict(zip(source.names, source.sample(0.0)[0].tolist(), strict=True))
 
 
-def test_limits_the_wrong_way_round_are_swapped() -> None:
-    """The joint moves between them."""
-    limit = '<limit lower="3" upper="1" effort="1" velocity="1"/>'
-    description = taken(robot(hinge("j", "a", limit)), "lower 3 is above upper 1; swap them")
-    assert (description.joints[0].lower, description.joints[0].upper) == (1.0, 3.0)
-    assert at_rest(description) == {"j": 2.0}
+_OTHER = '<limit lower="{}" upper="{}" effort="1" velocity="1"/>'
+
+
+@pytest.mark.parametrize(
+    ("limit", "problem", "limits", "rest"),
+    [
+        (_OTHER.format(3, 1), "lower 3 is above upper 1; swap them", (1.0, 3.0, 1.0, 1.0), 2.0),
+        (LIMIT.replace('effort="1"', 'effort="-1"'), "is negative", (-1.0, 1.0, None, 1.0), 0.0),
+        (LIMIT.replace('ity="1"', 'ity="-1"'), "is negative", (-1.0, 1.0, 1.0, None), 0.0),
+        ("", "a revolute joint needs a limit", (None, None, None, None), 0.0),
+        (_OTHER.format("low", 1), '"low" is not a number', (None, None, 1.0, 1.0), 0.0),
+        (_OTHER.format(-1, "inf"), "not a finite number", (None, None, 1.0, 1.0), 0.0),
+    ],
+)
+def test_wrong_limits_are_mended_or_left_out(
+    limit: str, problem: str, limits: tuple[float | None, ...], rest: float
+) -> None:
+    """A joint without limits stays at 0, whatever its motion."""
+    description = taken(robot(hinge("j", "a", limit)), problem)
+    [found] = description.joints
+    assert (found.lower, found.upper, found.effort, found.velocity) == limits
+    assert at_rest(description) == {"j": rest}
+    if limits[0] is None:
+        motions = {"j": {"type": "constant", "position": 0.5}}
+        assert at_rest(description, motions=motions) == {"j": 0.0}
     assert moved(description, j=0.5) == {"a": "base"}
 
 
-@pytest.mark.parametrize("name", ["effort", "velocity"])
-def test_a_limit_below_zero_is_none(name: str) -> None:
-    """The joint moves as if it were not written."""
-    description = taken(
-        robot(hinge("j", "a", LIMIT.replace(f'{name}="1"', f'{name}="-1"'))), "is negative"
-    )
-    assert getattr(description.joints[0], name) is None
-    assert at_rest(description, motions={"j": {"type": "constant", "position": 0.5}}).keys() == {
-        "j"
-    }
+FIXED = hinge("f", "b", "", "fixed")
 
 
 @pytest.mark.parametrize(
-    ("limit", "problem"),
+    ("mimic", "other", "problem"),
     [
-        ("", "a revolute joint needs a limit"),
-        ('<limit lower="low" upper="1" effort="1" velocity="1"/>', '"low" is not a number'),
-        ('<limit lower="-1" upper="inf" effort="1" velocity="1"/>', "not a finite number"),
-    ],
-)
-def test_a_joint_without_limits_stays_at_0(limit: str, problem: str) -> None:
-    description = taken(robot(hinge("j", "a", limit)), problem)
-    assert (description.joints[0].lower, description.joints[0].upper) == (None, None)
-    assert moved(description, j=2.0) == {"a": "base"}
-    assert at_rest(description, motions={"j": {"type": "constant", "position": 0.5}}) == {"j": 0.0}
-
-
-@pytest.mark.parametrize(
-    ("parts", "problem"),
-    [
-        ((hinge("j", "a", f'{LIMIT}<mimic joint="x"/>'),), 'no joint "x" to mimic'),
-        ((hinge("j", "a", f'{LIMIT}<mimic joint="j"/>'),), "mimics itself"),
-        ((hinge("j", "a", f"{LIMIT}<mimic/>"),), "names no joint"),
-        ((hinge("j", "a", f'{LIMIT}<mimic joint="k" offset="x"/>'), hinge("k", "b")), '"x" is not'),
-        ((hinge("j", "a", f'{LIMIT}<mimic joint="f"/>'), hinge("f", "b", "", "fixed")), "is fixed"),
+        ('<mimic joint="x"/>', "", 'no joint "x" to mimic'),
+        ('<mimic joint="j"/>', "", "mimics itself"),
+        ("<mimic/>", "", "names no joint"),
+        ('<mimic joint="k" offset="x"/>', hinge("k", "b"), '"x" is not'),
+        ('<mimic joint="f"/>', FIXED, "is fixed"),
         (
-            (
-                hinge("j", "a", f'{LIMIT}<mimic joint="k"/>'),
-                hinge("k", "b", f'{LIMIT}<mimic joint="j"/>'),
-            ),
+            '<mimic joint="k"/>',
+            hinge("k", "b", f'{LIMIT}<mimic joint="j"/>'),
             "j -> k -> j mimic each other",
         ),
     ],
 )
 def test_a_joint_that_can_follow_nothing_moves_by_itself(
-    parts: tuple[str, ...], problem: str
+    mimic: str, other: str, problem: str
 ) -> None:
-    """It has a joint state and a transform of its own."""
-    description = taken(robot(*parts), problem)
+    description = taken(robot(hinge("j", "a", LIMIT + mimic), other), problem)
     assert all(joint.mimic is None for joint in description.joints)
     assert at_rest(description)["j"] == 0.0
     assert moved(description, j=0.5)["a"] == "base"
@@ -149,7 +141,6 @@ def test_loose_links_have_joint_states_but_no_transforms() -> None:
 
 
 def test_a_robot_may_lie_in_another_element() -> None:
-    """As in the tests of joint_state_publisher; what is published begins with <robot>."""
     description = taken(
         f"<urdf>\n{robot(hinge('j', 'a'))}</urdf>", 'r:2: robot "r": lies in <urdf>'
     )
@@ -199,7 +190,6 @@ def test_other_formats_are_refused(text: str, problem: str) -> None:
 def test_a_shape_that_cannot_be_read_is_left_out(
     inside: str, problem: str, shapes: list[object]
 ) -> None:
-    """The link knows why, so that the viewer says so."""
     urdf = robot(base=f"<visual><geometry>{inside}</geometry></visual>")
     description = taken(urdf, problem) if problem else parse_description(urdf)
     [link] = description.links
@@ -216,7 +206,6 @@ def test_moments_below_zero_by_rounding_are_a_warning() -> None:
 
 
 def test_the_simulation_names_what_it_cannot_do() -> None:
-    """All at once, with the lines."""
     heavy = f'<inertial><mass value="-1"/>{MOMENTS}</inertial>'
     urdf = robot(
         "\n" + hinge("j", "a", ""),

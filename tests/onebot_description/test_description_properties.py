@@ -69,7 +69,6 @@ def test_damage_is_always_explained(seed: bytes, edits: list[tuple[int, int, byt
 @settings(max_examples=200, deadline=None)
 @given(st.text() | st.binary().map(lambda data: data.decode("utf-8", "surrogateescape")))
 def test_any_text_is_explained(text: str) -> None:
-    """Text that is no robot is a DescriptionError."""
     with pytest.raises(DescriptionError):
         parse_description(text)
 
@@ -115,7 +114,6 @@ def write(robot: list[dict[str, Any]]) -> str:
 @settings(max_examples=100, deadline=None)
 @given(robots())
 def test_random_tree_is_read_as_written(robot: list[dict[str, Any]]) -> None:
-    """Every valid tree is accepted and read to the last bit; yourdfpy reads our text alike."""
     description = parse_description(write(robot))
     assert description.root_link == robot[0]["root"]
     assert list(description.link_names) == robot[0]["links"]

@@ -12,122 +12,68 @@ from tests.onebot_bringup.cli_support import onebot
 BLOCKS = Path(__file__).parents[1] / "robots" / "sensors"
 
 CAMERA = {
-    name: f"camera/{topic}"
-    for name, topic in (
-        ("image", "image_raw"),
-        ("depth", "depth/image_raw"),
-        ("camera_info", "camera_info"),
-        ("points", "points"),
-    )
+    "image": "camera/image_raw",
+    "depth": "camera/depth/image_raw",
+    "camera_info": "camera/camera_info",
+    "points": "camera/points",
 }
-OF_GZ = {
-    name: f"camera/{topic}"
-    for name, topic in (
-        ("image", "image"),
-        ("depth", "depth_image"),
-        ("camera_info", "camera_info"),
-        ("points", "points"),
-    )
+# Name, link, rate, frame and topics of each sensor.
+OF_CAMERA = " ".join(f"{output}={topic}" for output, topic in CAMERA.items())
+OF_GZ = "image=camera/image depth=camera/depth_image camera_info=camera/camera_info"
+OF_GZ += " points=camera/points"
+PUBLIC_ROBOTS = {
+    "turtlebot3_waffle_pi": """
+        imu imu_link 0 imu_link imu=imu
+        lds base_scan 5 base_scan scan=scan
+        Pi_Camera camera_rgb_frame 30 camera_rgb_optical_frame image=camera/rgb/image_raw
+            camera_info=camera/rgb/camera_info""",
+    "turtlebot4": f"""
+        rplidar rplidar_link 62 rplidar_link scan=scan
+        rgbd_camera oakd_rgb_camera_frame 30 oakd_rgb_camera_frame {OF_CAMERA}
+        imu imu_link 62 imu_link imu=imu""",
+    "create3": """
+        cliff_front_left cliff_front_left 62 cliff_front_left scan=scan
+        cliff_front_right cliff_front_right 62 cliff_front_right
+            scan=_internal/cliff_front_right/event""",
+    "husky": """
+        front_laser base_laser 50 base_laser scan=front/scan
+        camera camera_link 20 camera_frame_optical image=camera/rgb/image_raw
+            depth=camera/depth/image_raw camera_info=camera/rgb/camera_info
+            points=camera/depth/points""",
+    "linorobot2": f"""
+        laser laser 10 laser scan=scan
+        imu_sensor imu_link 20 imu_link imu=imu/data
+        camera camera_link 30 camera_color_optical_frame {OF_GZ}""",
+    "articubot_one": f"""
+        laser laser_frame 10 laser_frame scan=scan
+        camera camera_link 10 camera_link_optical {OF_CAMERA}""",
+    "rosbot": f"""
+        fl_range fl_range 5 fl_range scan=range/fl
+        imu imu_link 25 imu_link imu=imu/data_raw
+        camera_orbbec_astra_camera camera_orbbec_astra_link 20 camera_depth_optical_frame
+            {OF_GZ}""",
+    "neobotix": """
+        lidar_1 lidar_1_link 10 lidar_1_link scan=lidar_1/scan
+        lidar_2 lidar_2_link 40 lidar_2_link scan=scan2""",
+    "clearpath": """
+        lidar3d_0 lidar3d_0_laser 10 lidar3d_0_laser
+            points=a200_0000/sensors/lidar3d_0/scan/points
+        camera_0 camera_0_link 30 camera_0_color_optical_frame
+            image=a200_0000/sensors/camera_0/color/image
+            camera_info=a200_0000/sensors/camera_0/color/camera_info
+        imu_0 imu_0_link 50 imu_0_link imu=a200_0000/sensors/imu_0/data_raw""",
 }
-LIDAR_3D = "a200_0000/sensors/lidar3d_0/scan/points"
-COLOR = "a200_0000/sensors/camera_0/color"
 
 
-def scan(topic="scan"):
-    return {"scan": topic}
-
-
-@pytest.mark.parametrize(
-    ("robot", "expected"),
-    {
-        "turtlebot3_waffle_pi": [
-            ("imu", "imu_link", 0, {"imu": "imu"}, "imu_link"),
-            ("lds", "base_scan", 5, scan(), "base_scan"),
-            (
-                "Pi Camera",
-                "camera_rgb_frame",
-                30,
-                {"image": "camera/rgb/image_raw", "camera_info": "camera/rgb/camera_info"},
-                "camera_rgb_optical_frame",
-            ),
-        ],
-        "turtlebot4": [
-            ("rplidar", "rplidar_link", 62, scan(), "rplidar_link"),
-            ("rgbd_camera", "oakd_rgb_camera_frame", 30, CAMERA, "oakd_rgb_camera_frame"),
-            ("imu", "imu_link", 62, {"imu": "imu"}, "imu_link"),
-        ],
-        "create3": [
-            ("cliff_front_left", "cliff_front_left", 62, scan(), "cliff_front_left"),
-            (
-                "cliff_front_right",
-                "cliff_front_right",
-                62,
-                scan("_internal/cliff_front_right/event"),
-                "cliff_front_right",
-            ),
-        ],
-        "husky": [
-            ("front_laser", "base_laser", 50, scan("front/scan"), "base_laser"),
-            (
-                "camera",
-                "camera_link",
-                20,
-                {
-                    "image": "camera/rgb/image_raw",
-                    "depth": "camera/depth/image_raw",
-                    "camera_info": "camera/rgb/camera_info",
-                    "points": "camera/depth/points",
-                },
-                "camera_frame_optical",
-            ),
-        ],
-        "linorobot2": [
-            ("laser", "laser", 10, scan(), "laser"),
-            ("imu_sensor", "imu_link", 20, {"imu": "imu/data"}, "imu_link"),
-            ("camera", "camera_link", 30, OF_GZ, "camera_color_optical_frame"),
-        ],
-        "articubot_one": [
-            ("laser", "laser_frame", 10, scan(), "laser_frame"),
-            ("camera", "camera_link", 10, CAMERA, "camera_link_optical"),
-        ],
-        "rosbot": [
-            ("fl_range", "fl_range", 5, scan("range/fl"), "fl_range"),
-            ("imu", "imu_link", 25, {"imu": "imu/data_raw"}, "imu_link"),
-            (
-                "camera_orbbec_astra_camera",
-                "camera_orbbec_astra_link",
-                20,
-                OF_GZ,
-                "camera_depth_optical_frame",
-            ),
-        ],
-        "neobotix": [
-            ("lidar_1", "lidar_1_link", 10, scan("lidar_1/scan"), "lidar_1_link"),
-            ("lidar_2", "lidar_2_link", 40, scan("scan2"), "lidar_2_link"),
-        ],
-        "clearpath": [
-            ("lidar3d_0", "lidar3d_0_laser", 10, {"points": LIDAR_3D}, "lidar3d_0_laser"),
-            (
-                "camera_0",
-                "camera_0_link",
-                30,
-                {"image": f"{COLOR}/image", "camera_info": f"{COLOR}/camera_info"},
-                "camera_0_color_optical_frame",
-            ),
-            (
-                "imu_0",
-                "imu_0_link",
-                50,
-                {"imu": "a200_0000/sensors/imu_0/data_raw"},
-                "imu_0_link",
-            ),
-        ],
-    }.items(),
-)
+@pytest.mark.parametrize(("robot", "expected"), PUBLIC_ROBOTS.items())
 def test_sensors_of_public_robots(robot, expected):
     found = load_description(BLOCKS / f"{robot}.urdf")
     assert found.problems == () and found.bad_sensors == ()
-    assert [(s.name, s.link, s.rate, s.topics, s.frame) for s in found.sensors] == expected
+    words = []
+    for sensor in found.sensors:
+        words += [sensor.name.replace(" ", "_"), sensor.link, f"{sensor.rate:g}", sensor.frame]
+        words += [f"{output}={topic}" for output, topic in sensor.topics.items()]
+    assert words == expected.split()
     assert all(sensor.where.split(":")[-1].isdigit() for sensor in found.sensors)
 
 
@@ -247,7 +193,6 @@ def test_a_fault_leaves_the_sensor_out(written, fault):
 
 
 def test_all_faults_at_once_and_the_other_sensors_stay():
-    """Blocks of Gazebo classic and gz sim mixed; two sensors on one topic."""
     on_scan = RAY.format(**VALUES) + "<topic>/scan</topic>"
     found = read(
         block("good", inside=on_scan),
@@ -312,7 +257,6 @@ def test_a_frame_that_is_not_where_the_scan_is_measured_is_a_warning(frame, pose
 
 
 def test_a_file_gives_sensors_to_a_robot_that_lacks_them(tmp_path):
-    """As for ROS 2's turtlebot3_burger.urdf, which has none."""
     file = tmp_path / "sensors.urdf.xacro"
     sensor = block(rate="${2 * 5}", link="base_scan")
     file.write_text(
@@ -335,7 +279,11 @@ def test_the_block_in_the_readme_is_read_without_a_warning(tmp_path):
     (tmp_path / "own.urdf").write_text(section.partition("```xml\n")[2].partition("```")[0])
     robot = parse_description('<robot name="r"><link name="base_scan"/></robot>')
     (sensor,) = (found := load_sensors(tmp_path / "own.urdf", robot)).sensors
-    assert found.notices == () and sensor.topics == scan() and sensor.model.noise.stddev == 0.005
+    assert (
+        found.notices == ()
+        and sensor.topics == {"scan": "scan"}
+        and sensor.model.noise.stddev == 0.005
+    )
 
 
 @pytest.mark.parametrize("prefix", ["", "left_"])
@@ -349,5 +297,9 @@ def test_onebot_has_sensors_if_asked_for(prefix):
     assert sensing.joints[: len(plain.joints)] == plain.joints
     frames = [f"{prefix}{name}" for name in ("lidar_link", "imu_link", "camera_optical_frame")]
     assert [sensor.frame for sensor in sensing.sensors] == frames
-    assert [sensor.topics for sensor in sensing.sensors] == [scan(), {"imu": "imu"}, CAMERA]
+    assert [sensor.topics for sensor in sensing.sensors] == [
+        {"scan": "scan"},
+        {"imu": "imu"},
+        CAMERA,
+    ]
     assert "gazebo" not in plain.urdf

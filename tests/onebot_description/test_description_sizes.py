@@ -50,19 +50,16 @@ def test_good_robots_and_worlds_have_no_size_warnings(file: Path) -> None:
     ],
 )  # fmt: skip
 def test_what_is_not_in_metres(urdf: str, text: str) -> None:
-    """A robot over 20 m, or a shape over 100 times the others; with the line and the unit."""
     assert text in warned(urdf)[0]
     assert warned(urdf)[0].startswith("r:")
 
 
 def test_a_large_world_and_a_small_part_are_no_mistakes() -> None:
-    """A hall of 50 m, and a frame's tiny marker."""
     assert warned(robot('<box size="50 50 0.1"/>', "")) == []
     assert warned(robot('<box size="0.0001 0.0001 0.0001"/>')) == []
 
 
 def test_a_mesh_in_millimetres(tmp_path: Path) -> None:
-    """The tree shows its size, and the warning what to write."""
     corners = (0, 0, 0, 400, 0, 0, 0, 300, 100)
     (tmp_path / "base.stl").write_bytes(bytes(80) + struct.pack("<I12fH", 1, 0, 0, 1, *corners, 0))
     shape = f'<mesh filename="file://{tmp_path}/base.stl"/>'
@@ -84,7 +81,6 @@ def test_a_mesh_in_millimetres(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_angles_in_degrees(element: str, warned: str) -> None:
-    """Not those of arms whose last joint turns by more than a turn."""
     limit = "" if "<limit" in element else '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
     ends = '<parent link="a"/><child link="b"/>'
     urdf = f'<joint name="j" type="revolute">{ends}{element}{limit}</joint>'

@@ -63,12 +63,10 @@ _SLIDE = '<limit lower="-0.25" upper="0.5" effort="2" velocity="3"/>'
     ],
 )
 def test_a_joint_is_one_row(kind: str, inside: str, row: str) -> None:
-    """Kind, axis, range, what it follows, and greatest speed and effort, with their units."""
     assert _hinge(kind, inside) == f"└─ b {row}"
 
 
 def test_branches_are_drawn_to_the_last() -> None:
-    """A line goes on beside the children of all but the last."""
     pairs = [("a", "b"), ("b", "c"), ("b", "d"), ("a", "e"), ("e", "f")]
     links = "".join(f'<link name="{name}"/>' for name in "abcdef")
     joints = "".join(
@@ -90,7 +88,6 @@ def test_branches_are_drawn_to_the_last() -> None:
 
 
 def test_the_title_adds_up() -> None:
-    """Masses, also those of fixed links; distinct meshes; joints that follow; one is singular."""
     mesh = ROBOTS / "meshes" / "cube.stl"
     shape = f'<geometry><mesh filename="{mesh}"/></geometry>'
     moments = 'ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"'

@@ -43,7 +43,6 @@ def empty_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     ],
 )
 def test_variables_of_an_argument(argument: str, expected: dict[str, str]) -> None:
-    """A range ends the use of a server; a host's name becomes its address."""
     assert discovery_variables({"discovery": argument, "domain_id": ""}, forced=True) == expected
 
 
@@ -56,7 +55,6 @@ def test_variables_of_an_argument(argument: str, expected: dict[str, str]) -> No
     ],
 )
 def test_bad_servers(argument: str, problem: str) -> None:
-    """One error names the argument and what is wrong."""
     with pytest.raises(OneBotError, match=f"discovery:={argument}: {problem}"):
         discovery_variables({"discovery": argument, "domain_id": ""}, forced=True)
 
@@ -65,7 +63,6 @@ def test_bad_servers(argument: str, problem: str) -> None:
 def test_the_environment_overrides_the_default(
     monkeypatch: pytest.MonkeyPatch, chosen: dict[str, str]
 ) -> None:
-    """Both of the arguments and of commands without any."""
     [(name, value)] = chosen.items()
     monkeypatch.setenv(name, value)
     values = {"discovery": "localhost", "domain_id": "7"}
@@ -89,7 +86,6 @@ def test_the_environment_overrides_the_default(
 def test_profiles(
     monkeypatch: pytest.MonkeyPatch, variables: dict[str, str], expected: str
 ) -> None:
-    """One for this computer, one for a network; none in place of the user's own settings."""
     for name, value in variables.items():
         monkeypatch.setenv(name, value)
     configure_discovery()
@@ -99,7 +95,6 @@ def test_profiles(
 
 
 def test_introspection_by_a_server(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It takes the whole graph; other nodes take what concerns them. The user's choice counts."""
     configure_discovery(whole_graph=True)
     assert "ROS_SUPER_CLIENT" not in os.environ and discovery.server() == ""
     monkeypatch.setenv(SERVER, ";10.0.0.7:11812")
@@ -127,7 +122,6 @@ sys.stdin.read()
 def test_the_default_listens_on_loopback_only(
     ros_domain: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """No other computer reaches it, whatever peers that has; all programs on this one do."""
     command = [sys.executable, "-c", _NODE]
     with subprocess.Popen(command, stdin=PIPE, stdout=PIPE, text=True) as process:
         assert process.stdout.readline() == "ready\n"

@@ -69,7 +69,6 @@ def value_of(expression: str) -> Any:
     ],
 )
 def test_values_are_pythons(expression: str, value: Any) -> None:
-    """What xacro documents, with Python's precedence, types and errors."""
     if isinstance(value, type) and issubclass(value, Exception):
         with pytest.raises(value):
             value_of(expression)
@@ -122,7 +121,6 @@ def test_nothing_else_is_in_reach(expression: str) -> None:
     )
 )
 def test_whatever_is_written_gives_a_value_of_its_kind(words: list[str]) -> None:
-    """No class but the plain ones, no frame, module or code comes out, nor an unusual error."""
     for expression in ("".join(words), " ".join(words)):
         try:
             value = value_of(expression)
@@ -144,7 +142,6 @@ def test_whatever_is_written_gives_a_value_of_its_kind(words: list[str]) -> None
     ],
 )
 def test_what_a_file_can_hold(tmp_path: Path, written: str, name: str) -> None:
-    """In ``${}``, ``$(eval)`` and the tags of YAML."""
     assert load_description(_file(tmp_path, written)).link_names == (name,)
 
 

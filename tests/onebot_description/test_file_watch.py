@@ -37,7 +37,6 @@ def file(tmp_path: Path) -> Path:
 
 
 def test_a_save_is_noticed_once(file: Path) -> None:
-    """In place."""
     watched = Watched([file])
     assert watched.rest() == NOTHING
     file.write_text("other")
@@ -46,7 +45,6 @@ def test_a_save_is_noticed_once(file: Path) -> None:
 
 
 def test_a_rename_over_the_file_is_noticed(file: Path) -> None:
-    """Even to the same size and time."""
     fresh = file.with_name("a.yaml~")
     watched = Watched([file])
     fresh.write_text("two")
@@ -57,7 +55,6 @@ def test_a_rename_over_the_file_is_noticed(file: Path) -> None:
 
 
 def test_a_file_being_written_is_awaited(file: Path) -> None:
-    """Each piece begins the wait anew; it is over when nothing came for a moment."""
     watched = Watched([file])
     for text in ("h", "ha", "hal", "half"):
         file.write_text(text)
@@ -68,7 +65,6 @@ def test_a_file_being_written_is_awaited(file: Path) -> None:
 
 @pytest.mark.parametrize("absent", [False, True])
 def test_an_empty_or_absent_file_is_awaited_longer(file: Path, absent: bool) -> None:
-    """An editor is about to fill it: what is there then is the only save."""
     watched = Watched([file])
     if absent:
         file.unlink()
@@ -83,7 +79,6 @@ def test_an_empty_or_absent_file_is_awaited_longer(file: Path, absent: bool) -> 
 
 
 def test_a_file_that_stays_empty_was_saved(file: Path) -> None:
-    """Nothing may be what its user wants."""
     watched = Watched([file])
     file.write_text("")
     assert watched.rest() == Changes([file], [])
@@ -91,7 +86,6 @@ def test_a_file_that_stays_empty_was_saved(file: Path) -> None:
 
 
 def test_files_saved_together_are_reported_together(tmp_path: Path) -> None:
-    """While one of them is still being written, the others wait."""
     one, two = tmp_path / "one", tmp_path / "two"
     watched = Watched([one, two])
     one.write_text("1")
@@ -102,7 +96,6 @@ def test_files_saved_together_are_reported_together(tmp_path: Path) -> None:
 
 
 def test_a_file_that_goes_and_comes_back(file: Path) -> None:
-    """Its absence is no save; its return is one."""
     watched = Watched([file])
     file.unlink()
     assert watched.rest() == Changes([], [file])
@@ -112,7 +105,6 @@ def test_a_file_that_goes_and_comes_back(file: Path) -> None:
 
 
 def test_other_files_can_be_watched(tmp_path: Path) -> None:
-    """Those kept stay as they were known."""
     one, two = tmp_path / "one", tmp_path / "two"
     one.write_text("1")
     two.write_text("2")
@@ -124,7 +116,6 @@ def test_other_files_can_be_watched(tmp_path: Path) -> None:
 
 
 def test_a_file_written_after_it_was_read(file: Path) -> None:
-    """A save between the reading of a file and the watch counts."""
     written_ns = file.stat().st_mtime_ns
     assert Watched([file], since_ns=written_ns).rest() == NOTHING
     watched = Watched([file], since_ns=written_ns - 1)

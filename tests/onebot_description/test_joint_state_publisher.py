@@ -1,20 +1,15 @@
 """onebot_description.joint_state_publisher: the node as a process, heard and steered over DDS."""
 
-import signal
-import subprocess
-import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import pytest
 import rclpy
-from rcl_interfaces.srv import GetParameters, SetParameters
-from rclpy.executors import SingleThreadedExecutor
+from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
-from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -22,6 +17,7 @@ from std_msgs.msg import String
 from onebot_description import description_files
 from onebot_description.description import Description, load_description
 from onebot_description.joint_state_publisher import JointStatePublisher
+from tests.ros_support import LATCHED, NodeProcess, Peer
 from tests.support import PATIENCE, wait_for
 
 JOINT = "base_link__link_01"
@@ -52,56 +48,13 @@ def yaml(lines: str) -> str:
     return f"joint_state_publisher:\n  ros__parameters:\n{body}"
 
 
-class Process:
-    """The node under test, its output gathered line by line."""
+class Listener(Peer):
+    """Receives joint states, and publishes and sets what a test asks for."""
 
-    def __init__(self, *arguments: str) -> None:
-        command = [sys.executable, "-u", "-m", "onebot_description.joint_state_publisher"]
-        self.process = subprocess.Popen(
-            [*command, *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-        )
-        self.output = ""
-        self._reader = threading.Thread(target=self._read, daemon=True)
-        self._reader.start()
-
-    def _read(self) -> None:
-        assert self.process.stdout is not None
-        for line in self.process.stdout:
-            self.output += line
-
-    def says(self, words: str) -> str:
-        """Wait until the node has said ``words``."""
-        wait_for(lambda: words in self.output or self.process.poll() is not None, f'"{words}"')
-        assert words in self.output, self.output
-        return self.output
-
-    def ends(self) -> int:
-        """Wait for the process to end and return its exit code."""
-        code = self.process.wait(PATIENCE)
-        self._reader.join(PATIENCE)
-        return code
-
-    def stop(self) -> int:
-        """Press Ctrl-C."""
-        self.process.send_signal(signal.SIGINT)
-        return self.ends()
-
-
-class Listener:
-    """A node that hears joint states, publishes what a test wants and sets parameters."""
-
-    def __init__(self) -> None:
-        self.context = rclpy.Context()
-        rclpy.init(context=self.context)
-        self.node: Node = rclpy.create_node("listener", context=self.context)
-        self.executor = SingleThreadedExecutor(context=self.context)
-        self.executor.add_node(self.node)
-        self.states: list[JointState] = []
-        self.node.create_subscription(JointState, "joint_states", self.states.append, 10)
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self.description = self.node.create_publisher(String, "robot_description", latched)
-        self.thread = threading.Thread(target=self.executor.spin, daemon=True)
-        self.thread.start()
+    def __init__(self, domain: int) -> None:
+        super().__init__(domain, "listener")
+        self.states: list[JointState] = self.hear(JointState, "joint_states", 10)
+        self.description = self.node.create_publisher(String, "robot_description", LATCHED)
 
     def hears(self, fits: Callable[[JointState], Any], what: str) -> JointState:
         """Wait for a message, from now on, that fits."""
@@ -112,58 +65,44 @@ class Listener:
         begin = len(self.states)
         return lambda: [state for state in self.states[begin:] if fits(state)]
 
-    def set(self, name: str, value: object, node: str = "/joint_state_publisher") -> str:
+    def set(self, name: str, value: object) -> str:
         """Set a parameter; returns the reason of a refusal, empty when it was set."""
-        client = self.node.create_client(SetParameters, f"{node}/set_parameters")
-        wait_for(client.service_is_ready, "the parameter service")
-        parameter = Parameter(name, value=value).to_parameter_msg()
-        future = client.call_async(SetParameters.Request(parameters=[parameter]))
-        wait_for(future.done, f"the answer to setting {name}")
-        result = future.result().results[0]
+        [result] = self.set_parameters("joint_state_publisher", **{name: value})
         assert result.successful == (not result.reason)
         return str(result.reason)
 
     def get(self, name: str) -> Any:
         """Get a parameter."""
         client = self.node.create_client(GetParameters, "/joint_state_publisher/get_parameters")
-        wait_for(client.service_is_ready, "the parameter service")
         future = client.call_async(GetParameters.Request(names=[name]))
         wait_for(future.done, f"the value of {name}")
         message = future.result().values[0]
         return rclpy.parameter.parameter_value_to_python(message)
 
-    def close(self) -> None:
-        """End spinning and leave the graph."""
-        self.executor.shutdown()
-        self.thread.join(PATIENCE)
-        self.node.destroy_node()
-        rclpy.shutdown(context=self.context)
+
+def says(node: NodeProcess, words: str) -> None:
+    """Wait until the node has logged ``words``."""
+    wait_for(lambda: words in node.output or node.process.poll() is not None, f'"{words}"')
+    assert words in node.output, node.output
 
 
-Start = Callable[..., Process]
+Start = Callable[..., NodeProcess]
 
 
 @pytest.fixture
 def start(ros_domain: int) -> Iterator[Start]:
-    """Starts nodes, and ends those still there."""
-    started: list[Process] = []
-
-    def start_one(*arguments: str) -> Process:
-        started.append(Process(*arguments))
-        return started[-1]
-
-    yield start_one
-    for process in started:
-        process.process.kill()
-        process.process.wait()
+    """Starts nodes; they end by Ctrl-C, without a traceback."""
+    with ExitStack() as stack:
+        yield lambda *words: stack.enter_context(
+            NodeProcess("onebot_description.joint_state_publisher", *words)
+        )
 
 
 @pytest.fixture
 def listener(ros_domain: int) -> Iterator[Listener]:
     """A listener in the test's domain."""
-    one = Listener()
-    yield one
-    one.close()
+    with Listener(ros_domain) as listener:
+        yield listener
 
 
 @pytest.fixture
@@ -182,10 +121,6 @@ def seconds(state: JointState) -> float:
 def test_a_saved_file_moves_the_robot(
     start: Start, listener: Listener, mrm: str, tmp_path: Path
 ) -> None:
-    """Broken saves keep the last good motion and say why; the mended one is applied.
-
-    All the while no step between two messages is faster than 0.5 rad/s.
-    """
     file = tmp_path / "joints.yaml"
     file.write_text(yaml("rate: 50"))
     node = start(mrm, "--ros-args", "--params-file", str(file))
@@ -207,16 +142,14 @@ def test_a_saved_file_moves_the_robot(
         (good.replace(JOINT, "elbow"), 'motions.elbow: the robot has no joint "elbow" (joints'),
     ):
         file.write_text(yaml(bad))
-        node.says(words)
+        says(node, words)
         assert listener.hears(lambda s: True, "a message").position[0] == 0.3
 
     fresh = tmp_path / "joints.yaml~"
     fresh.write_text(yaml(good.replace("0.3", "-0.2")))
     fresh.replace(file)
-    node.says("mended, applied")
+    says(node, "mended, applied")
     listener.hears(lambda s: s.position[0] == -0.2, "the position mended")
-    assert node.stop() == 0
-    assert "Traceback" not in node.output
     for one, two in zip(listener.states, listener.states[1:], strict=False):
         span = seconds(two) - seconds(one)
         assert abs(two.position[0] - one.position[0]) <= 0.5 * span + 1e-6
@@ -225,7 +158,6 @@ def test_a_saved_file_moves_the_robot(
 def test_removing_a_motion_from_the_file_ends_it(
     start: Start, listener: Listener, mrm: str, tmp_path: Path
 ) -> None:
-    """Also one set live: a save makes everything as the file says, but -p comes first."""
     file = tmp_path / "joints.yaml"
     file.write_text(yaml(f"motions:\n  {JOINT}: {{type: constant, position: 0.1}}"))
     start(mrm, "--ros-args", "--params-file", str(file), "-p", "rate:=40")
@@ -240,7 +172,6 @@ def test_removing_a_motion_from_the_file_ends_it(
 
 
 def test_parameters_can_be_set_while_it_runs(start: Start, listener: Listener, mrm: str) -> None:
-    """Each set takes effect or is refused with the reason; motions can be built up key by key."""
     start(mrm, "--ros-args", "-p", "rate:=50.0")
     listener.hears(lambda s: True, "the first message")
     assert "0.001" in listener.set("rate", 1e-12)
@@ -265,25 +196,22 @@ def test_parameters_can_be_set_while_it_runs(start: Start, listener: Listener, m
 
 
 def test_the_description_comes_from_the_topic(start: Start, listener: Listener) -> None:
-    """Waiting is logged, and a broken one; parameters for another robot do not end the node."""
     node = start(
         "--ros-args", "-p", "motions.elbow.type:=constant", "-p", "motions.elbow.position:=0.1"
     )
-    node.says("waiting for the robot description on /robot_description")
+    says(node, "waiting for the robot description on /robot_description")
     listener.description.publish(String(data="<robot"))
-    node.says("robot_description not applied, still waiting for one:")
+    says(node, "robot_description not applied, still waiting for one:")
     listener.description.publish(String(data=MRM))
     assert list(listener.hears(lambda s: True, "a message").name) == [JOINT]
-    node.says('motions.elbow: the robot has no joint "elbow" (joints that move')
+    says(node, 'motions.elbow: the robot has no joint "elbow" (joints that move')
     two = urdf(joint(0), joint(1, "fixed_one", "fixed"), joint(2, "another"))
     listener.description.publish(String(data=two))
     state = listener.hears(lambda s: len(s.name) == 2, "two joints")
     assert list(state.name) == [JOINT, "another"]
-    assert node.stop() == 0
 
 
 def test_sources_count_more(start: Start, listener: Listener, mrm: str) -> None:
-    """Their values are passed on; messages that make no sense are ignored with a warning."""
     node = start(mrm, "--ros-args", "-p", "source_list:=[measured]", "-p", "rate:=50")
     measured = listener.node.create_publisher(JointState, "measured", 10)
     listener.hears(lambda s: s.position[0] == 0.0, "the default")
@@ -324,7 +252,6 @@ def test_a_namespace_applies_to_file_and_topics(
 def test_config_file_is_read_and_watched(
     start: Start, listener: Listener, mrm: str, tmp_path: Path
 ) -> None:
-    """The parameter config_file does what --params-file does."""
     file = tmp_path / "joints.yaml"
     file.write_text(yaml(f"motions:\n  {JOINT}: {{type: constant, position: 0.1}}"))
     start(mrm, "--ros-args", "-p", f"config_file:={file}")
@@ -346,7 +273,6 @@ def test_it_publishes_while_a_saved_description_is_expanded(
     mrm: str,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """A xacro may take long; here it takes until some messages have been received."""
     node = start_node(lambda: JointStatePublisher(mrm), rate=50)
     expanding, go_on = threading.Event(), threading.Event()
 
@@ -379,10 +305,6 @@ def test_it_publishes_while_a_saved_description_is_expanded(
 def test_a_joint_can_be_renamed_in_both_files(
     start: Start, listener: Listener, mrm: str, tmp_path: Path, description_first: bool
 ) -> None:
-    """The robot changes at once, as all nodes must show the same; the parameters once they suit it.
-
-    A parameter file that is removed is reported, and changes nothing.
-    """
     file = tmp_path / "joints.yaml"
     file.write_text(yaml(f"rate: 50\nmotions:\n  {JOINT}: {{type: constant, position: 0.1}}"))
     node = start(mrm, "--ros-args", "--params-file", str(file))
@@ -397,21 +319,20 @@ def test_a_joint_can_be_renamed_in_both_files(
     first()
     gone = f'motions.{JOINT}: the robot has no joint "{JOINT}"'
     if description_first:
-        node.says(gone)
+        says(node, gone)
         listener.hears(lambda s: list(s.name) == ["elbow"], "the new joint")
     else:
-        node.says(f"{file} not applied, the robot goes on as before:")
+        says(node, f"{file} not applied, the robot goes on as before:")
         assert list(listener.hears(lambda s: True, "a message").name) == [JOINT]
     second()
     listener.hears(lambda s: list(s.name) == ["elbow"] and s.position[0] == 0.2, "its motion")
     assert (gone in node.output) == description_first
     file.unlink()
-    node.says(f"{file} was removed: the robot goes on as before")
+    says(node, f"{file} was removed: the robot goes on as before")
     assert listener.hears(lambda s: True, "a message").position[0] == 0.2
 
 
 def test_sim_time_is_respected(start: Start, listener: Listener, mrm: str) -> None:
-    """Stamps and speed go by /clock."""
     start(
         mrm,
         "--ros-args",
@@ -443,14 +364,13 @@ def test_sim_time_is_respected(start: Start, listener: Listener, mrm: str) -> No
 
 
 def test_limits_exceeded_are_told_once(start: Start, mrm: str, tmp_path: Path) -> None:
-    """With file and line, and the remedy."""
     file = tmp_path / "joints.yaml"
     motion = f"motions:\n  {JOINT}: {{type: sine, amplitude: 1.0, frequency: 0.2}}"
     file.write_text(yaml(motion))
     node = start(mrm, "--ros-args", "--params-file", str(file))
-    node.says("lower frequency to 0.0795775")
+    says(node, "lower frequency to 0.0795775")
     file.write_text(yaml(f"rate: 20\n{motion}"))
-    node.says("applied, changed: rate")
+    says(node, "applied, changed: rate")
     assert node.output.count("lower frequency") == 1
     assert f"{file}:4: motions.{JOINT}: sine at 0.2 Hz peaks" in node.output
 
@@ -471,24 +391,23 @@ def test_limits_exceeded_are_told_once(start: Start, mrm: str, tmp_path: Path) -
     ],
 )
 def test_mistakes_at_the_start_end_it(
-    start: Start, mrm: str, arguments: list[str], words: str
+    ros_domain: int, mrm: str, arguments: list[str], words: str
 ) -> None:
-    """With exit code 1 and one clear error, no traceback."""
-    node = start(mrm, "--ros-args", *arguments)
-    assert node.ends() == 1
-    assert words in node.output
-    assert "Traceback" not in node.output and "RuntimeWarning" not in node.output
+    module = "onebot_description.joint_state_publisher"
+    with NodeProcess(module, mrm, "--ros-args", *arguments, check=False) as node:
+        assert node.wait() == 1
+        assert words in node.output
+        assert "Traceback" not in node.output and "RuntimeWarning" not in node.output
 
 
 def test_a_robot_that_cannot_move_publishes_nothing(
     start: Start, listener: Listener, tmp_path: Path
 ) -> None:
-    """It says so, and waits for another description."""
     file = tmp_path / "fixed.urdf"
     # As in a test of the standard node: links without joints, <robot> within another element.
     file.write_text('<urdf><robot name="zero"><link name="a"/><link name="b"/></robot></urdf>')
     node = start(str(file), "--ros-args", "-p", "rate:=100")
-    node.says("no joint moves")
+    says(node, "no joint moves")
     assert "let <robot> be the outermost element" in node.output
     file.write_text(MRM)
     listener.hears(lambda s: True, "a message")

@@ -17,7 +17,6 @@ def refused(parameters: dict[str, Any]) -> str:
 
 
 def test_defaults_are_those_of_the_standard_node() -> None:
-    """Without parameters everything is as in joint_state_publisher."""
     config = JointsConfig.from_parameters({})
     assert config.rate == 10.0
     assert config.publish_default_positions
@@ -31,7 +30,6 @@ def test_defaults_are_those_of_the_standard_node() -> None:
 
 
 def test_nested_and_dotted_names_are_the_same() -> None:
-    """YAML nested in maps reads as ROS's dotted names."""
     nested = {"zeros": {"elbow": 0.5}, "dependent_joints": {"a": {"parent": "b", "factor": 2}}}
     dotted = {
         "zeros.elbow": 0.5,
@@ -44,7 +42,6 @@ def test_nested_and_dotted_names_are_the_same() -> None:
 
 
 def test_joint_names_may_hold_dots() -> None:
-    """The last word is the key, all before it the joint."""
     config = JointsConfig.from_parameters(
         {"motions.arm.elbow.type": "constant", "motions.arm.elbow.position": 0.5}
     )
@@ -78,7 +75,6 @@ def test_joint_names_may_hold_dots() -> None:
     ],
 )
 def test_every_kind_of_motion_is_read(written: dict[str, Any], motion: object) -> None:
-    """Each type with its keys."""
     poses = {"up": {"elbow": 0.75}, "down": {"elbow": -0.75}}
     config = JointsConfig.from_parameters({"poses": poses, "motions": {"elbow": written}})
     assert config.motions["elbow"] == motion
@@ -87,7 +83,6 @@ def test_every_kind_of_motion_is_read(written: dict[str, Any], motion: object) -
 
 
 def test_sequence_is_read() -> None:
-    """A sequence blends with minimum jerk and loops unless it says otherwise."""
     poses = {"a": {"elbow": 0.0}, "b": {"elbow": 1.0}}
     written = {"poses": ["a", "b"], "durations": [1.0, 2.0]}
     config = JointsConfig.from_parameters({"poses": poses, "sequence": written})
@@ -150,7 +145,6 @@ def test_mistakes_are_refused_with_the_remedy(parameters: dict[str, Any], words:
 
 
 def test_leftovers_of_another_type_are_only_noted() -> None:
-    """Setting type alone on a running node must not be stopped by the keys of the type before."""
     written = {"type": "sine", "position": 1.0, "amplitude": 1.0}
     config = JointsConfig.from_parameters({"motions": {"a": written}})
     assert [note.key for note in config.notes] == ["motions.a.position", "motions.a"]
@@ -159,7 +153,6 @@ def test_leftovers_of_another_type_are_only_noted() -> None:
 
 
 def test_the_edges_of_what_is_possible() -> None:
-    """The highest rate, no step, a time that begins at 0 and a pose that nobody uses."""
     assert JointsConfig.from_parameters({"rate": 1000}).rate == 1000.0
     assert JointsConfig.from_parameters({"rate": 0.001}).rate == 0.001
     assert refused({"rate": 1000.5}).startswith("rate: 1000.5 is above 1000")
@@ -186,13 +179,11 @@ def test_the_edges_of_what_is_possible() -> None:
     ],
 )
 def test_what_moves_the_robot(parameters: dict[str, Any], moves: bool) -> None:
-    """Any motion that is asked for, and nothing that only says where joints are."""
     assert JointsConfig.from_parameters(parameters).moves == moves
 
 
 @pytest.mark.parametrize("missing", ["poses", "durations"])
 def test_half_a_sequence_is_noted(missing: str) -> None:
-    """It moves nothing, but may be completed while the node runs."""
     sequence = {"poses": ["h"], "durations": [1.0]}
     del sequence[missing]
     config = JointsConfig.from_parameters({"poses": {"h": {"a": 0}}, "sequence": sequence})
@@ -205,7 +196,6 @@ def test_half_a_sequence_is_noted(missing: str) -> None:
 
 @pytest.mark.parametrize("missing", ["amplitude", "frequency"])
 def test_half_a_sine_is_noted(missing: str) -> None:
-    """It does not swing; the other half may be set while the node runs."""
     written = {"type": "sine", "amplitude": 0.5, "frequency": 0.25, "offset": 0.125}
     del written[missing]
     config = JointsConfig.from_parameters({"motions": {"a": written}})
@@ -215,7 +205,6 @@ def test_half_a_sine_is_noted(missing: str) -> None:
 
 
 def test_a_motion_names_its_type() -> None:
-    """Without it, the types are listed; keyframes go through positions or poses."""
     untyped = refused({"motions": {"a": {"position": 1.0}}})
     kinds = "the kind of motion, one of constant, sine, keyframes, pose"
     assert untyped == f"motions.a: has no type, {kinds}"

@@ -1,11 +1,11 @@
-"""onebot_description.joints.limits: how far joints go, and where they rest."""
+"""onebot_description.joints.motion_limits: how far joints go, and where they rest."""
 
 import math
 
 import pytest
 
-from onebot_description.joints import limits as limits_module
-from onebot_description.joints.limits import JointLimits, movable, zero_position
+from onebot_description.joints import motion_limits as limits_module
+from onebot_description.joints.motion_limits import JointLimits, movable, zero_position
 from tests.onebot_description.joints_support import joint
 
 
@@ -24,14 +24,12 @@ def reported(joints: list) -> tuple[JointLimits, str]:
 
 
 def test_only_joints_with_one_position_move() -> None:
-    """Fixed, floating and planar joints are left out; the order stays."""
     kinds = ["prismatic", "fixed", "floating", "planar", "continuous", "revolute"]
     joints = [joint(kind, kind) for kind in kinds]
     assert [j.name for j in movable(joints)] == ["prismatic", "continuous", "revolute"]
 
 
 def test_soft_limits_narrow_hard_ones_where_asked() -> None:
-    """They never widen them, and one that is not given does not limit."""
     joints = [joint("a", soft_lower=-0.5, soft_upper=5.0), joint("b"), joint("c", soft_upper=0.25)]
     limits = joint_limits(joints, soft=True)
     assert limits.lower.tolist() == [-0.5, -1.0, -1.0]
@@ -42,7 +40,6 @@ def test_soft_limits_narrow_hard_ones_where_asked() -> None:
 
 
 def test_soft_limits_that_leave_no_range_are_not_applied() -> None:
-    """The message says what to change."""
     limits, text = reported([joint("a", soft_lower=2.0, soft_upper=3.0)])
     assert "not applied: correct its safety_controller" in text
     assert (limits.lower.tolist(), limits.upper.tolist()) == ([-1.0], [1.0])
@@ -69,13 +66,11 @@ def test_a_joint_without_limits_stays(kind: str, missing: tuple[str, ...]) -> No
     ],
 )
 def test_joints_rest_at_zero_or_mid_range(lower: float, upper: float, zero: float) -> None:
-    """The middle only if 0 is out of range."""
     assert zero_position(lower, upper) == zero
 
 
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
 def test_limits_may_leave_a_single_position(kind: str) -> None:
-    """Soft and hard limits that meet are no contradiction; a hair beyond they are."""
     limits = joint_limits([joint("a", kind, soft_lower=1.0, soft_upper=5.0)], soft=True)
     assert (limits.lower.tolist(), limits.upper.tolist()) == ([1.0], [1.0])
     limits = joint_limits([joint("a", kind, soft_lower=-5.0, soft_upper=-1.0)], soft=True)
@@ -85,7 +80,6 @@ def test_limits_may_leave_a_single_position(kind: str) -> None:
 
 
 def test_a_continuous_joint_has_speed_alone() -> None:
-    """Soft limits, and what a limit says, do not end its turning."""
     soft = {"soft_lower": -0.5, "soft_upper": 0.5}
     one = joint("a", "continuous", lower=-1.0, upper=1.0, **soft)
     limits = joint_limits([one], soft=True)
@@ -94,7 +88,6 @@ def test_a_continuous_joint_has_speed_alone() -> None:
 
 
 def test_speed_limits() -> None:
-    """None is no limit, zero is one, and below zero there is none."""
     joints = [
         joint(name, velocity=value) for name, value in zip("abc", (None, 0.0, -1.0), strict=True)
     ]

@@ -41,7 +41,6 @@ def test_chains_resolve_in_any_order() -> None:
 
 
 def test_a_circle_is_opened_and_reported() -> None:
-    """The message goes round it; all but one of its joints follow, as those do that lead to it."""
     joints = [
         joint("a", mimic=mimic("b")),
         joint("b", mimic=mimic("c")),
@@ -55,7 +54,6 @@ def test_a_circle_is_opened_and_reported() -> None:
 
 
 def test_a_circle_by_dependent_joints_is_refused() -> None:
-    """It is opened where the parameters close it."""
     joints = [joint("a", mimic=mimic("b")), joint("b")]
     config = JointsConfig.from_parameters({"dependent_joints.b.parent": "a", "zeros.b": 0.5})
     assert "dependent_joints.b: joints follow one another in a circle" in refused(joints, config)
@@ -64,7 +62,6 @@ def test_a_circle_by_dependent_joints_is_refused() -> None:
 
 
 def test_following_a_missing_joint_is_reported() -> None:
-    """The message suggests the joint meant; a dependent joint without its parent is refused."""
     joints = [joint("finger"), joint("thumb", mimic=mimic("fingr"))]
     [text] = reported(joints)
     assert 'follows "fingr", which does not exist (did you mean "finger"?' in text
@@ -74,14 +71,12 @@ def test_following_a_missing_joint_is_reported() -> None:
 
 
 def test_use_mimic_tags_false_lets_every_joint_move_alone() -> None:
-    """Even where the tags make no sense."""
     joints = [joint("thumb", mimic=mimic("nothing"))]
     config = JointsConfig.from_parameters({"use_mimic_tags": False, "zeros.thumb": 0.25})
     assert JointStateSource(joints, config).sample(0.0)[0] == [0.25]
 
 
 def test_dependent_joints_make_a_joint_follow() -> None:
-    """As a mimic tag does, and they come before one."""
     joints = [joint("a"), joint("b", mimic=mimic("a")), joint("c")]
     written = {"b": {"parent": "c", "factor": 0.5, "offset": 0.25}, "a": {"parent": "b"}}
     config = JointsConfig.from_parameters({"dependent_joints": written, "zeros.c": 0.5})
@@ -89,13 +84,11 @@ def test_dependent_joints_make_a_joint_follow() -> None:
 
 
 def test_a_dependent_joint_that_is_missing_is_an_error() -> None:
-    """It lists what there is."""
     config = JointsConfig.from_parameters({"dependent_joints.x.parent": "a"})
     assert 'dependent_joints.x: the robot has no joint "x"' in refused([joint("a")], config)
 
 
 def test_followers_keep_their_own_limits() -> None:
-    """The leader goes only as far, and as fast, as its follower can."""
     joints = [joint("a"), joint("b", mimic=mimic("a", 2.0), velocity=0.5)]
     config = JointsConfig.from_parameters({"motions": {"a": {"type": "constant", "position": 1.0}}})
     source = JointStateSource(joints, config)
@@ -110,7 +103,6 @@ def test_followers_keep_their_own_limits() -> None:
 
 @pytest.mark.parametrize("multiplier", [1.0, 0.0])
 def test_limits_that_contradict_are_reported(multiplier: float) -> None:
-    """No position of the leader suits its follower, which moves alone."""
     joints = [joint("a"), joint("b", mimic=mimic("a", multiplier, 3.0))]
     [text] = reported(joints)
     assert "no position suits both" in text
@@ -123,13 +115,11 @@ def test_limits_that_contradict_are_reported(multiplier: float) -> None:
 
 
 def test_a_follower_cannot_have_a_motion() -> None:
-    """The message names the joint to move instead."""
     config = JointsConfig.from_parameters({"motions.a.type": "constant", "motions.a.position": 0.5})
     assert 'joint "a" follows "c"; move that one' in refused(CHAIN, config)
 
 
 def test_a_follower_takes_to_a_new_leader_without_a_jump() -> None:
-    """Setting dependent_joints on a running node keeps to the velocity limit."""
     source = JointStateSource([joint("a"), joint("b")])
     source.sample(0.0)
     config = JointsConfig.from_parameters({"dependent_joints.b": {"parent": "a", "offset": 1.0}})
@@ -149,7 +139,6 @@ _offset = st.sampled_from([-0.125, 0.0, 0.25])
 def test_each_joint_of_a_chain_follows_the_one_before(
     links: list[tuple[float, float]], position: float
 ) -> None:
-    """Position, velocity and limits: what is folded into one step is what each link says."""
     joints = [joint("j0", velocity=0.5)]
     for number, (factor, offset) in enumerate(links):
         wide = {"lower": -1e3, "upper": 1e3, "velocity": 1e3}
@@ -174,7 +163,6 @@ def test_each_joint_of_a_chain_follows_the_one_before(
 def test_a_leader_goes_as_far_and_as_fast_as_the_narrowest_follower(
     links: list[tuple[float, float]], toward: float
 ) -> None:
-    """Several joints follow it, each with limits of its own; the tightest counts on each side."""
     joints = [joint("leader", lower=-2.0, upper=2.0, velocity=0.5)]
     joints += [
         joint(
@@ -206,7 +194,6 @@ def test_a_leader_goes_as_far_and_as_fast_as_the_narrowest_follower(
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("end", [-1.0, 1.0])
 def test_a_follower_that_never_moves_narrows_nothing(end: float) -> None:
-    """Factor 0: it stands at its offset, even where that is its limit, whatever its speed."""
     joints = [joint("a"), joint("b", velocity=0.0, mimic=mimic("a", 0.0, end))]
     config = JointsConfig.from_parameters({"motions": {"a": {"type": "constant", "position": 1.0}}})
     source = JointStateSource(joints, config)
@@ -217,7 +204,6 @@ def test_a_follower_that_never_moves_narrows_nothing(end: float) -> None:
 
 @pytest.mark.parametrize(("upper", "notes"), [(1.0, 0), (1.5, 0), (1.0 - 1e-5, 1), (0.5, 1)])
 def test_only_a_range_that_becomes_smaller_is_noted(upper: float, notes: int) -> None:
-    """And that both joints keep to, in the words of the follower."""
     joints = [joint("a"), joint("b", lower=-1.5, upper=upper, mimic=mimic("a"))]
     reports = JointStateSource(joints).reports
     assert len(reports) == notes
@@ -229,7 +215,6 @@ def test_only_a_range_that_becomes_smaller_is_noted(upper: float, notes: int) ->
 
 
 def test_every_contradiction_is_reported() -> None:
-    """One does not hide the next, and what one asks does not count for the next."""
     joints = [
         joint("a"),
         joint("b", mimic=mimic("a", 1.0, 3.0)),
@@ -241,7 +226,6 @@ def test_every_contradiction_is_reported() -> None:
 
 @pytest.mark.filterwarnings("error")
 def test_joints_without_end_follow_one_another_without_a_note() -> None:
-    """Nothing bounds them; one that a follower bounds is said to keep to its limits."""
     free = joint("free", "continuous", mimic=mimic("wheel"))
     assert JointStateSource([joint("wheel", "continuous"), free]).reports == ()
     bound = joint("bound", mimic=mimic("wheel", 2.0))

@@ -43,27 +43,22 @@ def _keyframes(pieces: list[tuple[float, float]], blend: str, loop: bool) -> dic
 
 
 _blend = st.sampled_from(["linear", "minimum_jerk"])
+
+
+def _sine(amplitude: float, frequency: float, phase: float, offset: float) -> dict[str, Any]:
+    numbers = {"amplitude": amplitude, "frequency": frequency, "phase": phase, "offset": offset}
+    return {"type": "sine", **numbers}
+
+
+def _sequence(durations: tuple[float, float], blend: str, loop: bool) -> dict[str, Any]:
+    return {"poses": ["one", "two"], "durations": list(durations), "blend": blend, "loop": loop}
+
+
+_pieces = st.lists(st.tuples(_seconds, _number), min_size=1, max_size=5)
 _motion = st.one_of(
-    st.builds(lambda p: {"type": "constant", "position": p}, _number),
-    st.builds(
-        lambda a, f, p, o: {
-            "type": "sine",
-            "amplitude": a,
-            "frequency": f,
-            "phase": p,
-            "offset": o,
-        },
-        _number,
-        st.floats(0.0, 20.0),
-        _number,
-        _number,
-    ),
-    st.builds(
-        _keyframes,
-        st.lists(st.tuples(_seconds, _number), min_size=1, max_size=5),
-        _blend,
-        st.booleans(),
-    ),
+    st.builds(lambda position: {"type": "constant", "position": position}, _number),
+    st.builds(_sine, _number, st.floats(0.0, 20.0), _number, _number),
+    st.builds(_keyframes, _pieces, _blend, st.booleans()),
 )
 _pose = st.dictionaries(st.sampled_from(LEADERS), _number, min_size=1)
 _parameters = st.fixed_dictionaries(
@@ -73,21 +68,8 @@ _parameters = st.fixed_dictionaries(
         "delta": st.sampled_from([0.0, 0.01, 1.0]),
         "pose": st.sampled_from(["", "", "", "one", "two"]),
         "zeros": st.dictionaries(st.sampled_from(LEADERS), _number),
-        "sequence": st.one_of(
-            st.just({}),
-            st.builds(
-                lambda a, b, blend, loop: {
-                    "poses": ["one", "two"],
-                    "durations": [a, b],
-                    "blend": blend,
-                    "loop": loop,
-                },
-                _seconds,
-                _seconds,
-                _blend,
-                st.booleans(),
-            ),
-        ),
+        "sequence": st.just({})
+        | st.builds(_sequence, st.tuples(_seconds, _seconds), _blend, st.booleans()),
     }
 )
 _edits = st.lists(
@@ -100,11 +82,6 @@ _edits = st.lists(
 @settings(deadline=None)
 @given(_edits)
 def test_limits_are_never_exceeded_and_velocities_integrate(edits: list) -> None:
-    """Whatever the motions, the edits and the times between samples.
-
-    Positions and velocities are within limits, each position is the one before plus velocity times
-    time (whole turns of the wheel apart), and the thumb follows the finger.
-    """
     source = JointStateSource(ROBOT, JointsConfig.from_parameters(edits[0][0]))
     now = 0.0
     before, velocities = source.sample(now)
@@ -136,26 +113,22 @@ def settled(source: JointStateSource, at: float = 1000.0) -> dict[str, float]:
 
 
 def test_names_are_those_that_move_in_order() -> None:
-    """Fixed joints are left out."""
     assert list(source_of({}).names) == NAMES
 
 
 def test_joints_start_at_zero_or_mid_range() -> None:
-    """The slide's range leaves 0 out."""
     positions, velocities = source_of({}).sample(5.0)
     assert positions == pytest.approx([0.0, 0.4, 0.0, 0.0, 0.05])
     assert not velocities.any()
 
 
 def test_zeros_say_where_joints_rest() -> None:
-    """Beyond limits they are held and reported; unknown names are reported."""
     source = source_of({"zeros": {"elbow": 0.25, "slide": 9.0, "elbw": 1.0}})
     assert source.sample(0.0)[0][:2] == pytest.approx([0.25, 0.6])
     assert {report.key for report in source.reports} >= {"zeros.slide", "zeros.elbw"}
 
 
 def test_a_slow_sine_is_followed_exactly() -> None:
-    """Within its limits the motion is what was asked."""
     source = source_of({"motions": {"elbow": {"type": "sine", "amplitude": 0.5, "frequency": 0.1}}})
     for moment in np.arange(0.0, 20.0, 0.02):
         positions, _ = source.sample(moment)
@@ -164,7 +137,6 @@ def test_a_slow_sine_is_followed_exactly() -> None:
 
 
 def test_pose_comes_before_motions_before_sequence_before_delta() -> None:
-    """And each only for the joints it names."""
     parameters = {
         "poses": {
             "one": {"elbow": 0.9},
@@ -184,21 +156,18 @@ def test_pose_comes_before_motions_before_sequence_before_delta() -> None:
 
 
 def test_poses_beyond_limits_are_told_once_each() -> None:
-    """Whether in use or not."""
     source = source_of({"poses": {"far": {"elbow": 5.0}}, "pose": "far"})
     assert [report.key for report in source.reports] == ["poses.far.elbow"]
     assert settled(source)["elbow"] == 1.0
 
 
 def test_poses_may_hold_followers() -> None:
-    """As a pose noted from joint_states does; it is said that they have no effect."""
     source = source_of({"poses": {"noted": {"finger": 0.2, "thumb": 0.3}}, "pose": "noted"})
     assert settled(source)["thumb"] == pytest.approx(-0.15)
     assert [report.key for report in source.reports] == ["poses.noted.thumb"]
 
 
 def test_delta_sweeps_what_nothing_else_moves() -> None:
-    """At delta times rate, as far as the velocity limit allows; wheels turn on."""
     source = source_of({"delta": 0.01, "rate": 10})
     source.sample(0.0)
     positions, velocities = source.sample(1.0)
@@ -210,7 +179,6 @@ def test_delta_sweeps_what_nothing_else_moves() -> None:
 
 
 def test_joints_that_nothing_else_moves_swing_within_limits() -> None:
-    """Through most of their range, none with another, in the period or at half their speed."""
     parameters = {"swing": 8.0, "motions": {"slide": {"type": "constant", "position": 0.3}}}
     source = source_of(parameters)
     assert source.reports == ()
@@ -237,7 +205,6 @@ def test_joints_that_nothing_else_moves_swing_within_limits() -> None:
 
 
 def test_the_wheel_takes_the_short_way() -> None:
-    """An edit after many turns does not unwind them."""
     turning = {"type": "keyframes", "times": [0.0, 4.0], "positions": [0.0, 2.0 * math.pi]}
     source = source_of({"motions": {"wheel": turning}})
     for moment in np.arange(0.0, 101.0, 0.1):
@@ -254,7 +221,6 @@ def test_the_wheel_takes_the_short_way() -> None:
 
 
 def test_an_edit_leaves_the_other_motions_alone() -> None:
-    """What did not change goes on as it was; what did begins anew."""
     sine = {"type": "sine", "amplitude": 0.1, "frequency": 0.1}
     edited = source_of({"motions": {"elbow": sine}})
     plain = source_of({"motions": {"elbow": sine}})
@@ -273,7 +239,6 @@ def test_an_edit_leaves_the_other_motions_alone() -> None:
 
 
 def test_a_refused_edit_changes_nothing() -> None:
-    """The last good motion goes on, and the message lists the joints there are."""
     source = source_of({"motions": {"elbow": {"type": "constant", "position": 0.5}}})
     with pytest.raises(ConfigError, match="joints that move: elbow, finger, slide, thumb, wheel"):
         configure(
@@ -288,10 +253,6 @@ def test_a_refused_edit_changes_nothing() -> None:
 
 
 def test_a_new_robot_leaves_out_what_does_not_suit_it() -> None:
-    """A joint that is gone, that is fixed or that follows now is reported; the others move on.
-
-    Later edits may leave these entries as they are, but not add others.
-    """
     parameters = {
         "motions": {
             name: {"type": "constant", "position": 0.25} for name in ("elbow", "slide", "finger")
@@ -319,14 +280,12 @@ def test_a_new_robot_leaves_out_what_does_not_suit_it() -> None:
 
 
 def test_the_same_moment_again_gives_the_same() -> None:
-    """Without dividing by nothing."""
     source = source_of({"motions": {"elbow": {"type": "constant", "position": 1.0}}})
     source.sample(0.0)
     assert np.array_equal(source.sample(1.0), source.sample(1.0))
 
 
 def test_a_joint_without_velocity_limit_jumps() -> None:
-    """There is nothing to hold it."""
     config = JointsConfig.from_parameters({"motions": {"a": {"type": "constant", "position": 1.0}}})
     source = JointStateSource([joint("a", velocity=None)], config)
     source.sample(0.0)
@@ -336,7 +295,6 @@ def test_a_joint_without_velocity_limit_jumps() -> None:
 
 
 def test_received_states_override_motions() -> None:
-    """Followers go with it; what is not finite, or of a joint that follows, does not count."""
     source = source_of({"motions": {"elbow": {"type": "constant", "position": 1.0}}})
     source.sample(0.0)
     nothing = source.received.receive(
@@ -353,7 +311,6 @@ def test_received_states_override_motions() -> None:
 
 
 def test_a_motion_begins_when_it_is_asked_for() -> None:
-    """Not when the source began, however long ago; and at its own phase 0."""
     source = source_of({})
     for moment in (1e9, 1e9 + 40.0):
         source.sample(moment)
@@ -365,7 +322,6 @@ def test_a_motion_begins_when_it_is_asked_for() -> None:
 
 
 def test_a_clock_set_back_goes_on_with_the_same_motion() -> None:
-    """The time between two samples counts, never the time itself."""
     steps = [0.5, 0.25, -100.0, 0.5, 1e6, 0.25]
     source, plain = (
         source_of(
@@ -411,7 +367,6 @@ def test_a_first_pose_without_the_joint_is_where_the_loop_leaves_it(
 
 
 def test_a_sequence_holds_its_last_pose_or_goes_back_to_its_first() -> None:
-    """A loop takes the first duration to come back; a pose twice in a row holds it."""
     written = {
         "poses": ["a", "b", "b"],
         "durations": [0.5, 1.0, 2.0],
@@ -429,7 +384,6 @@ def test_a_sequence_holds_its_last_pose_or_goes_back_to_its_first() -> None:
 
 
 def test_poses_of_a_sequence_are_kept_within_limits() -> None:
-    """The joint waits at its limit, and the pose is reported, not each of its uses."""
     source = source_of(
         {
             "poses": {"far": {"elbow": 5.0}, "low": {"elbow": -5.0}},
@@ -444,7 +398,6 @@ def test_poses_of_a_sequence_are_kept_within_limits() -> None:
 
 
 def test_a_sequence_too_fast_for_a_joint_is_reported_with_the_joint() -> None:
-    """As its parameter does not name it; one that none of its poses name has nothing to do."""
     source = source_of(
         {
             "poses": {"a": {"elbow": 0.0}, "b": {"elbow": 1.0}},
@@ -456,7 +409,6 @@ def test_a_sequence_too_fast_for_a_joint_is_reported_with_the_joint() -> None:
 
 
 def test_a_sweep_too_fast_for_a_joint_is_reported_and_slower() -> None:
-    """Each joint by its name, in its unit; those that can keep up are not."""
     source = source_of({"delta": 0.02, "rate": 10})
     assert [(report.key, report.text.partition(" is ")[0]) for report in source.reports] == [
         ("delta", 'joint "slide": delta times rate'),
@@ -507,7 +459,6 @@ def test_a_wheel_that_leads_takes_the_whole_way_to_its_new_motion() -> None:
 
 @given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=5))
 def test_wrapped_angles_are_the_same_angles(angles: list[float]) -> None:
-    """Within half a turn to either side, both ends included."""
     found = wrapped(np.array(angles))
     assert (np.abs(found) <= math.pi + 1e-12).all()
     assert np.exp(1j * found) == pytest.approx(np.exp(1j * np.array(angles)), abs=1e-9)
@@ -516,7 +467,6 @@ def test_wrapped_angles_are_the_same_angles(angles: list[float]) -> None:
 
 
 def test_a_new_description_keeps_time_motion_and_received_states() -> None:
-    """Whatever the order of its joints: the next sample is that of the source before."""
     parameters = {
         "motions": {"elbow": {"type": "sine", "amplitude": 0.5, "frequency": 0.05}},
         "poses": {"p": {"finger": 0.5}},
@@ -537,7 +487,6 @@ def test_a_new_description_keeps_time_motion_and_received_states() -> None:
 
 
 def test_received_velocities_or_efforts_alone_leave_the_positions() -> None:
-    """What is not given is what the motion says."""
     source = source_of({"motions": {"elbow": {"type": "constant", "position": 1.0}}})
     source.sample(0.0)
     received = source.received
@@ -566,7 +515,6 @@ def test_each_list_of_a_message_has_one_value_per_name(which: int) -> None:
 
 
 def test_the_received_state_of_a_leader_moves_its_follower_by_the_factor() -> None:
-    """Position and velocity; the effort is the leader's own."""
     source = JointStateSource(WHEELS)
     source.sample(0.0)
     source.received.receive(["left"], [1.0], [0.5], [2.0])

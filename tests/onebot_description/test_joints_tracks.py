@@ -60,10 +60,6 @@ _keyframes = st.builds(
 
 @given(_keyframes, st.integers(0, 400).map(lambda number: number / 8), st.booleans())
 def test_keyframes_at_every_moment(motion: Keyframes, time: float, endless: bool) -> None:
-    """At the keyframes themselves, too (all times are binary fractions): as worked out by hand.
-
-    A loop that does not close has its first position at the moment it starts over.
-    """
     found = at(motion, time, start=0.3, endless=endless)
     assert found == pytest.approx(expected(motion, time, 0.3, endless), abs=1e-9)
 
@@ -72,7 +68,6 @@ def test_keyframes_at_every_moment(motion: Keyframes, time: float, endless: bool
     ("beyond", "whole"), [(0.009, True), (-0.009, True), (0.011, False), (-0.011, False)]
 )
 def test_what_counts_as_a_whole_turn(beyond: float, whole: bool) -> None:
-    """A hundredth of a radian is what a turn may be rounded by; 3.142 is half of one."""
     turn = math.tau + beyond
     motion = Keyframes((0.0, 1.0), (0.0, turn))
     assert at(motion, 1.5, endless=True) == pytest.approx((1.5 if whole else 0.5) * turn)
@@ -86,7 +81,6 @@ def test_what_counts_as_a_whole_turn(beyond: float, whole: bool) -> None:
     st.floats(-1.0, 2.0),
 )
 def test_a_sweep_stays_in_its_range_at_its_speed(speed: float, time: float, start: float) -> None:
-    """From its start upwards; after there and back it is where it was, and so for ever."""
     motion = Keyframes.sweep(speed, start, -1.0, 2.0)
     here, next_ = at(motion, time), at(motion, time + 0.001)
     assert -1.0 - 1e-9 <= here <= 2.0 + 1e-9
@@ -99,13 +93,11 @@ def test_a_sweep_stays_in_its_range_at_its_speed(speed: float, time: float, star
 
 @given(st.floats(0.0, 1e3))
 def test_sine(time: float) -> None:
-    """Is the formula."""
     wanted = 0.1 + 0.5 * math.sin(2.0 * math.pi * 0.2 * time + 0.3)
     assert at(Sine(0.5, 0.2, 0.3, 0.1), time) == pytest.approx(wanted, abs=1e-9)
 
 
 def test_a_loop_is_at_its_first_keyframe_when_it_starts_over() -> None:
-    """Each time; the moment before, it is at its last one."""
     for motion in (Keyframes((0.0, 2.0), (0.0, 1.0)), Keyframes((1.0, 2.0), (0.0, 1.0))):
         for end in (2.0, 4.0, 6.0):
             assert at(motion, end) == 0.0
@@ -113,7 +105,6 @@ def test_a_loop_is_at_its_first_keyframe_when_it_starts_over() -> None:
 
 
 def test_minimum_jerk_starts_and_ends_at_rest() -> None:
-    """Half-way in the middle, and hardly moving at both ends."""
     motion = Keyframes((0.0, 1.0), (0.0, 1.0), "minimum_jerk", False)
     assert at(motion, 0.5) == pytest.approx(0.5)
     assert at(motion, 0.01) < 2e-5
@@ -123,7 +114,6 @@ def test_minimum_jerk_starts_and_ends_at_rest() -> None:
 
 
 def test_sweep_goes_to_and_fro() -> None:
-    """Up from the start, then down to the lower end, then up again."""
     motion = Keyframes.sweep(1.0, 0.5, -1.0, 1.0)
     assert [at(motion, t) for t in (0.0, 0.5, 2.5, 3.5)] == pytest.approx([0.5, 1.0, -1.0, 0.0])
     assert at(Keyframes.sweep(1.0, 0.0, -math.inf, math.inf), 7.0) == 7.0

@@ -48,7 +48,6 @@ def violations(motion: Motion, allowed: Allowed = MRM) -> list[str]:
     ],
 )
 def test_each_thing_beyond_a_limit_is_reported(motion: Motion, texts: list[str]) -> None:
-    """With the figures, and what to write instead."""
     found = violations(motion)
     assert len(found) == len(texts)
     assert all(message.startswith(text) for message, text in zip(found, texts, strict=True)), found
@@ -58,7 +57,6 @@ def test_each_thing_beyond_a_limit_is_reported(motion: Motion, texts: list[str])
     amplitude=st.floats(0.01, 3.0), frequency=st.floats(0.001, 100.0), limit=st.floats(0.01, 10.0)
 )
 def test_the_remedy_for_a_sine_is_right(amplitude: float, frequency: float, limit: float) -> None:
-    """Following the advice leaves nothing to report."""
     allowed = dataclasses.replace(MRM, velocity=limit)
     for text in violations(Sine(amplitude, frequency), allowed):
         advice = float(re.search(r"frequency to (\S+)", text)[1])
@@ -67,7 +65,6 @@ def test_the_remedy_for_a_sine_is_right(amplitude: float, frequency: float, limi
 
 @given(way=st.floats(0.01, 3.0), blend=st.sampled_from(["linear", "minimum_jerk"]))
 def test_the_remedy_for_keyframes_is_right(way: float, blend: str) -> None:
-    """Given the time advised, the joint arrives within its velocity limit."""
     quick = Keyframes((0.0, 0.01), (0.0, way), blend, False)
     for text in violations(quick):
         advice = float(re.search(r"give it (\S+) s", text)[1])
@@ -96,7 +93,6 @@ def test_the_remedy_for_keyframes_is_right(way: float, blend: str) -> None:
     ],
 )
 def test_the_edge_of_a_limit(within: Motion, beyond: Motion) -> None:
-    """A limit that is reached exactly is kept; a little more is reported once."""
     assert violations(within) == []
     assert len(violations(beyond)) == 1
 
@@ -111,7 +107,6 @@ def test_a_joint_that_cannot_move_is_reported() -> None:
 
 @pytest.mark.parametrize("turns", [-2, 1, 3])
 def test_a_joint_without_end_may_loop_over_whole_turns(turns: int) -> None:
-    """The ends are the same angle; for a joint with an end they are not."""
     wheel = Allowed(-math.inf, math.inf, 99.0, endless=True)
     whole = Keyframes((0.0, 10.0), (1.0, 1.0 + turns * math.tau))
     assert violations(whole, wheel) == []

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from onebot_description.description.description import Mesh
-from onebot_description.description.mesh_scene import mesh_scene
-from onebot_description.description.meshes import locate_mesh
+from onebot_description.description.meshes import locate_mesh, mesh_scene
 from onebot_description.description.packages import Resources
 from onebot_description.errors import OneBotError
 
@@ -41,7 +40,6 @@ def _head(triangles: int, text: bytes = b"") -> bytes:
     ],
 )
 def test_a_broken_mesh_is_explained(tmp_path, name, content, words):
-    """A Git LFS pointer, and what was not copied to its end, or is gone since it was located."""
     if content is not None:
         (tmp_path / name).write_bytes(content)
     with pytest.raises(OneBotError) as caught:
@@ -64,7 +62,6 @@ def test_a_broken_mesh_is_explained(tmp_path, name, content, words):
     ],
 )
 def test_a_mesh_without_a_file_says_why(uri, words):
-    """Nothing is raised: whoever needs the file reports it."""
     mesh = locate_mesh(Resources(MESHES), uri)
     assert mesh.path is None and mesh.problem and words in mesh.problem
 

@@ -42,7 +42,6 @@ def _joint_state(stamp, frame_id, joints, position, velocity, effort):
     stamps, names, st.lists(names, max_size=6), *[st.lists(doubles, max_size=6) for _ in range(3)]
 )
 def test_joint_state_reads_as_rclpy_wrote_it(stamp, frame_id, joints, position, velocity, effort):
-    """Every field of a JointState survives, whatever the strings and lengths."""
     data = serialize_message(_joint_state(stamp, frame_id, joints, position, velocity, effort))
     state = one_joint_state(data)
     assert state.stamp_ns == stamp[0] * 10**9 + stamp[1]
@@ -68,7 +67,6 @@ def _stamped(stamp, edge):
 
 @given(stamps, st.lists(edges, max_size=5))
 def test_tf_reads_as_rclpy_wrote_it(stamp, edges):
-    """Frames, stamps and numbers of a TFMessage survive."""
     data = serialize_message(TFMessage(transforms=[_stamped(stamp, edge) for edge in edges]))
     tf = tf_arrays(data)
     assert tf.parents == [edge[0] for edge in edges]
@@ -87,7 +85,6 @@ def _vector(values) -> Vector3:
 
 @given(numbers, names, names, stamps)
 def test_odometry_is_read_as_rclpy_wrote_it(values, frame, child, stamp):
-    """Any frame names (each shifts the doubles), any numbers, NaN and infinity among them."""
     message = Odometry(child_frame_id=child)
     message.header.frame_id = frame
     message.header.stamp.sec, message.header.stamp.nanosec = stamp
@@ -124,7 +121,6 @@ def _tf_bytes(names, number=0.0, sec=1):
 
 
 def test_names_that_repeat_are_the_same_lists():
-    """The viewer finds what it made of them at once; also of several publishers in turn."""
     first, other, second = (tf_arrays(_tf_bytes(n)) for n in (["a", "b"], ["r", "s"], ["a", "b"]))
     assert second.children is first.children and second.parents is first.parents
     assert other.children == ["rx", "sx"]

@@ -28,7 +28,6 @@ from tests.support import PATIENCE, lines_of_ours, wait_for
 
 
 def test_files_and_names_are_found() -> None:
-    """Only among the ROS arguments."""
     line = "node --params-file no.yaml --ros-args --params-file a.yaml -p rate:=5 -r x:=y"
     line += " --param jsp:zeros.a:=1.0 -p broken -- -p no:=1 --ros-args --params-file b.yaml"
     found = ros_arguments(line.split())
@@ -69,7 +68,6 @@ for events in (False, True):
 
 
 def test_an_error_of_a_node_is_one_line(ros_domain: int) -> None:
-    """Wherever it is raised, whichever the executor: exit code 1 and no traceback."""
     done = subprocess.run(
         [sys.executable, "-c", _FAILING], capture_output=True, text=True, timeout=180, check=True
     )
@@ -105,7 +103,6 @@ run_node(Busy, ["busy"])
 
 
 def test_a_node_that_is_slow_to_stop(ros_domain: int) -> None:
-    """What moves is stopped at the signal; SIGTERM ends a process that only frees what it has."""
     command = [sys.executable, "-c", _SLOW_TO_STOP]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         try:
@@ -118,7 +115,6 @@ def test_a_node_that_is_slow_to_stop(ros_domain: int) -> None:
 
 
 def test_a_long_text_is_cut() -> None:
-    """It may name what somebody has published."""
     logged: list[str] = []
     log = Throttled(logged.append)
     log("a", "x" * 4000)
@@ -127,7 +123,6 @@ def test_a_long_text_is_cut() -> None:
 
 
 def test_a_kind_is_logged_again_when_its_time_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Counted from when it was logged; another kind is logged all the same."""
     now = [100.0]
     monkeypatch.setattr("time.monotonic", lambda: now[0])
     logged: list[str] = []
@@ -163,7 +158,6 @@ def test_what_lasts_is_reported_once() -> None:
 
 @pytest.mark.parametrize("home", ["/dev/null", "/proc", None])
 def test_ros_logs_where_it_can(monkeypatch, tmp_path: Path, home: str | None) -> None:
-    """In the cache, where there is no home to write in; a folder of the user's own stays."""
     for name in ("ROS_LOG_DIR", "ROS_HOME", "HOME"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
@@ -181,7 +175,6 @@ def test_ros_logs_where_it_can(monkeypatch, tmp_path: Path, home: str | None) ->
 
 
 def test_latched_message_is_not_missed(ros_domain: int) -> None:
-    """One received while rmw_fastrtps counts what there is, before it notifies the executor."""
     context = rclpy.Context()
     rclpy.init(context=context, domain_id=ros_domain, args=[])
     node = rclpy.create_node("subscriber", context=context)

@@ -12,20 +12,13 @@ import rerun as rr
 import yaml
 import yourdfpy
 
-from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.pictures import render
-from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.scene import Scene
 from onebot_bringup.viewer.shapes import load_shape
-from onebot_bringup.viewer.view_config import load_view
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.description import Cylinder, Mesh, Sphere
 from onebot_description.description.meshes import locate_mesh
 from onebot_description.description.packages import Resources, package_share
 from onebot_description.model.robot_model import RobotModel
-from onebot_description.wire.messages import TfArrays
-from tests.onebot_bringup.viewer_support import describe, take_tf
-from tests.support_rendering import colored, pixels, require_renderer
 
 SHARE = package_share("onebot_description")
 FILE = SHARE / "urdf/onebot.urdf.xacro"
@@ -60,7 +53,6 @@ def combination(request):
 
 
 def test_every_combination_is_clean(combination):
-    """No problem and no warning, and the names and shapes that the arguments ask for."""
     mesh, namespace, prefix = combination
     description = _load(*combination)
     assert description.notices == ()
@@ -73,14 +65,12 @@ def test_every_combination_is_clean(combination):
 
 
 def test_every_file_is_watched():
-    """Both YAML files and all four xacro files count as read, so that an edit reloads the robot."""
     names = {path.name for path in _load().files}
     assert names >= {"dimensions.yaml", "inertials.yaml", "onebot.urdf.xacro"}
     assert names >= {"wheel.urdf.xacro", "caster.urdf.xacro", "materials.urdf.xacro"}
 
 
 def test_yourdfpy_reads_every_combination(combination):
-    """In yourdfpy, too: it finds the links and joints, loads the meshes and has no complaint."""
     description = _load(*combination)
     robot = yourdfpy.URDF.load(io.BytesIO(description.urdf.encode()), load_meshes=True)
     assert robot.validate(), robot.errors
@@ -98,7 +88,6 @@ def world():
 
 
 def test_pybullet_reads_every_combination(combination, tmp_path, world):
-    """Joints, masses, the base's centre of mass and the meshes are as described."""
     description = _load(*combination)
     path = tmp_path / "onebot.urdf"
     path.write_text(description.urdf)
@@ -155,44 +144,7 @@ def test_rerun_shows_every_combination_without_complaint(combination):
             assert load_shape(visual.shape).colored
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("mesh", ["true", "false"])
-def test_the_picture_shows_the_robot(tmp_path, mesh):
-    """Drawn by Rerun, the white shell, the dark tyres and, with meshes, the orange are seen."""
-    require_renderer()
-    image = _picture(tmp_path, _load(mesh))
-    shell = [round(255 * value) for value in DIMENSIONS["colors"]["shell"]]
-    accent = [round(255 * value) for value in DIMENSIONS["colors"]["accent"]]
-    bright = colored(image, tuple(shell)) & (image.min(axis=2) > 120)
-    assert bright.mean() > 0.04
-    assert (colored(image, tuple(accent)).sum() > 100) == (mesh == "true")
-
-
-def _picture(tmp_path, description: Description):
-    view = tmp_path / "view.yaml"
-    view.write_text(
-        "fixed_frame: base_link\naxes: {visible: false}\ngrid: {visible: false}\n"
-        "background: [0, 0, 60]\njoint_plot: {positions: false, velocities: false}\n"
-        "camera: {eye: [0.3, 0.35, 0.25], target: [-0.1, 0.0, 0.0]}\n"
-    )
-    recording = open_recording(save=tmp_path / "onebot.rrd")
-    live = RobotView(recording.stream, load_view(view))
-    describe(live, description.urdf)
-    model = RobotModel.from_description(description)
-    translations, rotations = model.transforms(np.zeros(4))
-    parents = [joint.parent for joint in description.joints]
-    children = [joint.child for joint in description.joints]
-    stamps = np.full(4, 1_700_000_000_000_000_000)
-    take_tf(live, TfArrays(parents, children, stamps, translations, rotations))
-    assert live.tick(int(stamps[0])) == []
-    live.finish()
-    recording.close()
-    render(tmp_path / "onebot.rrd", tmp_path / "onebot.png", 640, 400)
-    return pixels(tmp_path / "onebot.png")
-
-
 def test_primitives_have_the_size_of_the_meshes():
-    """Each link's shapes fill the same box of space, to 0.3 mm, with and without meshes."""
     meshes, primitives = _sizes(_load("true")), _sizes(_load("false"))
     assert meshes.keys() == primitives.keys() == set(LINKS)
     for link, bounds in meshes.items():
@@ -213,7 +165,6 @@ def _sizes(description: Description) -> dict[str, np.ndarray]:
 
 
 def test_the_drive_is_as_the_dimensions_say():
-    """Wheels stand symmetric on base_link's y axis, turn forwards for positive, and have limits."""
     joints = {joint.name: joint for joint in _load().joints}
     wheel = DIMENSIONS["wheel"]
     for name, side in (("left_wheel_joint", 1), ("right_wheel_joint", -1)):
@@ -228,7 +179,6 @@ def test_the_drive_is_as_the_dimensions_say():
 
 
 def test_all_three_wheels_stand_on_one_plane():
-    """The lowest points of the collision shapes are 60 mm below the axle, at any swivel angle."""
     description = _load()
     model = RobotModel.from_description(description)
     radii = {
@@ -246,7 +196,6 @@ def test_all_three_wheels_stand_on_one_plane():
 
 
 def test_the_right_wheel_is_the_left_ones_mirror_image():
-    """Its face looks outwards, and its centre of mass lies as far outside."""
     links = {link.name: link for link in _load().links}
     left, right = links["left_wheel"], links["right_wheel"]
     x, y, z = left.inertial.origin.xyz

@@ -27,14 +27,12 @@ def _prefixes() -> list[str]:
 
 
 def test_packages_are_found_with_no_variable_set(monkeypatch):
-    """Ours lie in this checkout, those of the wheels in the environment."""
     monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
     assert (package_share("mrm_description") / "urdf/mrm.xacro").is_file()
     assert package_share("geometry_msgs") == Path(sys.prefix) / "share/geometry_msgs"
 
 
 def test_a_checkout_is_found_ahead_of_its_installed_copy(monkeypatch):
-    """An edit in the checkout takes effect at once; the environment may hold older copies."""
     monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
     checkout = Path(__file__).parents[2]
     for name in ("mrm_description", "onebot_description", "onebot_control", "onebot_bringup"):
@@ -42,7 +40,6 @@ def test_a_checkout_is_found_ahead_of_its_installed_copy(monkeypatch):
 
 
 def test_sourced_workspace_stays_first(monkeypatch, tmp_path):
-    """What the user sourced goes before the environment, however often this is called."""
     index = tmp_path / "share/ament_index/resource_index/packages"
     index.mkdir(parents=True)
     (index / "mrm_description").touch()
@@ -57,14 +54,12 @@ def test_sourced_workspace_stays_first(monkeypatch, tmp_path):
 
 @pytest.mark.parametrize("name", ["mrm_descripton", "mrn_description"])
 def test_unknown_package_names_the_nearest(name):
-    """The error says which package was probably meant."""
     with pytest.raises(OneBotError, match=f'"{name}".*did you mean "mrm_description"'):
         package_share(name)
 
 
 @pytest.mark.parametrize("name", ["ridgeback_description", "ur_description", "laser_msgs"])
 def test_an_ending_alone_makes_no_package_the_one_meant(name):
-    """Each robot's package ends in _description, as ours do."""
     with pytest.raises(OneBotError) as caught:
         package_share(name)
     assert "did you mean" not in str(caught.value)
@@ -72,12 +67,10 @@ def test_an_ending_alone_makes_no_package_the_one_meant(name):
 
 @pytest.mark.parametrize("uri", ["meshes/cube.stl", str(CUBE), CUBE.as_uri(), f"file:{CUBE}"])
 def test_paths_lead_to_the_file(uri: str) -> None:
-    """Relative and absolute paths and file:// name the same file."""
     assert resolve(uri, ROBOTS) == CUBE
 
 
 def test_percent_signs_of_a_file_uri_are_decoded(tmp_path: Path) -> None:
-    """A file URI may escape a space."""
     path = tmp_path / "a cube.stl"
     assert resolve(path.as_uri(), None) == path
     assert "%20" in path.as_uri()
@@ -103,7 +96,6 @@ def test_what_names_no_file_is_refused(uri: str, words: str) -> None:
 
 
 def test_a_relative_path_needs_a_folder() -> None:
-    """Text from a topic lies in none."""
     with pytest.raises(OneBotError, match='"a.stl" is relative.*or an absolute path'):
         resolve("a.stl", None)
 
@@ -160,7 +152,6 @@ def _package(folder: Path, name: str) -> Path:
     ],
 )
 def test_a_package_is_found_in_the_source_tree_of_the_file(tmp_path, place):
-    """Above the file, beside its package or deeper; its package.xml gives the name."""
     urdf = tmp_path / "ws/src/repo1/arm/urdf/v2"
     _package(tmp_path / place, "wanted")
     if place != "ws/src/repo1/arm":
@@ -172,7 +163,6 @@ def test_a_package_is_found_in_the_source_tree_of_the_file(tmp_path, place):
 
 @pytest.mark.parametrize("mark", ["repo/.git", "repo/src"])
 def test_a_file_in_no_package_has_a_source_tree_too(tmp_path, mark):
-    """The repository's or the workspace's; without any, packages of that name beside it."""
     urdf = tmp_path / "repo/src/robots" if mark == "repo/src" else tmp_path / "repo/robots"
     urdf.mkdir(parents=True)
     (tmp_path / mark).mkdir(exist_ok=True)
@@ -183,7 +173,6 @@ def test_a_file_in_no_package_has_a_source_tree_too(tmp_path, mark):
 
 
 def test_what_is_no_source_is_not_found(tmp_path):
-    """Hidden folders, a build, and what is not in the file's own tree."""
     _package(tmp_path / "repo/a_description", "a_description")
     for folder in ("repo/.hidden/b", "repo/build/b", "elsewhere/c"):
         _package(tmp_path / folder, "b")
@@ -193,14 +182,12 @@ def test_what_is_no_source_is_not_found(tmp_path):
 
 @pytest.mark.parametrize("urdf", ["arm/urdf/v2", "urdf", "."])
 def test_a_folder_of_the_packages_name_is_the_last_resort(tmp_path, urdf):
-    """Above the file or beside it: what was copied without its package.xml."""
     (tmp_path / urdf).mkdir(parents=True, exist_ok=True)
     (tmp_path / "arm").mkdir(exist_ok=True)
     assert Resources(tmp_path / urdf).package("arm") == tmp_path / "arm"
 
 
 def test_the_search_path_comes_first_and_its_changes_count(tmp_path, monkeypatch):
-    """A tree or a package; one that has moved within it is found again."""
     first = _package(tmp_path / "one/deep/er/arm", "arm")
     second = _package(tmp_path / "two", "arm")
     monkeypatch.setenv("ROS_PACKAGE_PATH", f"{tmp_path / 'one'}{os.pathsep}{tmp_path / 'two'}")
@@ -294,7 +281,6 @@ def test_what_can_be_no_package_is_not_looked_for(name, tmp_path):
 
 
 def test_a_description_of_endless_packages_is_soon_read(monkeypatch):
-    """What somebody publishes decides how many are looked for, but not without bound."""
     looked = []
     monkeypatch.setattr(
         "onebot_description.description.packages._in_index",

@@ -53,7 +53,6 @@ ns:
 
 
 def test_a_file_reads_as_rcl_reads_it(tmp_path: Path, ros_domain: int) -> None:
-    """Names, values and types are those that a node gets at its start."""
     (tmp_path / "file.yaml").write_text(FILE)
     script = (
         "import rclpy, sys; from rclpy.node import Node; rclpy.init(args=sys.argv)\n"
@@ -78,14 +77,12 @@ def test_a_file_reads_as_rcl_reads_it(tmp_path: Path, ros_domain: int) -> None:
 
 
 def test_places_are_the_lines() -> None:
-    """Each parameter knows where it stands."""
     places = read_parameters(FILE, "file.yaml", NODE).places
     assert places["nested.deep.er"] == "file.yaml:14"
     assert places["twice"] == "file.yaml:25"
 
 
 def test_words_are_what_rcl_takes_them_for() -> None:
-    """The YAML 1.1 words for true and false, but no sexagesimals, dates or underscores."""
     words = ("on", "No", "YeS", "09", "1:30", "2020-01-01", "null", "0b1", "1e400x")
     expected = [True, False, "YeS", 9.0, "1:30", "2020-01-01", "null", "0b1", "1e400x"]
     assert [plain_value(word) for word in words] == expected
@@ -105,7 +102,6 @@ def test_words_are_what_rcl_takes_them_for() -> None:
     ],
 )
 def test_sections(section: str, node: str, matches: bool) -> None:
-    """Wildcards stand for one name, or for any number."""
     assert section_matches(section, node) is matches
 
 
@@ -126,14 +122,12 @@ def test_sections(section: str, node: str, matches: bool) -> None:
     ],
 )
 def test_mistakes_name_file_and_line(text: str, words: str) -> None:
-    """And say what is wrong."""
     with pytest.raises(ConfigError) as caught:
         read_parameters(text, "file.yaml", "/jsp")
     assert words in str(caught.value)
 
 
 def test_other_yaml_files_are_maps_with_lines_too() -> None:
-    """Aliases, nothing at all and mixed lists are right there; an empty map is a value."""
     text = "a: &b\n  c: [1, 2.5, x]\n  d:\ne: *b\nf: {}\n"
     found = read_map(text, "view.yaml")
     assert found.values == {
@@ -157,14 +151,12 @@ def test_other_yaml_files_are_maps_with_lines_too() -> None:
     ],
 )
 def test_other_yaml_files_can_be_broken(text: str, words: str) -> None:
-    """The error names file and line."""
     with pytest.raises(ConfigError) as caught:
         read_map(text, "view.yaml")
     assert words in str(caught.value)
 
 
 def test_later_files_come_first_and_shared_sections_may_be_for_others(tmp_path: Path) -> None:
-    """An unknown name in a section for all nodes is another node's; in ours it is a mistake."""
     one, two = tmp_path / "one.yaml", tmp_path / "two.yaml"
     one.write_text("/**:\n  ros__parameters: {rate: 5, publish_frequency: 1.0}\n")
     two.write_text("/jsp:\n  ros__parameters: {rate: 6, rates: 7}\n")
@@ -176,7 +168,6 @@ def test_later_files_come_first_and_shared_sections_may_be_for_others(tmp_path: 
 
 
 def test_a_missing_file_is_told(tmp_path: Path) -> None:
-    """By name."""
     with pytest.raises(ConfigError, match="nothing.yaml: cannot be read: No such file"):
         read_files([tmp_path / "nothing.yaml"], "/jsp", JointsConfig)
 
@@ -188,7 +179,6 @@ def write(file: Path, parameters: str) -> Path:
 
 
 def test_a_save_makes_everything_as_the_file_says(tmp_path: Path) -> None:
-    """Set, changed and unset; what was set live goes, what is not about joints stays."""
     file = write(tmp_path / "a.yaml", "rate: 5, zeros: {a: 1.0}")
     live = LiveParameters([file], LIVE_NODE, JointsConfig)
     current = {**defaults(JointsConfig), **live.file.values, "pose": "up", "robot_description": "x"}
@@ -198,7 +188,6 @@ def test_a_save_makes_everything_as_the_file_says(tmp_path: Path) -> None:
 
 
 def test_the_command_line_comes_first(tmp_path: Path) -> None:
-    """And it is known what was edited in vain."""
     file = write(tmp_path / "a.yaml", "rate: 5, delta: 0.1")
     live = LiveParameters([file], LIVE_NODE, JointsConfig)
     current = {**defaults(JointsConfig), "rate": 50, "delta": 0.1}
@@ -210,7 +199,6 @@ def test_the_command_line_comes_first(tmp_path: Path) -> None:
 
 
 def test_config_file_comes_last_and_can_change(tmp_path: Path) -> None:
-    """It overrides the others, until it is taken away."""
     one = write(tmp_path / "one.yaml", "rate: 1")
     two = write(tmp_path / "two.yaml", "rate: 2")
     live = LiveParameters([one], LIVE_NODE, JointsConfig)
@@ -225,7 +213,6 @@ def test_config_file_comes_last_and_can_change(tmp_path: Path) -> None:
 
 
 def test_files_without_a_section_for_the_node_are_a_warning(tmp_path: Path) -> None:
-    """It names the sections that there are."""
     file = tmp_path / "one.yaml"
     file.write_text("joint_state_publishr:\n  ros__parameters: {rate: 5}\n")
     warning = LiveParameters([file], "/joint_state_publisher", JointsConfig).warning

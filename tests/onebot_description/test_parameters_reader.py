@@ -84,14 +84,12 @@ def refused(values: Mapping[str, Any], kind: type = Settings) -> str:
 
 
 def test_nothing_given_is_the_defaults() -> None:
-    """Every field has its own."""
     config = read(Settings, {})
     assert (config.rate, config.camera, config.lines) == (10.0, Camera(), {})
     assert math.isnan(config.limit)
 
 
 def test_values_are_converted() -> None:
-    """Whole numbers are numbers, lists tuples, an empty list is not given; names nest or not."""
     values = {
         "rate": 20,
         "color": [1, 2, 3],
@@ -135,13 +133,11 @@ def test_values_are_converted() -> None:
     ],
 )
 def test_mistakes_are_named_with_what_would_be_right(values: dict[str, Any], words: str) -> None:
-    """One line each."""
     assert words in refused(values)
     assert len(refused(values).splitlines()) == 1
 
 
 def test_all_mistakes_are_reported_at_once_with_their_places() -> None:
-    """Also those in groups, whose place is that of the first parameter in it."""
     places = {"rate": "a.yaml:1", "lines.a.width": "a.yaml:7"}
     with pytest.raises(ConfigError) as caught:
         read(Settings, {"rate": 0, "colour": 1, "lines.a.width": 1.0}, places)
@@ -152,7 +148,6 @@ def test_all_mistakes_are_reported_at_once_with_their_places() -> None:
 
 
 def test_a_check_reports_nothing_that_follows_from_another_mistake() -> None:
-    """A near that is wrong has its default, which is not compared with far in the message."""
     assert len(refused({"main.camera": {"near": "x", "far": 0.05}}).splitlines()) == 1
     assert len(refused({"main.camera": {"near": 11.0, "eye": "x"}}).splitlines()) == 2
 
@@ -180,7 +175,6 @@ def test_plain_dataclasses_require_every_field() -> None:
 
 
 def test_names_and_defaults_as_ros_has_them() -> None:
-    """Dotted, lists for tuples, an empty list for what is not given."""
     found = defaults(Settings)
     assert found["main.camera.eye"] == found["frames"] == found["color"] == []
     assert found["main.camera.far"] == 10.0
@@ -226,7 +220,6 @@ class View:
 
 
 def test_names_of_the_user_s_own_may_hold_dots() -> None:
-    """The longest end that is a parameter is it."""
     values = {"marks.a.b.edge.width": 1.0, "marks.a.b.width": 2.0, "marks.edge.width": 3.0}
     config = read(View, values)
     assert config.marks == {"a.b": Mark(2.0, 1.0), "edge": Mark(3.0)}
@@ -238,7 +231,6 @@ def test_names_of_the_user_s_own_may_hold_dots() -> None:
 
 
 def test_maps_are_what_is_not_the_default() -> None:
-    """And read again they are the same."""
     assert as_map(View()) == as_map(View(marks={}, camera=Camera())) == {}
     marks = {"a": Mark(), "b": Mark(edge=0.5)}
     view = View((1.0, 2.0), "map", Camera(far=5.0), marks)
@@ -257,14 +249,12 @@ def test_maps_are_what_is_not_the_default() -> None:
 
 @pytest.mark.parametrize("order", [1, -1])
 def test_an_empty_map_changes_nothing(order: int) -> None:
-    """Before what is in it or after; a map of names is then empty."""
     values = [("main.camera", {}), ("main.camera.far", 5.0), ("zeros", {}), ("frames", ["a"])]
     config = read(Settings, dict(values[::order]))
     assert (config.camera, config.zeros, config.frames) == (Camera(far=5.0), {}, ("a",))
 
 
 def test_one_parameter_is_replaced() -> None:
-    """Checked, and by its dotted name."""
     changed = replaced(Settings(), "main.camera.near", 1)
     assert changed.camera == Camera(near=1.0) and isinstance(changed.camera.near, float)
     assert (changed.rate, replaced(changed, "rate", 20).camera) == (10.0, changed.camera)
@@ -326,7 +316,6 @@ def test_ranges_as_ros_has_them(
     floats: tuple[float, float] | None,
     integers: tuple[int, int] | None,
 ) -> None:
-    """Of single numbers that may not be NaN; the rest is in words."""
     found = descriptor(kind, name)
     given = [(one.from_value, one.to_value) for one in found.floating_point_range]
     assert given == ([floats] if floats else [])
@@ -337,7 +326,6 @@ def test_ranges_as_ros_has_them(
 
 
 def test_descriptions_as_ros_has_them() -> None:
-    """Of parameters only: groups, maps and unknown names have none."""
     found = descriptor(Settings, "main.camera.eye")
     assert (found.description, found.additional_constraints) == ("where it is, m", "3 numbers")
     for name in ("main.camera", "lines", "lines.a", "nothing", "lines.a.b", "rate.a"):
@@ -346,7 +334,6 @@ def test_descriptions_as_ros_has_them() -> None:
 
 
 def test_a_list_without_items_is_one_of_strings() -> None:
-    """ROS has no list of nothing; None unsets a parameter."""
     kinds = rclpy.Parameter.Type
     values = {
         kinds.STRING_ARRAY: [],
@@ -360,7 +347,6 @@ def test_a_list_without_items_is_one_of_strings() -> None:
 
 
 def test_a_node_declares_them(ros_domain: int) -> None:
-    """The command line overrides what is given, and what is fixed overrides the command line."""
     line = {"rate": 20, "count": 5, "name": "line", "frames": "[a]", "main.camera.near": -1.0}
     rclpy.init(args=ros_args(**line, **{"zeros.elbow": 1}))
     node = Node("settings")

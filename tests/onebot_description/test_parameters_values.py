@@ -29,7 +29,6 @@ LIMIT = Rule("m/s", at_least=0.0, nan="no limit")
 def test_ranges_at_their_edges(
     rule: Rule, words: str, within: list[float], beyond: list[float]
 ) -> None:
-    """``above`` leaves its own value out, the other two hold it."""
     assert rule.range == words
     assert [rule.beyond(value) for value in within] == [""] * len(within)
     assert all(rule.beyond(value) for value in beyond)
@@ -40,7 +39,6 @@ def test_ranges_at_their_edges(
 
 
 def test_the_side_on_which_a_value_is_out_of_range() -> None:
-    """With the bound."""
     assert Rule(above=0.0).beyond(math.nan) == "is not above 0"
     assert Rule(at_least=1.5).beyond(1.0) == "is below 1.5"
     assert Rule(at_most=2.0).beyond(3.0) == "is above 2"
@@ -70,13 +68,11 @@ def test_the_side_on_which_a_value_is_out_of_range() -> None:
     ],
 )
 def test_values_that_are_right(kind: ValueType, value: Any, checked: Any) -> None:
-    """As the type says: a tuple for a list, a float for whole numbers, None for not given."""
     found = kind.checked(value)
     assert found == checked and type(found) is type(checked)
 
 
 def test_nan_where_it_means_something() -> None:
-    """Infinity means nothing even there."""
     assert math.isnan(ValueType(float, LIMIT).checked(math.nan))
     for value in (math.inf, -math.inf):
         with pytest.raises(ValueError, match="inf is not finite; write a number from 0"):
@@ -155,7 +151,6 @@ _STRINGS = ValueType(str, Rule(not_empty=True), many=True)
     ],
 )
 def test_values_that_are_wrong(kind: ValueType, value: Any, text: str) -> None:
-    """What it is, and what to write."""
     with pytest.raises(ValueError) as caught:
         kind.checked(value)
     assert str(caught.value) == text
@@ -180,12 +175,10 @@ def test_values_that_are_wrong(kind: ValueType, value: Any, text: str) -> None:
     ],
 )
 def test_rules_in_words(kind: ValueType, words: str) -> None:
-    """For `ros2 param describe`."""
     assert kind.constraints == words
 
 
 def test_values_in_words() -> None:
-    """By their kind, for an error."""
     assert shown(None) == "has no value"
     assert shown((1, 2)) == shown(array("q", [1, 2])) == "[1, 2] is a list"
     assert shown(1j) == "1j cannot be used here"

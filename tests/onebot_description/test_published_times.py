@@ -48,7 +48,6 @@ LATEST = (2**31 - 1) * SECOND + 2**32 - 1  # that a message can have
 
 @pytest.mark.parametrize("future", [100 * SECOND + 10 * SECOND, LATEST])
 def test_a_stamp_in_the_future_does_not_silence_the_joints(future: int) -> None:
-    """The next sane one is published, with a warning; what follows it is as before."""
     times, warnings = PublishedTimes(2, SECOND), Warnings()
     assert due(times, ALL, 90 * SECOND) and due(times, FIRST, future)
     assert due(times, ALL, 100 * SECOND)  # the second joint is due
@@ -60,7 +59,6 @@ def test_a_stamp_in_the_future_does_not_silence_the_joints(future: int) -> None:
 
 
 def test_a_little_older_is_out_of_order() -> None:
-    """Less than 10 s: reported and not published, until the stamps have caught up."""
     times, warnings = PublishedTimes(1), Warnings()
     assert due(times, FIRST, 100 * SECOND)
     assert not times.due(FIRST, 90 * SECOND + 1, SECOND, warnings)
@@ -70,7 +68,6 @@ def test_a_little_older_is_out_of_order() -> None:
 
 
 def test_stamps_may_be_ignored() -> None:
-    """Old ones, early ones and none at all are published."""
     times = PublishedTimes(2, SECOND, ignore_timestamp=True)
     assert all(due(times, ALL, stamp) for stamp in (9, 9, 0, 5, 1))
 
@@ -94,7 +91,6 @@ def test_a_clock_that_stands_still_or_jumps_ahead_is_no_reset() -> None:
 
 
 def test_a_clock_set_back_is_noticed_by_messages_that_are_not_published() -> None:
-    """A message without known joints sets the time, as any other does."""
     times, warnings = PublishedTimes(1, SECOND), Warnings()
     nothing = np.array([], np.intp)
     assert times.due(FIRST, 50 * SECOND, 50, warnings)

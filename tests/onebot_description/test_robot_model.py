@@ -35,7 +35,6 @@ def _peer(urdf):
 @settings(deadline=None)
 @given(robots(), st.data())
 def test_joint_transforms_equal_yourdfpys(urdf, data):
-    """Each moving joint's and each fixed joint's transform agrees with yourdfpy's."""
     model = RobotModel.from_description(parse_description(urdf))
     peer = _peer(parse_description(urdf).urdf)
     free = [j for j in model.joints if peer.joint_map[j].mimic is None]
@@ -56,7 +55,6 @@ def test_joint_transforms_equal_yourdfpys(urdf, data):
 @settings(deadline=None)
 @given(robots(kinds=("fixed", "revolute", "prismatic", "continuous")), st.data())
 def test_link_poses_are_the_chain_of_transforms(urdf, data):
-    """A link's pose is its parent's pose times its joint's transform, batch or not."""
     model = RobotModel.from_description(parse_description(urdf))
     size = len(model.joints)
     batch = np.array(data.draw(st.lists(st.floats(-3, 3), min_size=3 * size, max_size=3 * size)))
@@ -120,7 +118,6 @@ def test_batches_follow_the_formula(urdf, data):
 
 
 def test_sines_of_any_angle():
-    """To the last digit in all quadrants, at their borders, and far beyond what is reduced here."""
     joints = RobotModel.from_description(parse_description(chain(7))).moving
     random = np.random.default_rng(3)
     quarters = np.arange(-40, 41) * np.pi / 2
@@ -148,7 +145,6 @@ _ARM = """<robot name="arm"><link name="base"/><link name="a"/><link name="b"/><
 
 
 def test_limits_are_the_joints_own():
-    """Infinite where there is none; a continuous joint knows only speed."""
     model = RobotModel.from_description(parse_description(_ARM))
     np.testing.assert_array_equal(model.lower, [-1.0, -0.5, -np.inf])
     np.testing.assert_array_equal(model.upper, [2.0, 0.25, np.inf])
@@ -159,7 +155,6 @@ def test_limits_are_the_joints_own():
 
 
 def test_rows_taken_are_those_joints_in_that_order():
-    """What is taken transforms as it did among the others."""
     moving = RobotModel.from_description(parse_description(_ARM)).moving
     q = np.array([0.3, -0.4, 0.5])
     for rows in ([2, 0], [1], [0, 2, 1], []):
@@ -185,7 +180,6 @@ _number = st.floats(-2.0, 2.0)
 @settings(deadline=None, max_examples=50)
 @given(st.lists(st.tuples(_number, _number), min_size=1, max_size=4), _number)
 def test_a_chain_of_mimics_is_folded_from_its_leader(rules, leader):
-    """Each follower is where its own rule puts it, given the one that it follows."""
     model = _mimic_chain(*rules)
     q = model.positions({f"joint_{len(rules)}": leader})
     assert q[-1] == leader
@@ -204,7 +198,6 @@ def test_who_determines_a_joint():
 
 
 def test_what_nothing_determines_stands_at_zero_and_its_followers_at_their_offset():
-    """A follower that is given does not lead the one that it follows."""
     model = _mimic_chain((2.0, 0.5), (-1.0, 0.25))
     np.testing.assert_allclose(model.positions({}), [1.0, 0.25, 0.0])
     np.testing.assert_allclose(model.positions({"joint_0": 3.0}), [3.0, 0.25, 0.0])
@@ -219,7 +212,6 @@ def test_a_quaternion_of_no_length_is_no_rotation():
 
 
 def test_quaternion_products_are_hamiltons():
-    """The product of i and j is k, and the sign of the whole quaternion is kept."""
     i, j, k, one = np.eye(4)
     np.testing.assert_array_equal(quaternions.multiply(i, j), k)
     np.testing.assert_array_equal(quaternions.multiply(j, i), -k)
@@ -233,7 +225,6 @@ def test_quaternion_products_are_hamiltons():
 
 
 def test_unknown_joint_and_wrong_size_are_named():
-    """The error lists the joints there are, and the shape that is right."""
     model = RobotModel.from_description(parse_description(chain(2)))
     with pytest.raises(OneBotError, match=r'"joint_9".*joint_0, joint_1'):
         model.transforms({"joint_9": 1.0})

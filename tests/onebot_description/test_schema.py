@@ -147,7 +147,6 @@ def test_arrays_in_a_table_are_one_for_each_row():
 
 
 def test_numbers_are_views_into_the_message():
-    """They copy nothing, and nobody can change them."""
     scan = LaserScan(ranges=[1.0, 2.0])
     marker = Marker(points=[Point(z=3.0)] * 2)
     for message, view in ((scan, "ranges"), (marker, "points.z")):
@@ -212,7 +211,6 @@ MSG: {name}/A
 )
 @pytest.mark.parametrize("count", [0, 1, 2, 5])
 def test_padding_is_that_of_rosbags(inner, count):
-    """Structs that begin and end anywhere; the writer is another project's."""
     definition = ALL.format(name="test") + inner
     store = get_typestore(Stores.EMPTY)
     store.register(get_types_from_msg(definition, "test/msg/All"))
@@ -259,7 +257,6 @@ bool[] flags
 
 @pytest.mark.parametrize("seed", range(20))
 def test_structs_of_equal_and_of_other_lengths(seed):
-    """Runs of equal ones are read faster, what comes after them all the same."""
     chance = random.Random(seed)
     store = get_typestore(Stores.EMPTY)
     store.register(get_types_from_msg(MIXED, "test/msg/Mixed"))
@@ -294,7 +291,6 @@ def test_structs_of_equal_and_of_other_lengths(seed):
 
 
 def test_a_bool_of_the_last_of_equal_structs_is_checked():
-    """As that of the first."""
     definition = "test/A[] many\n===\nMSG: test/A\nfloat64 value\nstring name\nbool[3] flags"
     schema = Schema.of("test/msg/Alike", definition)
     one = struct.pack("<dI5s3?4x", 1.0, 5, b"name\0", True, False, True)
@@ -316,7 +312,6 @@ def wide(text: str) -> bytes:
 
 
 def test_wstrings_and_bounded_types():
-    """Characters of two bytes, without a NUL at the end; bounds are no part of the layout."""
     definition = """wstring<=5 a "default # not a comment"
         wstring[] b
         string<=3[<=2] c
@@ -444,7 +439,6 @@ def test_a_definition_that_cannot_be_used_names_type_and_line(definition, proble
 
 
 def test_a_definition_that_grows_without_bound_is_refused():
-    """Ten types of ten fields each of the next one, or very many types in each other."""
     section = "\n===\nMSG: test/A{}\n"
     wide = "A0 a" + "".join(
         section.format(at) + "".join(f"A{at + 1} f{field}\n" for field in range(10))
@@ -466,7 +460,6 @@ def test_a_definition_that_grows_without_bound_is_refused():
 
 
 def test_definitions_as_various_writers_store_them():
-    """Windows line ends, the full name of a type, Time left out, the type's own line of ``=``."""
     text = "std_msgs/msg/Header header\r\n" + "=" * 80 + "\r\nMSG: std_msgs/msg/Header\r\n"
     text += "builtin_interfaces/Time stamp\r\nstring frame_id\r\n"
     data = ENCAPSULATION + struct.pack("<iII", 1, 2, 2) + b"m\0"

@@ -11,7 +11,6 @@ from tests.support import PATIENCE
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_calls_and_does_not_interrupt(number: signal.Signals) -> None:
-    """The main thread goes on; the call comes from another one."""
     called = threading.Event()
     with StopSignals(called.set):
         signal.raise_signal(number)
@@ -19,7 +18,6 @@ def test_a_signal_calls_and_does_not_interrupt(number: signal.Signals) -> None:
 
 
 def test_what_may_be_given_up_is_interrupted() -> None:
-    """By a signal that comes within it, and by one that came before."""
     called = threading.Event()
     with StopSignals(called.set) as signals:
         with pytest.raises(KeyboardInterrupt), signals.interrupting():
@@ -31,7 +29,6 @@ def test_what_may_be_given_up_is_interrupted() -> None:
 
 
 def test_an_interruption_stays_one() -> None:
-    """Also where C++ code has made an error of its own of it; any other error stays as it is."""
     with StopSignals(lambda: None) as signals:
         with pytest.raises(TypeError), signals.interrupting():
             raise TypeError("no signal came")
@@ -43,7 +40,6 @@ def test_an_interruption_stays_one() -> None:
 
 
 def test_the_former_handlers_come_back() -> None:
-    """As they were, once it is left."""
     before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
     with StopSignals(lambda: None):
         assert signal.getsignal(signal.SIGINT) != before[0]
@@ -52,7 +48,6 @@ def test_the_former_handlers_come_back() -> None:
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_command_is_interrupted(number: signal.Signals) -> None:
-    """By each of them, also when a library swallows the exception; then all is as it was."""
     before = signal.getsignal(number)
     with KeyboardInterrupts() as interrupts:
         interrupts.check()
@@ -64,7 +59,6 @@ def test_a_command_is_interrupted(number: signal.Signals) -> None:
 
 
 def test_nohup_is_respected() -> None:
-    """A SIGHUP that is ignored from the start stays ignored; SIGINT counts all the same."""
     numbers = (signal.SIGHUP, signal.SIGINT)
     before = {number: signal.signal(number, signal.SIG_IGN) for number in numbers}
     try:

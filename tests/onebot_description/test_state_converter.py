@@ -80,7 +80,6 @@ def joint_states(draw, joints):
     st.sampled_from([0, 10**8]),
 )
 def test_the_compiled_call_equals_ordinary_messages(urdf, data, ignore_timestamp, prefix, interval):
-    """Equal messages, or nothing from both, on random robots and sequences of joint states."""
     model = _model(urdf)
     messages = data.draw(st.lists(joint_states([*model.joints, "joint_0"]), max_size=6))
     messages += messages  # the second time, the names are known
@@ -112,7 +111,6 @@ def test_a_stamp_beyond_all_seconds_with_a_bad_position_is_published():
 @pytest.mark.usefixtures("quick_collector")
 @pytest.mark.parametrize("size", [400, 1000])
 def test_what_is_kept_of_messages_is_bounded(size):
-    """Of 40 or 100 MB of names a few at most, whatever the sizes of the messages are."""
     converter = StateConverter(_model(chain(1)), ignore_timestamp=True)
     gc.collect()
     tracemalloc.start()
@@ -168,7 +166,6 @@ FOLLOWED = """<robot name="arm">
     ],
 )
 def test_what_overflows_for_a_follower_is_ignored(position, multiplier, offset, moved):
-    """As a position that is not finite; both ways agree, and nothing on /tf is ever not finite."""
     model = _model(FOLLOWED.format(multiplier=multiplier, offset=offset))
     warnings = []
     options = {"warn": lambda key, text: warnings.append((key, text))}
@@ -202,7 +199,6 @@ def edits(draw, messages):
 @settings(deadline=None, max_examples=200)
 @given(robots(), st.data(), st.booleans(), st.sampled_from([0, 1, 10**8]))
 def test_any_bytes_give_what_ordinary_messages_give(urdf, data, ignore_timestamp, interval):
-    """Messages and warnings; of several publishers, broken ones, with a clock set back."""
     model = _model(urdf)
     warnings = ([], [])
     options = {"ignore_timestamp": ignore_timestamp, "interval_ns": interval}
@@ -223,7 +219,6 @@ def test_any_bytes_give_what_ordinary_messages_give(urdf, data, ignore_timestamp
 
 
 def test_a_message_is_whole_or_ignored():
-    """Cut anywhere, also behind the positions, which are all that counts."""
     warnings = []
     converter = StateConverter(_model(chain(2)), warn=lambda key, _: warnings.append(key))
     whole = serialize_message(
@@ -250,7 +245,6 @@ def _count_ordinary(monkeypatch):
 
 @pytest.mark.parametrize("publishers", [1, 16])
 def test_the_usual_message_takes_the_compiled_call(monkeypatch, publishers):
-    """All but the first of each publisher, also where their padding differs each time."""
     calls = _count_ordinary(monkeypatch)
     converter = StateConverter(_model(chain(9)))
     for second in range(1, 6):
@@ -265,7 +259,6 @@ def test_the_usual_message_takes_the_compiled_call(monkeypatch, publishers):
 
 
 def test_what_is_not_usual_takes_ordinary_messages(monkeypatch):
-    """Stamp 0, positions that are not moderate, a clock set back; and the next is usual again."""
     calls = _count_ordinary(monkeypatch)
     converter = StateConverter(_model(chain(1)))
 
@@ -290,13 +283,11 @@ def test_what_is_not_usual_takes_ordinary_messages(monkeypatch):
     "arguments", [(), (b"",), (b"", 1, 2), ("text", 1), (b"", "1"), (b"", 2**63)]
 )
 def test_wrong_arguments(arguments):
-    """As a function in Python: an error, whatever it is given."""
     with pytest.raises((TypeError, OverflowError)):
         StateConverter(_model(chain(1))).convert_bytes(*arguments)
 
 
 def test_a_converter_goes_with_the_robot_it_served():
-    """Nothing keeps its memory once nobody uses it, and what it gave remains."""
     converter = StateConverter(_model(chain(3)))
     data = [serialize_message(_message(["joint_0"], [0.5], (second, 0))) for second in (1, 2)]
     converter.convert_bytes(data[0], NOW)
@@ -320,7 +311,6 @@ def quick_collector():
 
 @pytest.mark.usefixtures("quick_collector")
 def test_the_builtin_outlives_its_converter():
-    """Whoever holds the function alone holds all the memory that it reads."""
     convert = StateConverter(_model(chain(3))).convert_bytes
     for second in range(1, 100):  # more names than are kept
         names = [f"joint_{second % 3}", "x" * second]

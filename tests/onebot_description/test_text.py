@@ -13,14 +13,12 @@ def test_nearest_forgives_slips_and_case() -> None:
 
 
 def test_did_you_mean_lists_what_exists() -> None:
-    """The hint has a guess if there is one, and always the list."""
     assert did_you_mean("lnk1", ["link1", "base"]) == ' (did you mean "link1"? known: base, link1)'
     assert did_you_mean("zzz", iter(["b", "a"]), "joints") == " (joints: a, b)"
     assert did_you_mean("zzz", []) == " (known: none)"
 
 
 def test_long_lists_are_cut_to_the_most_alike() -> None:
-    """Of many candidates the most alike are shown, and how many there are besides."""
     names = [f"joint_{index}" for index in range(100)] + ["wheel"]
     hint = did_you_mean("whel", names)
     assert hint.startswith(' (did you mean "wheel"? known: wheel, ')
@@ -30,7 +28,6 @@ def test_long_lists_are_cut_to_the_most_alike() -> None:
 
 
 def test_a_name_is_not_proposed_in_its_own_place() -> None:
-    """Nor is it among those listed: it is not what was meant."""
     assert did_you_mean("a", ["a", "b"]) == " (known: b)"
 
 
@@ -41,7 +38,6 @@ def test_very_many_names_are_not_compared() -> None:
 
 
 def test_what_a_terminal_would_obey_is_escaped() -> None:
-    """Control characters, marks for writing from right to left, odd spaces and half characters."""
     assert str(OneBotError('link "a\x1b[2Jb\u202ec\u200f\xa0d"\nmore \udc80 \u05d0 é')) == (
         'link "a\\x1b[2Jb\\u202ec\\u200f\\xa0d"\nmore \\udc80 \u05d0 é'
     )
@@ -50,7 +46,6 @@ def test_what_a_terminal_would_obey_is_escaped() -> None:
 
 
 def test_many_messages_of_one_kind_are_one_line() -> None:
-    """With their number; those of other kinds stay, in order, and none is too long."""
     alike = [f'r.urdf:{n}: link "l{n}": no "m{n}" (did you mean "k{n}"?)' for n in range(100_000)]
     lines = condensed(["first", *alike, "last", "x" * 1_000_000])
     assert lines[:3] == ("first", f"{alike[0]} (and 99999 more of this kind)", "last")

@@ -131,7 +131,6 @@ transforms_strategy = st.builds(
 @settings(deadline=None, max_examples=200)
 @given(st.lists(transforms_strategy, max_size=8))
 def test_round_trip(transforms: list[TransformStamped]) -> None:
-    """Any message survives, bit by bit, and its size is exactly what CDR prescribes."""
     data = serialize_message(TFMessage(transforms=transforms))
     assert len(data) == len(encode(transforms))
     assert repr(decode(data)) == repr([content(item) for item in transforms])  # nan equals nan
@@ -147,13 +146,11 @@ def test_round_trip(transforms: list[TransformStamped]) -> None:
 
 @pytest.mark.parametrize("count", [0, 1, 255, 256, 257, 5000])
 def test_sizes_around_the_growth_steps(count: int) -> None:
-    """Messages of any length arrive whole, also where receiving has to make room."""
     message = TFMessage(transforms=[make_transform(child=f"joint_{i}") for i in range(count)])
     assert deserialize_message(serialize_message(message), TFMessage) == message
 
 
 def test_an_ordinary_message() -> None:
-    """Tools that treat all messages alike find here what they find in other messages."""
     assert TFMessage.get_fields_and_field_types() == {
         "transforms": "sequence<geometry_msgs/TransformStamped>"
     }
@@ -186,7 +183,6 @@ def test_equality() -> None:
 
 
 def test_copies() -> None:
-    """Copy, deepcopy and pickle give equal messages; only deepcopy and pickle copy transforms."""
     message = TFMessage(transforms=[make_transform()])
     shallow, deep = copy.copy(message), copy.deepcopy(message)
     assert shallow == deep == pickle.loads(pickle.dumps(message)) == message
@@ -195,7 +191,6 @@ def test_copies() -> None:
 
 
 def test_field_checks() -> None:
-    """With checks, wrong values are refused as in every message; without, they are taken."""
     for wrong in ([PoseStamped()], "text", 5, None, [1]):
         with pytest.raises(AssertionError, match="'transforms' field must be a set or sequence"):
             TFMessage(transforms=wrong, check_fields=True)
@@ -208,7 +203,6 @@ def test_field_checks() -> None:
 
 @own_only
 def test_wrong_values_raise_when_sent() -> None:
-    """Sending what no TFMessage can hold raises Python's own exception; a tuple is fine."""
     for wrong, expected in (
         ([1], AttributeError),
         (5, TypeError),
@@ -235,7 +229,6 @@ def malformed_messages() -> Iterator[bytes]:
 
 
 def test_malformed_bytes_are_refused() -> None:
-    """Bytes that end too early, and counts and lengths that lie, raise; memory stays small."""
     before = psutil.Process().memory_info().rss
     for data in malformed_messages():
         with pytest.raises(Exception, match=r"deserializ"):
@@ -244,7 +237,6 @@ def test_malformed_bytes_are_refused() -> None:
 
 
 def test_random_bytes_do_no_harm() -> None:
-    """Altered and random bytes give a message or an exception, never a crash."""
     dice = random.Random(1)
     good = encode([make_transform("parent" * i, "child") for i in range(4)])
     refused = 0
@@ -264,7 +256,6 @@ def test_random_bytes_do_no_harm() -> None:
 
 
 def test_no_leak() -> None:
-    """Memory stays level over many messages, good and bad."""
     message = TFMessage(transforms=[make_transform("parent", "child")])
     data = serialize_message(message)
 
@@ -301,7 +292,6 @@ def spin_until(node: Any, condition: Any, what: str) -> Any:
 
 
 def test_on_the_wire_it_is_tf2_msgs(node: Any) -> None:
-    """Other ROS nodes see the type's official name and hash."""
     node.create_publisher(TFMessage, "/tf", 10)
     node.create_subscription(TFMessage, "/tf", lambda message: None, 10)
     for query in (node.get_publishers_info_by_topic, node.get_subscriptions_info_by_topic):
@@ -312,7 +302,6 @@ def test_on_the_wire_it_is_tf2_msgs(node: Any) -> None:
 
 
 def test_type_description(node: Any) -> None:
-    """The description a node gives of the type is complete: the official hash follows from it."""
     node.create_publisher(TFMessage, "/tf", 10)
     client = node.create_client(GetTypeDescription, "~/get_type_description")
     spin_until(node, client.service_is_ready, "the node's own service")
@@ -356,25 +345,8 @@ def test_type_description(node: Any) -> None:
     }
 
 
-def test_publish_and_subscribe(node: Any) -> None:
-    """Objects and bytes can be published; objects and bytes are received."""
-    objects: list[Any] = []
-    raw: list[bytes] = []
-    publisher = node.create_publisher(TFMessage, "/tf", 10)
-    node.create_subscription(TFMessage, "/tf", objects.append, 10)
-    node.create_subscription(TFMessage, "/tf", raw.append, 10, raw=True)
-    spin_until(node, lambda: publisher.get_subscription_count() == 2, "the subscriptions")
-    message = TFMessage(transforms=[make_transform("odom", "base_link", (12, 34))])
-    publisher.publish(message)
-    spin_until(node, lambda: objects and raw, "the object")
-    publisher.publish(encode(message.transforms))
-    spin_until(node, lambda: len(objects) == len(raw) == 2, "the bytes")
-    assert objects == [message, message]
-    assert [decode(data) for data in raw] == [[content(message.transforms[0])]] * 2
-
-
 MANY_THREADS = """
-    import threading, time, rclpy
+    import threading, rclpy
     from rclpy.executors import SingleThreadedExecutor
     from rclpy.serialization import serialize_message
     from geometry_msgs.msg import TransformStamped
@@ -383,62 +355,46 @@ MANY_THREADS = """
     rclpy.init()
     message = TFMessage(transforms=[TransformStamped(child_frame_id=str(i)) for i in range(20)])
     data = serialize_message(message)
-    counts = {f"{name}{i}": 0 for name in ("publish", "subscribe", "create") for i in range(3)}
-    end = time.monotonic() + 4
-    last = end + 100  # a slow machine has more time to do as much
-
-    def repeat(step):
-        while time.monotonic() < end or min(counts.values()) <= 10 and time.monotonic() < last:
-            step()
+    received = {name: 0 for name in "abc"}
+    done = threading.Event()
 
     def publish(name):
-        publisher = rclpy.create_node(name).create_publisher(TFMessage, "/tf", 10)
-        def step():
-            publisher.publish(message)
-            publisher.publish(data)
-            counts[name] += 1
-        repeat(step)
+        node = rclpy.create_node(f"publish_{name}")
+        while not done.is_set():
+            publisher = node.create_publisher(TFMessage, "/tf", 10)
+            for _ in range(20):
+                publisher.publish(message)
+                publisher.publish(data)
+            node.destroy_publisher(publisher)
 
     def subscribe(name):
-        node = rclpy.create_node(name)
-        executor = SingleThreadedExecutor()
+        node, executor = rclpy.create_node(f"subscribe_{name}"), SingleThreadedExecutor()
         executor.add_node(node)
-        received = []
-        node.create_subscription(TFMessage, "/tf", received.append, 10)
-        node.create_subscription(TFMessage, "/tf", received.append, 10, raw=True)
-        def step():
-            executor.spin_once(timeout_sec=0.05)
-            counts[name] = len(received)
-        repeat(step)
+        while received[name] <= 500:
+            messages = []
+            objects = node.create_subscription(TFMessage, "/tf", messages.append, 10)
+            raw = node.create_subscription(TFMessage, "/tf", messages.append, 10, raw=True)
+            for _ in range(50):
+                executor.spin_once(timeout_sec=0.05)
+            node.destroy_subscription(objects)
+            node.destroy_subscription(raw)
+            received[name] += len(messages)
 
-    def create(name):
-        node = rclpy.create_node(name)
-        def step():
-            publisher = node.create_publisher(TFMessage, "/tf", 10)
-            subscription = node.create_subscription(TFMessage, "/tf", lambda message: None, 10)
-            publisher.publish(message)
-            publisher.publish(data)
-            node.destroy_publisher(publisher)
-            node.destroy_subscription(subscription)
-            counts[name] += 1
-        repeat(step)
-
-    threads = [
-        threading.Thread(target=work, args=(f"{work.__name__}{i}",), daemon=True)
-        for work in (publish, subscribe, create) for i in range(3)
-    ]
-    for thread in threads:
+    publishers = [threading.Thread(target=publish, args=(name,)) for name in received]
+    subscribers = [threading.Thread(target=subscribe, args=(name,)) for name in received]
+    for thread in publishers + subscribers:
         thread.start()
-    for thread in threads:
+    for thread in subscribers:
         thread.join()
-    assert len(counts) == 9 and min(counts.values()) > 10, counts
-    print("finished", counts)
+    done.set()
+    for thread in publishers:
+        thread.join()
+    print("finished")
     rclpy.try_shutdown()
 """
 
 
 def test_many_threads(ros_domain: int) -> None:
-    """Threads that publish, receive and create entities in one process never wait forever."""
     result = run_python(MANY_THREADS, Path(__file__).parents[2])
     assert result.returncode == 0, result.stderr
     assert result.stdout.startswith("finished"), result.stdout
@@ -486,7 +442,6 @@ def test_a_tf2_msgs_that_cannot_be_loaded(tmp_path: Path, load: str) -> None:
 
 @own_only
 def test_another_version_of_ros_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """An unknown version of rosidl gives one clear error before any of its memory is touched."""
     package = tmp_path / "share" / "rosidl_runtime_c"
     package.mkdir(parents=True)
     (package / "package.xml").write_text("<package><version>4.9.2</version></package>")
@@ -499,7 +454,6 @@ def test_another_version_of_ros_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_
 
 @own_only
 def test_another_transform_stamped_is_refused() -> None:
-    """The library itself refuses types that are not the ones it is made for."""
     library = load_library()
     pose = type(PoseStamped)
     if pose._TYPE_SUPPORT is None:

@@ -22,7 +22,6 @@ PART = """<robot xmlns:xacro="http://wiki.ros.org/xacro">
 
 
 def test_arguments_of_a_file_and_its_includes(tmp_path: Path) -> None:
-    """Defaults, required ones, and those of includes; a circle or a missing file does no harm."""
     (tmp_path / "main.xacro").write_text(MAIN)
     (tmp_path / "part.xacro").write_text(PART)
     arguments = xacro_arguments(str(tmp_path / "main.xacro"))
@@ -43,7 +42,6 @@ def test_arguments_of_a_file_and_its_includes(tmp_path: Path) -> None:
 
 
 def test_a_file_that_cannot_be_read_declares_nothing(tmp_path: Path) -> None:
-    """Loading it is what reports the mistake."""
     (tmp_path / "bad.xacro").write_text("<robot")
     for name in ("bad.xacro", "absent.xacro", ""):
         assert xacro_arguments(str(tmp_path / name)) == XacroArguments()
@@ -68,7 +66,6 @@ def robot(inside: str) -> str:
     ],
 )
 def test_includes_that_can_be_followed(tmp_path: Path, included: str, complete: bool) -> None:
-    """All whose name stands there; elements of URDF are none."""
     main = tmp_path / "main.xacro"
     main.write_text(robot(f'<xacro:include filename="{included}"/>'))
     (tmp_path / "part.xacro").write_text(robot('<xacro:arg name="colour" default="red"/>'))
@@ -80,7 +77,6 @@ def test_includes_that_can_be_followed(tmp_path: Path, included: str, complete: 
 
 
 def test_arguments_that_are_used_without_being_declared(tmp_path: Path) -> None:
-    """In texts, attributes and expressions; declared ones are those that are declared first."""
     main = tmp_path / "main.xacro"
     main.write_text(
         robot(
@@ -98,7 +94,6 @@ def test_arguments_that_are_used_without_being_declared(tmp_path: Path) -> None:
 
 
 def test_includes_of_includes_end(tmp_path: Path) -> None:
-    """A file that includes itself is one file, and so is one that is included often."""
     for number in range(15):
         text = robot(f'<xacro:include filename="{number + 1}.xacro"/>' * 2)
         (tmp_path / f"{number}.xacro").write_text(text)
