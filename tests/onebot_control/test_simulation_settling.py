@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from onebot_control.poses import yaw_of
 from onebot_control.simulation import Settings
 from onebot_control.simulation.spawning import engine, make_world
 from onebot_description.description import parse_description
@@ -68,31 +69,17 @@ def test_a_robot_in_millimetres_is_refused(xyz, size, reason):
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_robot_that_stands_tilted_is_set_down_tilted(sign):
-    """Heading and place are those asked for; the tilt is its own, about its own axes."""
-    description = _block(rpy=f"0 {sign * math.radians(30)} 0")
-    with _stand(description, x=2.0, y=-1.0, yaw=1.0) as simulation:
-        pose = simulation.base_pose()
-        expected = Rotation.from_euler("xyz", (0.0, -sign * math.radians(30), 1.0))
-        assert (expected.inv() * Rotation.from_quat(pose.rotation)).magnitude() < 1e-2
-        assert pose.translation == pytest.approx([2.0, -1.0, 0.05], abs=1e-3)
-        x, y, z, w = simulation.rest_pose.tilt
-        assert math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z) == pytest.approx(
-            0.0, abs=1e-12
-        )
-        simulation.teleport(0.0, 0.0, -2.0)
-        expected = Rotation.from_euler("xyz", (0.0, -sign * math.radians(30), -2.0))
-        assert (
-            expected.inv() * Rotation.from_quat(simulation.base_pose().rotation)
-        ).magnitude() < (1e-2)
-
-
-@pytest.mark.parametrize("yaw", [-4.0, 0.5])
-def test_of_two_quaternions_the_one_with_positive_w_is_told(yaw):
-    with _stand(_block(rpy="0.3 0.4 0"), yaw=yaw) as simulation:
-        pose, tilt = simulation.base_pose(), simulation.rest_pose.tilt
-        expected = Rotation.from_euler("z", yaw) * Rotation.from_quat(tilt)
-        assert pose.rotation == pytest.approx(expected.as_quat(canonical=True), abs=1e-9)
-        assert pose.rotation[3] > 0.0
+    """Heading and place are those asked for; the tilt is its own, and w is above 0."""
+    tilt = Rotation.from_euler("y", -30.0 * sign, degrees=True)
+    with _stand(_block(rpy=f"0 {sign * math.radians(30)} 0"), x=2.0, y=-1.0, yaw=-4.0) as one:
+        assert one.base_pose().translation == pytest.approx([2.0, -1.0, 0.05], abs=1e-3)
+        for yaw in (-4.0, 0.5):
+            expected = Rotation.from_euler("z", yaw) * tilt
+            found = one.base_pose().rotation
+            assert found == pytest.approx(expected.as_quat(canonical=True), abs=1e-2)
+            assert found[3] > 0.0
+            one.teleport(0.0, 0.0, 0.5)
+        assert yaw_of(*one.rest_pose.tilt) == pytest.approx(0.0, abs=1e-12)
 
 
 @pytest.mark.parametrize("roll", [38.0, -38.0])
