@@ -109,6 +109,8 @@ EQUIVALENT: dict[str, set[str]] = {
         'check_tree: if len(roots) > 1 and len(ends) >= len(findings.document.root.findall("joint")):',  # noqa: E501
     },
     "onebot_description/description/expansion.py": {
+        # What is not found from there on is searched for from the beginning.
+        "_Children.index: self._last = super().index(node, max(self._last - 2, 1))",
         # There is at least one place.
         'written_at: calls = f" (called at {\', from \'.join(places[1:])})" if len(places) != 1 else ""',  # noqa: E501
     },
