@@ -86,6 +86,8 @@ EQUIVALENT: dict[str, set[str]] = {
         "Odometry.__init__: self._since = -1.0",
     },
     "onebot_control/simulation/bodies.py": {
+        # A mass below 0 is refused before.
+        "_principal: if body.mass == 0:",
         # Below the lower limit, however far.
         'physics_urdf: slide = replace(joint, kind="prismatic", lower=1.0, upper=- 2.0)',
     },
@@ -105,8 +107,9 @@ EQUIVALENT: dict[str, set[str]] = {
     "onebot_control/wheels/finding.py": {
         # There are as many poses as links.
         "link_places: for link, pose in zip(model.links, model.link_poses({}), strict=False):",
-        # The axis is that of a wheel, and so has no z but for a degree.
+        # The axis is that of a wheel, and so has neither x nor z but for a degree.
         "_is_steered: x, y, _ = np.cross(axle.axis, (0.0, -1.0, 1.0))",
+        "_is_steered: trail = x * (wheel.x - swivel.pose[0, 3]) + y * (wheel.y - swivel.pose[ 0, 3])",  # noqa: E501
         # A sum of 0 is 0 with the other sign.
         "_sets: return [alike for alike in sets if sum(1 if not wheel.y > 0.0 else -1 for wheel in alike) == 0]",  # noqa: E501
     },
