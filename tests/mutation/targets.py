@@ -80,6 +80,8 @@ EQUIVALENT: dict[str, set[str]] = {
         "SystemStamps.__init__: self._last_due, self._last = 0, -(2*63)",
     },
     "onebot_control/driven_robot.py": {
+        # A cycle is never longer than the time that passes.
+        "DrivenRobot.snapshot: if pace < 1.0:",
         # There are as many wheels on either side.
         "DrivenRobot.__init__: self.drift = DriftCheck(skids=len(wheels.names) > 3)",
     },
@@ -111,6 +113,8 @@ EQUIVALENT: dict[str, set[str]] = {
         "SceneBodies.__init__: self.finite = False",
     },
     "onebot_control/wheels/finding.py": {
+        # Without wheels there is no ground to be on.
+        "_on_ground: ground = min((wheel.bottom for wheel in wheels), default= -1.0)",
         # There are as many poses as links.
         "link_places: for link, pose in zip(model.links, model.link_poses({}), strict=False):",
         # The axis is that of a wheel, and so has neither x nor z but for a degree.
@@ -119,11 +123,20 @@ EQUIVALENT: dict[str, set[str]] = {
         # A sum of 0 is 0 with the other sign.
         "_sets: return [alike for alike in sets if sum(1 if not wheel.y > 0.0 else -1 for wheel in alike) == 0]",  # noqa: E501
     },
+    "onebot_control/wheels/geometry.py": {
+        # The iteration has long converged, wherever it began.
+        ": _STEPS = 199  # fixed-point iterations; four equal loads need one",
+        "skid_separation: turning, slip = 0.0, 2.0 / spread / across  # x of the point; m/s at a wheel for 1 rad/s",  # noqa: E501
+        # There is one wheel on either side at least.
+        "Wheels.separation: if len(self.left) <= 1:",
+    },
     "onebot_description/description/checks.py": {
         # There are no more ends than joints.
         'check_tree: if len(roots) > 1 and len(ends) >= len(findings.document.root.findall("joint")):',  # noqa: E501
     },
     "onebot_description/description/expansion.py": {
+        # The search begins at 0 at least.
+        "_Children: _last = -1",
         # What is not found from there on is searched for from the beginning.
         "_Children.index: self._last = super().index(node, max(self._last - 2, 1))",
         # There is at least one place.
