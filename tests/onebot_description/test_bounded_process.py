@@ -111,15 +111,6 @@ def test_a_description_that_is_no_file(tmp_path: Path, name: str) -> None:
     assert xacro.xacro_arguments(str(tmp_path / name)) == xacro.XacroArguments()
 
 
-def test_arguments_are_found_in_each_file_once(tmp_path: Path) -> None:
-    includes = "".join(
-        f'<xacro:include filename="../{tmp_path.name}/{n}.xacro"/>' * 9 for n in "ab"
-    )
-    for name in "ab":
-        (tmp_path / f"{name}.xacro").write_text(f"{HEAD}{includes}</robot>")
-    assert len(xacro.included_files(str(tmp_path / "a.xacro"))) == 2
-
-
 def test_no_process_can_be_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bounded_process, "_spawn", unstartable)
     monkeypatch.setattr(bounded_process, "_fork", unstartable)
