@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from onebot_description.joints.config import JointsConfig, Sequence
+from onebot_description.joints.config import Dependent, JointsConfig, Sequence
 from onebot_description.joints.motions import Keyframes, Sine
 from onebot_description.parameters.reader import ConfigError
 
