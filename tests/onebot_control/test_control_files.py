@@ -1,5 +1,7 @@
 """control.yaml, in ros2_control's form."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -96,6 +98,20 @@ def test_onebots_own_file_is_right_in_every_namespace() -> None:
             ":4: velocity_controller.type: mecanum_drive_controller/MecanumDriveController is not",
         ),
         ("{max_velocity: 0.7}", "{max_velocity: 0.7", ":16: invalid YAML"),
+        (
+            "joint_state_broadcaster/JointStateBroadcaster",
+            "joint_state_controller/JointStateController",
+            ":5: joint_state_broadcaster.type: joint_state_controller/JointStateController is not "
+            "what runs here; write joint_state_broadcaster/JointStateBroadcaster",
+        ),
+        (
+            "    joints: [",
+            "    frame_id: 3\n    joints: [",
+            ":8: joint_state_broadcaster.frame_id: 3",
+        ),
+        ("[right_wheel_joint, left_wheel_joint]", "[a, a]", ":8: joint_state_broadcaster.joints: "),
+        ("update_rate: 200", "use_stamped_vel: true", ":3: use_stamped_vel: no such parameter"),
+        ("wheel_radius: 0.1", "update_rate: fast", ':13: update_rate: "fast" is a string'),
     ],
 )
 def test_mistakes_are_named_with_file_and_line(file: Path, old: str, new: str, said: str) -> None:
@@ -116,29 +132,6 @@ def test_later_files_come_first(file: Path, tmp_path: Path) -> None:
     other.write_text("velocity_controller: {ros__parameters: {wheel_radius: 0.5}}")
     values = read_control_files([file, other], "/", "velocity_controller").values
     assert (values["wheel_radius"], values["update_rate"]) == (0.5, 200)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        (
-            "joint_state_broadcaster/JointStateBroadcaster",
-            "joint_state_controller/JointStateController",
-            ":5: joint_state_broadcaster.type: joint_state_controller/JointStateController is not "
-            "what runs here; write joint_state_broadcaster/JointStateBroadcaster",
-        ),
-        (
-            "    joints: [",
-            "    frame_id: 3\n    joints: [",
-            ":8: joint_state_broadcaster.frame_id: 3",
-        ),
-        ("[right_wheel_joint, left_wheel_joint]", "[a, a]", ":8: joint_state_broadcaster.joints: "),
-        ("update_rate: 200", "use_stamped_vel: true", ":3: use_stamped_vel: no such parameter"),
-        ("wheel_radius: 0.1", "update_rate: fast", ':13: update_rate: "fast" is a string'),
-    ],
-)
-def test_mistakes_in_each_section(file: Path, old: str, new: str, said: str) -> None:
-    assert said in complaint(file, old, new)
 
 
 def test_the_controllers_own_section_comes_first(file: Path) -> None:
@@ -179,12 +172,21 @@ def _set(**values: Any) -> list[Parameter]:
     return [Parameter(name, value=value) for name, value in values.items()]
 
 
+@contextmanager
+def node(*arguments: str) -> Iterator[Node]:
+    rclpy.init(args=list(arguments))
+    velocity_controller = Node("velocity_controller")
+    try:
+        yield velocity_controller
+    finally:
+        velocity_controller.destroy_node()
+        rclpy.try_shutdown()
+
+
 def test_what_can_be_set_while_the_node_runs(ros_domain: int, file: Path) -> None:
     """Checked first, and then in force; the pace and its clock only where time is simulated."""
-    rclpy.init(args=[])
-    node = Node("velocity_controller")
-    try:
-        parameters = ControlParameters(node, RosArguments((file,)))
+    with node() as mine:
+        parameters = ControlParameters(mine, RosArguments((file,)))
         assert parameters.config == read(file) and parameters.values["wheel_radius"] == 0.1
         new = _set(wheel_radius=0.2, publish_rate=25, nothing_of_ours=1)
         for simulated in (True, False):
@@ -209,20 +211,15 @@ def test_what_can_be_set_while_the_node_runs(ros_domain: int, file: Path) -> Non
         assert parameters.config.wheel_radius == 0.2 and "nothing_of_ours" not in parameters.values
         error = parameters.located(ConfigError([Problem("linear.x.max_velocity", "is odd")]))
         assert str(error) == f"{file}:15: linear.x.max_velocity: is odd"
-    finally:
-        node.destroy_node()
-        rclpy.try_shutdown()
 
 
 def test_the_lines_of_what_the_command_line_overrides_are_not_named(
     ros_domain: int, file: Path
 ) -> None:
     """A mistake there is none of the file's, whether it is more or less than the file has."""
-    rclpy.init(args=ros_args(wheel_radius=0.3, **{"linear.x.max_velocity": 0.5}))
-    node = Node("velocity_controller")
-    try:
+    with node(*ros_args(wheel_radius=0.3, **{"linear.x.max_velocity": 0.5})) as mine:
         given = (("", "wheel_radius"), ("velocity_controller", "linear.x.max_velocity"))
-        parameters = ControlParameters(node, RosArguments((file,), given))
+        parameters = ControlParameters(mine, RosArguments((file,), given))
         assert (parameters.config.wheel_radius, parameters.config.linear.max_velocity) == (0.3, 0.5)
         names = ("wheel_radius", "linear.x.max_velocity", "update_rate")
         error = parameters.located(ConfigError(Problem(name, "is odd") for name in names))
@@ -231,21 +228,13 @@ def test_the_lines_of_what_the_command_line_overrides_are_not_named(
             "linear.x.max_velocity: is odd",
             f"{file}:3: update_rate: is odd",
         ]
-    finally:
-        node.destroy_node()
-        rclpy.try_shutdown()
 
 
 @pytest.mark.parametrize("name", ["wheel_raduis", "linear.x.max_velocty"])
 def test_unknown_names_on_the_command_line(ros_domain: int, file: Path, name: str) -> None:
     """Those meant for this node or for all are refused; those for another one are its own."""
-    rclpy.init(args=[])
-    node = Node("velocity_controller")
-    try:
+    with node() as mine:
         for to in ("", "velocity_controller"):
             with pytest.raises(ConfigError, match=f"{name}: no such parameter .did you mean"):
-                ControlParameters(node, RosArguments((file,), ((to, name),)))
-        assert ControlParameters(node, RosArguments((file,), (("other", name),)))
-    finally:
-        node.destroy_node()
-        rclpy.try_shutdown()
+                ControlParameters(mine, RosArguments((file,), ((to, name),)))
+        assert ControlParameters(mine, RosArguments((file,), (("other", name),)))

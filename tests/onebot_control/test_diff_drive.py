@@ -31,20 +31,6 @@ def test_a_fresh_command_is_exact() -> None:
     assert (command.left, command.right) == pytest.approx((0.925 / 0.06, 1.075 / 0.06))
 
 
-def test_multipliers_scale_the_geometry() -> None:
-    """Separation and each side's radius are scaled, for commands and odometry alike."""
-    drive = controller(
-        wheel_separation_multiplier=2.0,
-        left_wheel_radius_multiplier=0.5,
-        right_wheel_radius_multiplier=2.0,
-    )
-    drive.accept(1.0, 1.0)
-    command = drive.update(REST, 1.0)
-    assert (command.left, command.right) == pytest.approx((0.7 / 0.03, 1.3 / 0.12))
-    drive.update(WheelStates(command.left, command.right, 0.0, 0.0), 1.0)
-    assert (drive.odometry.linear, drive.odometry.angular) == pytest.approx((1.0, 1.0))
-
-
 def test_timeout_brakes_through_the_limiter() -> None:
     """When commands stop, it goes on for the timeout and then slows down by the limit."""
     drive = controller(linear_x_max_acceleration=1.0, cmd_vel_timeout=0.5)
@@ -149,6 +135,7 @@ def test_what_follows_from_a_finite_command_is_finite(
     for _ in range(1000):
         wheels = drive.update(REST, 0.01)
         assert all(map(math.isfinite, wheels))
+        assert wheels[2:] == tuple(math.copysign(1e6, speed) if speed else 0.0 for speed in command)
     odometry = drive.odometry
     assert all(map(math.isfinite, (odometry.x, odometry.y, odometry.heading, odometry.linear)))
 
@@ -247,6 +234,8 @@ def test_configure_changes_limits_timeout_geometry_and_window() -> None:
         velocity_rolling_window_size=1,
         cmd_vel_timeout=0.5,
         wheel_separation_multiplier=2.0,
+        left_wheel_noise=0.1,
+        right_wheel_noise=0.3,
     )
     drive.configure(chosen, chosen.kinematics(WheelGeometry(SEPARATION, RADIUS)))
     command = drive.update(WheelStates(0.2, 0.4, 0.0, 0.0), 0.1)
@@ -255,7 +244,22 @@ def test_configure_changes_limits_timeout_geometry_and_window() -> None:
     assert command[:2] == pytest.approx(((0.5 - across) / RADIUS, (0.5 + across) / RADIUS))
     assert drive.odometry.linear == pytest.approx(0.2 * RADIUS / 0.1)
     assert drive.odometry.angular == pytest.approx(0.2 * RADIUS / 0.1 / (2.0 * SEPARATION))
+    assert drive.odometry.noise == pytest.approx((0.01, 0.09))
     assert updates(drive, 10, dt=0.1).linear == 0.0
+
+
+def test_the_pace_is_that_of_cycles_in_the_time_that_passes() -> None:
+    """Over the window: of a stall's time its next cycle has none, of a pause nothing has."""
+    drive = controller(velocity_rolling_window_size=2)
+    paces = [drive.pace]
+    updates(drive, 3, 0.1)
+    paces.append(drive.pace)
+    drive.stalled(0.3)
+    for _ in range(3):
+        drive.update(REST, 0.1)
+        paces.append(drive.pace)
+    drive.wait(0.3)
+    assert [*paces, drive.pace] == pytest.approx([1.0, 1.0, 0.4, 0.4, 1.0, 0.25])
 
 
 def test_open_loop_ignores_the_wheels() -> None:

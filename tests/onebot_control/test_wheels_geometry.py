@@ -115,13 +115,6 @@ def test_swapped_sides_are_told_with_their_places() -> None:
     ) in str(caught.value)
 
 
-def test_wheels_in_one_place() -> None:
-    """A separation of 0 is no separation."""
-    description = robot(wheel("left", 0.2), wheel("right", 0.2))
-    with pytest.raises(OneBotError, match="not left of"):
-        Wheels(description, LEFT, RIGHT).geometry()
-
-
 SPHERE, CYLINDER = '<sphere radius="0.1"/>', '<cylinder radius="0.2" length="0.02"/>'
 BOX = '<box size="1 1 1"/>'
 HUB = '<mesh filename="package://onebot_description/meshes/wheel.dae"/>'
@@ -230,6 +223,7 @@ def test_several_axles_skid() -> None:
     four = np.array([0.2, -0.2, 0.2, -0.2])
     assert skid_separation(0.5, four, 0.0) == pytest.approx(0.5 + 0.4**2 / 0.5)
     assert skid_separation(0.5, four + 3.0, 3.0) == pytest.approx(0.5 + 0.4**2 / 0.5)
+    assert skid_separation(0.5, four / 400.0, 0.0) == pytest.approx(0.5 + 1e-6 / 0.5, rel=1e-9)
     # On the rear axle alone it turns as on two wheels.
     assert skid_separation(0.5, four, -0.2) == pytest.approx(0.5, abs=1e-6)
     ahead = skid_separation(0.5, four, 0.05)
