@@ -19,7 +19,7 @@ from onebot_description.discovery import ARGUMENT, LOCALHOST, WANTED
 from onebot_description.errors import UsageError, did_you_mean, printable
 from onebot_description.joints.config import JointsConfig
 from onebot_description.parameters.reader import leaves
-from onebot_description.parameters.values import MAX_PORT, Rule, ValueType
+from onebot_description.parameters.values import Rule, ValueType
 from onebot_description.state_parameters import StateParameters
 
 # What launch files of ROS call otherwise, and how it is written here.
@@ -113,11 +113,6 @@ def number(
     """Return an argument that is a finite number, or an integer."""
     value = ValueType(kind, Rule(at_least=at_least, at_most=at_most))
     return Argument(name, default, description, type=value)
-
-
-def port(name: str, default: str, description: str) -> Argument:
-    """Return an argument that is a port, 0 for any."""
-    return number(name, default, description, 0, MAX_PORT, int)
 
 
 def parameters_of(node: str, kind: type, *names: str) -> list[Argument]:

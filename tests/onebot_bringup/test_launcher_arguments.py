@@ -8,7 +8,6 @@ from onebot_bringup.launch.arguments import (
     Argument,
     complete,
     number,
-    port,
     refuse_positional,
     ros_settings,
     split,
@@ -26,7 +25,7 @@ NUMBERS = [
     number("rate", "20.0", "Hz", 5.0, 100.0),
     number("x", "0.0", "m"),
     number("count", "", "how many", 1, 99, int),
-    port("port", "8080", "of the page"),
+    number("port", "8080", "of the page", 0, 65535, int),
     *ros_settings(),
 ]
 
