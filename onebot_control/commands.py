@@ -75,14 +75,9 @@ class CommandSubscription:
         received: Callable[[float, float, int | None], None],
         warn: Warn,
     ) -> None:
-        """Subscribe.
+        """Subscribe to "Twist" or "TwistStamped"; the choice "auto" follows the publishers.
 
-        Args:
-            node: of which ~/cmd_vel is.
-            choice: "Twist", "TwistStamped", or "auto" to follow the publishers.
-            received: called with linear.x in m/s, angular.z in rad/s, and the stamp in ns (None
-                for a Twist).
-            warn: called with a key and a text.
+        ``received`` gets linear.x in m/s, angular.z in rad/s, and the stamp in ns, None of a Twist.
         """
         self._node, self._received, self._warn = node, received, warn
         self._topic = node.resolve_topic_name(_TOPIC)

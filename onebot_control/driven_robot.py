@@ -1,10 +1,4 @@
-"""A robot that is driven: simulation and controller, one control cycle at a time. No ROS here.
-
-robot = DrivenRobot.of(description, ControlConfig.from_parameters({...}))
-robot.accept(0.2, 0.0)
-for _ in range(500):
-    snapshot = robot.cycle()
-"""
+"""A robot that is driven: its simulation and its controller in a control cycle. No ROS here."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -20,15 +14,7 @@ from onebot_control.drift import DriftCheck
 from onebot_control.odometry import DiffDriveKinematics, PoseCovariance
 from onebot_control.parameters import BROADCASTER, INTERFACES, BroadcasterConfig, ControlConfig
 from onebot_control.poses import PlanarPose, yaw_of
-from onebot_control.simulation import (
-    JointStates,
-    Pose,
-    Robot,
-    RobotSpawn,
-    Settings,
-    Twist,
-    World,
-)
+from onebot_control.simulation import JointStates, Pose, Robot, RobotSpawn, Twist
 from onebot_control.simulation.drivable import drivable
 from onebot_control.wheels.geometry import WheelGeometry, Wheels
 from onebot_description.description import Description
@@ -58,12 +44,7 @@ class Snapshot(NamedTuple):
 
 
 class JointStateBroadcaster:
-    """Chooses the joints and interfaces that a JointState message holds, as ros2_control's does.
-
-    Attributes:
-        names: of the joints in the message.
-        frame_id: of its header.
-    """
+    """Chooses the joints and interfaces that a JointState message holds, as ros2_control's does."""
 
     def __init__(
         self,
@@ -156,15 +137,11 @@ class DrivenRobot:
     """A robot and its controller.
 
     Attributes:
-        wheels: those that drive it.
         config: the parameters in force.
         geometry: of the wheels, before multipliers.
-        description: of the robot.
-        broadcaster: chooses what joint_states holds.
         plant: the simulated robot.
         held: joints that the plant has not, to the positions at which they are held still.
         ticks: control cycles done.
-        drift: compares odometry and truth.
     """
 
     def __init__(
@@ -192,21 +169,6 @@ class DrivenRobot:
         self.drift = DriftCheck(skids=len(wheels.names) > 2)
         self._read_state()
         self.place_odometry(PlanarPose())
-
-    @classmethod
-    def of(cls, description: Description, config: ControlConfig) -> "DrivenRobot":
-        """Return a robot in a world of its own.
-
-        Raises:
-            OneBotError: config and description do not suit each other, or cannot be simulated.
-        """
-        part = DrivenSpawn.of(description, config)
-        world = World([part.spawn], Settings().fitted(config.update_rate))
-        try:
-            return cls(part.wheels, config, world.robots[0], part.held)
-        except OneBotError:
-            world.close()
-            raise
 
     @property
     def period(self) -> float:
@@ -251,13 +213,6 @@ class DrivenRobot:
     def accept(self, linear: float, angular: float, age: float | None = None) -> str | None:
         """Command a velocity; see ``DiffDriveController.accept``."""
         return self.controller.accept(linear, angular, age)
-
-    def cycle(self) -> Snapshot:
-        """Do a whole control cycle; return the robot as it was at its beginning."""
-        snapshot = self.begin()
-        self.turn()
-        self.plant.world.step(self.period)
-        return snapshot
 
     def begin(self) -> Snapshot:
         """Read the robot's state and update the controller with it."""

@@ -28,7 +28,7 @@ from onebot_control.sensing.instruments import Instrument, Sensing
 from onebot_control.sensing.robot_sensors import RobotSensors
 from onebot_control.sensing.surroundings import SensedRobot
 from onebot_control.simulation.engine import logger as simulation_log
-from onebot_control.simulation.scene import load_scene
+from onebot_control.simulation.scene_bodies import load_scene
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.loading import load_sensors
 from onebot_description.errors import OneBotError, printable

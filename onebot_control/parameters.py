@@ -233,11 +233,7 @@ def read_control_files(files: Sequence[Path], namespace: str, controller: str) -
     """Read the parameters of controller_manager, joint_state_broadcaster and the controller.
 
     Later files override. The names of the broadcaster's begin with ``joint_state_broadcaster.``.
-
-    Args:
-        files: in ros2_control's form.
-        namespace: of the nodes, such as "/".
-        controller: name of the controller's node.
+    ``namespace`` is the nodes', such as "/", ``controller`` the name of the controller's.
 
     Raises:
         ConfigError: with all that is wrong in the file, each with its line.

@@ -67,13 +67,9 @@ class Frames(NamedTuple):
     def problems(
         self, others: Mapping[str, "Frames"], scene: Description | None = None
     ) -> Iterator[Problem]:
-        """Report names that two frames have: TF has one parent for each.
+        """Report names that two frames have, of any robot or of a scene: each has one parent in TF.
 
         The root link of a scene may be the world's frame itself.
-
-        Args:
-            others: the frames of the other robots of the world, by the robots' names.
-            scene: what stands around them.
         """
         owners, worlds = dict.fromkeys(self.links - {self.base}, "a link of the robot"), {}
         for name, frames in others.items():

@@ -62,16 +62,21 @@ class Peer:
         )
         return publisher
 
+    def call(self, kind: Any, name: str, **request: Any) -> Any:
+        """The answer of a service."""
+        client = self.node.create_client(kind, name)
+        assert client.wait_for_service(PATIENCE), f"no service {name}"
+        future = client.call_async(kind.Request(**request))
+        wait_for(future.done, f"{name} to answer")
+        return future.result()
+
     def set_parameters(self, node: str, **values: Any) -> list[Any]:
         """Set parameters of another node as one request each; the results."""
-        client = self.node.create_client(SetParameters, f"{node}/set_parameters")
-        assert client.wait_for_service(PATIENCE), f"{node} has no parameter service"
         parameters = [
             Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
         ]
-        future = client.call_async(SetParameters.Request(parameters=parameters))
-        wait_for(future.done, f"{node} to set {values}")
-        return list(future.result().results)
+        answer = self.call(SetParameters, f"{node}/set_parameters", parameters=parameters)
+        return list(answer.results)
 
 
 class NodeProcess:

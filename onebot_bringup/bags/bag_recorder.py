@@ -127,7 +127,6 @@ class BagRecorder(Node):
             self._next_write = now + _LEAST_IDLE * (now - start) - _WRITE_PERIOD
 
     def destroy_node(self) -> None:
-        """Write what is left, log how much was recorded, and destroy the node."""
         bag, self._bag = self._bag, None
         try:
             if bag is not None and bag.open:
@@ -158,7 +157,6 @@ class Selection:
     excluded: re.Pattern[str] | None = None  # topics that are left out in any case
 
     def has(self, topic: str) -> bool:
-        """Return whether a topic, by its full name, is chosen."""
         if self.excluded is not None and self.excluded.search(topic):
             return False
         if self.pattern is not None and self.pattern.search(topic):
@@ -199,7 +197,6 @@ class TopicRecorder:
 
     @property
     def lost(self) -> int:
-        """The number of messages that DDS knows to be lost."""
         return sum(recorded.lost for recorded in self._topics.values())
 
     def poll(self) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import rerun as rr
 
-from onebot_bringup.bags.reader import Bag
+from onebot_bringup.bags.bag_reader import Bag
 from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
 from onebot_bringup.viewer.displays.tf import TF
 from onebot_bringup.viewer.inbox import DESCRIPTION

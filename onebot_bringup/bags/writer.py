@@ -83,7 +83,6 @@ class BagWriter:
 
     @property
     def topic_count(self) -> int:
-        """Topics added so far."""
         return len(self._topics)
 
     def add_topic(self, topic: RecordedTopic) -> int:
@@ -159,7 +158,6 @@ class BagWriter:
         return {"rosbag2_bagfile_information": information}
 
     def close(self) -> None:
-        """Write what is left."""
         try:
             self.checkpoint()
         finally:
@@ -189,7 +187,6 @@ class _Output(io.BytesIO):
     start = 0
 
     def tell(self) -> int:
-        """Return the position in the file."""
         return self.start + super().tell()
 
 
@@ -262,7 +259,6 @@ class _McapFile:
             return True
 
     def close(self) -> None:
-        """Close the file as of the last checkpoint."""
         os.close(self._file)
 
 

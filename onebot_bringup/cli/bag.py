@@ -25,7 +25,7 @@ from onebot_description.errors import OneBotError, UsageError, did_you_mean
 from onebot_description.signals import KeyboardInterrupts
 
 if TYPE_CHECKING:
-    from onebot_bringup.bags.reader import Bag
+    from onebot_bringup.bags.bag_reader import Bag
     from onebot_bringup.bags.writer import Qos
 
 _NANO = 1_000_000_000
@@ -55,7 +55,7 @@ def info(args: Namespace) -> None:
 
 
 def _open(args: Namespace) -> "Bag":
-    from onebot_bringup.bags.reader import Bag
+    from onebot_bringup.bags.bag_reader import Bag
 
     with KeyboardInterrupts():  # Ctrl-C leaves no temporary files
         bag = Bag(Path(args.bag).expanduser(), int(args.max_size * 1e6))

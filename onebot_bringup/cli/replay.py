@@ -79,7 +79,7 @@ def _replay(source: Path, values: Mapping[str, str], interrupts: KeyboardInterru
     if is_rrd:
         _check_rrd(source, view, values)
     else:
-        from onebot_bringup.bags.reader import Bag
+        from onebot_bringup.bags.bag_reader import Bag
 
         bag = Bag(source, int(float(values["max_size"]) * 1e6))
     with _server(values) as server:

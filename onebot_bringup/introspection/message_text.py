@@ -148,12 +148,9 @@ def _type_of(slot: Any) -> str:
 
 
 def pick(message: Any, path: str) -> Any:
-    """Return the part of a message at ``path``, such as ``pose.pose.position``.
+    """Return the part of a message at ``path``, such as ``transforms[0].transform.rotation``.
 
-    An index picks an item of a list: ``transforms[0].transform``, ``position[1]``.
-
-    Raises:
-        OneBotError: there is no such field; the message lists those there are.
+    A field that does not exist is an OneBotError, which lists those there are.
     """
     value = message
     for step in path.replace("[", ".[").split("."):
@@ -185,18 +182,9 @@ def _item(value: Any, step: str, path: str) -> Any:
 def fill(message: Any, text: str, *, finite: bool = True) -> list[Any]:
     """Set the fields of ``message`` that YAML text contains; the others are not changed.
 
-    Args:
-        message: of any type, or the request of a service.
-        text: such as ``{header: auto, twist: {linear: {x: 0.2}}}``.
-        finite: refuse infinities and NaN.
-
-    Returns:
-        The times within ``message`` that were given as ``now`` or ``auto``, for ``stamp`` to set
-        when it is sent.
-
-    Raises:
-        OneBotError: it is invalid YAML, or a field does not exist or is given a wrong value; the
-            message names the field.
+    The text is such as ``{header: auto, twist: {linear: {x: 0.2}}}``; ``finite`` refuses infinities
+    and NaN. Returns the times that were given as ``now`` or ``auto``, for ``stamp`` to set when the
+    message is sent. What is wrong is an OneBotError that names the field.
     """
     filler = _Filler(finite)
     filler.fields(message, _read_fields(text), "")
@@ -291,14 +279,9 @@ def _string(slot: Any, value: str, path: str) -> str:
 def read_scalar(kind: str, text: str, finite: bool = True) -> Any:
     """Return the value of ``text``.
 
-    Args:
-        kind: rosidl's name of a basic type: ``boolean``, ``double``, ``int32``, ``octet``, ...
-        text: as written in YAML.
-        finite: refuse infinities and NaN.
-
-    Raises:
-        ValueError: it is no such value; the message is the end of a sentence that begins with
-            the field's name.
+    ``kind`` is rosidl's name of a basic type (boolean, double, int32, octet, ...); ``finite``
+    refuses infinities and NaN. A ValueError is the end of a sentence that begins with the field's
+    name.
     """
     if kind == "octet" and len(text) == 1 and not text.isdigit() and ord(text) < 256:
         return bytes([ord(text)])  # a byte is printed so
@@ -389,7 +372,6 @@ class _TextLoader(yaml.BaseLoader):
     """Keeps scalars as text, to be parsed by field; rejects duplicate keys."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """Build a dictionary from ``node``."""
         seen: set[str] = set()
         for key, _ in node.value:
             name = str(key.value)

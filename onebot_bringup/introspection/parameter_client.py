@@ -92,11 +92,7 @@ class ParameterClient:
         return list(self._call("DescribeParameters", names=list(names)).descriptors)
 
     def get(self, name: str) -> Any:
-        """Return one ParameterValue.
-
-        Raises:
-            OneBotError: the parameter does not exist; the message lists similar names.
-        """
+        """Return one ParameterValue; a name of none is an OneBotError, which lists similar ones."""
         [value] = self.values([name])
         if value.type == NOT_SET:
             self.require([name])
@@ -115,11 +111,8 @@ class ParameterClient:
     ) -> list[Any]:
         """Set parameters to values in YAML; return a SetParametersResult each.
 
-        Args:
-            pairs: names and values.
-            same_types: a value is read as one of the type that the parameter has now, as far as
-                that can be, also where the node would let it have another.
-            finite: refuse infinities and NaN.
+        ``same_types`` reads a value as one of the type that the parameter has now, as far as that
+        can be, also where the node allows another; ``finite`` refuses infinities and NaN.
         """
         from rcl_interfaces.msg import Parameter, ParameterValue
 

@@ -70,12 +70,8 @@ def parse_value(text: str, declared: int = NOT_SET) -> tuple[str, int, Any]:
     ROS parameters are strictly typed: an integer is converted if a double is declared, and any
     text if a string is declared.
 
-    Args:
-        text: such as ``0.5``, ``true``, ``[a, b]``.
-        declared: the type of the parameter; NOT_SET if unknown.
-
-    Raises:
-        OneBotError: no parameter type can hold the value.
+    ``declared`` is the type of the parameter, NOT_SET if unknown. A value that no type can hold is
+    an OneBotError.
     """
     if declared == STRING:
         kind, value = STRING, _unquoted(text)

@@ -26,7 +26,6 @@ class LoopThread:
             self._loop.call_soon_threadsafe(action)
 
     def stop(self) -> None:
-        """End what is served."""
         self.call(self._end.set)
         self._thread.join(STOP_TIMEOUT)
 

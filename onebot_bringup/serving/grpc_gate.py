@@ -14,7 +14,6 @@ from onebot_bringup.serving.event_loop import LoopThread
 
 _PREFACE = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n"  # RFC 9113, 3.4
 _PREFACE_TIMEOUT = 5.0  # s
-_MOST = 32  # connections; further ones are closed
 _CHUNK = 1 << 16  # bytes
 _REFUSAL = "This port is for native viewers: open the page's address in a browser, not this one.\n"
 _RESPONSE = (
@@ -33,7 +32,6 @@ class GrpcGate(LoopThread):
         super().__init__("grpc gate")
 
     async def serve(self, end: asyncio.Event) -> None:
-        """Serve until ``end`` is set, then close all connections and the socket."""
         server = await asyncio.start_server(self._serve_client, sock=self._listener)
         await end.wait()
         server.close()
@@ -43,9 +41,6 @@ class GrpcGate(LoopThread):
     async def _serve_client(
         self, reader: asyncio.StreamReader, client: asyncio.StreamWriter
     ) -> None:
-        if len(self._clients) >= _MOST:
-            client.close()
-            return
         self._clients.add(client)
         try:
             preface = await asyncio.wait_for(reader.readexactly(len(_PREFACE)), _PREFACE_TIMEOUT)

@@ -1,8 +1,7 @@
 """An aiohttp application served in a thread of its own.
 
-Its connections are bounded in number and in time, so that no client exhausts memory or files: one
-without a whole request within a few seconds is closed, which aiohttp does if its timeout of idle
-connections is as short.
+A connection without a whole request within a few seconds is closed: aiohttp does so if its timeout
+of idle connections is as short.
 """
 
 import asyncio
@@ -18,7 +17,6 @@ from onebot_bringup.serving.event_loop import STOP_TIMEOUT, LoopThread
 _IDLE_TIMEOUT = 5.0  # s for the head of a request, and between two requests
 _BODY_TIMEOUT = 5.0  # s for the body of a request
 _LINGERING = 1.0  # s for the rest of a request that has its response
-_MOST = 256  # connections; Linux lets a process have 1024 files, a browser needs about ten
 _LOGGER = logging.getLogger(__name__)
 
 
@@ -47,13 +45,6 @@ async def _without_traceback(request: web.Request, handler: Handler) -> web.Stre
         raise web.HTTPBadRequest from None
 
 
-class _Refused(asyncio.Protocol):
-    """The protocol of a connection that is one too many."""
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        transport.close()
-
-
 class ServerThread(LoopThread):
     """Serves an application on a socket, in a thread, until it is stopped."""
 
@@ -74,13 +65,6 @@ class ServerThread(LoopThread):
             lingering_time=_LINGERING,
         )
         await runner.setup()
-        handlers = runner.server
-        assert handlers is not None
-
-        def accept() -> asyncio.BaseProtocol:
-            return handlers() if len(handlers.connections) < _MOST else _Refused()
-
-        server = await asyncio.get_running_loop().create_server(accept, sock=self._listener)
+        await web.SockSite(runner, self._listener).start()
         await end.wait()
-        server.close()
         await runner.cleanup()

@@ -21,11 +21,8 @@ _LOOPBACK_NAMES = frozenset({"127.0.0.1", "localhost", "[::1]"})
 def refusal(address: str, host: str, origin: str | None, allowed: Iterable[str]) -> str:
     """Return why a request is rejected, one sentence; "" if it is accepted.
 
-    Args:
-        address: the IP address that the server listens on.
-        host: the Host header.
-        origin: the Origin header, if any.
-        allowed: the origins whose pages may send requests, such as ``http://127.0.0.1:8080``.
+    ``address`` is the IP address that the server listens on, ``host`` and ``origin`` are headers of
+    the request; pages of the origins ``allowed``, such as http://127.0.0.1:8080, may send it.
     """
     if not is_own_name(address, host):
         names = ", ".join(sorted(_LOOPBACK_NAMES | {address}))

@@ -39,13 +39,10 @@ class RerunProxy:
     def __init__(
         self, app: web.Application, policy: str, unavailable: str, script: str = ""
     ) -> None:
-        """Forward requests of ``app``.
+        """Forward requests of ``app``, with the Content-Security-Policy ``policy``.
 
-        Args:
-            app: its start opens the connection pool, its shutdown ends what is being forwarded.
-            policy: the Content-Security-Policy of all responses.
-            unavailable: the text of a response 502, when a server does not respond.
-            script: JavaScript that runs in the page before its own scripts.
+        ``unavailable`` is the text of a response 502, when a server does not respond; ``script``
+        runs in the page before its own scripts.
         """
         self._policy, self._unavailable = policy, unavailable
         self._head = f"<head><script>{script}</script>".encode() if script else b"<head>"

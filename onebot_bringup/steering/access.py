@@ -55,13 +55,9 @@ class Access:
         ).hexdigest()
 
     def refusal(self, host: str, origin: str | None, token: str | None, cookie: str | None) -> str:
-        """Return why a request is rejected, one sentence; "" if it is accepted.
+        """Return why a request with these headers, token and cookie is rejected, one sentence.
 
-        Args:
-            host: the Host header.
-            origin: the Origin header, if any.
-            token: of the query, if any.
-            cookie: the value of the cookie of this server, if any.
+        It is "" if the request is accepted.
         """
         if problem := refusal(self.address, host, origin, [f"http://{host}"]):
             return problem
@@ -100,11 +96,7 @@ class BindAddress(NamedTuple):
 
 
 def choose_bind_address(host: str, port: int, token: str) -> BindAddress:
-    """Return a free address to serve the page on, with a token where other computers can reach it.
-
-    Raises:
-        OneBotError: the page cannot be served on this host or port.
-    """
+    """Return a free address to serve the page on; with a token if other computers can reach it."""
     with listen(host, port) as probe:
         address, free = probe.getsockname()[:2]
     if not token and not is_loopback(address):

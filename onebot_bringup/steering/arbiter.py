@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
-from onebot_bringup.steering.limits import Limits
+from onebot_bringup.steering.command_limits import Limits
 from onebot_bringup.steering.protocol import Drive, Release, SetLimits, Stop, Velocity
 
 COMMAND_TIMEOUT = 0.25  # s without a message from the driver until the robot is stopped
@@ -77,12 +77,10 @@ class Arbiter:
 
     @property
     def state(self) -> DrivingState:
-        """The present state."""
         with self._lock:
             return self._state()
 
     def join(self, page: str) -> None:
-        """Add a page that was opened."""
         with self._update():
             self._pages[page] = _Page()
 
@@ -94,7 +92,6 @@ class Arbiter:
         return drove
 
     def handle(self, page: str, message: Drive | Release | Stop | SetLimits) -> None:
-        """Handle a message of a page."""
         with self._update():
             if isinstance(message, Drive):
                 self._drive(page, message)

@@ -136,7 +136,6 @@ class RobotLock:
             self.locked = locked
 
     def close(self) -> None:
-        """Leave it as it is, for good."""
         self._node.destroy_publisher(self._publisher)
         self._node.destroy_subscription(self._state)
 
@@ -170,7 +169,6 @@ class CommandTopic:
         return [end for end in self.subscribers if not end.observes]
 
     def publish(self, velocity: Velocity) -> None:
-        """Publish a command, if there is a publisher."""
         with self._lock:
             self._driven = True
             if self._publisher is not None:
@@ -178,7 +176,6 @@ class CommandTopic:
 
     @property
     def locked(self) -> bool:
-        """Whether the robot is locked."""
         return self._robot_lock.locked
 
     def lock(self, locked: bool) -> None:

@@ -17,7 +17,7 @@ from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import qos_profile_parameter_events
 
-from onebot_bringup.steering.limits import ANGULAR, LINEAR, NAMES, TIMEOUT, Controller
+from onebot_bringup.steering.command_limits import ANGULAR, LINEAR, NAMES, TIMEOUT, Controller
 
 _PERIOD = 5.0  # s between two requests to a node, answered or not; sooner if it announces a change
 _NUMBERS = ParameterType.PARAMETER_INTEGER, ParameterType.PARAMETER_DOUBLE
@@ -37,7 +37,6 @@ class Controllers:
 
     @property
     def names(self) -> list[str]:
-        """The full names of their nodes."""
         return [controller.node for controller in self.known]
 
     def update(self, subscribers: Iterable[str]) -> None:
@@ -59,7 +58,6 @@ class Controllers:
         self._learn()
 
     def forget(self) -> None:
-        """Start again, for another topic."""
         for inquiry in self._inquiries.values():
             inquiry.close()
         self._inquiries.clear()
@@ -95,7 +93,6 @@ class _Inquiry:
         self.controller: Controller | None = None
 
     def poll(self) -> None:
-        """Request them if it is time to."""
         now = time.monotonic()
         if now >= self.due and self._list.service_is_ready() and self._get.service_is_ready():
             self.due = now + _PERIOD
@@ -103,7 +100,6 @@ class _Inquiry:
             self._send(self._list, request, self._on_names)
 
     def close(self) -> None:
-        """End all requests."""
         self._drop()
         self._node.destroy_client(self._list)
         self._node.destroy_client(self._get)

@@ -18,7 +18,7 @@ from rclpy.node import Node
 
 from onebot_bringup.introspection.transforms import FrameTree, TransformError
 from onebot_bringup.steering.followed_topics import FollowedTopics
-from onebot_bringup.steering.odometry import OdometryTopic
+from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_control.poses import Transform, compose, yaw_of
 from onebot_description.topic_subscription import TopicSubscription
 from onebot_description.wire.messages import OdometrySample, tf_arrays
@@ -103,12 +103,10 @@ class Ground:
         self.grid = grid if grid.is_whole else None
 
     def fields(self, frame: str = "") -> dict[str, Any]:
-        """Return what a page shows: poses and sizes in m and rad, None where they are not known.
+        """Return what a page shows in ``frame``, "" for the map's (see above).
 
-        It is empty at first: without the transforms, the frame would be another one.
-
-        Args:
-            frame: to have it in; "" for the map's, see above.
+        Poses and sizes are in m and rad, None where they are not known. It is empty at first:
+        without the transforms, the frame would be another one.
         """
         now = time.monotonic()
         if now > self._used + _UNUSED:

@@ -71,7 +71,6 @@ class Drive:
 
     @property
     def velocity(self) -> Velocity:
-        """The command."""
         return Velocity(self.linear, self.angular)
 
 

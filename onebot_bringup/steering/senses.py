@@ -19,7 +19,7 @@ from sensor_msgs.msg import LaserScan
 from std_msgs.msg import String
 
 from onebot_bringup.steering.followed_topics import FollowedTopics
-from onebot_bringup.steering.odometry import OdometryTopic
+from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_description.description import parse_description
 from onebot_description.errors import OneBotError
 from onebot_description.model import quaternions
@@ -48,7 +48,7 @@ _OLD = 1.0  # s after which a scan counts no more
 _STANDING = 0.01  # m/s; slower is no direction
 
 
-class Body(NamedTuple):
+class Footprint(NamedTuple):
     """A robot as its description has it, in the frame of its root link; metres."""
 
     low: Floats  # (2,): x and y of a box around it
@@ -56,7 +56,7 @@ class Body(NamedTuple):
     links: dict[str, Floats]  # poses (4, 4)
 
     @classmethod
-    def of(cls, urdf: str) -> "Body | None":
+    def of(cls, urdf: str) -> "Footprint | None":
         """Return the robot of a URDF; None if it is none, or has no shapes."""
         from onebot_control.sensing.solids import solid_of
 
@@ -141,7 +141,7 @@ class Senses:
         self._used = -math.inf  # when a picture was requested
         self._picture: bytes | None = None  # the newest message
         self._drawn: tuple[bytes | None, bytes | None] = None, None  # a message and its JPEG
-        self._body: Body | None = None
+        self._footprint: Footprint | None = None
         self._seen = math.inf, -math.inf  # the clearance, and when it was
         self.camera = ""
 
@@ -154,10 +154,7 @@ class Senses:
     def update(self, namespace: str, others: Iterable[str], watched: bool) -> None:
         """Follow publishers that come and go; to be called several times per second.
 
-        Args:
-            namespace: of the robot.
-            others: the namespaces of other robots.
-            watched: whether there is a page.
+        ``others`` are the namespaces of other robots; ``watched``: there is a page.
         """
         spaces = tuple(f"{space}/" for space in others if space.startswith(f"{namespace}/"))
         names: dict[str, list[str]] = {kind: [] for kind in _TYPES}
@@ -179,7 +176,7 @@ class Senses:
         topics.pop("", None)
         left = self._topics.update(topics)
         if _STRING in left:
-            self._body = None
+            self._footprint = None
         if _IMAGE in left:
             self._picture = None
         if _SCAN in left:
@@ -193,13 +190,13 @@ class Senses:
         self._picture = data
 
     def _on_robot(self, _: str, message: String) -> None:
-        self._body = Body.of(message.data)
+        self._footprint = Footprint.of(message.data)
 
     def _on_scan(self, _: str, scan: LaserScan) -> None:
-        now, clearance = self._odometry.sample, math.inf
-        if self._body is not None and now is not None and abs(now.linear[0]) > _STANDING:
-            points = self._body.points(scan)
-            clearance = self._body.clearance(points, float(now.linear[0]), float(now.angular[2]))
+        odometry, footprint, clearance = self._odometry.sample, self._footprint, math.inf
+        if footprint is not None and odometry is not None and abs(odometry.linear[0]) > _STANDING:
+            linear, angular = float(odometry.linear[0]), float(odometry.angular[2])
+            clearance = footprint.clearance(footprint.points(scan), linear, angular)
         self._seen = clearance, time.monotonic()
 
     def picture(self) -> bytes | None:

@@ -15,8 +15,6 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 from onebot_bringup.serving.origin import foreign_refusal
 from onebot_bringup.steering.access import Access, other_site
 from onebot_bringup.steering.arbiter import Arbiter
-from onebot_bringup.steering.command_topic import CommandedRobot
-from onebot_bringup.steering.limits import Braking
 from onebot_bringup.steering.protocol import ChooseTopic, ProtocolError, message_text, parse
 from onebot_bringup.steering.tool_requests import ToolRequests
 from onebot_bringup.steering.view_proxy import ViewProxy
@@ -36,24 +34,6 @@ _HEADERS = {
 }
 
 
-@dataclass(frozen=True)
-class RobotStatus:
-    """The part of a page's state that the node provides."""
-
-    topic: str  # the full name of the command topic
-    topic_type: str  # Twist's or TwistStamped's
-    topics: tuple[str, ...]  # the topics to choose from, those with subscribers first
-    robots: tuple[CommandedRobot, ...]  # robots to choose from
-    listeners: int  # the number of subscribers
-    others: tuple[str, ...]  # the other nodes that publish commands
-    locked: bool  # it ignores all commands until a page drives again
-    controllers: tuple[str, ...]  # the nodes whose limits are known
-    braking: Braking | None  # None if no controller is known
-    odometry: Mapping[str, Any] | None  # see ``OdometryTopic.fields``
-    camera: str  # the topic of its pictures
-    obstacle: float | None  # m until it meets what its scan sees; None if nothing
-
-
 @dataclass
 class ServerContext:
     """What the server needs of the node."""
@@ -62,7 +42,7 @@ class ServerContext:
     access: Access
     view: ViewProxy
     tools: ToolRequests
-    robot: Callable[[], RobotStatus]
+    robot: Callable[[], Mapping[str, Any]]  # the part of a page's state that the node provides
     # Called with the name of a page and of the topic that it chose; ``show_topic_error`` of the
     # server replies to that page if the topic cannot be used.
     choose_topic: Callable[[str, str], None]
@@ -248,7 +228,7 @@ class SteeringServer:
             "driver": driving.driver,  # the name of the page that drives
             "you": driving.driver == page.name,
             "pages": driving.pages,
-            **asdict(self._context.robot()),
+            **self._context.robot(),
             "limits": asdict(limits.in_force),
             "chosen": asdict(limits.chosen),
             "ceiling": {"linear": limits.linear.most, "angular": limits.angular.most},

@@ -16,7 +16,7 @@ Publishes:
 
 Subscribes:
     the parameter topic with _locked at its end (std_msgs/Bool, latched): whether the robot is.
-    odometry (nav_msgs/Odometry, best effort, depth 1): see odom_topic.
+    odometry (nav_msgs/Odometry): see odom_topic.
     the parameter viewer_page (std_msgs/String, latched): the address of rerun_viewer's page.
     displays (std_msgs/String, latched), of the same node: the topics that are shown in the view.
     /tf, /tf_static, map (nav_msgs/OccupancyGrid): while a page shows its map.
@@ -34,7 +34,7 @@ import sys
 import threading
 import webbrowser
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 from urllib.parse import quote
 
@@ -43,8 +43,15 @@ from rclpy.node import Node
 
 from onebot_bringup.serving.http_server import ServerThread
 from onebot_bringup.serving.ports import is_loopback, listen, reachable_as
-from onebot_bringup.steering.access import Access, new_token
+from onebot_bringup.steering.access import Access, choose_bind_address
 from onebot_bringup.steering.arbiter import Arbiter
+from onebot_bringup.steering.command_limits import (
+    Braking,
+    Controller,
+    Limits,
+    braking_of,
+    limits_of,
+)
 from onebot_bringup.steering.command_topic import (
     CommandedRobot,
     CommandTopic,
@@ -55,12 +62,11 @@ from onebot_bringup.steering.command_topic import (
 )
 from onebot_bringup.steering.controllers import Controllers
 from onebot_bringup.steering.ground import Ground
-from onebot_bringup.steering.limits import Braking, Controller, Limits, braking_of, limits_of
-from onebot_bringup.steering.odometry import OdometryTopic
+from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_bringup.steering.page_parameters import PageParameters
 from onebot_bringup.steering.protocol import Velocity
 from onebot_bringup.steering.senses import Senses
-from onebot_bringup.steering.server import RobotStatus, ServerContext, SteeringServer
+from onebot_bringup.steering.server import ServerContext, SteeringServer
 from onebot_bringup.steering.tool_requests import OtherThread, ToolRequests
 from onebot_bringup.steering.tools import ToolPublishers
 from onebot_bringup.steering.view_proxy import Viewer, ViewProxy
@@ -82,14 +88,12 @@ class SteeringParameters(PageParameters):
 
     @classmethod
     def of(cls, node: Node) -> "SteeringParameters":
-        """Declare the parameters on ``node`` and return their values."""
         settings = read(cls, declare(node, cls))
         refuse_undeclared(node, cls)
         topics: dict[str, Any] = {n: _topic(node, n, getattr(settings, n)) for n in _TOPICS}
         return replace(settings, **topics)
 
     def limits(self, controllers: Sequence[Controller]) -> Limits:
-        """Return the limits of commands, with these controllers on the topic."""
         return limits_of(controllers, Velocity(self.max_linear, self.max_angular))
 
 
@@ -132,12 +136,15 @@ class SteeringPage(Node):
         self.create_timer(_GRAPH_PERIOD, self._poll_graph, clock=steady)
 
     def _serve(self) -> None:
-        port = self._settings.port
-        listener = listen(self._settings.host, port)
-        address, free = listener.getsockname()[:2]
-        if port not in (0, free):
-            self.get_logger().warning(f"port {port} is in use; using {free} instead")
-        access = Access(self._token(address), address, free)
+        settings = self._settings
+        bind = choose_bind_address(settings.host, settings.port, settings.token)
+        if bind.warning:
+            self.get_logger().warning(bind.warning)
+        listener = listen(bind.host, bind.port)
+        address, port = listener.getsockname()[:2]
+        if not is_loopback(address):
+            self._warn_of_access()
+        access = Access(bind.token, address, port)
         publishers = ToolPublishers(self, self._commands)
         tools = ToolRequests(
             self._thread, self._commands, self._ground, self._senses, publishers, self._nodes
@@ -169,11 +176,8 @@ class SteeringPage(Node):
         if self._settings.open_browser and has_display():
             threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
 
-    def _token(self, address: str) -> str:
-        token = self._settings.token
-        if is_loopback(address):
-            return token
-        if token and len(token) < _SHORT_TOKEN:
+    def _warn_of_access(self) -> None:
+        if 0 < len(self._settings.token) < _SHORT_TOKEN:
             self.get_logger().warning(
                 "the token is short: anyone who guesses it can drive the robot"
             )
@@ -181,24 +185,24 @@ class SteeringPage(Node):
             "other computers can reach the page: anyone with its address can drive the robot, and"
             " the address is not encrypted on the network (use an SSH tunnel to keep it private)"
         )
-        return token or new_token()
 
-    def _robot(self) -> RobotStatus:
+    def _robot(self) -> Mapping[str, Any]:
+        """Return the robot's part of a page's state."""
         commands = self._commands
-        return RobotStatus(
-            topic=commands.topic,
-            topic_type=commands.kind,
-            topics=self._topics,
-            robots=self._robots,
-            listeners=len(commands.listeners),
-            others=tuple(commands.others),
-            locked=commands.locked,
-            controllers=tuple(self._controllers.names),
-            braking=self._braking,
-            odometry=self._odometry.fields(),
-            camera=self._senses.camera,
-            obstacle=self._senses.obstacle,
-        )
+        return {
+            "topic": commands.topic,
+            "topic_type": commands.kind,
+            "topics": self._topics,  # choices, those with subscribers first
+            "robots": [asdict(robot) for robot in self._robots],  # choices
+            "listeners": len(commands.listeners),
+            "others": commands.others,  # the other nodes that publish commands
+            "locked": commands.locked,  # it ignores all commands until a page drives again
+            "controllers": self._controllers.names,  # the nodes whose limits are known
+            "braking": asdict(self._braking) if self._braking else None,
+            "odometry": self._odometry.fields(),
+            "camera": self._senses.camera,  # the topic of its pictures
+            "obstacle": self._senses.obstacle,  # m until it meets what its scan sees
+        }
 
     def _nodes(self) -> Mapping[str, Any]:
         first = self._controllers.names
@@ -232,7 +236,6 @@ class SteeringPage(Node):
             self._poll_graph()
 
     def _poll_graph(self) -> None:
-        """Update topics, subscribers and limits from the ROS graph."""
         commands = self._commands
         previous = commands.kind, commands.topic, len(commands.listeners)
         robots = self._controllers.names

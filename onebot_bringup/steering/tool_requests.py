@@ -42,7 +42,6 @@ _TIMEOUT = 5.0  # s for the node's thread
 _DISCOVERY = 2.0  # s for those who subscribe to a click to discover its publisher
 _LONGEST = 1 << 14  # characters of a request to set parameters
 _LONGEST_VALUE = 1000  # characters; longer ones, such as a robot's description, are not edited here
-_AT_ONCE = 4  # requests for parameters, which wait for other nodes
 
 
 class OtherThread:
@@ -58,7 +57,6 @@ class OtherThread:
         return self
 
     def create_client(self, kind: Any, name: str) -> Any:
-        """Make a client."""
         return self.call(lambda: self._node.create_client(kind, name))
 
     def destroy_client(self, client: Any) -> None:
@@ -95,7 +93,6 @@ class OtherThread:
         return value
 
     def close(self) -> None:
-        """End all calls."""
         self._closed.set()
 
 
@@ -122,10 +119,8 @@ class ToolRequests:
     ) -> None:
         self._thread, self._commands, self._nodes = thread, commands, nodes
         self._ground, self._senses, self._publishers = ground, senses, publishers
-        self._free = asyncio.Semaphore(_AT_ONCE)
 
     def add_to(self, app: web.Application) -> None:
-        """Add the routes."""
         router = app.router
         router.add_get("/tools/ground", self._get_ground)
         router.add_get("/tools/map.png", self._get_map)
@@ -175,8 +170,7 @@ class ToolRequests:
 
     async def _get_parameters(self, request: web.Request) -> web.Response:
         node = request.query.get("node", "")
-        async with self._free:
-            return await _json(lambda: {"parameters": rows_of(self._client(node))})
+        return await _json(lambda: {"parameters": rows_of(self._client(node))})
 
     async def _set_parameters(self, request: web.Request) -> web.Response:
         data = (await body_of(request)).decode(errors="replace")
@@ -191,8 +185,7 @@ class ToolRequests:
             }
             return {"refused": refused}
 
-        async with self._free:
-            return await _json(change)
+        return await _json(change)
 
     def _client(self, node: str) -> ParameterClient:
         if node not in self._thread.call(self._nodes)["nodes"]:

@@ -124,11 +124,9 @@ class ViewProxy:
 
     @property
     def view(self) -> View | None:
-        """Where the viewer is, if there is one."""
         return self._viewer.view
 
     def add_to(self, app: web.Application) -> None:
-        """Add the routes."""
         unavailable = "The robot's view does not answer at the moment."
         self._proxy = RerunProxy(app, _POLICY, unavailable, _SCRIPT.read_text())
         app.on_response_prepare.append(self._add_headers)

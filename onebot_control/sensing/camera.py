@@ -71,15 +71,9 @@ class Painter:
         targets: Targets,
         generator: np.random.Generator | None = None,
     ) -> Bytes:
-        """Return the picture (H, W, 3), sRGB.
+        """Return the picture (H, W, 3), sRGB, of what the rays have hit.
 
-        Args:
-            camera: the sensor.
-            rays: its rays.
-            position: (3,) of the sensor in the world.
-            hits: of the rays.
-            targets: what may have moved, as it was hit.
-            generator: of the noise; None for none.
+        ``position`` (3,) is the sensor's in the world; without a ``generator`` there is no noise.
         """
         seen, distances = hits.surfaces, hits.distances
         if reach(camera) > camera.far:
@@ -202,18 +196,15 @@ COLORED_POINT = np.dtype(
 
 
 def cloud(
-    rays: Rays, found: Singles, picture: Bytes | None, pose: tuple[Floats, Floats]
+    rays: Rays, depth_image: Singles, picture: Bytes | None, pose: tuple[Floats, Floats]
 ) -> NDArray[np.void]:
-    """Return the points (H, W) of ``depths``; infinite where there is none.
+    """Return the points (H, W) of these depths (H, W), infinite where there is none.
 
-    Args:
-        rays: of the camera.
-        found: depths (H, W).
-        picture: (H, W, 3); None to leave the points black.
-        pose: rotation (3, 3) and position (3,) of the camera in the frame of the points.
+    ``pose`` is the camera's rotation (3, 3) and position (3,) in the frame of the points, which
+    have the colours of ``picture`` (H, W, 3), or are black.
     """
-    points = np.zeros(found.shape, COLORED_POINT)
-    fill_points(points, rays, found, pose)
+    points = np.zeros(depth_image.shape, COLORED_POINT)
+    fill_points(points, rays, depth_image, pose)
     if picture is not None:
         red, green, blue = np.moveaxis(picture.astype(np.uint32), -1, 0)
         points["rgb"] = red << 16 | green << 8 | blue

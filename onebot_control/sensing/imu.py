@@ -36,8 +36,8 @@ def measure(
     mean of a period: by velocities v in the body's axes dv/dt + w x v, exact in a steady turn.
 
     Args:
-        before: motion a period ago; None if it is not known, which counts as unchanged.
-        now: motion.
+        before: motion a period (s) ago; None if it is not known, which counts as unchanged.
+        now: present motion.
         period: s.
         mount: rotation (3, 3) and position (3,) of the sensor in the body.
         gravity: downwards, m/s^2.

@@ -18,7 +18,7 @@ from onebot_control.control_loop import Divider
 from onebot_control.driven_robot import Snapshot
 from onebot_control.poses import Transform
 from onebot_control.sensing import camera, imu, lidar
-from onebot_control.sensing.noise import NoiseSource, add_noise, bias
+from onebot_control.sensing.noise import add_noise, bias, noise_of
 from onebot_control.sensing.rays import NOTHING, Hits, Rays, cast
 from onebot_control.sensing.surroundings import (
     LinkPose,
@@ -76,12 +76,17 @@ class SensedWorld(NamedTuple):
     gravity: float  # m/s^2
 
 
+def measuring_rate(sensor: Sensor, cycles: float) -> float:
+    """Return how often a sensor measures, Hz; without a rate of its own in each of the cycles."""
+    return min(sensor.rate or cycles, cycles)
+
+
 class Instrument:
     """One sensor of one robot.
 
     Attributes:
         sensor: what it is.
-        row: of its robot.
+        row: the robot's in its fleet.
         outlet: takes the measurements.
         divider: picks the control cycles in which it is due.
         given: measurements that the control thread has asked for.
@@ -98,22 +103,16 @@ class Instrument:
         cycles: float,
         noisy: bool = True,
     ) -> None:
-        """Prepare to measure.
+        """Prepare to measure at ``cycles`` control cycles a second, with the sensor's noise or not.
 
-        Args:
-            sensor: of the description.
-            row: of the robot in its fleet.
-            namespace: of the robot; noise depends on it.
-            outlet: takes the measurements.
-            cycles: control cycles a second, Hz.
-            noisy: add the noise of the description.
+        The noise depends on the robot's ``namespace``.
         """
         self.sensor, self.row, self.outlet, self._noisy = sensor, row, outlet, noisy
-        self._rate = min(sensor.rate or cycles, cycles)
+        self._rate = measuring_rate(sensor, cycles)
         self.divider = Divider(self._rate, cycles)
         self.given = self.done = self.dropped = 0
         self._next_report, self._reported = 0.0, (0, 0)  # monotonic s; done and dropped before
-        self._source = NoiseSource(f"{namespace}/{sensor.link}/{sensor.name}")
+        self._name = f"{namespace}/{sensor.link}/{sensor.name}"
         self._mount = matrix(sensor.origin)
 
     @property
@@ -143,7 +142,7 @@ class Instrument:
     @cached_property
     def _offsets(self) -> Floats:
         """The offsets of the noise, drawn once: of an IMU of all six values."""
-        model, once = self.sensor.model, self._source.at(-1)
+        model, once = self.sensor.model, noise_of(self._name, -1)
         if isinstance(model, Camera):
             return np.zeros(1)
         noises = [model.noise] if isinstance(model, Lidar) else imu.noises(model)
@@ -155,7 +154,7 @@ class Instrument:
         assert link is not None
         turn, at = self._mount[:3, :3], self._mount[:3, 3]
         pose = LinkPose(link.rotation @ turn, link.rotation @ at + link.position)
-        generator = self._source.at(world.frame.tick) if self._noisy else None
+        generator = noise_of(self._name, world.frame.tick) if self._noisy else None
         model = self.sensor.model
         if isinstance(model, Imu):
             outputs = self._inertia(model, world, pose, generator)
@@ -166,15 +165,9 @@ class Instrument:
         self.outlet.publish(world.frame.stamp, outputs)
 
     def _cast(self, world: SensedWorld, pose: LinkPose, reach: float) -> Hits:
-        own_target = world.placed.surroundings.target(self.row, self.sensor.link)
-        return cast(
-            self._rays,
-            *pose,
-            world.placed.surroundings.still,
-            world.placed.targets,
-            reach,
-            own_target,
-        )
+        placed = world.placed
+        own_target = placed.surroundings.target(self.row, self.sensor.link)
+        return cast(self._rays, *pose, placed.surroundings.still, placed.targets, reach, own_target)
 
     def _ranges(
         self,
@@ -243,8 +236,7 @@ class Instrument:
             for axis, noise in enumerate(imu.noises(model)):
                 part = values[axis : axis + 1]
                 part[:] = add_noise(part, noise, self._offsets[axis], generator)
-        orientation = quaternions.from_rpy(quaternions.to_rpy(pose.rotation))
-        return {"imu": (orientation, values[:3], values[3:])}
+        return {"imu": (quaternions.from_matrix(pose.rotation), values[:3], values[3:])}
 
 
 def _motion(snapshot: Snapshot) -> imu.Motion:
@@ -259,10 +251,7 @@ def _was_put(before: Snapshot, now: Snapshot, period: float) -> bool:
 
 
 class Sensing:
-    """Measures what is due, in a thread.
-
-    ``due``, ``take`` and ``enter`` are the control thread's.
-    """
+    """Measures in a thread; ``due``, ``take`` and ``enter`` are the control thread's."""
 
     def __init__(
         self,
@@ -272,14 +261,9 @@ class Sensing:
         warn: Callable[[str], object],
         failed: Callable[[BaseException], None],
     ) -> None:
-        """Get ready; ``start`` starts the thread.
+        """Get ready; ``start`` starts the thread, and ``failed`` gets the error that ends it.
 
-        Args:
-            world: what stands around the robots.
-            cycles: control cycles a second, Hz.
-            gravity: m/s^2.
-            warn: called with a text.
-            failed: called with what has ended the thread.
+        ``world`` is what stands around the robots, in Hz and m/s^2 are ``cycles`` and ``gravity``.
         """
         self._world, self._cycles, self._gravity = world, cycles, gravity
         self._warn, self._failed = warn, failed
@@ -330,13 +314,7 @@ class Sensing:
         return frozenset(instrument.row for instrument, _ in self._due)
 
     def take(self, stamp: int, snapshots: Sequence[Snapshot], boxes: Sequence[Transform]) -> None:
-        """Have what is due measured.
-
-        Args:
-            stamp: of the cycle, ns.
-            snapshots: of all robots.
-            boxes: poses of what can be pushed.
-        """
+        """Have what is due measured at a stamp, ns; ``boxes`` are poses of what can be pushed."""
         tick, last = snapshots[0].tick, self._last
         if self._due:
             previous = last[1] if last and last[0] == tick - 1 else None

@@ -43,12 +43,8 @@ def ranges(
 ) -> Singles:
     """Return the ranges (N,), m: infinite beyond the greatest, minus infinity below the least.
 
-    Args:
-        lidar: the sensor.
-        distances: (N,) of what the rays hit, m.
-        hit: (N,), whether they hit anything.
-        offset: of all ranges, as drawn once, m.
-        generator: of the noise; None for none.
+    ``distances`` (N,), m, are those of what the rays ``hit`` (N,), if anything; without a
+    ``generator`` there is no noise. The ``offset`` of all ranges, m, is drawn once.
     """
     measured = distances
     if generator is not None:
@@ -66,11 +62,7 @@ def fill_points(
 ) -> None:
     """Write x, y and z of ``points`` (R, C) that rays reach after ``distances``, if finite.
 
-    Args:
-        points: take them.
-        rays: from the sensor.
-        distances: as many.
-        pose: rotation (3, 3) and position (3,) of the sensor in the frame of the points.
+    ``pose`` is the sensor's rotation (3, 3) and position (3,) in the frame of the points.
     """
     turned, missing = rays.turned(pose[0]), ~np.isfinite(distances).ravel()
     reached = np.where(missing, np.float32(0.0), distances.ravel())
@@ -91,17 +83,13 @@ POINT = np.dtype(
 
 
 def cloud(
-    lidar: Lidar, rays: Rays, found: Singles, pose: tuple[Floats, Floats]
+    lidar: Lidar, rays: Rays, all_ranges: Singles, pose: tuple[Floats, Floats]
 ) -> NDArray[np.void]:
-    """Return the points (rows, columns) of ranges; infinite where nothing was in range.
+    """Return the points (rows, columns) of ranges (N,), infinite where nothing was in range.
 
-    Args:
-        lidar: the sensor.
-        rays: its rays.
-        found: ranges (N,).
-        pose: rotation (3, 3) and position (3,) of the lidar in the frame of the points.
+    ``pose`` is the lidar's rotation (3, 3) and position (3,) in the frame of the points.
     """
     points = np.zeros((lidar.vertical.samples, lidar.horizontal.samples), POINT)
-    fill_points(points, rays, found, pose)
+    fill_points(points, rays, all_ranges, pose)
     points["ring"] = np.arange(len(points))[:, None]
     return points

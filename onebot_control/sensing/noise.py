@@ -13,19 +13,14 @@ T = TypeVar("T", np.float32, np.float64)
 _NONE = Noise()
 
 
-class NoiseSource:
-    """The noise of one sensor.
+def noise_of(sensor: str, tick: int) -> np.random.Generator:
+    """Return the generator of a sensor's noise in a control cycle, from 0; -1: of what lasts.
 
-    Each measurement has a generator of its own, so that it does not matter which ones were made.
+    Each measurement has its own, so that it does not matter which ones were made.
     """
-
-    def __init__(self, name: str) -> None:
-        self._key = zlib.crc32(name.encode())
-
-    def at(self, tick: int) -> np.random.Generator:
-        """Return the generator of a control cycle, from 0; -1 is that of what is drawn once."""
-        # Of the counter's four words the lowest counts the numbers drawn.
-        return np.random.Generator(np.random.Philox(key=self._key, counter=[0, tick + 1, 0, 0]))
+    # Of the counter's four words the lowest counts the numbers drawn.
+    key, counter = zlib.crc32(sensor.encode()), [0, tick + 1, 0, 0]
+    return np.random.Generator(np.random.Philox(key=key, counter=counter))
 
 
 def bias(noise: Noise, once: np.random.Generator) -> float:

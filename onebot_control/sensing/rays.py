@@ -66,12 +66,9 @@ class Cones(NamedTuple):
         return touched
 
     def leaving(self, starts: Floats, turns: Floats, boxes: Floats) -> NDArray[np.bool_]:
-        """Return which cones lead away from boxes (B, C), beside which their point is.
+        """Return which cones lead away (B, C) from boxes (B, 2, 3), beside which their point is.
 
-        Args:
-            starts: (B, 3), the cones' point in the boxes' frames.
-            turns: (B, 3, 3), from the cones' frame to the boxes'.
-            boxes: (B, 2, 3), least and greatest corner.
+        In the boxes' frames that is at ``starts`` (B, 3); ``turns`` (B, 3, 3) lead to these frames.
         """
         axes = self.axes @ turns.transpose(0, 2, 1)
         sides = np.subtract(starts > boxes[:, 1], starts < boxes[:, 0], dtype=float)
@@ -91,12 +88,9 @@ class Rays:
     """
 
     def __init__(self, directions: Floats, grid: tuple[Floats, Floats] | None = None) -> None:
-        """Bundle rays.
+        """Bundle rays of these directions (N, 3).
 
-        Args:
-            directions: (N, 3).
-            grid: (R, 3) and (C, 3), if the directions are the sums of each two, row by row; these
-                are turned faster.
+        If they are the sums of each two of a ``grid``, (R, 3) and (C, 3), they are turned faster.
         """
         self.singles, self._grid = directions.astype(np.float32), grid
         self._count = count = len(directions)
@@ -120,12 +114,9 @@ class Rays:
         return turned
 
     def near(self, centers: Floats, radii: Floats, reach: float) -> NDArray[np.bool_]:
-        """Return which bundles (B, bundles) may hit spheres, given in the rays' frame.
+        """Return which bundles (B, bundles) may hit spheres within the reach.
 
-        Args:
-            centers: (B, 3).
-            radii: (B,).
-            reach: greatest distance.
+        Their ``centers`` (B, 3) are in the rays' frame.
         """
         is_near = self.nearest(centers, radii) <= reach
         if not self._all.wide[0]:
@@ -182,12 +173,12 @@ def cast(
     reach: float,
     skipped: int = NOTHING,
 ) -> Hits:
-    """Return what rays hit first.
+    """Return what the rays of a sensor hit first.
 
     Args:
-        rays: of a sensor.
+        rays: in the sensor's frame.
         rotation: (3, 3) of the sensor in the world.
-        position: (3,) of the sensor in the world.
+        position: (3,), likewise.
         still: what stands still, in the world's frame; its index is 0.
         targets: what may have moved; their indices begin with 1.
         reach: beyond which nothing is hit, in lengths of the directions.
@@ -246,10 +237,7 @@ def cast(
 def _ground(upwards: Singles, height: float, reach: float) -> tuple[Singles, NDArray[np.int16]]:
     """Return distances (N,) to the ground, at most the reach, and which surface is there.
 
-    Args:
-        upwards: (N,), z of the directions.
-        height: of the rays' origin, m.
-        reach: as ``cast`` has it.
+    ``upwards`` (N,) are z of the directions; ``height`` is that of the rays' origin, m.
     """
     if height <= 0.0:
         full = np.full(len(upwards), reach, np.float32)
@@ -298,12 +286,9 @@ class Surface:
         return unit
 
     def cast(self, origins: Singles, directions: Singles, distances: Singles) -> _Found:
-        """Return the faces hit.
+        """Return the faces that rays (N, 3) in the solid's frame hit.
 
-        Args:
-            origins: (N, 3), in the solid's frame.
-            directions: (N, 3), likewise.
-            distances: (N,), beyond which nothing is hit; shortened to the hits.
+        Beyond ``distances`` (N,) nothing is hit; they are shortened to the hits.
         """
         if self._caster is None:
             none = np.zeros(len(directions), np.float32)

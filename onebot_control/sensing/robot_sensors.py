@@ -17,7 +17,7 @@ from std_msgs.msg import Header
 from onebot_control.parameters import ControlConfig
 from onebot_control.poses import prefixed
 from onebot_control.sensing.camera import focal_length
-from onebot_control.sensing.instruments import Instrument
+from onebot_control.sensing.instruments import Instrument, measuring_rate
 from onebot_control.sensing.lidar import angles
 from onebot_control.sensing.rays import HAS_EMBREE
 from onebot_description.description import Description
@@ -211,7 +211,7 @@ class RobotSensors:
         space = self._node.get_namespace()
         instruments = []
         for sensor in self._sensors:
-            rate = min(sensor.rate or config.update_rate, config.update_rate)
+            rate = measuring_rate(sensor, config.update_rate)
             enabled, prefix = config.tf_frame_prefix_enable, config.tf_frame_prefix
             frame = prefixed(sensor.frame, enabled, prefix, space)
             topics = {

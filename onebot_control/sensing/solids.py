@@ -49,12 +49,9 @@ class Rounds(NamedTuple):
         return cls(poses[:, :3, :3].transpose(0, 2, 1), poses[:, :3, 3], radii, halves)
 
     def distances(self, which: Integers, origins: Singles, directions: Floats) -> Floats:
-        """Return how far rays go to the surfaces of shapes; infinite where they miss them.
+        """Return how far each ray (N, 3) goes to its shape's surface; infinite where it misses it.
 
-        Args:
-            which: (N,) shapes.
-            origins: (N, 3) of rays, in the solid's frame.
-            directions: (N, 3), likewise; their lengths are the unit of distance.
+        Rays are in the solid's frame; the length of a direction is its unit of distance.
         """
         turn = self.rotations[which]
         o = np.einsum("nij,nj->ni", turn, origins - self.centers[which])

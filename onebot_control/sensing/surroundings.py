@@ -107,17 +107,10 @@ class Surroundings:
 
 
 class Placed:
-    """Surroundings at one time; what nobody asks for is not computed.
-
-    Attributes:
-        surroundings: what can be seen.
-    """
+    """Surroundings at one time; what nobody asks for is not computed."""
 
     def __init__(
-        self,
-        surroundings: Surroundings,
-        boxes: Sequence[Transform],
-        states: Sequence[RobotState],
+        self, surroundings: Surroundings, boxes: Sequence[Transform], states: Sequence[RobotState]
     ) -> None:
         self.surroundings, self._boxes, self._states = surroundings, boxes, states
 

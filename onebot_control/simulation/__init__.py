@@ -7,9 +7,10 @@ with World([RobotSpawn(description, ("left_wheel_joint", "right_wheel_joint"))])
     print(robot.base_pose().translation)
 """
 
+from onebot_control.simulation.physics_settings import Settings
 from onebot_control.simulation.robot import JointStates, Pose, Robot, Twist
-from onebot_control.simulation.scene import SceneBodies
-from onebot_control.simulation.settings import RobotSpawn, Settings
+from onebot_control.simulation.scene_bodies import SceneBodies
+from onebot_control.simulation.spawning import RobotSpawn
 from onebot_control.simulation.world import World
 
 __all__ = [

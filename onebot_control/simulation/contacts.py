@@ -18,7 +18,7 @@ import numpy as np
 
 from onebot_control.simulation.bodies import Body, Floats, link_poses, matrix, origin_of
 from onebot_control.simulation.engine import engine, logger
-from onebot_control.simulation.settings import Settings
+from onebot_control.simulation.physics_settings import Settings
 from onebot_description.description.description import (
     Box,
     Cylinder,
@@ -66,10 +66,8 @@ def with_contacts(
 ) -> tuple[Link, ...]:
     """Return the links of a robot, with the shapes and the friction that the ground touches.
 
-    Args:
-        description: in which joints that are held still are fixed.
-        tyres: of the driven joints.
-        casters: the joints of swivelling and rolling casters.
+    In the description the joints that are held still are fixed; ``tyres`` are those of the driven
+    joints, ``casters`` the joints of swivelling and rolling ones.
     """
     contacts = _Contacts(description, tyres, casters)
     return tuple(contacts.changed(link) for link in description.links)

@@ -6,9 +6,15 @@ from typing import NamedTuple
 
 from onebot_control.poses import Quaternion, Transform, Triple, about_z, multiply, yaw_of
 from onebot_control.simulation.engine import engine, logger
-from onebot_control.simulation.loading import LoadedRobot, load_robot, make_world
-from onebot_control.simulation.scene import SceneBodies
-from onebot_control.simulation.settings import RobotSpawn, Settings, SpawnPose
+from onebot_control.simulation.physics_settings import Settings
+from onebot_control.simulation.scene_bodies import SceneBodies
+from onebot_control.simulation.spawning import (
+    LoadedRobot,
+    RobotSpawn,
+    SpawnPose,
+    load_robot,
+    make_world,
+)
 from onebot_description.description import Description
 from onebot_description.description.sizes import LARGEST
 from onebot_description.errors import OneBotError, listing
@@ -173,13 +179,6 @@ def pose_on(
     """Return the pose of a robot's root link at rest on what stands still in a scene.
 
     The robot is held level above it, let go, and has to come to rest there on its wheels.
-
-    Args:
-        scene: what stands around.
-        spawn: the robot.
-        settings: of the simulation.
-        rest: of the robot on level ground.
-        where: x, y and yaw.
 
     Raises:
         OneBotError: it cannot stand there.

@@ -10,9 +10,13 @@ from numpy.typing import NDArray
 
 from onebot_control.poses import Transform, Triple, conjugate, cross, rotate
 from onebot_control.simulation.engine import engine
-from onebot_control.simulation.loading import LoadedRobot, load_robot
 from onebot_control.simulation.rest_pose import RestPose
-from onebot_control.simulation.settings import RobotSpawn, checked_spawn_pose
+from onebot_control.simulation.spawning import (
+    LoadedRobot,
+    RobotSpawn,
+    checked_spawn_pose,
+    load_robot,
+)
 from onebot_description.description.description import Joint
 from onebot_description.errors import OneBotError, did_you_mean
 
@@ -207,10 +211,6 @@ class Robot:
         self._drive(other._targets)
         self._efforts = other._efforts
         self._update(self._read_joints())
-
-    def close(self) -> None:
-        """Close the robot's world."""
-        self.world.close()
 
     def check(self) -> None:
         """Raise OneBotError if the world is closed, or the robot's last state not finite."""

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 
 from onebot_control.poses import Transform
 from onebot_control.simulation.engine import engine
-from onebot_control.simulation.loading import make_world
+from onebot_control.simulation.physics_settings import Settings
 from onebot_control.simulation.rest_pose import RestPose, pose_on, settle
 from onebot_control.simulation.robot import Robot
-from onebot_control.simulation.scene import SceneBodies
-from onebot_control.simulation.settings import RobotSpawn, Settings, SpawnPose
+from onebot_control.simulation.scene_bodies import SceneBodies
+from onebot_control.simulation.spawning import RobotSpawn, SpawnPose, make_world
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, listing
 
@@ -40,7 +40,7 @@ class World:
         Args:
             spawns: the robots.
             settings: of the simulation.
-            scene: walls, ramps and boxes; see ``onebot_control.simulation.scene``.
+            scene: walls, ramps and boxes; see ``onebot_control.simulation.scene_bodies``.
             at_start: place each robot at its start; else somebody else has to place them.
 
         Raises:

@@ -57,7 +57,7 @@ class Caster:
 
 
 @dataclass(frozen=True)
-class Sensor:
+class SensorDome:
     """The dome on the deck (m)."""
 
     x: float
@@ -100,7 +100,7 @@ class Base:
     seam_width: float
     axle_radius: float
     axle_length: float
-    sensor: Sensor
+    sensor: SensorDome
     motor: Motor
     ballast: Ballast
 

@@ -32,6 +32,11 @@ def from_rpy(rpy: ArrayLike) -> Floats:
     return np.stack(components, axis=-1)
 
 
+def from_matrix(matrix: Floats) -> Floats:
+    """Quaternion (4,) of a (3, 3) rotation matrix."""
+    return from_rpy(to_rpy(matrix))
+
+
 def multiply(a: Floats, b: Floats) -> Floats:
     """Hamilton product a (x) b: the rotation b, then a. Shapes (..., 4) broadcast."""
     ax, ay, az, aw = np.moveaxis(a, -1, 0)

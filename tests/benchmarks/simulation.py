@@ -30,7 +30,7 @@ BARE, OURS = "bare stepSimulation", "with controllers"
 _LINEAR, _ANGULAR = 0.3, 0.2  # m/s, rad/s: a circle of 1.5 m radius
 _APART = 4.0  # m between starts, so that circles do not meet
 _DRIVEN = 2.0  # s, of the arc that is checked
-_FARTHEST = 0.005  # m, from the commanded arc and from odometry; onebot_control.accuracy shows less
+_FARTHEST = 0.005  # m, from the commanded arc and from odometry; tests.accuracy shows less
 _TURNED = math.radians(0.2)
 _GOAL = 0.8
 _GOALS_FOR = (1, 10, 100)
@@ -85,7 +85,7 @@ def run(options: Options) -> Report:
     notes = [
         f"Every robot was where it was commanded to drive: at most {1e3 * worst:.2f} mm from "
         f"its arc after {_DRIVEN:g} s. {_per_cycle(config)} physics steps a control cycle, solver "
-        "iterations as in the table of onebot_control.accuracy. The real-time factor is of one "
+        "iterations as in the table of tests.accuracy. The real-time factor is of one "
         "core, on the wall; the rest is processor time."
     ]
     return Report("simulation", [_row(result) for result in results], goals, notes)

@@ -42,8 +42,8 @@ TESTS: dict[str, tuple[str, ...]] = {
     "onebot_control/simulation/rest_pose.py": _control(
         "simulation_settling", "scene", *_SIMULATION
     ),
-    "onebot_control/simulation/scene.py": _control("scene"),
-    "onebot_control/simulation/settings.py": _control("simulation_values", "world"),
+    "onebot_control/simulation/scene_bodies.py": _control("scene"),
+    "onebot_control/simulation/physics_settings.py": _control("simulation_values", "world"),
     "onebot_description/joints/config.py": _description("joints_config", "joints_source"),
     "onebot_description/joints/motions.py": _description(
         "joints_tracks", "joints_violations", *_SOURCE

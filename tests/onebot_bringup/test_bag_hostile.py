@@ -12,7 +12,7 @@ import pytest
 import zstandard
 from mcap.writer import MCAP0_MAGIC
 
-from onebot_bringup.bags.reader import Bag
+from onebot_bringup.bags.bag_reader import Bag
 from onebot_bringup.bags.writer import BagWriter
 from onebot_bringup.cli.main import main
 from tests.onebot_bringup.bag_support import cdr, topic
@@ -23,7 +23,7 @@ MOST = 900_000  # KiB that a process which refuses them may take
 READ = """
 import resource, sys
 from pathlib import Path
-from onebot_bringup.bags.reader import Bag
+from onebot_bringup.bags.bag_reader import Bag
 from onebot_description.errors import OneBotError
 try:
     bag = Bag(Path(sys.argv[1]))

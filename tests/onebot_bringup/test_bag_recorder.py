@@ -4,7 +4,6 @@ import re
 import signal
 import time
 
-import pytest
 from geometry_msgs.msg import TransformStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -214,21 +213,12 @@ def test_simulated_time(tmp_path, ros_domain):
     assert {stamp for _, stamp, _ in read_all(folder)[0]} == {42 * 10**9}
 
 
-@pytest.mark.parametrize(
-    ("parameters", "message"),
-    [
-        ({"compression": "none"}, "folder: is missing, where to record to, a new folder"),
-        ({"folder": "/proc/none/run"}, "cannot record to /proc/none/run: No such file"),
-    ],
-)
-def test_wrong_parameters(tmp_path, monkeypatch, ros_domain, parameters, message):
-    """A mistake is one line, exit code 1."""
-    monkeypatch.chdir(tmp_path)
-    with NodeProcess(MODULE, *ros_args(**parameters), check=False) as node:
+def test_a_missing_parameter(ros_domain):
+    """It is one line, exit code 1."""
+    with NodeProcess(MODULE, *ros_args(compression="none"), check=False) as node:
         assert node.wait() == 1
-        assert message in node.output
+        assert "folder: is missing, where to record to, a new folder" in node.output
         assert "Traceback" not in node.output
-    assert not (tmp_path / "run").exists()
 
 
 def test_folder_that_vanishes(tmp_path, ros_domain):

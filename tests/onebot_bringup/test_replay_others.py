@@ -25,7 +25,7 @@ from std_msgs.msg import String
 from visualization_msgs.msg import Marker, MarkerArray
 
 from onebot_bringup.bags import replay
-from onebot_bringup.bags.reader import Bag
+from onebot_bringup.bags.bag_reader import Bag
 from onebot_bringup.bags.replay import log_bag
 from onebot_bringup.cli.main import main
 from onebot_bringup.introspection.interfaces import full_definition

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onebot_bringup.steering.arbiter import COMMAND_TIMEOUT, MAX_AGE, ZEROS, Arbiter
-from onebot_bringup.steering.limits import Bound, Limits
+from onebot_bringup.steering.command_limits import Bound, Limits
 from onebot_bringup.steering.protocol import Drive, Release, SetLimits, Stop, Velocity
 
 FORWARD, ZERO = Velocity(0.5, 0.1), Velocity()

@@ -1,6 +1,5 @@
 """A page drives a simulated robot through DDS; and it stops, whatever happens to the page."""
 
-import math
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,7 +9,7 @@ import pytest
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 
-from tests.onebot_bringup.steering_support import PageClient, address_of, steering
+from tests.onebot_bringup.steering_support import PageClient, steering
 from tests.onebot_control.control_support import urdf
 from tests.ros_support import NodeProcess, Peer, ros_args
 from tests.support import wait_for
@@ -46,29 +45,6 @@ def _come_to_rest(odometry: list[Any]) -> None:
     wait_for(lambda: abs(_speed(odometry)) < 1e-3, "the robot to stop")
 
 
-def test_a_page_drives_the_robot_along_its_arc(odometry):
-    """It gets to where forward and turning speed lead, the page says so, letting go stops it."""
-    with steering() as node, PageClient(address_of(node)) as page:
-        wait_for(lambda: page.state["controllers"] == ["/velocity_controller"], "the robot")
-        assert page.state["limits"] == {"linear": 0.5, "angular": 3.0}
-        braking = {"deceleration": 0.5, "jerk": None, "timeout": 0.5}
-        assert page.state["braking"] == braking
-        linear, angular = 0.2, 0.4
-        page.hold(linear, angular)
-
-        def shown() -> dict[str, float]:
-            return page.state["odometry"] or {"yaw": 0.0}
-
-        wait_for(lambda: shown()["yaw"] > 1.2, "a turn of 1.2 rad")
-        page.let_go()
-        _come_to_rest(odometry)
-        wait_for(lambda: abs(shown()["linear"]) < 1e-3, "the page to see so")
-        end, radius = shown(), linear / angular
-        # The start's and the end's few control cycles at other speeds are on the same arc.
-        assert end["x"] == pytest.approx(radius * math.sin(end["yaw"]), abs=0.01)
-        assert end["y"] == pytest.approx(radius * (1.0 - math.cos(end["yaw"])), abs=0.01)
-
-
 def test_stop_stops_the_robot_whoever_drives_it(odometry, ros_domain):
     """Beside a script that drives on; also when the server dies, until a page drives again."""
     command = Twist()
@@ -76,11 +52,13 @@ def test_stop_stops_the_robot_whoever_drives_it(odometry, ros_domain):
     with Peer(ros_domain, "script") as script:
         publisher = script.publisher(Twist, "/velocity_controller/cmd_vel")
         timer = script.node.create_timer(0.05, lambda: publisher.publish(command))
-        args = ros_args(port=0, open_browser="false")
-        with NodeProcess("onebot_bringup.steering.steering_page", *args, check=False) as node:
-            with PageClient(address_of(node)) as page:
+        with steering(check=False) as node:
+            with PageClient(node.address) as page:
                 wait_for(lambda: page.state["others"] == ["/script"], "the other publisher")
                 wait_for(lambda: page.state["controllers"], "the robot")
+                assert page.state["limits"] == {"linear": 0.5, "angular": 3.0}
+                braking = {"deceleration": 0.5, "jerk": None, "timeout": 0.5}
+                assert page.state["braking"] == braking
                 wait_for(lambda: abs(_speed(odometry) - SPEED) < 0.01, "the robot to drive")
                 assert not page.state["locked"]
 
@@ -91,7 +69,7 @@ def test_stop_stops_the_robot_whoever_drives_it(odometry, ros_domain):
                 wait_for(locked, "the lock")
                 _come_to_rest(odometry)
             node.process.send_signal(signal.SIGKILL)
-        with steering() as node, PageClient(address_of(node)) as page:
+        with steering() as node, PageClient(node.address) as page:
             wait_for(lambda: page.state["locked"], "the state of the lock")
             count = len(odometry)
             wait_for(lambda: len(odometry) > count + 25, "half a second at rest")
@@ -104,11 +82,9 @@ def test_stop_stops_the_robot_whoever_drives_it(odometry, ros_domain):
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP, signal.SIGTERM])
 def test_the_robot_stops_when_the_server_does(odometry, number):
     """Killed or hanging, by the controller's timeout; asked to end, by zeros of its own."""
-    args = ros_args(port=0, open_browser="false")
-    with NodeProcess("onebot_bringup.steering.steering_page", *args, check=False) as node:
-        with PageClient(address_of(node)) as page:
-            _drive(page, odometry)
-            node.process.send_signal(number)
-            _come_to_rest(odometry)
-            node.process.send_signal(signal.SIGKILL)
-            wait_for(lambda: page.closed, "the end of the connection")
+    with steering(check=False) as node, PageClient(node.address) as page:
+        _drive(page, odometry)
+        node.process.send_signal(number)
+        _come_to_rest(odometry)
+        node.process.send_signal(signal.SIGKILL)
+        wait_for(lambda: page.closed, "the end of the connection")

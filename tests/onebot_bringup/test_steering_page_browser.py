@@ -1,18 +1,14 @@
 """The steering page in a real browser, steering over real DDS."""
 
-import functools
-import http.server
 import itertools
 import json
 import math
 import re
 import signal
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
 
 import pytest
 from geometry_msgs.msg import PointStamped, PoseStamped, Twist, TwistStamped
@@ -22,18 +18,16 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from std_msgs.msg import Bool, String
 
-from onebot_bringup.steering.server import STATIC
 from onebot_control.poses import yaw_of
 from onebot_control.speed_limiter import SpeedLimiter, SpeedLimits
 from onebot_description.description import load_description
 from onebot_description.description.packages import package_share
-from tests.onebot_bringup.steering_support import PageClient, Way, steering
-from tests.onebot_bringup.viewer_support import ARM, BLUE, VIEW
+from tests.onebot_bringup.steering_support import PageClient, Steering, Way, steering
 from tests.onebot_control.test_sensors_process import room
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.steering_browser_support import Page
 from tests.support import wait_for
-from tests.support_browser import browser, hosts_reached, wait_for_color
+from tests.support_browser import browser, hosts_reached
 
 pytestmark = pytest.mark.slow
 
@@ -51,18 +45,36 @@ def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
 
 
 @pytest.fixture
-def page(chromium: Page) -> Iterator[Page]:
+def tab(chromium: Page) -> Iterator[Page]:
+    """No page yet."""
     yield chromium
     chromium.let_go()
-    for command in ("clearDeviceMetricsOverride", "setTouchEmulationEnabled"):
-        extra = {"enabled": False} if command.startswith("setTouch") else {}
-        chromium.devtools(f"Emulation.{command}", **extra)
+    chromium.devtools("Emulation.clearDeviceMetricsOverride")
+    chromium.devtools("Emulation.setTouchEmulationEnabled", enabled=False)
 
 
 @pytest.fixture
 def peer(ros_domain: int) -> Iterator[Peer]:
     with Peer(ros_domain) as peer:
         yield peer
+
+
+@pytest.fixture
+def heard(peer: Peer) -> list[Twist]:
+    """The commands that a robot receives."""
+    return peer.hear(Twist, TOPIC, 1000)
+
+
+@pytest.fixture
+def node(heard: list[Twist]) -> Iterator[Steering]:
+    with steering(**LIMITS) as node:
+        yield node
+
+
+@pytest.fixture
+def page(tab: Page, node: Steering) -> Page:
+    """The page of ``node``."""
+    return tab.open(node.address)
 
 
 def pair(twist: Twist) -> tuple[float, float]:
@@ -94,77 +106,36 @@ def wait_for_zero(page: Page, heard: list[Twist]) -> None:
     wait_for(lambda: page.body("driver") == "nobody" and heard[-1] == STILL, "the stop")
 
 
-def test_it_loads_from_its_own_port_only(peer: Peer, page: Page) -> None:
-    """Offline: nothing is asked of anybody else, and the browser finds nothing to complain of."""
-    with steering() as node:
+def test_it_loads_from_its_own_port_only(tab: Page, node: Steering) -> None:
+    """Offline: the page requests nothing from other hosts, and the browser logs no problem."""
 
-        def loaded() -> list[str]:
-            """What it loads; nothing if its connection was lost meanwhile, on a busy machine."""
-            page.driver.get("about:blank")
-            for log in ("performance", "browser"):
-                page.driver.get_log(log)
-            page.driver.get(node.address)
-            wait_for(lambda: page.connected, "the page to connect")
-            wait_for(lambda: page.text("#driver") == "Nobody drives", "the state")
-            found = page.driver.execute_script(
-                "return performance.getEntriesByType('resource').map((entry) => entry.name)"
-            )
-            asked_why = page.driver.current_url in found
-            return [] if asked_why else found
+    def loaded() -> list[str]:
+        """What it loads; nothing if its connection was lost meanwhile, on a busy machine."""
+        tab.driver.get("about:blank")
+        for log in ("performance", "browser"):
+            tab.driver.get_log(log)
+        tab.driver.get(node.address)
+        wait_for(lambda: tab.connected, "the page to connect")
+        wait_for(lambda: tab.text("#driver") == "Nobody drives", "the state")
+        script = "return performance.getEntriesByType('resource').map((entry) => entry.name)"
+        names = tab.driver.execute_script(script)
+        return [] if tab.driver.current_url in names else names
 
-        resources = wait_for(loaded, "the page with one connection")
-        assert "No view of the robot yet" in page.text("#view")
-        assert hosts_reached(page.driver) == {"127.0.0.1"}
-        assert len(resources) > 9
-        assert all(name.startswith(f"http://127.0.0.1:{node.port}/static/") for name in resources)
-        assert page.driver.get_log("browser") == []
+    resources = wait_for(loaded, "the page with one connection")
+    assert "No view of the robot yet" in tab.text("#view")
+    assert hosts_reached(tab.driver) == {"127.0.0.1"}
+    assert len(resources) > 9
+    assert all(name.startswith(f"http://127.0.0.1:{node.port}/static/") for name in resources)
+    assert tab.driver.get_log("browser") == []
 
 
-def test_the_robots_view_is_beside_it_and_leaves_it_the_keys(
-    peer: Peer, page: Page, tmp_path: Path
-) -> None:
-    """Rerun's page on this page's own port, and nothing else; the keys still drive."""
-    heard = peer.hear(Twist, TOPIC, 1000)
-    (tmp_path / "view.yaml").write_text(VIEW)
-    viewer = ros_args(grpc_port=0, web_port=0, open_browser="false", view=tmp_path / "view.yaml")
-    with (
-        NodeProcess("onebot_bringup.viewer.rerun_viewer", *viewer) as shown,
-        steering(**LIMITS) as node,
-    ):
-        peer.publisher(String, "robot_description", LATCHED).publish(String(data=ARM))
-        wait_for(lambda: 'showing "arm"' in shown.output, "the robot")
-        page.driver.get_log("performance")
-        page.driver.get(node.address)
-        note = page.find("#slow")
-        wait_for(note.is_displayed, "word of a view that lags")
-        frame = page.find("iframe").rect
-        assert note.rect["y"] > frame["y"] + frame["height"] - 1, "it covers Rerun's buttons"
-        wait_for_color(page.driver, BLUE, 1000)
-        assert hosts_reached(page.driver) <= {"127.0.0.1", "localhost"}
-        with page.view() as inside:
-            asked = inside.execute_script(
-                "return performance.getEntriesByType('resource').map((entry) => entry.name)"
-            )
-        assert {urlsplit(address).netloc for address in asked} == {f"localhost:{node.port}"}
-        page.drive_by_keys("w", moving(heard))
-        page.release_keys("w")
-        wait_for_zero(page, heard)
-        wait_for(lambda: not note.is_displayed(), "that word to go")
-        page.driver.get("about:blank")  # software WebGL keeps the machine busy
-
-
-def test_the_joystick_drives_the_robot(peer: Peer, page: Page) -> None:
+def test_the_joystick_drives_the_robot(page: Page, heard: list[Twist]) -> None:
     """Held with the mouse, by its place on the pad; the page shows command and odometry."""
-    told = peer.hear(Twist, TOPIC, 1000)
-    with (
-        NodeProcess("onebot_control.velocity_controller", str(ONEBOT)),
-        steering(**LIMITS) as node,
-    ):
-        page.open(node.address)
+    with NodeProcess("onebot_control.velocity_controller", str(ONEBOT)):
         wait_for(lambda: page.text("#topic output") == "Twist, 2 subscribers", "the controller")
 
         def drives() -> Twist | None:
-            command = told[-1] if told else STILL
+            command = heard[-1] if heard else STILL
             speed, shown = command.linear.x, page.number("linear-command")
             seen = abs(shown - speed) < 0.006 and abs(page.number("linear-measured") - speed) < 0.02
             return command if speed > 0.0 and seen else None
@@ -175,213 +146,181 @@ def test_the_joystick_drives_the_robot(peer: Peer, page: Page) -> None:
         assert linear == pytest.approx(0.5 * (0.7 - 0.06) / 0.94, abs=0.015)
         assert angular == pytest.approx(1.0 * (0.6 - 0.06) / 0.94, abs=0.03)
         page.let_go()
-        wait_to_stop(page, told)
+        wait_to_stop(page, heard)
         wait_for(lambda: abs(page.number("linear-measured")) < 0.01, "rest")
         assert page.number("x") > 0.0 and page.number("yaw") > 0.0
 
 
-def test_letting_go_stops_at_once_and_another_page_takes_control(peer: Peer, page: Page) -> None:
-    """The page says so with its next word, not a timeout; what it held counts no more."""
-    heard = peer.hear(Twist, TOPIC, 1000)
-    with steering(**LIMITS) as node:
-        page.open(node.address)
-        assert pair(page.drive_by_pad(0.0, 1.5, moving(heard))) == (0.5, 0.0)
-        releases = page.said().count("release")
+def test_letting_go_stops_at_once_and_another_page_takes_control(
+    node: Steering, page: Page, heard: list[Twist]
+) -> None:
+    """It sends a release, also for a pad held beyond it; what another page took counts no more."""
+    assert pair(page.drive_by_pad(0.0, 1.5, moving(heard))) == (0.5, 0.0)
+    releases = page.said().count("release")
+    page.let_go()
+    wait_to_stop(page, heard)
+    assert page.said().count("release") == releases + 1 and page.said()[-1] == "release"
+    page.drive_until(
+        lambda: (page.hold_pad(0.0, 0.5), page.drag(-600, 0)),
+        page.let_go,
+        lambda: heard and heard[-1].angular.z > 0.8,
+        "the pad, held over the view",
+    )
+    page.let_go()
+    wait_to_stop(page, heard)
+    with PageClient(node.address) as other:
+        page.drive_by_pad(0.0, 1.5, moving(heard))
+        other.hold(-0.25)
+        wait_for(lambda: page.text("#driver") == "Another page drives · 2 pages open", "it")
+        wait_for(lambda: page.body("hand") == "", "the page to let go")
+        begin = len(heard)
+        page.drag(0, 5)  # still held, and no longer heard
+        page.wait_for_states(5)
+        assert {pair(m) for m in heard[begin:]} <= {(-0.25, 0.0), (0.0, 0.0)}
         page.let_go()
-        wait_to_stop(page, heard)
-        assert page.said().count("release") == releases + 1 and page.said()[-1] == "release"
-        with PageClient(node.address) as other:
-            page.drive_by_pad(0.0, 1.5, moving(heard))
-            other.hold(-0.25)
-            wait_for(lambda: page.text("#driver") == "Another page drives · 2 pages open", "it")
-            wait_for(lambda: page.body("hand") == "", "the page to let go")
-            begin = len(heard)
-            page.drag(0, 5)  # still held, and no longer heard
-            page.wait_for_states(5)
-            assert {pair(m) for m in heard[begin:]} <= {(-0.25, 0.0), (0.0, 0.0)}
-            page.let_go()
-
-
-def test_a_pad_held_beyond_the_window_goes_on_and_then_stops(peer: Peer, page: Page) -> None:
-    """The pointer is the pad's until it is let go, over the view and outside too."""
-    heard = peer.hear(Twist, TOPIC, 1000)
-    with steering(**LIMITS) as node:
-        page.open(node.address)
-
-        def hold() -> None:
-            page.hold_pad(0.0, 0.5)
-            page.drag(-600, 0)
-
-        page.drive_until(
-            hold, page.let_go, lambda: heard and heard[-1].angular.z > 0.8, "the pad over the view"
-        )
-        page.let_go()
-        wait_to_stop(page, heard)
 
 
 @pytest.mark.parametrize("leave", ["reload", "blur", "hide"])
-def test_leaving_the_page_stops(peer: Peer, page: Page, leave: str) -> None:
+def test_leaving_the_page_stops(tab: Page, node: Steering, heard: list[Twist], leave: str) -> None:
     """The tab left or loaded anew, or the window without focus, while the pad is held."""
-    heard = peer.hear(Twist, TOPIC, 1000)
-    with steering(**LIMITS) as node:
-        first = page.driver.current_window_handle
-        page.driver.switch_to.new_window("tab")
-        page.open(node.address)
-        page.drive_by_pad(0.0, 0.5, moving(heard))
-        if leave == "reload":
-            page.driver.refresh()
-        elif leave == "blur":
-            # A window of another program in front: the page hears just this.
-            page.driver.execute_script("window.dispatchEvent(new Event('blur'))")
-        else:
-            page.driver.switch_to.window(first)
-        wait_for(lambda: heard[-1] == STILL, "the stop")
-        if leave in ("blur", "hide"):
-            wait_for(lambda: page.sent()[-1]["type"] == "release", "the page to let go")
-        for handle in page.driver.window_handles:
-            if handle != first:
-                page.driver.switch_to.window(handle)
-                page.driver.close()
-        page.driver.switch_to.window(first)
-        assert heard[-1] == STILL
+    first = tab.driver.current_window_handle
+    tab.driver.switch_to.new_window("tab")
+    tab.open(node.address)
+    tab.drive_by_pad(0.0, 0.5, moving(heard))
+    if leave == "reload":
+        tab.driver.refresh()
+    elif leave == "blur":
+        # A window of another program in front: the page hears just this.
+        tab.driver.execute_script("window.dispatchEvent(new Event('blur'))")
+    else:
+        tab.driver.switch_to.window(first)
+    wait_for(lambda: heard[-1] == STILL, "the stop")
+    if leave in ("blur", "hide"):
+        wait_for(lambda: tab.sent()[-1]["type"] == "release", "the page to let go")
+    for handle in tab.driver.window_handles:
+        if handle != first:
+            tab.driver.switch_to.window(handle)
+            tab.driver.close()
+    tab.driver.switch_to.window(first)
+    assert heard[-1] == STILL
 
 
 def test_a_dead_server_stops_the_robot_and_the_page_comes_back_still(
-    peer: Peer, page: Page
+    peer: Peer, tab: Page, heard: list[Twist]
 ) -> None:
     """By the controller's timeout; the page says it is lost, connects anew, and does not drive.
 
-    The limit that was chosen by hand is still there, and after a restart of the robot too.
+    The limit that was chosen by hand is still there.
     """
     speeds = peer.hear(Odometry, "/velocity_controller/odom", 1000)
-    heard = peer.hear(Twist, TOPIC, 1000)
 
     def drives() -> bool:
         return bool(speeds) and speeds[-1].twist.twist.linear.x > 0.1
 
-    with NodeProcess("onebot_control.velocity_controller", str(ONEBOT)) as robot:
+    with NodeProcess("onebot_control.velocity_controller", str(ONEBOT)):
         with steering(check=False, **LIMITS) as node:
-            page.open(node.address)
-            wait_for(lambda: page.text("#topic output") == "Twist, 2 subscribers", "the controller")
-            wait_for(
-                lambda: page.text("#braking output") == "0.25 m", "v\u00b2/2a at 0.5 m/s\u00b2"
-            )
-            page.enter("#linear-limit", "0,4")
-            wait_for(lambda: page.text("#braking output") == "0.16 m", "the lower limit")
-            page.drive_by_pad(0.0, 0.5, lambda: page.number("linear-command") > 0.1 and drives())
-            assert page.thumb > 10.0
-            page.driver.execute_script("document.querySelector('#stop').focus()")
+            tab.open(node.address)
+            wait_for(lambda: tab.text("#topic output") == "Twist, 2 subscribers", "the controller")
+            wait_for(lambda: tab.text("#braking output") == "0.25 m", "v\u00b2/2a at 0.5 m/s\u00b2")
+            tab.enter("#linear-limit", "0,4")
+            wait_for(lambda: tab.text("#braking output") == "0.16 m", "the lower limit")
+            tab.drive_by_pad(0.0, 0.5, lambda: tab.number("linear-command") > 0.1 and drives())
+            assert tab.thumb > 10.0
+            tab.driver.execute_script("document.querySelector('#stop').focus()")
             node.process.send_signal(signal.SIGKILL)
             wait_for(lambda: abs(speeds[-1].twist.twist.linear.x) < 1e-4, "the robot to stop")
             assert heard[-1] != STILL, "it was not the server that stopped it"
-            wait_for(lambda: page.body("connection") == "down", "the page to notice")
-            assert page.text("#connection") == "Connection lost"
-            assert "stops by itself" in page.text("#message")
-            assert page.number("linear-command") == 0.0
-            assert page.find("#linear input").get_property("value") == "0"
-            wait_for(lambda: page.thumb < 2.0, "the thumb to come back")
-            assert not page.find("#linear button").is_enabled()
-            assert not page.find("#topic-name").is_enabled()
+            wait_for(lambda: tab.body("connection") == "down", "the page to notice")
+            assert tab.text("#connection") == "Connection lost"
+            assert "stops by itself" in tab.text("#message")
+            assert tab.number("linear-command") == 0.0
+            assert tab.find("#linear input").get_property("value") == "0"
+            wait_for(lambda: tab.thumb < 2.0, "the thumb to come back")
+            assert not tab.find("#linear button").is_enabled()
+            assert not tab.find("#topic-name").is_enabled()
             port = node.port
         with steering(port=port, **LIMITS) as node:
             assert node.port == port
-            wait_for(lambda: page.connected, "the page to connect anew")
-            page.drag(3, 3)  # the button is still down
-            page.wait_for_states(5)
-            assert page.limit("linear") == "0.4", "the limit was lost with the server"
-            assert page.text("#driver") == "Nobody drives" and page.text("#message") == ""
+            wait_for(lambda: tab.connected, "the page to connect anew")
+            tab.drag(3, 3)  # the button is still down
+            tab.wait_for_states(5)
+            assert tab.limit("linear") == "0.4", "the limit was lost with the server"
+            assert tab.text("#driver") == "Nobody drives" and tab.text("#message") == ""
             assert abs(speeds[-1].twist.twist.linear.x) < 1e-4
-            page.let_go()
-            page.act().key_down(Keys.ENTER).perform()
-            assert page.stop_is_held, "the focus was lost with the connection"
-            page.act().key_up(Keys.ENTER).perform()
-            page.drive_by_pad(0.0, 0.5, drives)
-            page.let_go()
-            robot.interrupt()
-            wait_for(lambda: page.text("#topic output") == "Twist, 1 subscriber", "its end")
-            with NodeProcess("onebot_control.velocity_controller", str(ONEBOT)):
-                wait_for(lambda: page.text("#topic output") == "Twist, 2 subscribers", "its return")
-                page.wait_for_states(10)
-                assert page.limit("linear") == "0.4"
-                _drive(page, heard, (0.4, 0.0))
+            tab.let_go()
+            tab.act().key_down(Keys.ENTER).perform()
+            assert tab.stop_is_held, "the focus was lost with the connection"
+            tab.act().key_up(Keys.ENTER).perform()
+            _drive(tab, heard, (0.4, 0.0))
 
 
-def test_a_connection_that_is_too_slow_stops_and_says_so(peer: Peer, page: Page) -> None:
+def test_a_connection_that_is_too_slow_stops_and_says_so(tab: Page, heard: list[Twist]) -> None:
     """It queues up no commands; when it is fast again, what is held drives again."""
-    heard = peer.hear(Twist, TOPIC, 1000)
     sides = itertools.cycle((1, -1))
 
     def said() -> str:
-        page.drag(next(sides), 0)  # a hand that is there
-        return page.text("#message")
+        tab.drag(next(sides), 0)  # a hand that is there
+        return tab.text("#message")
 
     with steering(**LIMITS) as node, Way(node.address) as way:
-        page.open(way.address)
-        page.drive_by_pad(0.0, 1.5, at(heard, 0.5, 0.0))
+        tab.open(way.address)
+        tab.drive_by_pad(0.0, 1.5, at(heard, 0.5, 0.0))
         way.rate = 80.0  # more than half a second for a single command
         wait_for(lambda: "too slow to drive" in said(), "word of it")
-        first = len(page.sent())
+        first = len(tab.sent())
 
         def late() -> dict[str, Any] | None:
             """The state once the server has what was sent until the word came."""
             said()
-            frames = page.frames()
+            frames = tab.frames()
             state = next(message for _, message in reversed(frames) if message["type"] == "state")
             return state if state["received"] > first else None
 
         state = wait_for(late, "late commands")
-        assert state["late"] and len(page.sent()) - state["received"] <= 8
-        assert heard[-1] == STILL and page.body("hand") == "joystick"
+        assert state["late"] and len(tab.sent()) - state["received"] <= 8
+        assert heard[-1] == STILL and tab.body("hand") == "joystick"
         way.rate = math.inf
         wait_for(lambda: said() == "" and heard[-1] != STILL, "it to drive again")
-        page.let_go()
-        wait_to_stop(page, heard)
+        tab.let_go()
+        wait_to_stop(tab, heard)
 
 
-# As many connections as one computer may have.
-def test_arrows_and_letters_drive_while_they_are_down(peer: Peer, page: Page) -> None:
+def test_arrows_and_letters_drive_while_they_are_down(page: Page, heard: list[Twist]) -> None:
     """Together too, at half speed with Shift; not what is typed into a field."""
-    heard = peer.hear(Twist, TOPIC, 1000)
-    with steering(**LIMITS) as node:
-        page.open(node.address)
-        for keys, wanted in {
-            (Keys.ARROW_UP,): (0.5, 0.0),
-            (Keys.ARROW_DOWN, Keys.ARROW_LEFT): (-0.5, 1.0),
-            ("w", "d"): (0.5, -1.0),
-            ("s",): (-0.5, 0.0),
-            (Keys.SHIFT, Keys.ARROW_RIGHT): (0.0, -0.5),
-        }.items():
-            page.drive_by_keys(keys, at(heard, *wanted))
-            assert page.body("hand") == "keyboard"
-            page.release_keys(keys)
-            wait_to_stop(page, heard)
-        begin = len(heard)
-        page.find("#topic-name").click()
-        page.act().send_keys("wasd", Keys.ARROW_UP).perform()
-        page.wait_for_states(3)
-        assert len(heard) == begin
+    for keys, wanted in {
+        (Keys.ARROW_UP,): (0.5, 0.0),
+        (Keys.ARROW_DOWN, Keys.ARROW_LEFT): (-0.5, 1.0),
+        ("w", "d"): (0.5, -1.0),
+        ("s",): (-0.5, 0.0),
+        (Keys.SHIFT, Keys.ARROW_RIGHT): (0.0, -0.5),
+    }.items():
+        page.drive_by_keys(keys, at(heard, *wanted))
+        assert page.body("hand") == "keyboard"
+        page.release_keys(keys)
+        wait_to_stop(page, heard)
+    begin = len(heard)
+    page.find("#topic-name").click()
+    page.act().send_keys("wasd", Keys.ARROW_UP).perform()
+    page.wait_for_states(3)
+    assert len(heard) == begin
 
 
-def test_the_command_key_lets_go(peer: Peer, page: Page) -> None:
+def test_the_command_key_lets_go(page: Page, heard: list[Twist]) -> None:
     """Keys that are let go while it is down are not told of by macOS; nothing resumes after it."""
-    heard = peer.hear(Twist, TOPIC, 1000)
-    with steering(**LIMITS) as node:
-        page.open(node.address)
-        page.drive_by_keys("w", moving(heard))
-        page.act().key_down(Keys.META).perform()
-        wait_to_stop(page, heard)
-        page.act().key_up(Keys.META).perform()
-        page.wait_for_states(3)
-        assert page.body("hand") == ""
-        page.release_keys("w")
-        page.drive_by_keys("w", moving(heard))
-        page.release_keys("w")
-        wait_to_stop(page, heard)
+    page.drive_by_keys("w", moving(heard))
+    page.act().key_down(Keys.META).perform()
+    wait_to_stop(page, heard)
+    page.act().key_up(Keys.META).perform()
+    page.wait_for_states(3)
+    assert page.body("hand") == ""
+    page.release_keys("w")
+    page.drive_by_keys("w", moving(heard))
+    page.release_keys("w")
+    wait_to_stop(page, heard)
 
 
-def test_what_takes_the_keys_lets_go(peer: Peer, page: Page) -> None:
+def test_what_takes_the_keys_lets_go(peer: Peer, page: Page, heard: list[Twist]) -> None:
     """A menu, a list or a drag swallows the key's release; a finger that rests opens no menu."""
-    heard = peer.hear(Twist, TOPIC, 1000)
     robots = [peer.node.create_subscription(Twist, f"/{n}/cmd_vel", print, 1) for n in "ab"]
 
     def ask(selector: str, event: str) -> bool:
@@ -392,113 +331,97 @@ def test_what_takes_the_keys_lets_go(peer: Peer, page: Page) -> None:
         return hand === document.body.dataset.hand"""
         return bool(page.driver.execute_script(script, selector, event))
 
-    with steering(**LIMITS) as node:
-        page.open(node.address)
-        wait_for(lambda: page.find("#robot select").is_displayed(), "the list of robots")
-        for take in (
-            lambda: page.act().context_click(page.find("#view")).perform(),
-            lambda: page.act().move_to_element(page.find("#robot select")).click().perform(),
-            lambda: ask("#readout", "dragstart"),
-        ):
-            page.drive_by_keys("w", moving(heard))
-            take()
-            wait_to_stop(page, heard)
-            assert page.said()[-1] == "release" and page.body("hand") == ""
-            page.release_keys("w")
-            page.act().send_keys(Keys.ESCAPE).perform()
-            page.find("#view").click()
-        controls = {"#pad": (0, -60), "#linear input": (0, -60), "#linear [name=plus]": (0, 0)}
-        for selector, (right, down) in controls.items():
-            page.drive_by_mouse(selector, right, down, moving(heard))
-            assert ask(selector, "contextmenu"), "no menu opens there"
-            ask("#view", "contextmenu")
-            wait_to_stop(page, heard)
-            page.let_go()
+    wait_for(lambda: page.find("#robot select").is_displayed(), "the list of robots")
+    for take in (
+        lambda: page.act().context_click(page.find("#view")).perform(),
+        lambda: page.act().move_to_element(page.find("#robot select")).click().perform(),
+        lambda: ask("#readout", "dragstart"),
+    ):
+        page.drive_by_keys("w", moving(heard))
+        take()
+        wait_to_stop(page, heard)
+        assert page.said()[-1] == "release" and page.body("hand") == ""
+        page.release_keys("w")
+        page.act().send_keys(Keys.ESCAPE).perform()
+        page.find("#view").click()
+    controls = {"#pad": (0, -60), "#linear input": (0, -60), "#linear [name=plus]": (0, 0)}
+    for selector, (right, down) in controls.items():
+        page.drive_by_mouse(selector, right, down, moving(heard))
+        assert ask(selector, "contextmenu"), "no menu opens there"
+        ask("#view", "contextmenu")
+        wait_to_stop(page, heard)
+        page.let_go()
     for robot in robots:
         peer.node.destroy_subscription(robot)
 
 
-def test_the_space_bar_stops_and_the_held_key_does_not_resume(peer: Peer, page: Page) -> None:
+def test_the_space_bar_stops_and_the_held_key_does_not_resume(
+    peer: Peer, page: Page, heard: list[Twist]
+) -> None:
     """Wherever the focus is, with Ctrl too; what is held has to be let go first.
 
     A robot with a lock is locked meanwhile; the page shows so, and who else publishes commands.
     """
-    heard = peer.hear(Twist, TOPIC, 1000)
     locks = peer.hear(Bool, f"{TOPIC}_lock")
     peer.node.create_publisher(Twist, TOPIC, 10)
-    with steering(**LIMITS) as node:
-        page.open(node.address)
-        page.driver.execute_script("document.querySelector('#linear button').focus()")
-        page.drive_by_keys("w", moving(heard))
-        page.act().key_down(Keys.CONTROL).send_keys(" ").key_up(Keys.CONTROL).perform()
-        wait_to_stop(page, heard)
-        assert "stop" in page.said()
-        locked = "Locked: drive to unlock · commands also from /peer"
-        wait_for(lambda: page.text("#driver") == locked, "the lock")
-        assert locks and all(lock.data for lock in locks)
-        page.release_keys("w")
-        page.drive_by_keys("w", moving(heard))
-        wait_for(lambda: not locks[-1].data, "the unlock")
-        assert page.text("#driver").startswith("You drive")
-        page.find("#stop").click()
-        wait_to_stop(page, heard)
-        page.release_keys("w")
+    page.driver.execute_script("document.querySelector('#linear button').focus()")
+    page.drive_by_keys("w", moving(heard))
+    page.act().key_down(Keys.CONTROL).send_keys(" ").key_up(Keys.CONTROL).perform()
+    wait_to_stop(page, heard)
+    assert "stop" in page.said()
+    locked = "Locked: drive to unlock · commands also from /peer"
+    wait_for(lambda: page.text("#driver") == locked, "the lock")
+    assert locks and all(lock.data for lock in locks)
+    page.release_keys("w")
+    page.drive_by_keys("w", moving(heard))
+    wait_for(lambda: not locks[-1].data, "the unlock")
+    assert page.text("#driver").startswith("You drive")
+    page.find("#stop").click()
+    wait_to_stop(page, heard)
+    page.release_keys("w")
 
 
-def test_the_sliders_drive_while_held_and_spring_back(peer: Peer, page: Page) -> None:
+def test_the_sliders_drive_while_held_and_spring_back(page: Page, heard: list[Twist]) -> None:
     """By their thumbs and by their buttons, which go on in steps."""
-    heard = peer.hear(Twist, TOPIC, 1000)
-    with steering(**LIMITS) as node:
-        page.open(node.address)
-        linear, angular = page.find("#linear input"), page.find("#angular input")
-        up = -linear.size["height"]  # beyond its end
-        page.drive_by_mouse("#linear input", 0, up, at(heard, 0.5, 0.0))
-        assert page.body("hand") == "sliders"
-        page.let_go()
-        wait_to_stop(page, heard)
-        right = angular.size["width"]
-        page.drive_by_mouse("#angular input", right, 0, at(heard, 0.0, -1.0))
-        page.let_go()
-        wait_to_stop(page, heard)
-        assert float(linear.get_property("value")) == float(angular.get_property("value")) == 0.0
-        begin = len(heard)
-        page.drive_by_mouse("#angular [name=plus]", 0, 0, at(heard, 0.0, 1.0))
-        first = next(m for m in heard[begin:] if m != STILL)
-        assert 0.0 < first.angular.z < 1.0
-        page.let_go()
-        wait_to_stop(page, heard)
+    linear, angular = page.find("#linear input"), page.find("#angular input")
+    up = -linear.size["height"]  # beyond its end
+    page.drive_by_mouse("#linear input", 0, up, at(heard, 0.5, 0.0))
+    assert page.body("hand") == "sliders"
+    page.let_go()
+    wait_to_stop(page, heard)
+    right = angular.size["width"]
+    page.drive_by_mouse("#angular input", right, 0, at(heard, 0.0, -1.0))
+    page.let_go()
+    wait_to_stop(page, heard)
+    assert float(linear.get_property("value")) == float(angular.get_property("value")) == 0.0
+    begin = len(heard)
+    page.drive_by_mouse("#angular [name=plus]", 0, 0, at(heard, 0.0, 1.0))
+    first = next(m for m in heard[begin:] if m != STILL)
+    assert 0.0 < first.angular.z < 1.0
+    page.let_go()
+    wait_to_stop(page, heard)
 
 
-def test_limits_are_edited_by_the_user(peer: Peer, page: Page) -> None:
+def test_limits_are_edited_by_the_user(page: Page, heard: list[Twist]) -> None:
     """They count for the next command; beside the field it says what is refused or too much."""
-    heard = peer.hear(Twist, TOPIC, 1000)
-    other = peer.hear(Twist, "/other/cmd_vel", 1000)
-    with steering(**LIMITS) as node:
-        page.open(node.address)
-        assert page.limit("linear") == "0.5" and page.limit("angular") == "1"
-        page.enter("#angular-limit", "-3")
-        wait_for(lambda: page.limit("angular") == "1", "the old one")
-        assert page.text("#angular-hint") == "-3 refused: a limit is above zero."
-        assert page.find("#angular-limit").get_attribute("aria-invalid") == "true"
-        assert "limits" not in page.said()
-        page.enter("#linear-limit", "1e9")
-        mark = "Held to 0.5 m/s by max_linear."
-        wait_for(lambda: page.text("#linear-hint") == mark, "the mark")
-        _drive(page, heard, (0.5, 0.0))
-        page.enter("#linear-limit", "0,2")
-        wait_for(lambda: page.limit("linear") == "0.2", "the number with a comma")
-        wait_for(lambda: page.text("#linear-hint") == "", "the mark to go")
-        _drive(page, heard, (0.2, 0.0))
-        page.enter("#topic-name", "/other/cmd_vel")
-        wait_for(lambda: "/other" in page.driver.title, "the other topic")
-        _drive(page, other, (0.2, 0.0))
-        page.open(node.address)
-        assert page.limit("linear") == "0.2" and page.limit("angular") == "1"
-        page.enter("#linear-limit", "")
-        wait_for(lambda: page.limit("linear") == "0.5", "the robot's own")
-        page.driver.execute_script(ENTER_BOTH)
-        both = {"type": "limits", "linear": 0.3, "angular": 0.6}
-        wait_for(lambda: both in page.sent(), "both limits")
+    assert page.limit("linear") == "0.5" and page.limit("angular") == "1"
+    page.enter("#angular-limit", "-3")
+    wait_for(lambda: page.limit("angular") == "1", "the old one")
+    assert page.text("#angular-hint") == "-3 refused: a limit is above zero."
+    assert page.find("#angular-limit").get_attribute("aria-invalid") == "true"
+    assert "limits" not in page.said()
+    page.enter("#linear-limit", "1e9")
+    mark = "Held to 0.5 m/s by max_linear."
+    wait_for(lambda: page.text("#linear-hint") == mark, "the mark")
+    page.enter("#linear-limit", "0,2")
+    wait_for(lambda: page.limit("linear") == "0.2", "the number with a comma")
+    wait_for(lambda: page.text("#linear-hint") == "", "the mark to go")
+    _drive(page, heard, (0.2, 0.0))
+    page.enter("#linear-limit", "")
+    wait_for(lambda: page.limit("linear") == "0.5", "the robot's own")
+    page.driver.execute_script(ENTER_BOTH)
+    both = {"type": "limits", "linear": 0.3, "angular": 0.6}
+    wait_for(lambda: both in page.sent(), "both limits")
 
 
 # One after the other, before the server's state has the first.
@@ -520,33 +443,19 @@ def _drive(page: Page, heard: list[Twist], wanted: tuple[float, float]) -> None:
 
 def test_what_the_page_works_out(page: Page) -> None:
     """Without a robot: the limit that an entry is, and the braking distance of the controller."""
-    with files_served(STATIC.parent) as address:
-        page.driver.get(address)
-        typed = [
-            "0,5",
-            "0.5",
-            ",5",
-            "5.",
-            "+2",
-            "1e3",
-            "",
-            "-3",
-            "0",
-            "1,000.5",
-            "0x1",
-            "NaN",
-            "3 m",
-        ]
-        assert page.module("settings.js", "limitOf", [[words] for words in typed]) == [
-            0.5, 0.5, 0.5, 5, 2, 1000, None, *["RangeError"] * 6
-        ]  # fmt: skip
-        cases = [(1.0, 0.5, None), (0.3, 2.0, None), (1.0, 0.5, 1.0), (0.1, 2.0, 1.0), (1, None, 3)]
-        found = page.module(
-            "braking.js",
-            "brakingDistance",
-            [[speed, {"deceleration": a, "jerk": j}] for speed, a, j in cases],
-        )
-        assert found == pytest.approx([_way_to_rest(*case) for case in cases], rel=0.01)
+    entries = [
+        "0,5", "0.5", ",5", "5.", "+2", "1e3", "", "-3", "0", "1,000.5", "0x1", "NaN", "3 m"
+    ]  # fmt: skip
+    assert page.module("settings.js", "limitOf", [[words] for words in entries]) == [
+        0.5, 0.5, 0.5, 5, 2, 1000, None, *["RangeError"] * 6
+    ]  # fmt: skip
+    cases = [(1.0, 0.5, None), (0.3, 2.0, None), (1.0, 0.5, 1.0), (0.1, 2.0, 1.0), (1, None, 3)]
+    found = page.module(
+        "braking.js",
+        "brakingDistance",
+        [[speed, {"deceleration": a, "jerk": j}] for speed, a, j in cases],
+    )
+    assert found == pytest.approx([_way_to_rest(*case) for case in cases], rel=0.01)
 
 
 def _way_to_rest(speed: float, deceleration: float | None, jerk: float | None) -> float:
@@ -561,64 +470,58 @@ def _way_to_rest(speed: float, deceleration: float | None, jerk: float | None) -
 
 def test_another_topic_of_the_other_type(peer: Peer, page: Page) -> None:
     """The topics around are offered; a name that is none is refused with a sentence."""
-    heard = peer.hear(TwistStamped, "/other/cmd_vel", 1000)
-    with steering(**LIMITS) as node:
-        page.open(node.address)
-        offered = "return [...document.querySelectorAll('datalist option')].map((o) => o.value)"
-        wait_for(
-            lambda: "/other/cmd_vel" in page.driver.execute_script(offered), "the topic's offer"
-        )
-        assert page.text("#topic output") == "Twist, no subscriber"
-        page.enter("#topic-name", "not-a-topic")
-        wait_for(lambda: "name of a ROS topic" in page.text("#topic-hint"), "the error")
-        field = page.find("#topic-name")
-        wait_for(lambda: field.get_property("value") == TOPIC, "the topic to be put back")
-        page.enter("#topic-name", "/other/cmd_vel")
-        wait_for(lambda: page.text("#topic output") == "TwistStamped, 1 subscriber", "its type")
-        assert page.driver.title == "/other/cmd_vel \N{EN DASH} Steering"
-        page.enter("#topic-name", "/rosout")
-        wait_for(lambda: "/rosout has the type" in page.text("#topic-hint"), "the refusal")
-        assert page.text("#message") == ""
-        page.emulate(1280, 580)
-        page.enter("#topic-name", "/rosout")
-        wait_for(lambda: page.in_sight("#topic-hint"), "the refusal, scrolled to")
-        page.emulate_nothing()
-        wait_for(
-            lambda: field.get_property("value") == "/other/cmd_vel", "the topic to be put back"
-        )
-        page.drive_by_keys("w", lambda: heard and pair(heard[-1].twist) == (0.5, 0.0))
-        page.release_keys("w")
-        wait_for(lambda: heard[-1].twist == STILL, "the stop")
+    stamped = peer.hear(TwistStamped, "/other/cmd_vel", 1000)
+    offered = "return [...document.querySelectorAll('datalist option')].map((o) => o.value)"
+    wait_for(lambda: "/other/cmd_vel" in page.driver.execute_script(offered), "the topic's offer")
+    assert page.text("#topic output") == "Twist, 1 subscriber"
+    page.enter("#topic-name", "not-a-topic")
+    wait_for(lambda: "name of a ROS topic" in page.text("#topic-hint"), "the error")
+    field = page.find("#topic-name")
+    wait_for(lambda: field.get_property("value") == TOPIC, "the topic to be put back")
+    page.enter("#topic-name", "/other/cmd_vel")
+    wait_for(lambda: page.text("#topic output") == "TwistStamped, 1 subscriber", "its type")
+    assert page.driver.title == "/other/cmd_vel \N{EN DASH} Steering"
+    page.enter("#topic-name", "/rosout")
+    wait_for(lambda: "/rosout has the type" in page.text("#topic-hint"), "the refusal")
+    assert page.text("#message") == ""
+    page.emulate(1280, 580)
+    page.enter("#topic-name", "/rosout")
+    wait_for(lambda: page.in_sight("#topic-hint"), "the refusal, scrolled to")
+    page.emulate_nothing()
+    wait_for(lambda: field.get_property("value") == "/other/cmd_vel", "the topic to be put back")
+    page.drive_by_keys("w", lambda: stamped and pair(stamped[-1].twist) == (0.5, 0.0))
+    page.release_keys("w")
+    wait_for(lambda: stamped[-1].twist == STILL, "the stop")
 
 
 def _last(heard: list[Twist]) -> tuple[float, float] | None:
     return pair(heard[-1]) if heard else None
 
 
-def test_another_robot_is_chosen(peer: Peer, page: Page) -> None:
+def test_another_robot_is_chosen(peer: Peer, tab: Page) -> None:
     """By the keyboard too, whose next press does not drive; the robot before is stopped."""
     topics = {name: f"/{name}/velocity_controller/cmd_vel" for name in ("robot1", "robot2")}
     heard = {name: peer.hear(Twist, topic, 1000) for name, topic in topics.items()}
     with steering(**LIMITS, topic=topics["robot1"]) as node:
-        page.open(node.address)
-        select = page.find("#robot select")
-        wait_for(lambda: "robot2" in page.text("#robot select"), "the choice")
-        assert page.in_sight("#robot select")
-        page.drive_by_keys("w", lambda: _last(heard["robot1"]) == (0.5, 0.0))
-        page.driver.execute_script("arguments[0].focus()", select)
-        page.release_keys("w")
-        page.act().send_keys(Keys.ARROW_DOWN).perform()
-        wait_for(lambda: page.driver.title.startswith(topics["robot2"]), "the other robot")
+        tab.open(node.address)
+        select = tab.find("#robot select")
+        wait_for(lambda: "robot2" in tab.text("#robot select"), "the choice")
+        assert tab.in_sight("#robot select")
+        tab.drive_by_keys("w", lambda: _last(heard["robot1"]) == (0.5, 0.0))
+        tab.driver.execute_script("arguments[0].focus()", select)
+        tab.release_keys("w")
+        tab.act().send_keys(Keys.ARROW_DOWN).perform()
+        wait_for(lambda: tab.driver.title.startswith(topics["robot2"]), "the other robot")
         assert _last(heard["robot1"]) == (0.0, 0.0)
-        page.act().send_keys(Keys.ARROW_DOWN).send_keys(Keys.ENTER).perform()
+        tab.act().send_keys(Keys.ARROW_DOWN).send_keys(Keys.ENTER).perform()
         assert select.get_property("value") == topics["robot2"] and not heard["robot2"]
-        page.drive_by_keys("w", lambda: _last(heard["robot2"]) == (0.5, 0.0))
-        page.release_keys("w")
+        tab.drive_by_keys("w", lambda: _last(heard["robot2"]) == (0.5, 0.0))
+        tab.release_keys("w")
         wait_for(lambda: _last(heard["robot2"]) == (0.0, 0.0), "the stop")
         assert _last(heard["robot1"]) == (0.0, 0.0)
 
 
-def test_a_press_on_the_map_is_published_with_its_heading(peer: Peer, page: Page) -> None:
+def test_a_press_on_the_map_is_published_with_its_heading(peer: Peer, tab: Page) -> None:
     """As in RViz: press, drag to where it faces, release; a tool is for one place."""
     goals = peer.hear(PoseStamped, "/goal_pose")
     points = peer.hear(PointStamped, "/clicked_point")
@@ -627,24 +530,24 @@ def test_a_press_on_the_map_is_published_with_its_heading(peer: Peer, page: Page
     moved = peer.node.create_publisher(Odometry, "/odom", 10)
     timer = peer.node.create_timer(0.05, lambda: moved.publish(at))
     with steering(topic="/cmd_vel") as node:
-        page.open(node.address)
-        wait_for(lambda: page.number("x") == 1.0, "the odometry")
+        tab.open(node.address)
+        wait_for(lambda: tab.number("x") == 1.0, "the odometry")
 
         def pressed(selector: str) -> bool:
-            return page.find(selector).get_attribute("aria-pressed") == "true"
+            return tab.find(selector).get_attribute("aria-pressed") == "true"
 
-        page.find("[data-tool=goal]").click()
+        tab.find("[data-tool=goal]").click()
         assert pressed("[data-tool=goal]") and pressed("[name=map]")
         robot = "#ground .robot:not(.absent)"
-        wait_for(lambda: page.driver.find_elements(By.CSS_SELECTOR, robot), "the robot on the map")
-        page.hold("#ground svg", 0, -50)
+        wait_for(lambda: tab.driver.find_elements(By.CSS_SELECTOR, robot), "the robot on the map")
+        tab.hold("#ground svg", 0, -50)
         assert goals == []
-        page.act().send_keys(Keys.ESCAPE).perform()
-        page.let_go()
-        page.find("[data-tool=goal]").click()
-        page.hold("#ground svg", 0, -50)
-        page.let_go()
-        wait_for(lambda: "Published /goal_pose" in page.text("#ground [role=status]"), "the goal")
+        tab.act().send_keys(Keys.ESCAPE).perform()
+        tab.let_go()
+        tab.find("[data-tool=goal]").click()
+        tab.hold("#ground svg", 0, -50)
+        tab.let_go()
+        wait_for(lambda: "Published /goal_pose" in tab.text("#ground [role=status]"), "the goal")
         wait_for(lambda: goals, "its message")
         pose = goals[0].pose
         turn = pose.orientation
@@ -656,40 +559,40 @@ def test_a_press_on_the_map_is_published_with_its_heading(peer: Peer, page: Page
         # Another page switches to another robot while this one aims.
         with PageClient(node.address) as other:
             for topic in ("/robot2/cmd_vel", "/cmd_vel"):
-                page.find("[data-tool=goal]").click()
-                page.hold("#ground svg", 0, -50)
+                tab.find("[data-tool=goal]").click()
+                tab.hold("#ground svg", 0, -50)
                 other.send("topic", topic=topic)
-                wait_for(lambda: "Another robot" in page.text("#ground [role=status]"), "the note")
-                page.let_go()
-                page.find("[data-tool=goal]").click()
+                wait_for(lambda: "Another robot" in tab.text("#ground [role=status]"), "the note")
+                tab.let_go()
+                tab.find("[data-tool=goal]").click()
 
-        page.devtools("Emulation.setTouchEmulationEnabled", enabled=True)
-        page.find("[data-tool=point]").click()
-        page.touch({0: ("#ground svg", 80)})
-        page.end_touch()
+        tab.devtools("Emulation.setTouchEmulationEnabled", enabled=True)
+        tab.find("[data-tool=point]").click()
+        tab.touch({0: ("#ground svg", 80)})
+        tab.end_touch()
         wait_for(lambda: points, "the point")
         assert (points[0].point.x, points[0].point.y) == pytest.approx((1.0, 1.0), abs=0.02)
-        page.find("[data-tool=goal]").click()
+        tab.find("[data-tool=goal]").click()
         for name, words in {"x": "3", "y": "-0,5", "yaw": "180"}.items():
-            page.enter(f"#ground [name={name}]", words)
-        page.find("[name=publish]").click()
+            tab.enter(f"#ground [name={name}]", words)
+        tab.find("[name=publish]").click()
         wait_for(lambda: len(goals) == 2, "the place by numbers")
         pose = goals[1].pose
         assert (pose.position.x, pose.position.y) == (3.0, -0.5)
         assert pose.orientation.z == pytest.approx(1.0)
-        page.hold("#ground svg", 40, 0)
-        page.let_go()
-        page.find("[name=map]").click()
-        assert not page.find("#ground").is_displayed()
-        page.wait_for_states(2)
+        tab.hold("#ground svg", 40, 0)
+        tab.let_go()
+        tab.find("[name=map]").click()
+        assert not tab.find("#ground").is_displayed()
+        tab.wait_for_states(2)
         assert (len(goals), len(points)) == (2, 1), "without a tool, a drag moves the map"
         # The page of the test before may have lost its server.
-        logged = [entry["message"] for entry in page.driver.get_log("browser")]
+        logged = [entry["message"] for entry in tab.driver.get_log("browser")]
         assert [message for message in logged if f":{node.port}/" in message] == []
     peer.node.destroy_timer(timer)
 
 
-def test_displays_and_parameters_are_set_in_panels(ros_domain: int, peer: Peer, page: Page) -> None:
+def test_displays_and_parameters_are_set_in_panels(ros_domain: int, peer: Peer, tab: Page) -> None:
     """By check boxes, fields and Enter; a refused value says why, and the old one stays."""
     peer.node.declare_parameter("speed", 0.5)
     peer.node.declare_parameter("lights", False)
@@ -705,11 +608,11 @@ def test_displays_and_parameters_are_set_in_panels(ros_domain: int, peer: Peer, 
         for topic, text in (("page", address), ("displays", json.dumps({"shown": shown}))):
             to = viewer.publisher(String, f"/rerun_viewer/{topic}", LATCHED)
             to.publish(String(data=text))
-        page.open(node.address)
+        tab.open(node.address)
 
         def row(panel: str, name: str) -> Any:
             path = f"//*[@id='{panel}']//*[contains(@class, 'row')][label[text()='{name}']]"
-            return wait_for(lambda: page.driver.find_elements(By.XPATH, path), name)[0]
+            return wait_for(lambda: tab.driver.find_elements(By.XPATH, path), name)[0]
 
         def field(panel: str, name: str) -> Any:
             return row(panel, name).find_element(By.TAG_NAME, "input")
@@ -717,28 +620,28 @@ def test_displays_and_parameters_are_set_in_panels(ros_domain: int, peer: Peer, 
         def values(of: Peer, *names: str) -> list[Any]:
             return [of.node.get_parameter(name).value for name in names]
 
-        page.find("[name=displays]").click()
+        tab.find("[name=displays]").click()
         assert field("displays", "/scan").is_selected()
         assert "sensor_msgs/msg/LaserScan" in row("displays", "/scan").text
         field("displays", "/scan").click()
         hidden = [["/other", "/scan"], ["/map"]]
         wait_for(lambda: values(viewer, "hidden", "shown") == hidden, "the topic to be hidden")
-        page.driver.execute_script("arguments[0].focus()", field("displays", "grid"))
-        page.act().send_keys(Keys.ENTER).perform()
+        tab.driver.execute_script("arguments[0].focus()", field("displays", "grid"))
+        tab.act().send_keys(Keys.ENTER).perform()
         wait_for(lambda: values(viewer, "grid.visible") == [False], "the grid to be hidden")
 
-        page.find("[name=parameters]").click()
-        assert not page.find("#displays").is_displayed()
+        tab.find("[name=parameters]").click()
+        assert not tab.find("#displays").is_displayed()
         field("parameters", "lights").click()
         wait_for(lambda: values(peer, "lights") == [True], "the lights")
         speed = field("parameters", "speed").get_attribute("id")
-        page.enter(f"#{speed}", "9")
+        tab.enter(f"#{speed}", "9")
         wait_for(lambda: "too fast" in row("parameters", "speed").text, "the reason")
-        wait_for(lambda: page.find(f"#{speed}").get_property("value") == "0.5", "the old value")
-        page.enter(f"#{speed}", "1.5")
+        wait_for(lambda: tab.find(f"#{speed}").get_property("value") == "0.5", "the old value")
+        tab.enter(f"#{speed}", "1.5")
         wait_for(lambda: values(peer, "speed") == [1.5], "the speed")
         wait_for(lambda: "too fast" not in row("parameters", "speed").text, "no reason any more")
-        page.enter("#parameters-filter", "LIGHT")
+        tab.enter("#parameters-filter", "LIGHT")
         assert not row("parameters", "speed").is_displayed()
         assert row("parameters", "lights").is_displayed()
 
@@ -751,8 +654,7 @@ def test_it_shows_the_camera_and_an_obstacle_in_the_way(
     (tmp_path / "onebot.urdf").write_text(urdf)
     robot = str(tmp_path / "onebot.urdf"), *ros_args(world=room(tmp_path), x=1.6)
     camera = "/camera/image_raw"
-    with NodeProcess("onebot_control.velocity_controller", *robot), steering(**LIMITS) as node:
-        page.open(node.address)
+    with NodeProcess("onebot_control.velocity_controller", *robot):
         peer.publisher(String, "robot_description", LATCHED).publish(String(data=urdf))
         # The page replaces the element with each picture: an element found once is soon stale.
         picture = "const i = document.querySelector('#camera img'); return [i.naturalWidth, i.alt]"
@@ -772,47 +674,45 @@ def test_it_shows_the_camera_and_an_obstacle_in_the_way(
         page.release_keys("w")
 
 
-def test_a_finger_drives(peer: Peer, page: Page) -> None:
+def test_a_finger_drives(tab: Page, node: Steering, heard: list[Twist]) -> None:
     """On a phone; a touch that the system takes away stops the robot."""
-    heard = peer.hear(Twist, TOPIC, 1000)
-    with steering(**LIMITS) as node:
-        page.devtools("Emulation.setTouchEmulationEnabled", enabled=True)
-        page.devtools(
-            "Emulation.setDeviceMetricsOverride",
-            width=390, height=844, deviceScaleFactor=2, mobile=True,
-        )  # fmt: skip
-        page.open(node.address)
-        assert page.driver.execute_script("return document.documentElement.scrollWidth") == 390
-        for end in ("touchEnd", "touchCancel"):
-            page.drive_by_finger(1, at(heard, 0.5, 0.0))
-            page.end_touch(end)
-            wait_to_stop(page, heard)
+    tab.devtools("Emulation.setTouchEmulationEnabled", enabled=True)
+    tab.devtools(
+        "Emulation.setDeviceMetricsOverride",
+        width=390, height=844, deviceScaleFactor=2, mobile=True,
+    )  # fmt: skip
+    tab.open(node.address)
+    assert tab.driver.execute_script("return document.documentElement.scrollWidth") == 390
+    for end in ("touchEnd", "touchCancel"):
+        tab.drive_by_finger(1, at(heard, 0.5, 0.0))
+        tab.end_touch(end)
+        wait_to_stop(tab, heard)
 
 
-def test_a_second_finger_stops_and_all_that_is_held_stays_so(peer: Peer, page: Page) -> None:
+def test_a_second_finger_stops_and_all_that_is_held_stays_so(
+    tab: Page, node: Steering, heard: list[Twist]
+) -> None:
     """On press; until it is lifted nothing drives, and then only what is pressed anew."""
-    heard = peer.hear(Twist, TOPIC, 1000)
-    with steering(**LIMITS) as node:
-        page.devtools("Emulation.setTouchEmulationEnabled", enabled=True)
-        page.open(node.address)
-        page.drive_by_finger(1, at(heard, 0.5, 0.0))
-        page.touch({1: ("#pad", 300), 2: ("#stop", 0)})
-        wait_for_zero(page, heard)
-        with at_rest(page, heard):
-            page.touch({1: ("#pad", 30), 2: ("#stop", 0)})
-            page.touch({2: ("#stop", 0)})
-            for part, up in {"#pad": 30, "#linear input": 40, "#linear [name=plus]": 0}.items():
-                page.touch({2: ("#stop", 0), 3: (part, 0)})
-                page.touch({2: ("#stop", 0), 3: (part, up)})
-                page.touch({2: ("#stop", 0)})
-        with at_rest(page, heard):
-            page.touch({2: ("#stop", 0), 4: ("#pad", 0)})
-            page.touch({4: ("#pad", 0)})  # the stop is released, and this one was pressed before
-            page.touch({4: ("#pad", 300)})
-        page.end_touch()
-        page.drive_by_finger(5, at(heard, 0.5, 0.0))
-        page.end_touch()
-        wait_to_stop(page, heard)
+    tab.devtools("Emulation.setTouchEmulationEnabled", enabled=True)
+    tab.open(node.address)
+    tab.drive_by_finger(1, at(heard, 0.5, 0.0))
+    tab.touch({1: ("#pad", 300), 2: ("#stop", 0)})
+    wait_for_zero(tab, heard)
+    with at_rest(tab, heard):
+        tab.touch({1: ("#pad", 30), 2: ("#stop", 0)})
+        tab.touch({2: ("#stop", 0)})
+        for part, up in {"#pad": 30, "#linear input": 40, "#linear [name=plus]": 0}.items():
+            tab.touch({2: ("#stop", 0), 3: (part, 0)})
+            tab.touch({2: ("#stop", 0), 3: (part, up)})
+            tab.touch({2: ("#stop", 0)})
+    with at_rest(tab, heard):
+        tab.touch({2: ("#stop", 0), 4: ("#pad", 0)})
+        tab.touch({4: ("#pad", 0)})  # the stop is released, and this one was pressed before
+        tab.touch({4: ("#pad", 300)})
+    tab.end_touch()
+    tab.drive_by_finger(5, at(heard, 0.5, 0.0))
+    tab.end_touch()
+    wait_to_stop(tab, heard)
 
 
 @contextmanager
@@ -823,34 +723,6 @@ def at_rest(page: Page, heard: list[Twist]) -> Iterator[None]:
     page.wait_for_states(5)
     assert [pair(m) for m in heard[begin:] if m != STILL] == []
     assert page.body("hand") == ""
-
-
-def test_a_pressed_stop_keeps_the_robot_stopped(peer: Peer, page: Page) -> None:
-    """Before the mouse or the key is released; keys and gamepads wait for that."""
-    heard = peer.hear(Twist, TOPIC, 1000)
-    with gamepad(page), steering(**LIMITS) as node:
-        page.open(node.address)
-        for key in ("", Keys.ENTER, " "):
-            page.drive_by_keys("w", at(heard, 0.5, 0.0))
-            _press_stop(page, key)
-            wait_for_zero(page, heard)
-            with at_rest(page, heard):
-                page.act().key_up("w").key_down("w").key_down(Keys.ARROW_LEFT).perform()
-                _stick(page, y=-1.0)
-            with at_rest(page, heard):  # what was pressed meanwhile is not released yet
-                page.act().key_up(key).perform() if key else page.let_go()
-            _stick(page)
-            page.act().key_up("w").key_up(Keys.ARROW_LEFT).perform()
-
-
-def _press_stop(page: Page, key: str) -> None:
-    """With a key, or with the mouse, which goes on to the view."""
-    if key:
-        page.driver.execute_script("document.querySelector('#stop').focus()")
-        page.act().key_down(key).perform()
-    else:
-        page.hold("#stop", 0, 0)
-        page.drag(-600, 0)
 
 
 # What a browser gives of a gamepad, whose hardware no test has.
@@ -864,35 +736,57 @@ navigator.getGamepads = () => window.stick.there ? [{
 """
 
 
-def test_a_gamepad_drives(peer: Peer, page: Page) -> None:
-    """Beyond its dead zone; unplugged, or stopped by its button, it stops the robot."""
-    heard = peer.hear(Twist, TOPIC, 1000)
-    with gamepad(page), steering(**LIMITS) as node:
-        page.open(node.address)
-        _stick(page, y=0.1)
-        page.wait_for_states(3)
-        assert not heard
-        _drive_by_stick(page, at(heard, 0.5, 0.0), y=-1.0)
-        assert page.body("hand") == "gamepad"
-        _stick(page, y=-1.0, stop="true")
+@pytest.fixture
+def gamepad(tab: Page) -> Iterator[None]:
+    """Pages that are opened after it have one."""
+    hook = tab.devtools("Page.addScriptToEvaluateOnNewDocument", source=GAMEPAD)
+    yield
+    tab.devtools("Page.removeScriptToEvaluateOnNewDocument", **hook)
+
+
+def test_a_pressed_stop_keeps_the_robot_stopped(
+    gamepad: None, page: Page, heard: list[Twist]
+) -> None:
+    """Before the mouse or the key is released; keys and gamepads wait for that."""
+    for key in ("", Keys.ENTER, " "):
+        page.drive_by_keys("w", at(heard, 0.5, 0.0))
+        _press_stop(page, key)
         wait_for_zero(page, heard)
         with at_rest(page, heard):
+            page.act().key_up("w").key_down("w").key_down(Keys.ARROW_LEFT).perform()
             _stick(page, y=-1.0)
+        with at_rest(page, heard):  # what was pressed meanwhile is not released yet
+            page.act().key_up(key).perform() if key else page.let_go()
         _stick(page)
-        page.wait_for_states(3)
-        _drive_by_stick(page, at(heard, 0.0, 1.0), x=-1.0)
-        _stick(page, x=-1.0, there="false")
-        wait_to_stop(page, heard)
+        page.act().key_up("w").key_up(Keys.ARROW_LEFT).perform()
 
 
-@contextmanager
-def gamepad(page: Page) -> Iterator[None]:
-    """Pages opened in the block have one."""
-    hook = page.devtools("Page.addScriptToEvaluateOnNewDocument", source=GAMEPAD)
-    try:
-        yield
-    finally:
-        page.devtools("Page.removeScriptToEvaluateOnNewDocument", **hook)
+def _press_stop(page: Page, key: str) -> None:
+    """With a key, or with the mouse, which goes on to the view."""
+    if key:
+        page.driver.execute_script("document.querySelector('#stop').focus()")
+        page.act().key_down(key).perform()
+    else:
+        page.hold("#stop", 0, 0)
+        page.drag(-600, 0)
+
+
+def test_a_gamepad_drives(gamepad: None, page: Page, heard: list[Twist]) -> None:
+    """Beyond its dead zone; unplugged, or stopped by its button, it stops the robot."""
+    _stick(page, y=0.1)
+    page.wait_for_states(3)
+    assert not heard
+    _drive_by_stick(page, at(heard, 0.5, 0.0), y=-1.0)
+    assert page.body("hand") == "gamepad"
+    _stick(page, y=-1.0, stop="true")
+    wait_for_zero(page, heard)
+    with at_rest(page, heard):
+        _stick(page, y=-1.0)
+    _stick(page)
+    page.wait_for_states(3)
+    _drive_by_stick(page, at(heard, 0.0, 1.0), x=-1.0)
+    _stick(page, x=-1.0, there="false")
+    wait_to_stop(page, heard)
 
 
 def _drive_by_stick(page: Page, reached: Callable[[], bool], **axis: float) -> None:
@@ -907,20 +801,3 @@ def _stick(
     page: Page, x: float = 0.0, y: float = 0.0, there: str = "true", stop: str = "false"
 ) -> None:
     page.driver.execute_script(f"window.stick = {{ x: {x}, y: {y}, there: {there}, stop: {stop} }}")
-
-
-@contextmanager
-def files_served(folder: Path) -> Iterator[str]:
-    """By another server than the steering page's; its address."""
-    handler = functools.partial(Quiet, directory=str(folder))
-    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        yield f"http://127.0.0.1:{server.server_port}"
-        server.shutdown()
-
-
-class Quiet(http.server.SimpleHTTPRequestHandler):
-    """A server of files that says nothing."""
-
-    def log_message(self, *_: object) -> None:
-        """Nothing."""

@@ -9,7 +9,7 @@ from PIL import Image
 from sensor_msgs.msg import Image as ImageMessage
 from sensor_msgs.msg import LaserScan
 
-from onebot_bringup.steering.senses import Body, jpeg
+from onebot_bringup.steering.senses import Footprint, jpeg
 
 ROBOT = """<robot name="box">
   <link name="base"><visual><geometry><box size="0.4 0.2 0.1"/></geometry></visual></link>
@@ -34,18 +34,21 @@ ROBOT = """<robot name="box">
 )
 def test_how_far_the_robot_can_go(point, linear, angular, clearance):
     """Of a scanner that looks backwards, in a frame with a prefix."""
-    body = Body.of(ROBOT)
+    footprint = Footprint.of(ROBOT)
     seen = 0.1 - point[0], -point[1]  # by the scanner
     scan = LaserScan(
         angle_min=math.atan2(*reversed(seen)), angle_increment=3.0, range_min=0.0, range_max=9.0,
         ranges=[math.hypot(*seen), math.inf, math.nan],
     )  # fmt: skip
     scan.header.frame_id = "robot1/lidar"
-    found = body.clearance(body.points(scan), linear, angular)
+    found = footprint.clearance(footprint.points(scan), linear, angular)
     assert found == pytest.approx(clearance, abs=1e-5)
     scan.header.frame_id = "unknown"
-    assert not len(body.points(scan))
-    assert Body.of("<robot") is None and Body.of('<robot name="x"><link name="a"/></robot>') is None
+    assert not len(footprint.points(scan))
+    assert (
+        Footprint.of("<robot") is None
+        and Footprint.of('<robot name="x"><link name="a"/></robot>') is None
+    )
 
 
 @pytest.mark.parametrize("encoding", ["rgb8", "bgr8", "rgba8", "bgra8", "mono8"])

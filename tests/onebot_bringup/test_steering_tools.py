@@ -33,7 +33,7 @@ from rcl_interfaces.srv import GetParameters
 
 from onebot_bringup.introspection.parameter_values import parse_value, text_of
 from onebot_bringup.steering.ground import Ground, PublishedMap
-from onebot_bringup.steering.odometry import OdometryTopic
+from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_bringup.steering.protocol import ProtocolError
 from onebot_bringup.steering.tool_requests import OtherThread, parse_values
 from onebot_bringup.steering.tools import Click, message_of, parse_click
@@ -45,13 +45,9 @@ from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.support import PATIENCE, wait_for
 
 CLICK = {
-    "tool": "goal",
-    "frame": "map",
-    "x": 1.5,
-    "y": -2,
-    "yaw": math.pi / 2,
+    "tool": "goal", "frame": "map", "x": 1.5, "y": -2, "yaw": math.pi / 2,
     "command_topic": "/robot1/cmd_vel",
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -113,20 +109,9 @@ def test_the_picture_of_a_map() -> None:
     pixels = np.asarray(Image.open(io.BytesIO(shown.picture())).convert("LA"))
     assert pixels[1].tolist() == [[255, 255], [128, 255], [0, 255]]
     assert pixels[0, :, 1].tolist() == [0, 255, 0]
-
-
-@pytest.mark.parametrize(
-    "message",
-    [
-        OccupancyGrid(),
-        grid(2, 2, [0]),
-        grid(0, 0, []),
-        grid(1, 1, [0], 0.0),
-        grid(1, 1, [0], math.inf),
-    ],
-)
-def test_a_map_that_is_none_is_not_shown(message: OccupancyGrid) -> None:
-    assert not PublishedMap(message).is_whole
+    no_resolution = grid(1, 1, [0], 0.0), grid(1, 1, [0], math.inf)
+    for message in (OccupancyGrid(), grid(2, 2, [0]), grid(0, 0, []), *no_resolution):
+        assert not PublishedMap(message).is_whole
 
 
 @pytest.mark.parametrize(
@@ -335,14 +320,9 @@ def test_a_page_sees_and_sets_the_parameters_of_a_node(peer: Peer) -> None:
         assert request("nodes")["viewer"] == ""
         rows = {row["name"]: row for row in request("parameters?node=/peer")["parameters"]}
         assert rows["speed"] == {
-            "name": "speed",
-            "type": "double",
-            "value": "0.5",
-            "description": "m/s",
-            "rule": "",
-            "read_only": False,
-            "range": [0.0, 2.0],
-        }
+            "name": "speed", "type": "double", "value": "0.5", "description": "m/s", "rule": "",
+            "read_only": False, "range": [0.0, 2.0],
+        }  # fmt: skip
         assert rows["fixed"]["read_only"] and "long" not in rows
         for values in ({"speed": "\ud800"}, {"\ud800": "1"}):
             assert request.raw("parameters", {"node": "/peer", "values": values})[0] == 400

@@ -17,10 +17,10 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
+from onebot_bringup.steering.command_limits import LINEAR, TIMEOUT
 from onebot_bringup.steering.command_topic import named_robots
 from onebot_bringup.steering.controllers import Controllers
-from onebot_bringup.steering.limits import LINEAR, TIMEOUT
-from onebot_bringup.steering.odometry import choose_odometry
+from onebot_bringup.steering.odometry_topic import choose_odometry
 from tests.onebot_bringup.steering_support import (
     TOPIC,
     Commands,
@@ -59,22 +59,8 @@ def test_robots_are_named_by_their_namespaces(topics, names):
     assert [robot.name for robot in named_robots(topics)] == names
 
 
-def test_a_robot_that_takes_stamped_commands_gets_them(peer):
-    """The type is the listeners'; the stamp is now."""
-    with steered() as (_, page):
-        robot = Commands(peer, page, kind=TwistStamped)
-        _waited(page, "topic_type", STAMPED)
-        page.hold(0.3)
-        robot.reach(0.3)
-        stamp = robot.heard[-1].header.stamp
-        now = peer.node.get_clock().now().nanoseconds * 1e-9
-        assert abs(now - (stamp.sec + stamp.nanosec * 1e-9)) < 60.0
-        page.let_go()
-        robot.come_to_rest()
-
-
 def test_the_type_is_followed_live(peer, ros_domain):
-    """A robot that comes back with the other type is driven again."""
+    """A robot that comes back with the other type is driven again; the stamp is now."""
     with steered() as (node, page):
         first: list[Any] = []
         subscription = peer.node.create_subscription(Twist, TOPIC, first.append, 10)
@@ -96,6 +82,9 @@ def test_the_type_is_followed_live(peer, ros_domain):
         _waited(page, "topic_type", STAMPED)
         page.hold(0.2)
         robot.reach(0.2)
+        stamp = robot.heard[-1].header.stamp
+        now = peer.node.get_clock().now().nanoseconds * 1e-9
+        assert abs(now - (stamp.sec + stamp.nanosec * 1e-9)) < 60.0
 
 
 def test_another_topic_is_steered_after_the_old_robot_was_stopped(peer):
@@ -185,7 +174,7 @@ def _declare(robot: Peer, linear: float, angular: float, **more: float) -> None:
 
 
 def test_the_limits_are_the_controllers(peer):
-    """As its parameters say; a page may set lower ones, for all pages, and take them back."""
+    """As its parameters say, also while it drives; a page may set lower ones, for all pages."""
     _declare(peer, 0.5, math.nan)
     with steered(2) as (_, page, other):
         _waited(page, "limits", _pair(1.0, 2.0))
@@ -198,72 +187,33 @@ def test_the_limits_are_the_controllers(peer):
         assert page.state["controllers"] == ["/peer"]
         page.hold(5.0)
         robot.reach(0.5)
+        peer.node.set_parameters([Parameter("linear.x.max_velocity", value=0.375)])
+        robot.reach(0.375)
         page.send("limits", linear=0.25, angular=3.0)
         _waited(other, "limits", _pair(0.25, 3.0))
         robot.reach(0.25)
         page.send("limits", linear=None, angular=9.0)
-        _waited(other, "limits", _pair(0.5, 4.0))
+        _waited(other, "limits", _pair(0.375, 4.0))
         assert other.state["chosen"] == _pair(None, 9.0)
 
 
-def test_limits_that_change_while_driving_are_kept(peer):
-    """At once, without letting go; and a reverse limit is one of its own."""
-    _declare(peer, 1.0, 2.0, **{"linear.x.min_velocity": -0.25})
-    with steered() as (_, page):
-        robot = Commands(peer, page)
-        _waited(page, "ceiling_from", _pair("/peer", "/peer"))
-        page.hold(1.0, 0.5)
-        robot.reach(1.0)
-        peer.node.set_parameters([Parameter("linear.x.max_velocity", value=0.5)])
-        _waited(page, "limits", _pair(0.5, 2.0))
-        robot.reach(0.5)
-        assert {(m.linear.x, m.angular.z) for m in robot.moving} == {(1.0, 0.5), (0.5, 0.25)}
-        page.hold(-1.0)
-        robot.reach(-0.25)
-        page.let_go()
-        robot.come_to_rest()
-        assert min(robot.speeds) == -0.25
-
-
-def test_what_an_operator_set_outlasts_robot_and_topic(peer, ros_domain):
-    """The robot is restarted with other limits, and another one is chosen: the lower one stays."""
-    with steered() as (_, page):
-        with Peer(ros_domain, "robot") as robot:
-            _declare(robot, 0.5, 1.0)
-            robot.hear(Twist, TOPIC)
-            _waited(page, "limits", _pair(0.5, 1.0))
-            page.send("limits", linear=0.25, angular=None)
-            _waited(page, "limits", _pair(0.25, 1.0))
-        _waited(page, "listeners", 0)
-        assert page.state["limits"] == _pair(0.25, 1.0), "until another one is known"
-        with Peer(ros_domain, "robot") as robot:
-            _declare(robot, 2.5, 3.0)
-            robot.hear(Twist, TOPIC)
-            _waited(page, "limits", _pair(0.25, 3.0))
-            page.send("topic", topic="/other")
-            _waited(page, "topic", "/other")
-            _waited(page, "limits", _pair(0.25, 2.0))
-            assert page.state["chosen"] == _pair(0.25, None)
-            assert page.state["controllers"] == []
-
-
 def test_of_two_controllers_the_stricter_limits_count(peer, ros_domain):
-    """Each axis, and the one that brakes later; a warning names both."""
-    both = {"linear.x.max_acceleration": 0.5, "cmd_vel_timeout": 0.5}
-    with Peer(ros_domain, "left") as left, Peer(ros_domain, "right") as right:
-        _declare(left, 0.25, 3.0, **both)
-        _declare(right, 1.0, 1.5, **both, **{"linear.x.max_deceleration": -0.25})
-        with steered() as (node, page):
-            left.hear(Twist, TOPIC)
-            robot = Commands(right, page)
+    """A warning names both; their limits stay until another topic is chosen."""
+    with steered() as (node, page):
+        with Peer(ros_domain, "left") as left, Peer(ros_domain, "right") as right:
+            _declare(left, 0.25, 3.0)
+            _declare(right, 1.0, 1.5)
+            for robot in (left, right):
+                robot.hear(Twist, TOPIC)
             _waited(page, "ceiling", _pair(0.25, 1.5))
-            assert page.state["ceiling_from"] == _pair("/left", "/right")
             assert page.state["controllers"] == ["/left", "/right"]
-            assert page.state["braking"] == {"deceleration": 0.25, "jerk": None, "timeout": 0.5}
             wait_for(lambda: "2 controllers subscribe to /velocity_controller" in node.output, "it")
             assert "(/left, /right)" in node.output and "0.25 m/s, 1.5 rad/s" in node.output
-            page.hold(1.0)
-            robot.reach(0.25)
+        _waited(page, "listeners", 0)
+        assert page.state["controllers"] != []
+        page.send("topic", topic="/other")
+        _waited(page, "controllers", [])
+        assert page.state["limits"] == _pair(1.0, 2.0)
 
 
 def _mute(context: rclpy.Context, name: str, answers: dict[Any, Any]) -> Any:

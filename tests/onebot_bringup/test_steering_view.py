@@ -15,11 +15,11 @@ from std_msgs.msg import String
 
 from onebot_bringup.steering.view_proxy import View
 from tests.onebot_bringup.steering_support import PageClient, Way, address_of, steering
-from tests.onebot_bringup.viewer_support import ARM, VIEW
+from tests.onebot_bringup.viewer_support import ARM, BLUE, VIEW
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.steering_browser_support import Page
 from tests.support import PATIENCE, wait_for
-from tests.support_browser import DRAWING_PATIENCE, SMALL, browser
+from tests.support_browser import DRAWING_PATIENCE, SMALL, browser, hosts_reached, wait_for_color
 
 PAGE = "http://127.0.0.1:9090/?url=rerun%2Bhttp://127.0.0.1:9876/proxy&theme=dark&persist=0"
 SERVICE = "rerun.sdk_comms.v1alpha1.MessageProxyService"
@@ -198,6 +198,12 @@ def test_only_what_ends_the_data_loads_the_view_again(ros_domain, tmp_path):
         robot.publisher(String, "/robot_description", LATCHED).publish(String(data=ARM))
         wait_for(lambda: page.view_is_shown, "the view", DRAWING_PATIENCE)
         assert not page.find("#waiting").is_displayed()
+        wait_for_color(page.driver, BLUE, 1000)
+        assert hosts_reached(page.driver) <= {"127.0.0.1", "localhost"}
+        with page.view() as inside:
+            script = "return performance.getEntriesByType('resource').map((entry) => entry.name)"
+            resources = inside.execute_script(script)
+        assert {urlsplit(name).netloc for name in resources} == {f"localhost:{tunnel.port}"}
         _press_keys_in_the_view(page)
 
         with page.view() as inside:

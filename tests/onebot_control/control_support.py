@@ -6,7 +6,8 @@ from typing import Any, cast
 
 import numpy as np
 
-from onebot_control.driven_robot import DrivenRobot, wheels_of
+from onebot_control.driven_robot import DrivenRobot, Snapshot, wheels_of
+from onebot_control.fleet import Fleet, Member
 from onebot_control.odometry import DiffDriveKinematics, Odometry
 from onebot_control.parameters import ControlConfig
 from onebot_control.simulation import JointStates, Pose, Robot, Twist
@@ -137,3 +138,16 @@ def ideal_drive(plant: IdealPlant | None = None, **values: Any) -> DrivenRobot:
     """A drive of the ideal plant."""
     chosen = config(**values)
     return DrivenRobot(wheels_of(robot(), chosen), chosen, cast(Robot, plant or IdealPlant()))
+
+
+def alone(description: Description, config: ControlConfig) -> Fleet:
+    """A robot in a world of its own."""
+    return Fleet.of([Member(description, config)])
+
+
+def cycle(drive: DrivenRobot) -> Snapshot:
+    """Do a control cycle of the only robot of a world; how it was at its beginning."""
+    snapshot = drive.begin()
+    drive.turn()
+    drive.plant.world.step(drive.period)
+    return snapshot

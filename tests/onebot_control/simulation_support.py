@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from onebot_control.poses import yaw_of
-from onebot_control.simulation import RobotSpawn, Settings, World
+from onebot_control.simulation import Robot, RobotSpawn, Settings, World
 from onebot_description.description import Description, parse_description
 
 ROBOTS = Path(__file__).resolve().parent.parent / "robots"
@@ -75,7 +75,7 @@ def planar(simulation: Simulation) -> tuple[float, float, float]:
     return float(pose.translation[0]), float(pose.translation[1]), yaw_of(*pose.rotation.tolist())
 
 
-def bits(simulation: Simulation) -> bytes:
-    """Everything a simulation says of its state."""
+def bits(simulation: Simulation | Robot) -> bytes:
+    """The state of a robot, every bit of it."""
     arrays = (*simulation.joint_states(), *simulation.base_pose(), *simulation.base_twist())
     return b"".join(array.tobytes() for array in arrays)

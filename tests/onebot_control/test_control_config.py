@@ -94,24 +94,17 @@ def test_a_wheel_is_on_one_side() -> None:
     ("values", "said"),
     [
         ({"wheel_radius": -0.1}, "wheel_radius: -0.1 is below 0"),
-        ({"wheel_separation": "wide"}, 'wheel_separation: "wide" is a string; write a number'),
         ({"wheel_separation_multiplier": 0.0}, "wheel_separation_multiplier: 0 is not above 0"),
         ({"cmd_vel_timeout": -1.0}, "cmd_vel_timeout: -1 is below 0"),
         ({"update_rate": 1001}, "update_rate: 1001 is above 1000; write a number from 0.001"),
-        ({"update_rate": math.nan}, "update_rate: nan is not finite"),
         ({"update_rate": 1e-320}, "is below 0.001"),
         ({"left_wheel_noise": -0.1}, "left_wheel_noise: -0.1 is below 0"),
         ({"right_wheel_noise": 2}, "right_wheel_noise: 2 is above 1"),
-        ({"open_loop": 1}, "open_loop: 1 is a number; write true or false"),
         (
             {"publish_rate": 0.0},
             "publish_rate: 0 is not above 0; write a number above 0 and",
         ),
         ({"velocity_rolling_window_size": 0}, "velocity_rolling_window_size: 0 is below 1"),
-        (
-            {"velocity_rolling_window_size": 2.5},
-            "window_size: 2.5 is a number; write an integer",
-        ),
         (
             {"pose_covariance_diagonal": [1.0, 2.0]},
             "2 numbers; write 6: variances of the odom",
@@ -126,9 +119,6 @@ def test_a_wheel_is_on_one_side() -> None:
             {"publish_rate": 10_000.1},
             "publish_rate: 10000.1 is above 10000",
         ),
-        ({"x": math.nan}, "x: nan is not finite"),
-        ({"cmd_vel_type": ""}, 'cmd_vel_type: no "" (known: Twist, TwistStamped, auto)'),
-        ({"left_wheel_names": "left"}, 'left_wheel_names: "left" is a string; write a list'),
         ({"joint_state_broadcaster__interfaces": ["position"] * 2}, '"position" is there twice'),
         ({"joint_state_broadcaster__joints": ["a", "b", "a"]}, '"a" is there twice'),
         ({"joint_state_broadcaster__frameid": "a"}, "did you mean"),
@@ -160,9 +150,6 @@ def test_a_limit_that_does_nothing_is_surprising() -> None:
         {"publish_rate": 10_000, "update_rate": 1e-3},
         {"velocity_rolling_window_size": 1},
         {"pose_covariance_diagonal": [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]},
-        {"x": -1.0, "y": -2, "yaw": -9.0},
-        {"tf_frame_prefix": "", "world_frame_id": ""},
-        {"linear.x.max_velocity": 0.0, "linear.x.min_velocity": 0.0},
         {"use_sim_time": True, "start_type_description_service": False},
         {"qos_overrides./clock.subscription.depth": 1},
     ],
@@ -171,38 +158,6 @@ def test_edges_that_are_allowed(values: dict[str, Any]) -> None:
     config = ControlConfig.from_parameters({**WHEELS, **values})
     for name in ("wheel_separation", "publish_rate", "velocity_rolling_window_size", "x", "yaw"):
         assert getattr(config, name) == values.get(name, DEFAULTS[name])
-
-
-def test_each_parameter_is_the_one_of_its_name() -> None:
-    values: dict[str, Any] = dict(WHEELS)
-    for number, (name, default) in enumerate(DEFAULTS.items(), start=2):
-        if isinstance(default, bool):
-            values[name] = not default
-        elif isinstance(default, float):
-            sign = -1.0 if name.split(".")[-1] in NEGATIVE else 1.0
-            values[name] = sign * number
-        elif isinstance(default, int):
-            values[name] = number
-        elif name.endswith("diagonal"):
-            values[name] = [float(number + place) for place in range(6)]
-        elif name.endswith("joints"):
-            values[name] = [name]
-        elif isinstance(default, str):
-            values[name] = name
-    values |= {"left_wheel_noise": 0.25, "right_wheel_noise": 0.125}
-    values |= {"cmd_vel_type": "Twist", "joint_state_broadcaster.interfaces": ["effort"]}
-    config = ControlConfig.from_parameters(values)
-    groups = {
-        "linear.x.": config.linear,
-        "angular.z.": config.angular,
-        "joint_state_broadcaster.": config.broadcaster,
-    }
-    for name, value in values.items():
-        prefix = next((prefix for prefix in groups if name.startswith(prefix)), "")
-        if name == "robot_description":  # the node's own
-            continue
-        got = getattr(groups.get(prefix, config), name.removeprefix(prefix))
-        assert got == (tuple(value) if isinstance(value, list) else value), name
 
 
 def test_a_side_that_is_wrong_is_not_compared() -> None:

@@ -123,41 +123,6 @@ def test_simulated_stamps_are_of_the_update_rate() -> None:
     assert run.published[29][1] == 1_000_000_000
 
 
-def test_real_time_factor_changes_while_it_runs() -> None:
-    """Slowed down, cycles keep the new distance; as fast as possible, they do not wait.
-
-    Each limit of time is one that a slow machine cannot miss.
-    """
-    with Run(simulated=True, factor=0.0) as run:
-        assert run.missed == []
-        began = time.monotonic()
-        run.loop.call(lambda: run.loop.set_factor(2.0))
-        first = run.loop.fleet.ticks
-        wait_for(lambda: run.loop.fleet.ticks >= first + 20, "20 cycles of 5 ms")
-        # The one that the call fell into may have ended at once.
-        assert time.monotonic() - began >= 17 * 0.005
-        run.loop.call(lambda: run.loop.set_factor(0.1))
-        run.loop.call(lambda: run.loop.set_factor(0.0))
-        first = run.loop.fleet.ticks
-        wait_for(lambda: run.loop.fleet.ticks > first + 700, "700 cycles, not of 0.1 s each")
-
-
-def test_cycles_left_out_are_reported() -> None:
-    with Run(update_rate=1000) as run:
-
-        def work() -> None:
-            until = time.monotonic() + 0.03
-            while time.monotonic() < until:
-                pass
-
-        run.loop.call(work)
-        wait_for(lambda: max(run.missed, default=0) >= 28, "the lag")
-        count = len(run.published)
-        wait_for(lambda: len(run.published) > count, "cycles after the lag")
-    stamps = [stamp for _, stamp in run.published]
-    assert stamps == sorted(stamps)
-
-
 def spin(seconds: float) -> None:
     """Let nothing else happen in this thread."""
     until = time.monotonic() + seconds
@@ -231,33 +196,6 @@ def test_paused_on_the_systems_time_it_publishes_the_standing_robot() -> None:
     stamps = [stamp for _, stamp in run.published[count:]]
     # The first may have been under way as it was paused.
     assert all(after - before > 9_000_000 for before, after in pairwise(stamps[1:]))
-
-
-def test_stamps_of_the_systems_time_are_the_systems() -> None:
-    """Between the start and the end of the run, and 0.01 s apart."""
-    began = time.time_ns()
-    with Run() as run:
-        wait_for(lambda: len(run.published) > 3, "cycles")
-    for _, stamp in run.published:
-        assert began - 10_000_000 <= stamp <= time.time_ns() + 10_000_000
-
-
-def test_all_robots_of_a_fleet_are_driven() -> None:
-    """Each by its own commands, with one stamp; all of them also wait while the loop is paused."""
-    plants = [IdealPlant(), IdealPlant()]
-    drives = [ideal_drive(plant, real_time_factor=0.0) for plant in plants]
-    published: list[tuple[Sequence[Snapshot], int]] = []
-    fleet = Fleet(drives, cast(World, IdealWorld(plants)))
-    loop = ControlLoop(fleet, lambda *each: published.append(each), simulated=True)
-    loop.post(lambda: drives[1].accept(0.6, 0.0))
-    loop.start()
-    wait_for(lambda: len(published) > 3, "cycles")
-    loop.stop()
-    assert [stamp for _, stamp in published[:3]] == [10_000_000, 20_000_000, 30_000_000]
-    resting, driving = published[2][0]
-    assert resting.joints.positions == pytest.approx(0.0) and resting.tick == 2
-    assert driving.joints.positions == pytest.approx(0.2) and driving.tick == 2
-    assert all(plant.closed for plant in plants)
 
 
 def test_a_job_that_fails_ends_the_loop_and_who_waits_for_it_is_told() -> None:

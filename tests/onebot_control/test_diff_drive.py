@@ -31,20 +31,6 @@ def test_a_fresh_command_is_exact() -> None:
     assert (command.left, command.right) == pytest.approx((0.925 / 0.06, 1.075 / 0.06))
 
 
-def test_multipliers_scale_the_geometry() -> None:
-    """Separation and each side's radius are scaled, for commands and odometry alike."""
-    drive = controller(
-        wheel_separation_multiplier=2.0,
-        left_wheel_radius_multiplier=0.5,
-        right_wheel_radius_multiplier=2.0,
-    )
-    drive.accept(1.0, 1.0)
-    command = drive.update(REST, 1.0)
-    assert (command.left, command.right) == pytest.approx((0.7 / 0.03, 1.3 / 0.12))
-    drive.update(WheelStates(command.left, command.right, 0.0, 0.0), 1.0)
-    assert (drive.odometry.linear, drive.odometry.angular) == pytest.approx((1.0, 1.0))
-
-
 def test_timeout_brakes_through_the_limiter() -> None:
     """When commands stop, it goes on for the timeout and then slows down by the limit."""
     drive = controller(linear_x_max_acceleration=1.0, cmd_vel_timeout=0.5)

@@ -8,10 +8,10 @@ from onebot_control.driven_robot import DrivenRobot
 from onebot_control.fleet import Fleet, Member
 from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
 from onebot_control.poses import PlanarPose
-from onebot_control.simulation.scene import load_scene
+from onebot_control.simulation.scene_bodies import load_scene
 from onebot_description.description import load_description
 from onebot_description.description.packages import package_share
-from tests.onebot_control.control_support import config, ideal_drive, robot
+from tests.onebot_control.control_support import alone, config, cycle, ideal_drive, robot
 
 ROBOTS = Path(__file__).parents[1] / "robots"
 ONEBOT = package_share("onebot_description") / "urdf/onebot.urdf.xacro"
@@ -22,7 +22,7 @@ def drifted(drive: DrivenRobot, linear: float, angular: float, seconds: float = 
     """Drive; return the warning."""
     for _ in range(round(seconds / drive.period)):
         drive.accept(linear, angular)
-        drive.cycle()
+        cycle(drive)
     return drive.drift.warning
 
 
@@ -55,12 +55,8 @@ def test_what_jumps_does_not_drift() -> None:
 def test_a_car_driven_by_its_rear_wheels() -> None:
     names = {f"{side}_wheel_names": [f"{side}_rear_wheel_joint"] for side in ("left", "right")}
     car = load_description(ROBOTS / "warn_deepracer.xacro")
-    drive = DrivenRobot.of(car, ControlConfig.from_parameters({**LIMITS, **names}))
-    try:
-        warning = drifted(drive, 0.2, 0.5)
-    finally:
-        drive.plant.close()
-    assert "as those of a car" in warning
+    with alone(car, ControlConfig.from_parameters({**LIMITS, **names})) as fleet:
+        assert "as those of a car" in drifted(fleet.robots[0], 0.2, 0.5)
 
 
 @pytest.mark.parametrize("world", ["maze", "ramp"])

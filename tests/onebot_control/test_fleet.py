@@ -69,22 +69,6 @@ def test_robots_of_several_kinds() -> None:
             assert fleet.robots[row].snapshot().twist == pytest.approx((0.2, 0.3), abs=2e-3)
 
 
-def test_reset_of_one_leaves_the_others() -> None:
-    """It stands at its own start with its odometry at zero, and time goes on for all."""
-    with fleet_of() as fleet:
-        for _ in range(20):
-            for drive in fleet.robots:
-                drive.accept(0.3, 0.2)
-            fleet.cycle()
-        fleet.robots[1].reset()
-        assert fleet.robots[1].odom_in_world == pytest.approx(STARTS[1], abs=1e-6)
-        resting = fleet.cycle()
-        assert [snapshot.tick for snapshot in resting] == [20, 20]
-        assert resting[0].command.linear == 0.3 and resting[1].command.linear == 0.0
-        assert resting[0].odometry.x > 0.01
-        assert resting[1].odometry == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
-
-
 @pytest.mark.parametrize(
     ("values", "said"),
     [

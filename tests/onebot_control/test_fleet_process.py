@@ -18,7 +18,7 @@ from onebot_description.wire.cdr import nanoseconds
 from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_control.control_support import urdf
 from tests.ros_support import NodeProcess, Peer, ros_args
-from tests.support import PATIENCE, lines_of_ours, wait_for
+from tests.support import lines_of_ours, wait_for
 
 MODULE = "onebot_control.velocity_controller"
 # b drives against a, c turns elsewhere.
@@ -33,14 +33,6 @@ def robots(**values: dict[str, Any]) -> list[str]:
         for key, value in {"x": x, "y": y, **values.get(name, {})}.items():
             words += ["-p", f"{key}:={value}"]
     return words
-
-
-def call(peer: Peer, kind: Any, name: str, **request: Any) -> Any:
-    client = peer.node.create_client(kind, name)
-    assert client.wait_for_service(PATIENCE), f"no service {name}"
-    future = client.call_async(kind.Request(**request))
-    wait_for(future.done, f"{name} to answer")
-    return future.result()
 
 
 def keep_sending(peer: Peer, robot: str, linear: float, angular: float) -> Callable[[], object]:
@@ -100,15 +92,14 @@ def test_robots_of_one_world(ros_domain: int, tmp_path: Path) -> None:
         assert pose("c").position.x == pytest.approx(0.0, abs=0.05)
 
         stop()
-        assert call(peer, Trigger, "/b/velocity_controller/reset").success
+        assert peer.call(Trigger, "/b/velocity_controller/reset").success
         wait_for(lambda: pose("b").position.x < -0.75, "b at its start")
-        assert call(peer, SetBool, "/a/velocity_controller/pause", data=True).success
-        assert call(peer, Trigger, "/b/velocity_controller/step").success
-        assert call(peer, SetBool, "/c/velocity_controller/pause", data=False).success
+        assert peer.call(SetBool, "/a/velocity_controller/pause", data=True).success
+        assert peer.call(Trigger, "/b/velocity_controller/step").success
+        assert peer.call(SetBool, "/c/velocity_controller/pause", data=False).success
         assert peer.set_parameters("/b/velocity_controller", real_time_factor=2.0)[0].successful
-        answer = call(
-            peer, GetParameters, "/c/velocity_controller/get_parameters", names=["real_time_factor"]
-        )
+        service = "/c/velocity_controller/get_parameters"
+        answer = peer.call(GetParameters, service, names=["real_time_factor"])
         assert answer.values[0].double_value == 2.0
         assert "driving 3 robots in one world" in node.output
 

@@ -21,7 +21,7 @@ from onebot_control.simulation import Twist
 from onebot_description.description import parse_description
 from onebot_description.wire.cdr import NANO
 from onebot_description.wire.tf_message import TFMessage
-from tests.onebot_control.control_support import IdealPlant, config, ideal_drive, robot
+from tests.onebot_control.control_support import IdealPlant, config, cycle, ideal_drive, robot
 from tests.onebot_control.test_scene import part
 from tests.ros_support import Peer
 from tests.support import wait_for
@@ -125,7 +125,7 @@ def driven(**parameters: Any) -> tuple[DrivenRobot, Snapshot]:
     drive.place_odometry(PlanarPose(0.25, 0.5, -3.0))
     for _ in range(5):
         drive.accept(0.3, 0.8)
-        drive.cycle()
+        cycle(drive)
     velocity = Twist(np.array([0.3, 1e-5, -2e-7]), np.array([1e-3, math.inf, 0.8]))
     return drive, drive.begin()._replace(velocity=velocity)
 
@@ -162,7 +162,7 @@ def test_covariance_of_the_odometry(subscriptions: Subscriptions) -> None:
     """It is that of dead reckoning, unless a constant one is given; then also if that changes."""
     for variances in ([0.0] * 6, VARIANCES, [0.0] * 6):
         drive, snapshot = driven(pose_covariance_diagonal=variances)
-        drive.cycle()
+        cycle(drive)
         snapshot = drive.begin()
         received = subscriptions.last(drive, snapshot)["peer/odom"]
         expected = np.diag(variances)

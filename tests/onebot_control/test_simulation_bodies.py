@@ -120,20 +120,6 @@ def test_mass_center_and_inertia_add_up(parts):
     np.testing.assert_array_equal(body.inertia.shape, (3, 3))
 
 
-def test_links_without_mass_move_nothing():
-    """Neither one of mass 0 far away nor one without <inertial> shifts the centre of mass."""
-    far = _inertial(0.0, (0, 0, 0, 0, 0, 0), ((9.0, 9.0, 9.0), (0, 0, 0)))
-    heavy = _inertial(2.0, (1, 0, 0, 1, 0, 1), ((0.5, 0, 0), (0, 0, 0)))
-    for contents in ((far, heavy), (heavy, far), (heavy, "", far)):
-        body = _only(_robot(*contents))
-        assert body.mass == 2.0
-        np.testing.assert_array_equal(body.center, [0.5, 0.0, 0.0])
-        np.testing.assert_array_equal(body.inertia, np.eye(3))
-    massless = _only(_robot(far, ""))
-    assert massless.mass == 0.0
-    np.testing.assert_array_equal(massless.center, np.zeros(3))
-
-
 def test_a_link_fixed_to_one_that_moves_is_part_of_that():
     extra = (
         '<link name="tyre"><inertial><mass value="3"/>'

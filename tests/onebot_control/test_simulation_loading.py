@@ -8,9 +8,9 @@ import pytest
 import trimesh
 
 from onebot_control.simulation import Settings
-from onebot_control.simulation.bodies import physics_urdf, rigid_bodies
+from onebot_control.simulation.bodies import rigid_bodies
 from onebot_control.simulation.engine import engine
-from onebot_control.simulation.loading import converted_meshes
+from onebot_control.simulation.spawning import converted_meshes
 from onebot_description.description import (
     DescriptionError,
     load_description,
@@ -172,14 +172,6 @@ def test_masses_and_inertias_are_those_written():
     turn = np.array(engine.getMatrixFromQuaternion(info[0][4])).reshape(3, 3)
     written = np.array([[0.012, 0.0, 0.001], [0.0, 0.024, 0.0], [0.001, 0.0, 0.030]])
     assert turn @ np.diag(info[0][2]) @ turn.T == pytest.approx(written, abs=1e-9)
-
-
-def test_fixed_links_cost_no_time():
-    description = robot()
-    text = physics_urdf(description, rigid_bodies(description), {})
-    assert text.count("<link ") == len(description.link_names) - 1
-    assert text.count("<joint ") == len(description.joints) - 1
-    assert max(map(len, text.splitlines())) < 8191
 
 
 def test_a_fixed_link_collides_where_it_is():

@@ -10,7 +10,6 @@ from tests.onebot_control.simulation_support import (
     LEFT,
     RADIUS,
     RIGHT,
-    SEPARATION,
     Simulation,
     drive,
     planar,
@@ -43,57 +42,11 @@ def test_starts_exactly_where_it_is_told_and_at_rest():
             assert not array.any()
 
 
-def test_rests_without_creeping(simulation):
-    """Within a minute it moves by less than a hundred-thousandth of the wheel's radius."""
-    farthest = 0.0
-    for _ in range(60):
-        simulation.step([0.0, 0.0], 1.0)
-        x, y, yaw = planar(simulation)
-        farthest = max(farthest, math.hypot(x, y), abs(yaw))
-    assert farthest < 5e-7
-
-
-@pytest.mark.parametrize("yaw", [0.0, 0.7, -2.5])
-def test_drives_straight(yaw):
-    with simulate(x=1.0, y=2.0, yaw=yaw) as simulation:
-        drive(simulation, 0.2, 0.0, 5.4)
-        simulation.step([0.0, 0.0], 0.5)
-        x, y, heading = planar(simulation)
-        assert heading == pytest.approx(yaw, abs=1e-6)
-        turned = simulation.joint_states().positions[:2] * RADIUS
-        assert turned == pytest.approx([1.0, 1.0], abs=1e-5)
-        way = (x - 1.0, y - 2.0)
-        expected = turned.mean() * np.array([math.cos(yaw), math.sin(yaw)])
-        assert way == pytest.approx(expected, abs=1e-6)
-
-
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_turns_on_the_spot(sign):
-    """The heading is that of the wheels; the axle's middle returns to its place."""
-    with simulate() as simulation:
-        drive(simulation, 0.0, 0.5 * sign, math.pi + 0.5)
-        simulation.step([0.0, 0.0], 0.5)
-        left, right = simulation.joint_states().positions[:2] * RADIUS
-        x, y, heading = planar(simulation)
-        assert heading == pytest.approx((right - left) / SEPARATION, abs=1e-3)
-        assert abs(heading) == pytest.approx(math.pi / 2.0, abs=1e-2)
-        assert math.hypot(x, y) < 2e-3
-
-
 def test_turns_by_the_frame_of_the_axle_not_the_centre_of_mass(simulation):
     """Half a turn would carry a centre of mass 0.1 m away to the other side."""
     drive(simulation, 0.0, 1.0, 1.0 + math.pi)
     assert math.hypot(*planar(simulation)[:2]) < 5e-3
     assert abs(planar(simulation)[2]) > 3.0
-
-
-def test_twist_is_the_frames_own(simulation):
-    """On a steady arc it is (v, 0, 0) and (0, 0, w), wherever the robot heads."""
-    for _ in range(400):
-        simulation.step(wheels(0.2, 0.4), 0.01)
-    twist = simulation.base_twist()
-    assert twist.linear == pytest.approx([0.2, 0.0, 0.0], abs=2e-3)
-    assert twist.angular == pytest.approx([0.0, 0.0, 0.4], abs=4e-3)
 
 
 def test_twist_is_the_derivative_of_the_pose(simulation):

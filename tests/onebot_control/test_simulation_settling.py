@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from onebot_control.simulation import Settings
-from onebot_control.simulation.loading import engine, make_world
+from onebot_control.simulation.spawning import engine, make_world
 from onebot_description.description import parse_description
 from onebot_description.description.description import Box
 from onebot_description.errors import OneBotError

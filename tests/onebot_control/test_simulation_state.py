@@ -28,12 +28,21 @@ from tests.onebot_control.simulation_support import (
 CHECKOUT = Path(__file__).resolve().parents[2]
 _DRIVE = """
 import hashlib
-from tests.onebot_control.simulation_support import bits, drive, simulate
-with simulate(x=1.0, y=0.5, yaw=0.25) as simulation:
-    drive(simulation, 0.3, 0.7, 1.5)
-    simulation.teleport(4.0, 5.0, -1.0)
-    drive(simulation, -0.3, 0.7, 1.5)
-    print(hashlib.sha256(bits(simulation)).hexdigest())
+from onebot_control.simulation import RobotSpawn, World
+from onebot_description.description.worlds import load_world
+from tests.onebot_control.simulation_support import DRIVEN, bits, robot, wheels
+starts = (0.0, 0.0, 0.0), (-2.0, 0.0, 1.0), (0.0, -2.0, -2.0)
+spawns = [RobotSpawn(robot(), DRIVEN, *start) for start in starts]
+with World(spawns, scene=load_world("maze")) as world:
+    for turn in (0.7, -0.3):
+        for body in world.robots:
+            body.turn(wheels(0.3, turn))
+        world.step(1.5)
+        world.robots[1].teleport(-2.0, 1.0, 0.5)
+        world.step(0.2)
+        world.robots[0].reset()
+    states = b"".join(map(bits, world.robots)) + repr(world.scene.poses).encode()
+    print(hashlib.sha256(states).hexdigest())
 """
 
 
@@ -127,21 +136,16 @@ def test_drives_the_same_wherever_it_stands():
         assert planar(there) == pytest.approx(expected, abs=5e-4)
 
 
-@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-def test_speeds_that_are_not_finite_never_reach_the_physics(bad):
+def test_what_is_not_finite_never_reaches_the_physics():
     with simulate() as simulation:
-        simulation.step([1.0, 1.0], 0.1)
         before = bits(simulation)
-        for velocities in ([bad, 1.0], [1.0, bad]):
-            with pytest.raises(ValueError, match="finite"):
-                simulation.step(velocities, 0.01)
-        for place in ((bad, 0.0, 0.0), (0.0, bad, 0.0), (0.0, 0.0, bad)):
-            with pytest.raises(ValueError, match="finite"):
-                simulation.teleport(*place)
-        assert bits(simulation) == before
-        simulation.step([1.0, 1.0], 0.01)
         with pytest.raises(ValueError, match="finite"):
-            simulate(x=bad)
+            simulation.step([1.0, math.nan], 0.01)
+        with pytest.raises(ValueError, match="finite"):
+            simulation.teleport(0.0, math.inf, 0.0)
+        assert bits(simulation) == before
+        with pytest.raises(ValueError, match="finite"):
+            simulate(x=math.nan)
 
 
 def test_a_state_that_is_not_finite_goes_no_further():

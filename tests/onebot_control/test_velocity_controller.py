@@ -23,7 +23,7 @@ from onebot_description.description import parse_description
 from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_control.control_support import urdf
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
-from tests.support import PATIENCE, wait_for
+from tests.support import wait_for
 
 MODULE = "onebot_control.velocity_controller"
 CHANGED = "now driving by the changed robot description"
@@ -67,15 +67,6 @@ def twist(linear: float, angular: float = 0.0) -> Twist:
     message = Twist()
     message.linear.x, message.angular.z = linear, angular
     return message
-
-
-def call(peer: Peer, kind: Any, name: str, **request: Any) -> Any:
-    """The answer of one of the node's services."""
-    client = peer.node.create_client(kind, f"{NODE}/{name}")
-    assert client.wait_for_service(PATIENCE), f"no service {name}"
-    future = client.call_async(kind.Request(**request))
-    wait_for(future.done, f"{name} to answer")
-    return future.result()
 
 
 def seconds(message: Any) -> float:
@@ -296,15 +287,15 @@ def test_services_and_teleport(peer: Peer, model: str) -> None:
         pose.pose.orientation.w = 0.0
         setter.publish(pose)
         wait_for(lambda: "its orientation no unit quaternion" in node.output, "the warning")
-        assert call(peer, Trigger, "reset_odometry").success
+        assert peer.call(Trigger, f"{NODE}/reset_odometry").success
         wait_for(lambda: abs(x(odom[-1])) < 1e-3, "the odometry to be reset")
-        assert call(peer, Trigger, "reset").success
+        assert peer.call(Trigger, f"{NODE}/reset").success
         wait_for(lambda: abs(x(truth[-1]) - 1.0) < 1e-3, "the reset")
-        refused = call(peer, Trigger, "step")
+        refused = peer.call(Trigger, f"{NODE}/step")
         assert not refused.success and "pause it first" in refused.message
-        assert call(peer, SetBool, "pause", data=True).success
-        assert call(peer, Trigger, "step").success
-        assert call(peer, SetBool, "pause", data=False).success
+        assert peer.call(SetBool, f"{NODE}/pause", data=True).success
+        assert peer.call(Trigger, f"{NODE}/step").success
+        assert peer.call(SetBool, f"{NODE}/pause", data=False).success
 
 
 def test_parameters_take_effect_or_are_refused(peer: Peer, model: str) -> None:
@@ -343,11 +334,8 @@ def test_parameters_take_effect_or_are_refused(peer: Peer, model: str) -> None:
             wait_for(lambda: count(topic) == wanted, f"the topic: {wanted}")  # noqa: B023
         heard = len(limited)
         wait_for(lambda: len(limited) > heard, "the limited command again")
-        client = peer.node.create_client(GetParameters, f"{NODE}/get_parameters")
-        assert client.wait_for_service(PATIENCE)
-        future = client.call_async(GetParameters.Request(names=["wheel_radius"]))
-        wait_for(future.done, "the parameter")
-        assert future.result().values[0].double_value == 0.0
+        answer = peer.call(GetParameters, f"{NODE}/get_parameters", names=["wheel_radius"])
+        assert answer.values[0].double_value == 0.0
 
 
 def test_description_from_the_topic_also_changed(peer: Peer) -> None:

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 import trimesh
 
-from onebot_control.accuracy import PATHS, measure
-from onebot_control.driven_robot import DrivenRobot, wheels_of
-from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
+from onebot_control.driven_robot import wheels_of
+from onebot_control.parameters import ControlConfig
 from onebot_control.simulation.drivable import drivable
 from onebot_control.wheels import tyres
 from onebot_control.wheels.geometry import Wheels
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.packages import package_share
 from onebot_description.errors import OneBotError
-from tests.onebot_control.control_support import config, robot
+from tests.accuracy import PATHS, default_config, measure
+from tests.onebot_control.control_support import alone, config, robot
 
 INERTIA = '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
 WIDE = 'rpy="-1.5707963267948966 0 0"', '<cylinder radius="0.1" length="0.05"/>'
@@ -169,12 +169,9 @@ def test_a_mesh_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     read: list[object] = []
     corners = tyres.mesh_corners
     monkeypatch.setattr(tyres, "mesh_corners", lambda mesh: (read.append(mesh), corners(mesh))[1])
-    drive = DrivenRobot.of(mesh_wheels(tmp_path), CONFIG)
-    try:
-        drive.configure(ControlConfig.from_parameters({"publish_rate": 10.0}))
-        assert len(read) == 2
-    finally:
-        drive.plant.close()
+    with alone(mesh_wheels(tmp_path), CONFIG) as fleet:
+        fleet.robots[0].configure(ControlConfig.from_parameters({"publish_rate": 10.0}))
+    assert len(read) == 2
 
 
 def test_what_is_simulated() -> None:
@@ -200,9 +197,7 @@ PUBLIC = Path(__file__).parents[1] / "robots"
 
 def drive(description: Description) -> list[tuple[float, float]]:
     """Drive 2 m straight and turn once; return odometry's and truth's distance and angle."""
-    parameters = read_control_files([default_control_file()], "/", "velocity_controller")
-    default = ControlConfig.from_parameters(parameters.values)
-    straight, turn = measure(description, default, PATHS[:2], rest=1.0).results
+    straight, turn = measure(description, default_config(), PATHS[:2])
     assert straight.odometry.x == pytest.approx(2.0, abs=1e-3)
     assert abs(straight.truth.y) < 1e-3 and abs(straight.truth.yaw) < 1e-3
     assert turn.odometry.yaw == pytest.approx(2.0 * math.pi, abs=2e-3)
@@ -283,28 +278,25 @@ def test_a_car_is_no_differential_drive(car: Description, hinge: str, wheel: str
 
 def test_a_hub_is_no_joint_of_the_robot() -> None:
     """The wheels' inertia follows from their mass, and what holds them is not published."""
-    drive = DrivenRobot.of(base(*FOUR), CONFIG)
-    try:
+    with alone(base(*FOUR), CONFIG) as fleet:
+        [drive] = fleet.robots
         assert sorted(drive.plant.joints) == sorted(drive.broadcaster.names)
         assert sorted(drive.plant.joints) == sorted(Wheels(base(*FOUR)).names)
         for _ in range(100):
             drive.accept(0.2, 0.5)
-            drive.cycle()
+            fleet.cycle()
         drive.reset()
         assert (drive.snapshot().joints.velocities == 0.0).all()
-    finally:
-        drive.plant.close()
 
 
 def test_joints_that_are_held_are_published() -> None:
-    drive = DrivenRobot.of(base(*TWO, *BALLS, ARM.replace('lower="-1"', 'lower="0.25"')), CONFIG)
-    try:
+    description = base(*TWO, *BALLS, ARM.replace('lower="-1"', 'lower="0.25"'))
+    with alone(description, CONFIG) as fleet:
+        [drive] = fleet.robots
         assert drive.broadcaster.names == ("l_joint", "r_joint", "arm_joint", "hand_joint")
         positions, velocities, _ = drive.broadcaster.values(drive.begin().joints)
         assert np.allclose(positions, [0.0, 0.0, 0.25, 0.0], atol=1e-6)
         assert velocities[2:] == [0.0, 0.0]
-    finally:
-        drive.plant.close()
 
 
 def box(width: float, length: float, height: float, z: float) -> str:

@@ -115,13 +115,6 @@ def test_swapped_sides_are_told_with_their_places() -> None:
     ) in str(caught.value)
 
 
-def test_wheels_in_one_place() -> None:
-    """A separation of 0 is no separation."""
-    description = robot(wheel("left", 0.2), wheel("right", 0.2))
-    with pytest.raises(OneBotError, match="not left of"):
-        Wheels(description, LEFT, RIGHT).geometry()
-
-
 SPHERE, CYLINDER = '<sphere radius="0.1"/>', '<cylinder radius="0.2" length="0.02"/>'
 BOX = '<box size="1 1 1"/>'
 HUB = '<mesh filename="package://onebot_description/meshes/wheel.dae"/>'

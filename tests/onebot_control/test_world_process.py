@@ -108,11 +108,7 @@ def test_a_robot_in_a_world(ros_domain: int, tmp_path: Path) -> None:
         teleport.pose.position.x, teleport.pose.orientation.w = 1.5, 1.0
         peer.publisher(PoseStamped, f"{NODE}/teleport").publish(teleport)
         wait_for(lambda: "~/teleport is ignored: x 1.5 m" in node.output, "the refusal")
-        client = peer.node.create_client(Trigger, f"{NODE}/reset")
-        assert client.wait_for_service(PATIENCE)
-        answer = client.call_async(Trigger.Request())
-        wait_for(answer.done, "the reset")
-        assert answer.result().success
+        assert peer.call(Trigger, f"{NODE}/reset").success
         wait_for(
             lambda: (
                 values(by_child(tf)["box"].transform)[0] == pytest.approx((0.5, 0, 0.1), abs=0.01)

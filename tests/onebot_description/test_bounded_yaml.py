@@ -9,7 +9,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onebot_bringup.bags.reader import Bag
+from onebot_bringup.bags.bag_reader import Bag
 from onebot_bringup.introspection.parameter_values import parse_value
 from onebot_bringup.viewer.view_config import load_view, parse_view
 from onebot_control.parameters import ControlConfig, read_control_files

@@ -39,7 +39,7 @@ from onebot_bringup.viewer.displays.marker_shapes import (
 )
 from onebot_bringup.viewer.settings import name_list, setting
 from onebot_description.errors import OneBotError, printable, shortened
-from onebot_description.model.quaternions import from_rpy, multiply, rotate, to_rpy
+from onebot_description.model.quaternions import from_matrix, multiply, rotate
 
 if TYPE_CHECKING:
     from onebot_bringup.viewer.stage import Stage
@@ -502,7 +502,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
             for at_ns, rows in _by_stamp(moving, incoming.stamps_ns()[moving]):
                 pose = self.stage.frames.pose(frame, self._fixed, at_ns or stamp_ns)
                 assert pose is not None
-                turn = from_rpy(to_rpy(pose[:3, :3]))
+                turn = from_matrix(pose[:3, :3])
                 poses[rows, :3] = rotate(turn, poses[rows, :3]) + pose[:3, 3]
                 poses[rows, 3:] = multiply(turn, poses[rows, 3:])
         ends = np.full(len(poses), _NEVER)

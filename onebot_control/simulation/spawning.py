@@ -1,5 +1,6 @@
-"""Creates PyBullet worlds with level ground, and loads robots and scenes into them."""
+"""Makes PyBullet worlds with level ground, and loads robots and scenes into them."""
 
+import math
 import os
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -13,12 +14,44 @@ from onebot_control.poses import Transform, compose, inverse
 from onebot_control.simulation.bodies import HUB, Body, SkidAxle, physics_urdf, rigid_bodies
 from onebot_control.simulation.contacts import hold_hub, set_contact, soften
 from onebot_control.simulation.engine import captured, engine, log
-from onebot_control.simulation.settings import FARTHEST, Settings
+from onebot_control.simulation.physics_settings import Settings
 from onebot_description.description.description import Description, Link, Mesh
 from onebot_description.description.meshes import read_mesh
 from onebot_description.errors import OneBotError, listing
 
+# m; farther out, rounding errors are not small compared with a wheel's contact depth (micrometres).
+FARTHEST = 10_000.0
 _SLAB = (FARTHEST, FARTHEST, 1.0)  # half the size of the ground's visual, m
+
+
+class RobotSpawn(NamedTuple):
+    """A robot to add to a world, and the initial pose of its root link's frame."""
+
+    description: Description
+    driven: Sequence[str]  # joints with a motor; see ``Robot``
+    x: float = 0.0  # m
+    y: float = 0.0  # m
+    yaw: float = 0.0  # heading, rad
+    name: str = ""  # named in errors
+
+
+SpawnPose = tuple[float, float, float]  # x and y of the root link's frame, m, and yaw, rad
+
+
+def checked_spawn_pose(x: float, y: float, yaw: float) -> SpawnPose:
+    """Return a checked pose for a robot, m and rad.
+
+    Raises:
+        ValueError: a value is not finite.
+        OneBotError: it is too far from the origin to be exact.
+    """
+    if not all(map(math.isfinite, (x, y, yaw))):
+        raise ValueError(f"x, y and yaw must be finite, not {x}, {y}, {yaw}")
+    if max(abs(x), abs(y)) > FARTHEST:
+        raise OneBotError(
+            f"x {x:g} m, y {y:g} m: the simulation is exact up to {FARTHEST:g} m from the origin"
+        )
+    return float(x), float(y), float(yaw)
 
 
 class LoadedRobot(NamedTuple):
@@ -87,14 +120,8 @@ def load_robot(
 ) -> LoadedRobot:
     """Load a robot into the world ``client``, its root link's frame at the origin.
 
-    PyBullet's output is logged.
-
-    Args:
-        client: the world.
-        ground: its ground, as ``make_world`` returned it.
-        description: of the robot.
-        settings: of the world.
-        driven: the joints with a motor, which holds them until it is told otherwise.
+    The ``driven`` joints have a motor, which holds them until they get a velocity. What PyBullet
+    prints is logged.
 
     Raises:
         OneBotError: the robot cannot be loaded.
@@ -181,14 +208,7 @@ def _file(text: str) -> Iterator[str]:
 
 @contextmanager
 def converted_meshes(bodies: Iterable[Body], *, convex: bool = True) -> Iterator[Mapping[str, str]]:
-    """Convert the collision meshes of ``bodies`` to files that exist within the block.
-
-    Args:
-        bodies: have the meshes.
-        convex: write their convex hulls, of which moving bodies consist.
-
-    Yields:
-        The file of each mesh by URI.
+    """Yield files of the collision meshes by URI; ``convex``: of their hulls, as bodies move.
 
     Raises:
         OneBotError: meshes cannot be read; each is named with its links.

@@ -1,15 +1,9 @@
-"""Settings of a simulated world, and the spawn poses of its robots."""
+"""Settings of a simulated world's physics."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
-from onebot_description.description import Description
 from onebot_description.errors import OneBotError
-
-# m; farther out, rounding errors are not small compared with a wheel's contact depth (micrometres).
-FARTHEST = 10_000.0
 
 
 @dataclass(frozen=True)
@@ -64,33 +58,3 @@ class Settings:
                 f"not {duration} s"
             )
         return count
-
-
-class RobotSpawn(NamedTuple):
-    """A robot to add to a world, and the initial pose of its root link's frame."""
-
-    description: Description
-    driven: Sequence[str]  # joints with a motor; see ``Simulation``
-    x: float = 0.0  # m
-    y: float = 0.0  # m
-    yaw: float = 0.0  # heading, rad
-    name: str = ""  # named in errors
-
-
-SpawnPose = tuple[float, float, float]  # x and y of the root link's frame, m, and yaw, rad
-
-
-def checked_spawn_pose(x: float, y: float, yaw: float) -> SpawnPose:
-    """Return a checked pose for a robot, m and rad.
-
-    Raises:
-        ValueError: a value is not finite.
-        OneBotError: it is too far from the origin to be exact.
-    """
-    if not all(map(math.isfinite, (x, y, yaw))):
-        raise ValueError(f"x, y and yaw must be finite, not {x}, {y}, {yaw}")
-    if max(abs(x), abs(y)) > FARTHEST:
-        raise OneBotError(
-            f"x {x:g} m, y {y:g} m: the simulation is exact up to {FARTHEST:g} m from the origin"
-        )
-    return float(x), float(y), float(yaw)

@@ -1,6 +1,5 @@
 """The odometry of the robot that is steered."""
 
-import contextlib
 import math
 import time
 from collections.abc import Collection, Mapping
@@ -8,15 +7,14 @@ from typing import Any
 
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from onebot_bringup.steering.command_topic import full_name
+from onebot_bringup.steering.followed_topics import FollowedTopics
 from onebot_control.poses import yaw_of
-from onebot_description.topic_subscription import TopicSubscription, TypeConflictError
+from onebot_description.topic_subscription import TopicSubscription
 from onebot_description.wire.messages import OdometrySample, odometry_sample
 
 _ODOMETRY = "nav_msgs/msg/Odometry"
-_LATEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 def choose_odometry(
@@ -27,24 +25,15 @@ def choose_odometry(
 ) -> str:
     """Return the topic with the robot's odometry; "" if it is not certain which that is.
 
-    Args:
-        publishers: the nodes that publish each topic of odometry.
-        commands: the command topic.
-        controllers: the nodes that are known to be the robot's.
-        subscribers: all nodes that subscribe to commands.
+    ``publishers`` has the nodes that publish each topic of odometry, ``controllers`` the nodes that
+    are known to be the robot's, ``subscribers`` all nodes that subscribe to the topic ``commands``.
     """
 
     def of(nodes: Collection[str]) -> str:
-        own_topics = [
-            topic for topic, names in publishers.items() if not set(nodes).isdisjoint(names)
-        ]
-        # A simulation publishes the ground truth, too.
-        named = (
-            [topic for topic in own_topics if topic.endswith("/odom")]
-            if len(own_topics) > 1
-            else own_topics
-        )
-        return named[0] if len(named) == 1 else ""
+        topics = [topic for topic, names in publishers.items() if not set(nodes).isdisjoint(names)]
+        if len(topics) > 1:  # a simulation publishes the ground truth, too
+            topics = [topic for topic in topics if topic.endswith("/odom")]
+        return topics[0] if len(topics) == 1 else ""
 
     sibling = f"{commands.rpartition('/')[0]}/odom"
     only = next(iter(publishers)) if len(publishers) == 1 else ""
@@ -56,7 +45,7 @@ class OdometryTopic:
 
     def __init__(self, node: Node, fixed: str) -> None:
         self._node, self._fixed = node, fixed
-        self._subscription: TopicSubscription | None = None
+        self._topics = FollowedTopics(node, 1, self._subscription)
         self._data: tuple[bytes, float] | None = None
         self.topic = ""  # full name; "" for none
 
@@ -68,18 +57,8 @@ class OdometryTopic:
             self._publishers(), commands, controllers, subscribers
         )
         if topic != self.topic:
-            if self._subscription is not None:
-                self._subscription.close()
-            self._subscription = (
-                TopicSubscription(self._node, topic, self._receive, lambda _: Odometry)
-                if topic
-                else None
-            )
             self.topic, self._data = topic, None
-        if self._subscription is not None:
-            # A topic of another type may have the right one later.
-            with contextlib.suppress(TypeConflictError):
-                self._subscription.update(_ODOMETRY, _LATEST)
+        self._topics.update({topic: _ODOMETRY} if topic else {})
 
     @property
     def sample(self) -> OdometrySample | None:
@@ -110,6 +89,9 @@ class OdometryTopic:
             return None
         rounded = {name: round(value, 6) for name, value in values.items()}
         return {"topic": self.topic, **rounded}
+
+    def _subscription(self, name: str, _: str) -> TopicSubscription:
+        return TopicSubscription(self._node, name, self._receive, lambda _: Odometry)
 
     def _receive(self, _: str, data: bytes) -> None:
         self._data = data, time.monotonic()

@@ -12,8 +12,8 @@ from dataclasses import replace
 from onebot_control.poses import Transform
 from onebot_control.simulation.bodies import Body, link_poses, link_problems, origin_of
 from onebot_control.simulation.engine import engine
-from onebot_control.simulation.loading import LoadedRobot, load_fixed, load_robot, make_world
-from onebot_control.simulation.settings import Settings
+from onebot_control.simulation.physics_settings import Settings
+from onebot_control.simulation.spawning import LoadedRobot, load_fixed, load_robot, make_world
 from onebot_description.description.description import Description
 from onebot_description.description.loading import load_world
 from onebot_description.errors import OneBotError
@@ -114,13 +114,7 @@ class SceneBodies:
         return replace(description, root_link=first, links=links, joints=joints)
 
     def enter(self, client: int, ground: int, settings: Settings, *, free: bool = True) -> None:
-        """Load the bodies into a world.
-
-        Args:
-            client: the world.
-            ground: its ground, as ``make_world`` returned it.
-            settings: of the world.
-            free: also those that can be pushed.
+        """Load the bodies into the world ``client``; ``free``: also those that can be pushed.
 
         Raises:
             OneBotError: one cannot be loaded, or what can be pushed starts in something else.

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from onebot_bringup.steering.limits import (
+from onebot_bringup.steering.command_limits import (
     DEFAULT,
     NAMES,
     UNKNOWN,

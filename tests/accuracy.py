@@ -1,0 +1,283 @@
+"""Odometry and motion accuracy of simulated robots, for onebot_control's README.
+
+``python -m tests.accuracy`` drives OneBot along the paths and writes the first table; with files of
+robots it drives each 2 m and once round, and writes the second one.
+"""
+
+import math
+import re
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from onebot_control.driven_robot import wheels_of
+from onebot_control.fleet import Fleet, Member
+from onebot_control.odometry import Odometry, PoseCovariance
+from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
+from onebot_control.poses import PlanarPose, yaw_of
+from onebot_description.description import Description, load_description
+from onebot_description.errors import OneBotError
+from tests.readme import CHECKOUT
+
+ONEBOT = "package://onebot_description/urdf/onebot.urdf.xacro"
+_LINEAR, _ANGULAR = 0.2, 0.5  # m/s, rad/s
+_REST = 1.0  # s, long enough for OneBot's limiter to stop
+
+# The goals of the project: shares, m.
+ODOMETRY_GOAL, TRUTH_GOAL, REST_GOAL = 0.0005, 0.005, 1e-5
+
+_HEAD = "Path | Commanded: x, y, heading | Odometry | Truth | Odometry to truth | Truth to command"
+_ROBOTS_HEAD = (
+    "Robot | File | Wheels; separation, radius | 2 m straight: odometry; truth | "
+    "360° turn: odometry; truth"
+)
+
+
+class Segment(NamedTuple):
+    """A constant command."""
+
+    linear: float  # m/s, forward
+    angular: float  # rad/s, to the left
+    duration: float  # s
+
+    def commands(self, period: float) -> Iterator[tuple[float, float]]:
+        """Yield a velocity for each control cycle; whole cycles cover the same distance.
+
+        A limiter with equal acceleration and deceleration does not change the distance: what is
+        missing at the start is added at the end.
+        """
+        cycles = math.ceil(self.duration / period - 1e-9)
+        share = self.duration / (cycles * period)
+        for _ in range(cycles):
+            yield self.linear * share, self.angular * share
+
+
+class DrivenPath(NamedTuple):
+    """Segments driven one after the other, from rest."""
+
+    name: str
+    segments: tuple[Segment, ...]
+    turning: bool = False  # a turn on the spot, whose error is in heading, not in position
+
+
+def straight(distance: float) -> tuple[Segment, ...]:
+    """Drive ``distance`` metres ahead, then rest."""
+    return Segment(_LINEAR, 0.0, distance / _LINEAR), Segment(0.0, 0.0, _REST)
+
+
+def turn(angle: float) -> tuple[Segment, ...]:
+    """Turn ``angle`` radians to the left on the spot, then rest."""
+    return Segment(0.0, _ANGULAR, angle / _ANGULAR), Segment(0.0, 0.0, _REST)
+
+
+def eight(radius: float) -> tuple[Segment, ...]:
+    """Drive a circle to the left, a short straight and a circle to the right, without a stop."""
+    rate = _LINEAR / radius
+    once_round = 2.0 * math.pi / rate
+    return (
+        Segment(_LINEAR, rate, once_round),
+        # Long enough for the limiter to reach zero turn rate; else the circles would not close.
+        Segment(_LINEAR, 0.0, 0.5),
+        Segment(_LINEAR, -rate, once_round),
+        Segment(0.0, 0.0, _REST),
+    )
+
+
+PATHS = (
+    DrivenPath("2 m straight at 0.2 m/s", straight(2.0)),
+    DrivenPath("360° turn at 0.5 rad/s", turn(2.0 * math.pi), turning=True),
+    DrivenPath("square of 1 m", (*straight(1.0), *turn(math.pi / 2.0)) * 4),
+    DrivenPath("figure of eight, 2 circles of 1 m", eight(0.5)),
+)
+
+
+class Result(NamedTuple):
+    """The result of a path. All poses are relative to the start, headings are not wrapped."""
+
+    path: DrivenPath
+    commanded: PlanarPose  # final pose of the limited command, integrated along exact arcs
+    odometry: PlanarPose  # final pose by wheel odometry
+    covariance: PoseCovariance  # the odometry's
+    truth: PlanarPose  # final pose of the simulated robot
+    length: float  # m, of the commanded path
+    turned: float  # rad, all commanded turning, left and right added up
+    odometry_worst: float  # m, the largest distance of odometry from truth on the path
+    truth_worst: float  # m, the largest distance of truth from the command
+
+    @property
+    def odometry_error(self) -> float:
+        """The error of odometry relative to truth, as a share of the path."""
+        return self._share(self.odometry, self.truth)
+
+    @property
+    def truth_error(self) -> float:
+        """The error of truth relative to the command, as a share of the path."""
+        return self._share(self.truth, self.commanded)
+
+    def _share(self, pose: PlanarPose, true_pose: PlanarPose) -> float:
+        """The greater of the distance by the length and the difference of headings by all turning.
+
+        A turn on the spot has no length, so only its heading counts.
+        """
+        heading = abs(pose.yaw - true_pose.yaw)
+        shares = [heading / self.turned if self.turned > 1e-9 else 0.0]
+        if not self.path.turning:
+            shares.append(math.dist(pose[:2], true_pose[:2]) / self.length)
+        # Unlike max(), this returns NaN if any is NaN.
+        return float(np.max(shares))
+
+
+def default_config(**changes: object) -> ControlConfig:
+    """Return the parameters of OneBot's control.yaml, with changes."""
+    values = read_control_files([default_control_file()], "/", "velocity_controller").values
+    return ControlConfig.from_parameters({**values, **changes})
+
+
+def measure(
+    description: Description, config: ControlConfig, paths: Iterable[DrivenPath]
+) -> list[Result]:
+    """Drive ``paths``, each from the robot's start."""
+    with Fleet.of([Member(description, config)]) as fleet:
+        return [_follow(fleet, path) for path in paths]
+
+
+def _follow(fleet: Fleet, path: DrivenPath) -> Result:
+    [robot] = fleet.robots
+    robot.reset()
+    commanded = Odometry(robot.controller.odometry.kinematics)
+    start = robot.true_pose
+    heading = start.yaw
+    length = turned = odometry_worst = truth_worst = 0.0
+    commands = [command for part in path.segments for command in part.commands(robot.period)]
+    for command in (*commands, None):
+        if command is None:  # compare the final poses, at rest
+            snapshot = robot.begin()
+        else:
+            robot.accept(*command)
+            [snapshot] = fleet.cycle()
+        x, y, _ = snapshot.pose.translation.tolist()
+        # Headings are unwrapped.
+        yaw = yaw_of(*snapshot.pose.rotation.tolist())
+        heading += math.remainder(yaw - heading, 2.0 * math.pi)
+        truth = start.inverse().compose(PlanarPose(x, y, heading))
+        odometry = snapshot.odometry
+        odometry_worst = max(odometry_worst, math.dist(odometry[:2], truth[:2]))
+        truth_worst = max(truth_worst, math.dist(truth[:2], commanded.pose[:2]))
+        if command is not None:
+            linear, angular = snapshot.command.linear, snapshot.command.angular
+            commanded.update_open_loop(linear, angular, robot.period)
+            length += abs(linear) * robot.period
+            turned += abs(angular) * robot.period
+    return Result(
+        path,
+        commanded.pose,
+        odometry,
+        snapshot.covariance,
+        truth,
+        length,
+        turned,
+        odometry_worst,
+        truth_worst,
+    )
+
+
+def rest_drift(description: Description, config: ControlConfig, seconds: float = 60.0) -> float:
+    """Return the largest distance of a robot at rest from its start, m."""
+    path = DrivenPath("rest", (Segment(0.0, 0.0, seconds),))
+    return measure(description, config, [path])[0].truth_worst
+
+
+def table(results: Iterable[Result], drift: float) -> str:
+    """Return the results as Markdown."""
+    rest = f"At rest the robot moves {1e3 * drift:.6f} mm in 60 s."
+    return f"{_markdown(_HEAD, map(_row, results))}\n{rest}\n"
+
+
+def robots_table(files: Iterable[str], config: ControlConfig) -> str:
+    """Drive 2 m and turn once with each robot, and return the results as Markdown.
+
+    The row of a robot that cannot be driven has the reason.
+    """
+    return _markdown(_ROBOTS_HEAD, [_robot(file, config) for file in files])
+
+
+def missed(results: Iterable[Result], drift: float) -> list[str]:
+    """Return a sentence for each missed goal."""
+    sentences = []
+    for result in results:
+        for what, error, goal in (
+            ("odometry is off truth", result.odometry_error, ODOMETRY_GOAL),
+            ("truth is off the command", result.truth_error, TRUTH_GOAL),
+        ):
+            if not error <= goal:
+                sentences.append(f"{result.path.name}: {what} by {error:.3%}; goal {goal:.2%}")
+    if not drift < REST_GOAL:
+        sentences.append(f"at rest the robot moves {1e3 * drift:.4f} mm; goal {1e3 * REST_GOAL} mm")
+    return sentences
+
+
+def _markdown(head: str, rows: Iterable[Sequence[str]]) -> str:
+    columns = head.count("|") + 1
+    lines = [head, " | ".join(["---"] * columns), *(" | ".join(row) for row in rows)]
+    return "".join(f"| {line} |\n" for line in lines)
+
+
+def _row(result: Result) -> Sequence[str]:
+    errors = (
+        (result.odometry_error, result.odometry_worst),
+        (result.truth_error, result.truth_worst),
+    )
+    cells = [f"{error:.4%}, at most {1e3 * worst:.3f} mm" for error, worst in errors]
+    poses = (result.commanded, result.odometry, result.truth)
+    return [result.path.name, *map(_pose, poses), *cells]
+
+
+def _pose(pose: PlanarPose) -> str:
+    # Adding 0 turns -0.0 into 0.0.
+    x, y = (round(1e3 * value, 3) + 0.0 for value in (pose.x, pose.y))
+    return f"{x:.3f} mm, {y:.3f} mm, {round(math.degrees(pose.yaw), 4) + 0.0:.4f}°"
+
+
+def _robot(file: str, config: ControlConfig) -> Sequence[str]:
+    name = "/".join(Path(file).parts[-2:])
+    description = load_description(file)
+    try:
+        wheels = wheels_of(description, config)
+        ahead, turned = measure(description, config, PATHS[:2])
+    except OneBotError as error:
+        reason = str(error).splitlines()[0].split(". ")[0].split("cannot be driven: ")[-1]
+        return description.robot_name, name, f"refused: {reason}", "", ""
+    x, y, yaw = ahead.truth
+    return (
+        description.robot_name,
+        name,
+        f"{len(wheels.names)}; {wheels.separation:.3f} m, {wheels.radius:.3f} m",
+        f"{ahead.odometry.x:.4f} m; {x:.4f} m, {round(1e3 * y, 1) + 0.0:.1f} mm aside, "
+        f"{round(math.degrees(yaw), 2) + 0.0:.2f}°",
+        f"{math.degrees(turned.odometry.yaw):.2f}°; {math.degrees(turned.truth.yaw):.2f}°",
+    )
+
+
+def main(files: Sequence[str]) -> int:
+    """Write a table to the README; return 1 if a goal is missed, and print which."""
+    config, failures = default_config(), []
+    if files:
+        name, text = "accuracy of robots", robots_table(files, config)
+    else:
+        onebot = load_description(ONEBOT)
+        results, drift = measure(onebot, config, PATHS), rest_drift(onebot, config)
+        name, text, failures = "accuracy", table(results, drift), missed(results, drift)
+    readme = CHECKOUT / "onebot_control" / "README.md"
+    marked = rf"(<!-- {name} -->\n).*?(<!-- /{name} -->)"
+    readme.write_text(
+        re.sub(marked, lambda mark: f"{mark[1]}{text}{mark[2]}", readme.read_text(), flags=re.S)
+    )
+    print(text, *failures, sep="\n", end="")
+    return 1 if failures else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
