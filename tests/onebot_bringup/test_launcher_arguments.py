@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from onebot_bringup.launch.arguments import (
     Argument,
+    choice,
     complete,
     number,
     refuse_positional,
@@ -17,7 +18,7 @@ from onebot_bringup.launch.arguments import (
 from onebot_description.errors import UsageError
 
 DECLARED = [
-    Argument("viewer", "web", "where to see it", ("web", "none")),
+    choice("viewer", "web", "where to see it", ("web", "none")),
     Argument("save", "", "a file"),
     switch("reload", True, "take up edits"),
 ]
