@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 import yaml
 from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
 from nav_msgs.msg import Path as PlannedPath
 from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import GetParameters, ListParameters
@@ -20,6 +21,7 @@ from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from std_msgs.msg import String
 
+from onebot_bringup.viewer.displays import MESSAGE_DRAWINGS
 from onebot_description.description import load_description
 from tests import readme_tables
 from tests.benchmarks.__main__ import BENCHMARKS
@@ -223,6 +225,8 @@ def running(node: Documented, parameters: Mapping[str, Any], peer: Peer, folder:
     latched = peer.node.create_publisher(String, "robot_description", LATCHED)
     if node.description:
         latched.publish(String(data=node.description))
+    if "odom_topic" in node.most:
+        peer.node.create_publisher(Odometry, str(node.most["odom_topic"]), 10)
     if (world := "/world_description") in node.documented("Subscribed topics"):
         peer.node.create_publisher(String, world, LATCHED)
     with node.running(parameters, folder):
@@ -351,6 +355,18 @@ def _call(peer: Peer, kind: Any, name: str, request: Any) -> Any:
     wait_for(future.done, name)
     peer.node.destroy_client(client)
     return future.result()
+
+
+def test_displays() -> None:
+    """Every display is in its table, with its message types, and no other."""
+    text = (CHECKOUT / "onebot_bringup/README.md").read_text()
+    rows = _rows(_section(text, "### Displays"))
+    types = {name: cells[0] for entry, *cells in rows for name in _names(entry)}
+    assert set(types) == {drawing.key for drawing in MESSAGE_DRAWINGS}
+    for drawing in MESSAGE_DRAWINGS:
+        for name in drawing.message_types:
+            package, _, kind = name.split("/")
+            assert package in types[drawing.key] and kind in types[drawing.key], name
 
 
 def test_benchmarks() -> None:
