@@ -1,14 +1,12 @@
 """Several robots in one world: each as if alone, all at the same time, and in each other's way."""
 
 import math
-import time
 
 import numpy as np
 import pytest
 
 from onebot_control.poses import yaw_of
 from onebot_control.simulation import RobotSpawn, World
-from onebot_control.simulation.engine import engine
 from tests.onebot_control.simulation_support import (
     DRIVEN,
     robot,
@@ -100,25 +98,3 @@ def test_robots_run_into_each_other():
         world.step(3.0)
         apart = _planar(world.robots[1])[0] - _planar(world.robots[0])[0]
         assert 0.1 < apart < 0.9
-
-
-def test_fast_wheels_cost_no_more_than_slow_ones():
-    """The points that PyBullet remembers along a wheel's way bear nothing, and are not solved.
-
-    Solved, they take four times as long at 1 m/s. The least of many times hardly depends on what
-    else the machine does.
-    """
-    with simulate() as simulation:
-
-        def least(speed: float) -> float:
-            times = []
-            for _ in range(400):
-                began = time.thread_time_ns()
-                simulation.step(wheels(speed, 0.0), 0.01)
-                times.append(time.thread_time_ns() - began)
-            return min(times[200:])
-
-        slow, fast = least(0.1), least(1.0)
-        remembered = engine.getContactPoints(physicsClientId=simulation.client)
-        assert len(remembered) > 6
-        assert fast < 2 * slow
