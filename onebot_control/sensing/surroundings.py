@@ -42,12 +42,7 @@ class LinkPose(NamedTuple):
 
 
 class Surroundings:
-    """What can be seen.
-
-    Attributes:
-        still: what does not move, in the world's frame.
-        kinds: the robots that can be seen, by their descriptions.
-    """
+    """What can be seen: ``still`` in the world's frame, and robots of several ``kinds``."""
 
     def __init__(self, world: Description | None, robots: Sequence[SensedRobot]) -> None:
         self._made: dict[tuple[Geometry, ...], Surface] = {}
