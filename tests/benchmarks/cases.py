@@ -16,7 +16,7 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from onebot_bringup.viewer.displays.joint_plot import POSITION_ENTITY
-from onebot_bringup.viewer.displays.tf import TF_ENTITY
+from onebot_bringup.viewer.displays.tf_display import TF_ENTITY
 from onebot_description.wire.messages import transforms_message
 from tests.benchmarks.chains import Chain
 

@@ -28,7 +28,7 @@ from std_msgs.msg import String
 from onebot_bringup.viewer.columns import TIMELINE
 from onebot_bringup.viewer.display_server import Recording, open_recording
 from onebot_bringup.viewer.displays.display import SELDOM
-from onebot_bringup.viewer.displays.tf import TF
+from onebot_bringup.viewer.displays.tf_display import TF
 from onebot_bringup.viewer.inbox import DESCRIPTION
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_description.wire.cdr import NANO
