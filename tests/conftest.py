@@ -58,6 +58,15 @@ def ros_domain() -> Iterator[int]:
 
 
 @pytest.fixture
+def peer(ros_domain: int) -> Iterator[Any]:
+    """Another node of the test's domain, a ``Peer``."""
+    from tests.ros_support import Peer  # imports rclpy
+
+    with Peer(ros_domain) as peer:
+        yield peer
+
+
+@pytest.fixture
 def start_node(ros_domain: int) -> Iterator[Callable[..., Any]]:
     """Makes a node with these parameters set on its command line."""
     import rclpy  # slow, and most tests do without

@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 import yaml
 from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
 from nav_msgs.msg import Path as PlannedPath
 from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import GetParameters, ListParameters
@@ -226,6 +227,8 @@ def running(node: Documented, parameters: Mapping[str, Any], peer: Peer, folder:
     latched = peer.node.create_publisher(String, "robot_description", LATCHED)
     if node.description:
         latched.publish(String(data=node.description))
+    if "odom_topic" in node.most:
+        peer.node.create_publisher(Odometry, str(node.most["odom_topic"]), 10)
     if (world := "/world_description") in node.documented("Subscribed topics"):
         peer.node.create_publisher(String, world, LATCHED)
     with node.running(parameters, folder):
