@@ -3,6 +3,7 @@
 import os
 import signal
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -40,6 +41,13 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     if config.option.file_or_dir:  # a process would take longer to start than it saves
         return cores
     return min(cores + 1 if config.option.markexpr == "slow" else 2 * cores, _MOST_WORKERS)
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Of the slow tests alone, import the files that have some: each process imports them all."""
+    if config.option.markexpr != "slow" or not collection_path.name.startswith("test_"):
+        return None
+    return b"mark.slow" not in collection_path.read_bytes() or None
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from onebot_bringup.viewer.pictures import NO_RENDERER, TOO_OLD, renderer_problem
+from onebot_bringup.viewer.rendering import NO_RENDERER, TOO_OLD, renderer_problem
 
 
 def require_renderer() -> None:

@@ -11,7 +11,7 @@ import rerun as rr
 
 from onebot_bringup.bags.bag_reader import Bag
 from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
-from onebot_bringup.viewer.displays.tf import TF
+from onebot_bringup.viewer.displays.tf_display import TF
 from onebot_bringup.viewer.inbox import DESCRIPTION
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.shown_robot import MOST_PLOTTED, WORLD_DESCRIPTION, RobotToShow

@@ -23,9 +23,9 @@ from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.cli.snapshot import NAMESPACE, kind_of
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
-from onebot_bringup.viewer.displays.tf import TF
+from onebot_bringup.viewer.displays.tf_display import TF
 from onebot_bringup.viewer.inbox import DESCRIPTION, OTHER_CLOCK_NS
-from onebot_bringup.viewer.pictures import Framing, render
+from onebot_bringup.viewer.rendering import Framing, render
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.rrd import check_rrd, has_content
 from onebot_bringup.viewer.shown_robot import (

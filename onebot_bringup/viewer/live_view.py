@@ -81,7 +81,6 @@ class LiveView:
             raise ConfigError(problems)
 
     def _mirror(self) -> None:
-        """Set the parameters to the settings of the view."""
         stale = [
             ros_parameter(name, value)
             for name, value in values_of(self.source.view).items()

@@ -17,7 +17,7 @@ from onebot_bringup.viewer.blueprint import BlueprintSender, Layout
 from onebot_bringup.viewer.displays import MESSAGE_DRAWINGS, ROBOT_DISPLAYS
 from onebot_bringup.viewer.displays.display import SELDOM, Display
 from onebot_bringup.viewer.displays.drawing import MessageDisplay
-from onebot_bringup.viewer.displays.tf import TfDisplay
+from onebot_bringup.viewer.displays.tf_display import TfDisplay
 from onebot_bringup.viewer.inbox import (
     DESCRIPTION,
     WARN_AFTER,
@@ -101,6 +101,7 @@ class RobotView:
         self._own_blueprint = True
         self._tf = TfDisplay(stage)
         stage.message_displays = [MessageDisplay(stage, draws) for draws in MESSAGE_DRAWINGS]
+        self._shared_displays: Sequence[Display[Any]] = [self._tf, *stage.message_displays]
         for robot in stage.robots:
             robot.displays = [
                 display(stage, robot)
@@ -313,7 +314,7 @@ class RobotView:
         twins = (twin for twin in stage.robots if twin is not robot and twin.urdf == urdf)
         alike = next((twin.description for twin in twins), None)
         warnings = robot.set_description(urdf, alike)
-        for display in (self._tf, *stage.message_displays):
+        for display in self._shared_displays:
             display.set_robot()
         stage.robot_size = min(map(robot_size, self.robots.values()), default=0.0)
         first = self.robot
@@ -337,10 +338,7 @@ class RobotView:
             complete = all(robot.is_complete(stage.wanted_frame) for robot in stage.robots)
         if not complete and stage.clock() - self._changed < _PATIENCE:
             return
-        robot_displays = [
-            item for item in self._active if item in (self._tf, *stage.message_displays)
-        ]
-        parts = [display.layout() for display in robot_displays]
+        parts = [display.layout() for display in self._shared_displays]
         for robot in (*stage.robots, stage.world):
             parts += robot.layout(collision=stage.view.collision)
         layout = Layout.of(stage.view, parts, stage.fixed_frame, complete, stage.robots)

@@ -14,6 +14,7 @@ from typing import Any
 
 import rerun as rr
 
+from onebot_bringup.viewer.displays.display import entity_path
 from onebot_bringup.viewer.shapes import file_state, load_shape
 from onebot_description.description.description import Description, Geometry, Mesh, Rgba
 from onebot_description.errors import OneBotError, condensed, listing
@@ -51,15 +52,11 @@ class Scene:
 
     def visual_of(self, link: str) -> str | None:
         """Return the entity of the first visual of ``link``; None if it has none."""
-        start = _path(*self._root, *VISUAL_ENTITY.split("/"), link) + "/"
+        start = entity_path(*self._root, *VISUAL_ENTITY.split("/"), link) + "/"
         return min((path for path in self._drawn if path.startswith(start)), default=None)
 
     def set_robot(self, robot: Description) -> list[str]:
-        """Show ``robot`` and nothing else; what did not change is left alone.
-
-        Returns:
-            What could not be drawn, a sentence each.
-        """
+        """Show ``robot`` and nothing else; what did not change is left alone."""
         warnings = [f"{text}; not drawn" for link in robot.links for text in link.left_out]
         entities: set[str] = set()
         failures: dict[str, list[str]] = {}  # reason to links
@@ -70,7 +67,7 @@ class Scene:
                 (COLLISION_ENTITY, link.collisions),
             ):
                 for number, geometry in enumerate(geometries):
-                    path = _path(*self._root, *entity.split("/"), link.name, str(number))
+                    path = entity_path(*self._root, *entity.split("/"), link.name, str(number))
                     color = None if entity == VISUAL_ENTITY else COLLISION_COLOR
                     try:
                         self._draw(path, link.name, geometry, color)
@@ -152,10 +149,6 @@ def _not_drawn(failures: Mapping[str, Sequence[str]]) -> list[str]:
         more = len(failures) - _MOST_REASONS
         sentences.append(f"{more} more meshes are marked: see onebot check")
     return sentences
-
-
-def _path(*parts: str) -> str:
-    return rr.new_entity_path(list(parts)).lstrip("/")
 
 
 def _quaternion(geometry: Geometry) -> rr.Quaternion:

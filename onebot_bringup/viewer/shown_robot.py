@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from onebot_bringup.viewer.displays.display import Display, LayoutPart, below
-from onebot_bringup.viewer.displays.tf import axes_entity
+from onebot_bringup.viewer.displays.tf_display import axes_entity
 from onebot_bringup.viewer.frames import FrameResolution
 from onebot_bringup.viewer.scene import COLLISION_ENTITY, Scene
 from onebot_bringup.viewer.settings import Color
@@ -39,7 +39,6 @@ class RobotToShow:
         return self.namespace.strip("/")
 
     def __str__(self) -> str:
-        """Return where it is, for messages."""
         return self.namespace or "/"
 
 

@@ -10,7 +10,7 @@ import rerun as rr
 from onebot_bringup.introspection.interfaces import full_definition
 from onebot_bringup.introspection.transforms import FrameTree
 from onebot_bringup.viewer.columns import ReadyColumn, joinable, joined, one_row, time_column
-from onebot_bringup.viewer.displays.tf import TransformStream
+from onebot_bringup.viewer.displays.tf_display import TransformStream
 from onebot_bringup.viewer.frames import unknown_frame
 from onebot_bringup.viewer.inbox import MessageType, message_type
 from onebot_bringup.viewer.shown_robot import WORLD_DESCRIPTION, RobotToShow, ShownRobot
@@ -106,7 +106,7 @@ class Stage:
         follow = self.view.camera.follow
         links = {link for robot in self.descriptions.values() for link in robot.link_names}
         names = set(links)
-        for robot in self.robots[: 0 if self.alone else None]:  # one of several, by its frame
+        for robot in () if self.alone else self.robots:  # of several, by frames
             names.update(map(robot.frame_of, links))
         if not links or not follow or follow in names:
             return []

@@ -22,15 +22,41 @@ Example (every key may be left out; the settings of a display are below its key)
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field, make_dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import yaml
 
-from onebot_bringup.viewer.displays import DISPLAYS
+from onebot_bringup.viewer.displays.camera_info import CameraInfoSettings
+from onebot_bringup.viewer.displays.curves import CurvesSettings, SpeedsSettings
 from onebot_bringup.viewer.displays.display import Display
 from onebot_bringup.viewer.displays.drawing import Drawing
+from onebot_bringup.viewer.displays.image import ImageSettings
+from onebot_bringup.viewer.displays.joint_limits import JointRangesSettings
+from onebot_bringup.viewer.displays.joint_plot import JointPlotSettings
+from onebot_bringup.viewer.displays.log import LogSettings
+from onebot_bringup.viewer.displays.map import MapSettings
+from onebot_bringup.viewer.displays.marker import MarkerSettings
+from onebot_bringup.viewer.displays.odometry_display import (
+    CovarianceSettings,
+    OdometrySettings,
+    TrailSettings,
+)
+from onebot_bringup.viewer.displays.points import PointCloud2Settings, PointsSettings
+from onebot_bringup.viewer.displays.poses import (
+    PoseArraySettings,
+    PoseSettings,
+    PoseWithCovarianceSettings,
+)
+from onebot_bringup.viewer.displays.shapes_of_messages import (
+    ImuSettings,
+    PathSettings,
+    PointStampedSettings,
+    PolygonSettings,
+    RangeSettings,
+)
+from onebot_bringup.viewer.displays.tf_display import AxesSettings
 from onebot_bringup.viewer.settings import (
     Color,
     FrameSettings,
@@ -48,7 +74,6 @@ from onebot_description.parameters.files import read_map, read_text
 from onebot_description.parameters.reader import as_map, group, read, values_of
 
 _PANEL = one_of("hidden", "collapsed", "expanded")
-T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -79,25 +104,11 @@ class PanelsSettings:
     top: str = setting("expanded", "state of the panel", _PANEL)
 
 
-def _with_displays(kind: type[T]) -> type[T]:
-    """Add a field for the settings of each display."""
-    entries: list[tuple[str, Any, Any]] = [
-        (display.key, Mapping[str, display.Settings], field(default_factory=dict))  # type: ignore[name-defined]
-        if display.named
-        else (display.key, display.Settings, group(display.Settings))
-        for display in DISPLAYS
-    ]
-    config = make_dataclass(kind.__name__, entries, bases=(kind,), frozen=True)
-    config.__doc__, config.__module__ = kind.__doc__, kind.__module__
-    return config
-
-
-@_with_displays
 @dataclass(frozen=True)
 class ViewConfig(FrameSettings):
     """How a robot is looked at: what holds for the whole view, and the settings of each display.
 
-    The settings of a display are the field of its ``key``, such as ``axes``.
+    The settings of a display have its ``key`` as their name.
     """
 
     grid: GridSettings = group(GridSettings)
@@ -108,6 +119,31 @@ class ViewConfig(FrameSettings):
     automatic: bool = setting(True, "show every topic of a type that has a display, up to some")
     hidden: tuple[str, ...] = setting((), "topics that are not shown", topic_list)
     shown: tuple[str, ...] = setting((), "topics that are shown in any case", topic_list)
+    # Displays of the robots.
+    axes: AxesSettings = group(AxesSettings)
+    joint_plot: JointPlotSettings = group(JointPlotSettings)
+    joint_ranges: JointRangesSettings = group(JointRangesSettings)
+    trails: Mapping[str, TrailSettings] = setting({}, "trails, by names of your own")
+    covariance: Mapping[str, CovarianceSettings] = setting({}, "covariances, by names of your own")
+    speeds: SpeedsSettings = group(SpeedsSettings)
+    curves: CurvesSettings = group(CurvesSettings)
+    # Displays of message types.
+    path: PathSettings = group(PathSettings)
+    map: MapSettings = group(MapSettings)
+    odometry: OdometrySettings = group(OdometrySettings)
+    pose: PoseSettings = group(PoseSettings)
+    pose_array: PoseArraySettings = group(PoseArraySettings)
+    pose_with_covariance: PoseWithCovarianceSettings = group(PoseWithCovarianceSettings)
+    point_stamped: PointStampedSettings = group(PointStampedSettings)
+    polygon: PolygonSettings = group(PolygonSettings)
+    laser_scan: PointsSettings = group(PointsSettings)
+    point_cloud2: PointCloud2Settings = group(PointCloud2Settings)
+    image: ImageSettings = group(ImageSettings)
+    camera_info: CameraInfoSettings = group(CameraInfoSettings)
+    imu: ImuSettings = group(ImuSettings)
+    range: RangeSettings = group(RangeSettings)
+    marker: MarkerSettings = group(MarkerSettings)
+    log: LogSettings = group(LogSettings)
 
     def of(self, display: Display[Any] | type[Drawing[Any]]) -> Any:
         """Return the settings of a display."""

@@ -108,6 +108,10 @@ def parameter(default: Any, description: str, **rules: Any) -> Any:
     return dataclasses.field(default=default, metadata=metadata)
 
 
+class Same:
+    """As X of ``Mapping[str, X]``: the class that has this map, without the map itself."""
+
+
 def group(kind: type[T], name: str = "") -> T:
     """Return a dataclass field for a group of parameters, the dataclass ``kind`` by default.
 
@@ -148,12 +152,17 @@ _Shape = ValueType | _Group | _Map
 @functools.cache
 def _group(kind: Any) -> _Group:
     hints = typing.get_type_hints(kind)
-    fields = []
+    fields, maps = [], []
     for item in dataclasses.fields(kind):
         rule = item.metadata.get(_RULE, Rule())
         default = item.default if item.default_factory is MISSING else item.default_factory()
+        if hints[item.name] == Mapping[str, Same]:
+            maps.append((item.name, default))
+            continue
         shape = _shape(hints[item.name], rule)
         fields.append(_Field(item.name, rule.name or item.name, shape, default))
+    same = _Map(_Group(kind, tuple(fields)), "")
+    fields += [_Field(name, name, same, default) for name, default in maps]
     return _Group(kind, tuple(fields))
 
 

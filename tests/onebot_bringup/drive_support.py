@@ -47,6 +47,16 @@ def column(path: Path, entity: str, name: str) -> list:
     ]
 
 
+def stamps(path: Path, entity: str) -> list[int]:
+    """When the rows of ``entity`` were logged, nanoseconds, in the order they were."""
+    return [
+        stamp
+        for chunk in chunks(path, entity)
+        if not chunk.is_static
+        for stamp in chunk.to_record_batch().column("ros_time").cast("int64").to_pylist()
+    ]
+
+
 def frames(path: Path, entity: str) -> list[str]:
     """The frames that an entity is in, one after the other."""
     rows = [frame for [frame] in column(path, entity, "CoordinateFrame:frame")]

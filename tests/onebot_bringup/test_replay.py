@@ -17,7 +17,7 @@ from onebot_bringup.bags.writer import BagWriter
 from onebot_bringup.cli.main import main
 from onebot_bringup.cli.snapshot import kind_of
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.pictures import headless_viewer
+from onebot_bringup.viewer.rendering import headless_viewer
 from onebot_description.errors import OneBotError
 from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_bringup.bag_support import topic, write_words

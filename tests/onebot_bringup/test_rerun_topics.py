@@ -1,17 +1,24 @@
 """The viewer of a robot that drives, fed over real DDS."""
 
 import math
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
 from geometry_msgs.msg import Transform, TransformStamped, Twist, TwistStamped, Vector3
 from nav_msgs.msg import Odometry
+from nav_msgs.msg import Path as PathMessage
 from std_msgs.msg import String
 
+from onebot_bringup.viewer.display_server import open_recording
+from onebot_bringup.viewer.robot_view import RobotView
+from onebot_bringup.viewer.topics import ViewFeed
+from onebot_bringup.viewer.view_config import parse_view
+from onebot_description.errors import OneBotError
 from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_bringup.drive_support import curve, strips, while_written
-from tests.onebot_bringup.viewer_support import ARM
-from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
+from tests.onebot_bringup.viewer_support import ARM, viewer_node
+from tests.ros_support import LATCHED, Peer
 from tests.support import wait_for
 
 VIEW = """
@@ -28,13 +35,6 @@ speeds:
     commanded: {topic: wheels/cmd_vel, color: [255, 255, 255]}
     measured: {topic: wheels/odom, type: Odometry, color: [255, 255, 255]}
 """
-
-
-def _viewer(tmp_path: Path, **parameters: object) -> NodeProcess:
-    (tmp_path / "view.yaml").write_text(VIEW)
-    args = {"grpc_port": 0, "web_port": 0, "open_browser": "false"}
-    args |= {"save": tmp_path / "x.rrd", "view": tmp_path / "view.yaml"}
-    return NodeProcess("onebot_bringup.viewer.rerun_viewer", *ros_args(**{**args, **parameters}))
 
 
 class Driver:
@@ -73,7 +73,7 @@ class Driver:
 
 def test_the_file_has_trails_and_speeds(ros_domain, tmp_path):
     """The way that was driven, and each speed, found by the topics that the view names."""
-    with _viewer(tmp_path, viewer="none") as node, Peer(ros_domain) as peer:
+    with viewer_node(tmp_path, VIEW) as node, Peer(ros_domain) as peer:
         driver = Driver(peer)
         commands = peer.node.create_publisher(Twist, "wheels/cmd_vel", 10)
         wait_for(lambda: commands.get_subscription_count(), "the viewer to find the type")
@@ -104,7 +104,7 @@ def test_the_file_has_trails_and_speeds(ros_domain, tmp_path):
 def test_the_type_of_a_command_is_found_out_and_followed(ros_domain, tmp_path):
     """Twist first, TwistStamped later, on one topic: both are plotted."""
     file = tmp_path / "x.rrd"
-    with _viewer(tmp_path, viewer="none") as node:
+    with viewer_node(tmp_path, VIEW) as node:
         for kind, speed in ((Twist, 0.25), (TwistStamped, 0.75)):
             with Peer(ros_domain) as peer:
                 commands = peer.publisher(kind, "wheels/cmd_vel")
@@ -122,10 +122,8 @@ def _recorded(commands, message, file: Path, speed: float) -> bool:
 
 def test_topics_are_in_the_node_s_namespace(ros_domain, tmp_path):
     """With __ns the same view shows another robot's topics."""
-    (tmp_path / "view.yaml").write_text(VIEW)
-    args = ros_args(viewer="none", save=tmp_path / "x.rrd", view=tmp_path / "view.yaml")
-    args += ["-r", "__ns:=/r1"]
-    with NodeProcess("onebot_bringup.viewer.rerun_viewer", *args) as node, Peer(ros_domain) as peer:
+    namespace = "-r", "__ns:=/r1"
+    with viewer_node(tmp_path, VIEW, *namespace) as node, Peer(ros_domain) as peer:
         driver = Driver(peer, "/r1/")
         wait_for(driver.step, "the drive")
         file = tmp_path / "x.rrd"
@@ -135,12 +133,29 @@ def test_topics_are_in_the_node_s_namespace(ros_domain, tmp_path):
 
 def test_a_topic_of_another_type_is_a_clear_error(ros_domain, tmp_path):
     """A trail of joint_states is refused at the start, in one line."""
-    (tmp_path / "view.yaml").write_text("trails: {a: {topic: joint_states}}")
-    args = ros_args(viewer="none", save=tmp_path / "x.rrd", view=tmp_path / "view.yaml")
-    with NodeProcess("onebot_bringup.viewer.rerun_viewer", *args, check=False) as node:
+    with viewer_node(tmp_path, "trails: {a: {topic: joint_states}}", check=False) as node:
         assert node.wait() == 1
         refused = (
             'error: the view\'s topic "/joint_states" cannot be subscribed as nav_msgs/msg/Odom'
         )
         assert "error: the view's topic" in node.output and refused in node.output
         assert "Traceback" not in node.output
+
+
+def test_a_type_that_is_not_installed_is_said_once(ros_domain, monkeypatch, tmp_path):
+    """Of a topic that nobody has asked for; another is named each time."""
+
+    def message_class(name):
+        raise OneBotError(f"no message type {name}")
+
+    monkeypatch.setattr("onebot_bringup.viewer.topics.message_class", message_class)
+    recording = open_recording(save=tmp_path / "x.rrd")
+    view = RobotView(recording.stream, parse_view("trails: {a: {topic: /way}}"))
+    with Peer(ros_domain) as peer:
+        peer.node.create_publisher(PathMessage, "/plan", 10)
+        peer.node.create_publisher(Odometry, "/way", 10)
+        feed = ViewFeed(peer.node, view)
+        problems = Counter(problem for _ in range(3) for problem in feed.update())
+    assert problems["no message type nav_msgs/msg/Path"] == 1
+    assert problems["no message type nav_msgs/msg/Odometry"] == 3
+    recording.close()

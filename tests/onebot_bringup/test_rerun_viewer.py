@@ -18,30 +18,16 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
-from onebot_bringup.viewer.pictures import headless_viewer, still
+from onebot_bringup.viewer.rendering import headless_viewer, still
 from onebot_bringup.viewer.rrd import has_content
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_description.parameters.reader import ConfigError, read
 from onebot_description.wire.tf_message import TFMessage
-from tests.onebot_bringup.drive_support import chunks, while_written
-from tests.onebot_bringup.viewer_support import ARM, BLUE, ORANGE, VIEW
-from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
+from tests.onebot_bringup.drive_support import chunks, stamps, while_written
+from tests.onebot_bringup.viewer_support import ARM, BLUE, ORANGE, viewer_node
+from tests.ros_support import LATCHED, NodeProcess, Peer
 from tests.support import lines_of_ours, used_domain, wait_for
 from tests.support_rendering import center, colored, pixels, require_renderer
-
-MODULE = "onebot_bringup.viewer.rerun_viewer"
-
-
-def _viewer(tmp_path: Path, check: bool = True, **parameters: object) -> NodeProcess:
-    """The node with any free ports, and the view of the tests."""
-    (tmp_path / "view.yaml").write_text(VIEW)
-    defaults = {
-        "grpc_port": 0,
-        "web_port": 0,
-        "open_browser": "false",
-        "view": tmp_path / "view.yaml",
-    }
-    return NodeProcess(MODULE, *ros_args(**{**defaults, **parameters}), check=check)
 
 
 def _edge(parent: str, child: str, y: float, seconds: int) -> TFMessage:
@@ -94,7 +80,7 @@ def test_late_viewers_and_the_file_show_the_robot(ros_domain, tmp_path):
     """A viewer joining later, and the file opened after the end, show link by link what moved."""
     require_renderer()
     file = tmp_path / "run.rrd"
-    with _viewer(tmp_path, save=file) as node, Peer(ros_domain) as peer:
+    with viewer_node(tmp_path, viewer="web", save=file) as node, Peer(ros_domain) as peer:
         robot = Robot(peer)
         wait_for(lambda: 'showing "arm" (2 links)' in node.output, "the robot")
         robot.move(0.2)
@@ -136,7 +122,7 @@ def shown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shown]:
     """One viewer for the tests that leave it as it was: showing the arm."""
     folder = tmp_path_factory.mktemp("shown")
     file = folder / "x.rrd"
-    with used_domain() as domain, _viewer(folder, viewer="none", save=file) as node:
+    with used_domain() as domain, viewer_node(folder) as node:
         wait_for(lambda: "waiting for the robot's description" in node.output, "the hint")
         with Peer(domain) as peer:
             robot = Robot(peer)
@@ -155,7 +141,7 @@ def test_robots_of_several_namespaces_are_shown(ros_domain, tmp_path):
     """Those that the parameter names, each under its namespace; one that is not there is named."""
     file = tmp_path / "x.rrd"
     robots = "[left, /right, later]"
-    with _viewer(tmp_path, viewer="none", save=file, robots=robots) as node, Peer(ros_domain) as it:
+    with viewer_node(tmp_path, robots=robots) as node, Peer(ros_domain) as it:
         alike, other = Robot(it, space="left/"), Robot(it, ARM.replace("arm", "leg"), "right/")
         wait_for(lambda: 'showing "arm" (2 links) in /left' in node.output, "one robot")
         wait_for(lambda: 'showing "leg" (2 links) in /right' in node.output, "the other")
@@ -170,7 +156,7 @@ def test_robots_of_several_namespaces_are_shown(ros_domain, tmp_path):
 @pytest.mark.parametrize("end", [signal.SIGTERM, signal.SIGKILL])
 def test_no_process_outlives_the_node(ros_domain, tmp_path, end):
     """Whatever ends it, its page's server ends, too."""
-    with _viewer(tmp_path, check=False) as node:
+    with viewer_node(tmp_path, viewer="web", check=False) as node:
         _page(node)
         children = psutil.Process(node.process.pid).children(recursive=True)
         assert children
@@ -181,9 +167,9 @@ def test_no_process_outlives_the_node(ros_domain, tmp_path, end):
 
 def test_a_port_in_use_is_said_and_replaced(ros_domain, tmp_path):
     """Two viewers can run at once."""
-    with _viewer(tmp_path) as first:
+    with viewer_node(tmp_path, viewer="web") as first:
         port = int(_page(first).rpartition(":")[2])
-        with _viewer(tmp_path, web_port=port) as second:
+        with viewer_node(tmp_path, viewer="web", web_port=port) as second:
             assert int(_page(second).rpartition(":")[2]) != port
             assert f"web_port {port} is in use; using" in second.output
 
@@ -198,7 +184,7 @@ def test_a_port_in_use_is_said_and_replaced(ros_domain, tmp_path):
 )
 def test_a_wrong_parameter_is_one_clear_error(ros_domain, tmp_path, parameters, said):
     """One line on stderr, exit code 1, no traceback."""
-    with _viewer(tmp_path, check=False, **parameters) as node:
+    with viewer_node(tmp_path, check=False, **parameters) as node:
         assert node.wait() == 1
         assert said in node.output and "Traceback" not in node.output
 
@@ -206,7 +192,7 @@ def test_a_wrong_parameter_is_one_clear_error(ros_domain, tmp_path, parameters, 
 def test_a_full_disk_is_one_clear_error(ros_domain, tmp_path):
     """Without a traceback, Rerun's or Python's."""
     file = tmp_path / "x.rrd"
-    with _viewer(tmp_path, False, viewer="none", save=file) as node, Peer(ros_domain) as peer:
+    with viewer_node(tmp_path, check=False) as node, Peer(ros_domain) as peer:
         robot = Robot(peer)
         wait_for(lambda: 'showing "arm"' in node.output, "the robot")
         size = file.stat().st_size
@@ -244,7 +230,7 @@ def test_waiting_is_said(shown):
 
 def test_nothing_to_show_is_said(ros_domain, tmp_path):
     """With viewer:=none and no file the node lives on, so that a launch file need not differ."""
-    with _viewer(tmp_path, viewer="none") as node:
+    with viewer_node(tmp_path, save='""') as node:
         wait_for(lambda: "nothing will be shown" in node.output, "the warning")
 
 
@@ -262,12 +248,6 @@ def test_bytes_that_are_no_message_are_warned_of_by_topic(shown):
 
     wait_for(warned, "the warnings")
     last = robot.seconds * 10**9
-    wait_for(lambda: last in while_written(_times, shown.file), "the good messages in the file")
-
-
-def _times(file: Path) -> list[int]:
-    return [
-        stamp
-        for chunk in chunks(file, "/tf")
-        for stamp in chunk.to_record_batch().column("ros_time").cast("int64").to_pylist()
-    ]
+    wait_for(
+        lambda: last in while_written(stamps, shown.file, "/tf"), "the good messages in the file"
+    )

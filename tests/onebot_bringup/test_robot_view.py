@@ -11,13 +11,13 @@ from sensor_msgs.msg import JointState, LaserScan
 from std_msgs.msg import Header, String
 
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.displays import DISPLAYS
+from onebot_bringup.viewer.displays import MESSAGE_DRAWINGS, ROBOT_DISPLAYS
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import ViewConfig, parse_view
 from onebot_description.errors import OneBotError
 from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_bringup import viewer_support as support
-from tests.onebot_bringup.drive_support import chunks, column
+from tests.onebot_bringup.drive_support import column, stamps
 from tests.onebot_bringup.viewer_support import START_NS
 
 SECOND = 10**9
@@ -60,15 +60,6 @@ def _text(text: str) -> bytes:
     return bytes(serialize_message(String(data=text)))
 
 
-def _times(file: Path, entity: str) -> list[int]:
-    return [
-        stamp
-        for chunk in chunks(file, entity)
-        if not chunk.is_static
-        for stamp in chunk.to_record_batch().column("ros_time").cast("int64").to_pylist()
-    ]
-
-
 def test_messages_of_several_publishers_are_logged_in_the_order_they_came(tmp_path):
     """With their own names, times and numbers; the latest of each frame is kept."""
     shown = Shown(tmp_path)
@@ -84,7 +75,7 @@ def test_messages_of_several_publishers_are_logged_in_the_order_they_came(tmp_pa
     assert column(shown.file, "/tf", "Transform3D:child_frame") == [[name] for name, _, _ in sent]
     places = np.array(column(shown.file, "/tf", "Transform3D:translation"))
     np.testing.assert_array_equal(places[:, 0, 1], [y for _, y, _ in sent])
-    assert _times(shown.file, "/tf") == [sec * SECOND for _, _, sec in sent]
+    assert stamps(shown.file, "/tf") == [sec * SECOND for _, _, sec in sent]
     assert [edges[child].translation[1] for child, _, _ in sent[-3:]] == [
         y for _, y, _ in sent[-3:]
     ]
@@ -107,7 +98,7 @@ def test_bad_messages_are_reported_with_their_topic_and_cost_no_good_one(tmp_pat
     assert topics == ["robot_description"] * 2 + ["/tf"] * 3 + ["joint_states"] * 2 + ["odom"]
     assert "malformed XML" in str(shown.bad[1][1])
     assert all("truncated" in str(said) or "CDR" in str(said) for _, said in shown.bad[2:])
-    assert _times(shown.file, "/tf") == [1000 * SECOND, 1001 * SECOND]
+    assert stamps(shown.file, "/tf") == [1000 * SECOND, 1001 * SECOND]
     assert column(shown.file, "/joints/position/0", "Scalars:scalars") == [[1.0], [2.0]]
 
 
@@ -117,7 +108,7 @@ def test_joint_states_without_a_time_are_shown_when_they_came(tmp_path):
     for step in range(3):
         shown.take_joints(_joints(float(step), 0), NOW + step)
     shown.end()
-    assert _times(shown.file, "/joints/position/0") == [NOW, NOW + 1, NOW + 2]
+    assert stamps(shown.file, "/joints/position/0") == [NOW, NOW + 1, NOW + 2]
 
 
 def test_what_has_no_time_is_shown_in_the_simulated_time_of_the_others(tmp_path):
@@ -126,7 +117,7 @@ def test_what_has_no_time_is_shown_in_the_simulated_time_of_the_others(tmp_path)
     shown.take_joints(_joints(1.0, 5), NOW)
     shown.take_joints(_joints(2.0, 0), NOW + 7)
     shown.end()
-    assert _times(shown.file, "/joints/position/0") == [5 * SECOND, 5 * SECOND + 7]
+    assert stamps(shown.file, "/joints/position/0") == [5 * SECOND, 5 * SECOND + 7]
 
 
 def test_one_sensor_with_another_clock_moves_nothing_else(tmp_path):
@@ -141,7 +132,7 @@ def test_one_sensor_with_another_clock_moves_nothing_else(tmp_path):
         shown.take_joints(_joints(1.0, 0), now)
         said += shown.view.tick(now)
     shown.end()
-    assert _times(shown.file, "/joints/position/0") == [NOW + n * SECOND for n in range(6)]
+    assert stamps(shown.file, "/joints/position/0") == [NOW + n * SECOND for n in range(6)]
     [text] = [text for text in said if "clock" in text]
     assert text.startswith("the stamps of /scan are -17000") and "those of /tf 0 s" in text
 
@@ -163,8 +154,8 @@ def test_a_stamp_in_the_future_is_shown_when_it_came(tmp_path):
         shown.take_tf(data)
     assert [text for text in shown.view.tick(NOW) if "ahead of their receive time" in text]
     shown.end()
-    assert sorted(_times(shown.file, "/joints/position/0")) == [NOW, NOW + 1, NOW + 9 * SECOND]
-    assert _times(shown.file, "/tf") == [NOW] * 3
+    assert sorted(stamps(shown.file, "/joints/position/0")) == [NOW, NOW + 1, NOW + 9 * SECOND]
+    assert stamps(shown.file, "/tf") == [NOW] * 3
 
 
 @pytest.mark.parametrize(
@@ -209,7 +200,7 @@ def test_a_topic_wanted_as_two_types_is_refused(tmp_path, text):
 
 def test_every_display_has_settings_and_takes_what_it_subscribes(tmp_path):
     """Each under a key of its own; a message of each topic and type reaches it."""
-    keys = [display.key for display in DISPLAYS]
+    keys = [display.key for display in (*ROBOT_DISPLAYS, *MESSAGE_DRAWINGS)]
     assert len({*keys}) == len(keys)
     shown = Shown(tmp_path)
     for name, topic in shown.view.topics.items():

@@ -17,7 +17,7 @@ from onebot_bringup.cli.session import Session
 from onebot_bringup.cli.snapshot import check_picture, parse_camera, parse_command_line, run
 from onebot_bringup.launch.arguments import UsageError
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.pictures import Framing, framed, robot_view_id
+from onebot_bringup.viewer.rendering import Framing, framed, robot_view_id
 from onebot_bringup.viewer.rrd import has_content
 from onebot_description.description import load_description, parse_description
 from onebot_description.errors import OneBotError
@@ -52,17 +52,10 @@ def pose(**given: float) -> dict[str, float]:
 
 
 def test_joints_rest_at_zero_or_in_the_middle_of_their_range():
-    """As joint_state_publisher has it."""
+    """As joint_state_publisher has it; one that follows another needs no position of its own."""
     assert pose() == {"left_slide": 0.0, "right_slide": 0.0, "lid_hinge": 1.0}
-
-
-def test_mimic_joints_follow():
-    """A joint that follows another needs no position of its own."""
-    assert pose(left_slide=0.03, lid_hinge=0.5) == {
-        "left_slide": 0.03,
-        "right_slide": 0.03,
-        "lid_hinge": 0.5,
-    }
+    given = {"left_slide": 0.03, "lid_hinge": 0.5}
+    assert pose(**given) == {**given, "right_slide": 0.03}
 
 
 @pytest.mark.parametrize(
@@ -170,15 +163,25 @@ def test_the_robot_alone_fills_the_picture():
     assert LAYOUT["/time_panel"]["TimePanelBlueprint"]["state"] == "Collapsed"
 
 
-def test_a_camera_of_ones_own_follows_nothing():
-    """It stays where it is put."""
-    made = framed(LAYOUT, "v1", Framing(eye=(0.0, 0.0, 2.0), target=(0.0, 0.0, 0.0)))
-    assert made["/view/v1/EyeControls3D"]["EyeControls3D"] == {
-        "kind": "Orbital",
-        "position": [0.0, 0.0, 2.0],
-        "look_target": [0.0, 0.0, 0.0],
-    }
-    assert made["/viewport"] == LAYOUT["/viewport"]
+@pytest.mark.parametrize(
+    ("before", "framing", "after"),
+    [
+        (
+            {"position": [1.0, 0.0, 0.0], "tracking_entity": "robot"},
+            Framing(eye=(0.0, 0.0, 2.0), target=(0.0, 0.0, 0.0)),
+            {"kind": "Orbital", "position": [0.0, 0.0, 2.0], "look_target": [0.0, 0.0, 0.0]},
+        ),
+        (
+            {"kind": "FirstPerson", "position": [9]},
+            Framing(target=(1.0, 2.0, 3.0)),
+            {"kind": "FirstPerson", "position": [9], "look_target": [1.0, 2.0, 3.0]},
+        ),
+    ],
+)
+def test_a_camera_of_ones_own_follows_nothing(before, framing, after):
+    """It stays where it is put; of a target alone, the eye and how it moves stay."""
+    made = framed({"/view/v1/EyeControls3D": {"EyeControls3D": before}}, "v1", framing)
+    assert made["/view/v1/EyeControls3D"] == {"EyeControls3D": after}
 
 
 @pytest.mark.parametrize(
@@ -196,17 +199,6 @@ def test_what_a_framing_takes(framing, as_it_is, of_robot):
     assert (framing.as_it_is, framing.of_robot) == (as_it_is, of_robot)
     made = framed(LAYOUT, "v1" if of_robot else "", framing)
     assert (made == LAYOUT) == as_it_is
-
-
-def test_a_target_alone_leaves_the_eye_as_it_was():
-    """And the way the camera moves, if the layout says one."""
-    camera = {"kind": "FirstPerson", "position": [9]}
-    layout = {"/view/v1/EyeControls3D": {"EyeControls3D": camera}}
-    made = framed(layout, "v1", Framing(target=(1.0, 2.0, 3.0)))
-    assert made["/view/v1/EyeControls3D"]["EyeControls3D"] == {
-        **camera,
-        "look_target": [1.0, 2.0, 3.0],
-    }
 
 
 def test_the_view_of_the_robot_is_found():

@@ -14,9 +14,9 @@ import pytest
 from PIL import Image
 
 from onebot_bringup.cli.scenes import record_pose
-from onebot_bringup.viewer import pictures
+from onebot_bringup.viewer import rendering
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.pictures import headless_viewer, still
+from onebot_bringup.viewer.rendering import headless_viewer, still
 from onebot_bringup.viewer.view_config import load_view
 from onebot_description.description import load_description
 from onebot_description.errors import OneBotError
@@ -118,7 +118,7 @@ def test_a_busy_viewer_is_waited_for(arm, tmp_path, monkeypatch):
         assert client.take_screenshot()
         resumed.join()
         assert re.fullmatch(r"waiting for the picture: the viewer is busy \(\d+ s\)", said[-1])
-        monkeypatch.setattr(pictures, "PATIENCE", 3.0)
+        monkeypatch.setattr(rendering, "PATIENCE", 3.0)
         viewer.suspend()
         with pytest.raises(OneBotError, match="the viewer has not answered for 3 s"):
             still(client, said.append)

@@ -15,7 +15,7 @@ from std_msgs.msg import String
 from onebot_description.description.packages import use_environment_prefix
 from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_bringup.test_snapshot_pictures import drawn, snapshot
-from tests.onebot_bringup.viewer_support import ARM, BLUE, ORANGE, VIEW
+from tests.onebot_bringup.viewer_support import ARM, BLUE, ORANGE, VIEW, viewer_node
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.support import wait_for
 from tests.support_rendering import colored, pixels, require_renderer
@@ -106,11 +106,9 @@ def test_the_picture_is_the_running_viewers(arm, ros_domain, monkeypatch):
     trail = (
         "trails: {way: {topic: odom, color: [0, 220, 60], width: 0.1, height: 0.6, length: 0}}\n"
     )
-    (arm / "view.yaml").write_text(VIEW + trail)
-    parameters = ros_args(view=view, open_browser=False, grpc_port=0, web_port=0)
     with (
         NodeProcess(PUBLISHER, str(arm / "arm.urdf"), *ros_args(ignore_timestamp=True)),
-        NodeProcess("onebot_bringup.viewer.rerun_viewer", *parameters) as viewer,
+        viewer_node(arm, VIEW + trail, viewer="web") as viewer,
         Peer(ros_domain) as peer,
         joint(peer, 0.75),
     ):

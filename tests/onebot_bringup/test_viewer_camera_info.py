@@ -6,7 +6,7 @@ from sensor_msgs.msg import CameraInfo, Image
 
 from onebot_bringup.viewer.displays.display import REPEAT_AFTER
 from onebot_description.wire.messages import time_message
-from tests.onebot_bringup.drive_support import chunks, column
+from tests.onebot_bringup.drive_support import column
 from tests.onebot_bringup.test_viewer_image import image
 from tests.onebot_bringup.viewer_support import (
     START_NS,
@@ -87,23 +87,6 @@ def test_the_same_camera_is_logged_again_from_time_to_time(tmp_path, monkeypatch
         shown.send(TOPIC, camera(), at=START_NS + number)
         shown.tick(START_NS + number * 10**9)
     assert len(matrices(shown.end())) == 2
-
-
-@pytest.mark.parametrize(
-    ("fields", "said"),
-    [
-        ({"k": [0.0] * 9}, "it is not calibrated"),
-        ({"k": [np.nan] * 9}, "it is not calibrated"),
-        ({"k": [1e300, 0, 1, 0, 1e300, 1, 0, 0, 1]}, "it is not calibrated"),
-        ({"width": 0}, "its picture has no pixels"),
-        ({"binning_x": 41}, "its picture has no pixels"),
-    ],
-)
-def test_bad_cameras_are_reported(fields, said, tmp_path):
-    """And the picture is not in the robots' view, where it would be an error."""
-    file, [warning] = show(tmp_path, "", (TOPIC, camera(**fields)), (TOPIC, camera(**fields)))
-    assert warning.startswith(f'camera info "{TOPIC}": ') and said in warning
-    assert not [c for c in chunks(file, ENTITY) if not c.is_static]
 
 
 def _picture() -> Image:

@@ -1,27 +1,29 @@
-"""Numbers of any messages as curves: values and times, and what is said of fields there are not."""
+"""Curves: fields of any message, speeds, and joint states."""
 
 import math
 
 import numpy as np
 import pytest
 from geometry_msgs.msg import Vector3
-from rclpy.serialization import serialize_message
 from sensor_msgs.msg import BatteryState, Imu, JointState
-from std_msgs.msg import Bool, Float32, String
+from std_msgs.msg import Bool, Float32
 
-from onebot_bringup.viewer.displays.curves import CurvesDisplay, FieldPath
+from onebot_bringup.viewer.displays.curves import GAP, CurvesDisplay, FieldPath
 from onebot_bringup.viewer.displays.display import Plot
 from onebot_bringup.viewer.shown_robot import RobotToShow
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.errors import OneBotError
 from onebot_description.parameters.reader import ConfigError
 from onebot_description.wire.messages import time_message
-from tests.onebot_bringup.drive_support import chunks, column, curve
+from tests.onebot_bringup.drive_support import chunks, column, curve, odometry, stamps
 from tests.onebot_bringup.viewer_support import (
     START_NS,
     Shown,
     show,
     take,
+    take_command,
+    take_joints,
+    take_odometry,
 )
 
 SECOND = 10**9
@@ -61,8 +63,8 @@ def test_a_number_is_a_curve(tmp_path, field, message, value):
     assert said == []
     assert curve(file, "/curves/a") == [value]
     assert column(file, "/curves/a", "SeriesLines:names") == [["a"]]
-    [time] = [each for each in column(file, "/curves/a", "ros_time") if each]
-    assert abs(np.datetime64(time, "ns").astype(np.int64) - START_NS) < 10_000
+    [stamp] = stamps(file, "/curves/a")
+    assert abs(stamp - START_NS) < 10_000
 
 
 def test_many_messages_are_one_call(tmp_path):
@@ -86,9 +88,9 @@ def test_many_messages_are_one_call(tmp_path):
         ("linear_acceleration", "but a message of x, y, z"),
         ("linear_acceleration_covariance", "write linear_acceleration_covariance[0]"),
         ("linear_acceleration_covariance[9]", "there are 9 elements"),
-        ("linear_acceleration[0]", "[0] is of what is no array"),
-        ("linear_acceleration.x[0]", "[0] is of what is no array"),
-        ("linear_acceleration.x.y", 'there is no "y" in what is no message'),
+        ("linear_acceleration[0]", "[0] needs an array"),
+        ("linear_acceleration.x[0]", "[0] needs an array"),
+        ("linear_acceleration.x.y", '"y" needs a message'),
         ("header.frame_id", "is text"),
     ],
 )
@@ -131,7 +133,7 @@ def test_a_topic_is_subscribed_as_it_is_published(tmp_path):
 
 
 def test_a_type_without_a_definition_is_said(tmp_path):
-    """And bad bytes are reported."""
+    """And the curve is not drawn."""
 
     def definitions(name):
         raise OneBotError(f"no definition of {name}")
@@ -140,14 +142,6 @@ def test_a_type_without_a_definition_is_said(tmp_path):
     shown.view.offer({"/t": "a/msg/B"})
     assert shown.view.tick(START_NS) == ["/t cannot be plotted: no definition of a/msg/B"]
     shown.end()
-    view = "curves: {lines: {a: {topic: /t, field: data}}}"
-    shown = Shown(tmp_path, view)
-    shown.view.offer({"/t": "std_msgs/msg/Float32"})
-    shown.view.take("/t", "std_msgs/msg/Float32", bytes(serialize_message(String())), START_NS)
-    shown.view.take("/t", "std_msgs/msg/Float32", b"", START_NS)
-    shown.view.tick(START_NS)
-    shown.end()
-    assert "/t" in {topic for topic, _ in shown.bad}
 
 
 def test_curves_are_in_plots_by_name(tmp_path):
@@ -163,3 +157,112 @@ def test_curves_are_in_plots_by_name(tmp_path):
         Plot("curves", "Battery", 5.0, ("curves/b",)),
     )
     shown.end()
+
+
+# --- speeds ---------------------------------------------------------------------------------------
+
+
+def _speeds(tmp_path, rows, held=False):
+    shown = Shown(tmp_path, "speeds: {lines: {measured: {topic: v, color: [1, 2, 3]}}}")
+    for seconds, linear, angular in rows:
+        stamp = START_NS + round(seconds * SECOND)
+        if held:
+            take_command(shown.view, "v", stamp, float(linear), float(angular))
+        else:
+            take_odometry(shown.view, "v", stamp, odometry(0, speed=linear, turn=angular))
+    file = shown.end()
+    return [curve(file, f"/speeds/{axis}/measured") for axis in ("linear", "angular")]
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_speeds_are_two_curves_with_names(tmp_path, held):
+    """A command holds until the next one, and lies beneath as a wide band, without an average."""
+    linear, angular = _speeds(tmp_path, [(0.02 * i, 0.1 * i, -0.2 * i) for i in range(9)], held)
+    np.testing.assert_allclose(linear, 0.1 * np.arange(9))
+    np.testing.assert_allclose(angular, -0.2 * np.arange(9))
+    # Rerun's numbers of StepAfter and Linear, Off and Average.
+    look = {"names": ["measured"], "colors": [0x010203FF], "widths": [6.0 if held else 2.0]}
+    look |= {"interpolation_mode": [2 if held else 1], "aggregation_policy": [1 if held else 2]}
+    for axis in ("linear", "angular"):
+        entity = f"/speeds/{axis}/measured"
+        for name, value in look.items():
+            assert column(tmp_path / "x.rrd", entity, f"SeriesLines:{name}") == [value]
+        np.testing.assert_array_equal(np.diff(stamps(tmp_path / "x.rrd", entity)), 20_000_000)
+
+
+def test_a_steady_speed_is_flat(tmp_path):
+    """A plot zooms in on whatever there is: a micrometre a second of noise would fill it."""
+    noise = 1.5e-6 * np.random.default_rng(3).standard_normal(200)
+    linear, angular = _speeds(
+        tmp_path, [(0.02 * i, 0.2 + error, error) for i, error in enumerate(noise)]
+    )
+    np.testing.assert_array_equal(linear, 0.2)
+    np.testing.assert_array_equal(angular, 0.0)
+
+
+def test_a_gap_is_longer_than_a_second_and_a_half(tmp_path):
+    """That long itself is still bridged; the gap begins just after the last message."""
+    rows = [(0, 1, -1), (GAP, 2, -2), (2 * GAP + 1e-9, 3, -3)]
+    linear, angular = _speeds(tmp_path, rows)
+    np.testing.assert_array_equal(linear, [1, 2, np.nan, 3])
+    np.testing.assert_array_equal(angular, [-1, -2, np.nan, -3])
+    times = stamps(tmp_path / "x.rrd", "/speeds/linear/measured")
+    last = round(GAP * SECOND)
+    assert [time - START_NS for time in times] == [0, last, last + 1, 2 * last + 1]
+
+
+def test_a_clock_set_back_is_no_gap(tmp_path):
+    """The curve goes on at the earlier time, where a file has it, and gaps count from there."""
+    linear, _ = _speeds(tmp_path, [(9, 1, 0), (0, 2, 0), (1, 3, 0), (8, 4, 0)])
+    np.testing.assert_array_equal(linear, [2, 3, np.nan, 4, 1])
+
+
+def test_the_last_digits_are_left_out(tmp_path):
+    """A tenth of a millimetre a second is kept."""
+    linear, angular = _speeds(tmp_path, [(0, 0.12344, -0.12346)])
+    assert (linear, angular) == ([0.1234], [-0.1235])
+
+
+# --- joint states ---------------------------------------------------------------------------------
+
+
+def _plotted(tmp_path, *states):
+    """The file with joint states, (names, positions, velocities) each, and what was said."""
+    shown = Shown(tmp_path)
+    for step, state in enumerate(states):
+        take_joints(shown.view, START_NS + step, *state)
+    said = shown.tick(START_NS + len(states) * 10**9)
+    return shown.end(), said
+
+
+def test_joint_states_are_curves_with_the_joints_names(tmp_path):
+    """Positions and velocities of one flush are one chunk each, under a legend of names."""
+    states = [(("left", "right"), (step, -step), (step / 2, -step / 2)) for step in range(10)]
+    file, _ = _plotted(tmp_path, *states)
+    for entity, factor in (("/joints/position/0", 1.0), ("/joints/velocity/0", 0.5)):
+        _, rows_of_numbers = chunks(file, entity)
+        assert rows_of_numbers.num_rows == len(states)
+        assert column(file, entity, "SeriesLines:names") == [["left", "right"]]
+        rows = column(file, entity, "Scalars:scalars")
+        np.testing.assert_allclose(rows, [[factor * i, -factor * i] for i in range(10)])
+
+
+def test_joint_sets_of_several_publishers_do_not_mix(tmp_path):
+    """An arm's and a gripper's publisher have curves of their own; a mismatch is left out."""
+    names = ("finger", "thumb")
+    states = ((("arm",), (1,)), (names, (1, 1)), (("arm",), (1, 1)), ((), ()))
+    file, _ = _plotted(tmp_path, *states)
+    rows = [
+        len(column(file, entity, "Scalars:scalars"))
+        for entity in ("/joints/position/0", "/joints/position/1", "/joints/velocity/0")
+    ]
+    assert rows == [1, 1, 0]
+
+
+def test_joint_sets_are_plotted_up_to_a_bound(tmp_path):
+    """More are reported; those before go on."""
+    names = [(f"joint_{number}",) for number in (*range(40), 0)]
+    file, [text] = _plotted(tmp_path, *((name, (0.0,)) for name in names))
+    assert text == "joint_states has more than 32 lists of names: not all plotted"
+    assert chunks(file, "/joints/position/31") and not chunks(file, "/joints/position/32")
+    assert len(column(file, "/joints/position/0", "Scalars:scalars")) == 2

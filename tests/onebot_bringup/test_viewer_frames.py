@@ -1,3 +1,6 @@
+"""Transforms in the file, and the axes of frames."""
+
+import time
 from pathlib import Path
 
 import numpy as np
@@ -5,16 +8,61 @@ import pytest
 
 from onebot_bringup.introspection.transforms import FrameTree
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.displays.tf import AxesSettings, TfDisplay, TransformStream
+from onebot_bringup.viewer.displays.tf_display import AxesSettings, TfDisplay, TransformStream
 from onebot_bringup.viewer.shown_robot import RobotToShow
 from onebot_bringup.viewer.stage import Stage
 from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_description.description import parse_description
 from onebot_description.wire.messages import TfArrays
-from tests.onebot_bringup.drive_support import column
+from tests.onebot_bringup.drive_support import chunks, column, stamps
 from tests.onebot_bringup.viewer_support import START_NS, transforms
 
 NO_TURN = np.array([0.0, 0.0, 0.0, 1.0])
+
+
+def test_messages_between_two_flushes_make_one_chunk_with_their_own_times(tmp_path):
+    """Fifty messages are logged in one call, a row each, at the messages' stamps."""
+    recording = open_recording(save=tmp_path / "x.rrd")
+    stream = TransformStream(recording.stream, FrameTree())
+    assert not stream.flush()
+    for step in range(50):
+        stream.add(START_NS, transforms("base", "tip", float(step), START_NS + step))
+    assert stream.flush() and not stream.flush()
+    recording.close()
+    [chunk] = chunks(tmp_path / "x.rrd", "/tf")
+    assert chunk.num_rows == 50 and chunk.timeline_names == ["ros_time"]
+    assert stamps(tmp_path / "x.rrd", "/tf") == [START_NS + step for step in range(50)]
+    places = [row[0] for row in column(tmp_path / "x.rrd", "/tf", "Transform3D:translation")]
+    np.testing.assert_allclose(places, [[0, step, 0] for step in range(50)])
+
+
+def test_static_transforms_are_logged_once_until_they_change(tmp_path):
+    """A publisher that repeats itself does not fill the server's memory."""
+    recording = open_recording(save=tmp_path / "x.rrd")
+    stream = TransformStream(recording.stream, FrameTree())
+    for y in (1.0, 1.0, 1.0, 2.0, 2.0):
+        stream.add_static(transforms("base", "plate", y))
+    recording.close()
+    assert sum(chunk.num_rows for chunk in chunks(tmp_path / "x.rrd", "/tf_static/plate")) == 2
+
+
+def test_slow_transforms_are_repeated_among_fast_ones(tmp_path, monkeypatch):
+    """What was said once is logged anew beside what comes all the time."""
+    monkeypatch.setattr("onebot_bringup.viewer.displays.display.REPEAT_AFTER", 0.05)
+    recording = open_recording(save=tmp_path / "x.rrd")
+    stream = TransformStream(recording.stream, FrameTree())
+    stream.add(START_NS, transforms("odom", "base", 3.0))
+    stream.flush()
+    for step in range(1, 4):
+        time.sleep(0.1)
+        stream.add(START_NS, transforms("base", "tip", 0.0, START_NS + step))
+        stream.flush()
+    recording.close()
+    children = column(tmp_path / "x.rrd", "/tf", "Transform3D:child_frame")
+    times = stamps(tmp_path / "x.rrd", "/tf")
+    rows = [(child, stamp) for [child], stamp in zip(children, times, strict=True)]
+    assert rows.count(("base", START_NS + 3)) == 1
+    assert rows.count(("tip", START_NS + 3)) == 1
 
 
 @pytest.mark.parametrize(

@@ -149,37 +149,7 @@ def test_files_are_logged_as_they_come(kind, form, media_type, tmp_path):
     assert column(file, entity, "EncodedImage:media_type") == [[media_type]]
 
 
-def _with(message, **changes):
-    for name, value in changes.items():
-        setattr(message, name, value)
-    return message
-
-
 PIXELS = np.zeros((2, 2, 3), np.uint8)
-
-
-@pytest.mark.parametrize(
-    ("message", "said"),
-    [
-        (_with(image("rgb8", PIXELS), step=5), "5 from row to row (step), do not fit into 12"),
-        (_with(image("rgb8", PIXELS), step=2**32 - 1), "do not fit into 12 bytes"),
-        (_with(image("rgb8", PIXELS), width=2**32 - 1, height=2**32 - 1), "do not fit into 12"),
-        (_with(image("rgb8", PIXELS), data=b""), "do not fit into 0 bytes"),
-        (_with(image("rgb8", PIXELS), width=0), "it has no pixels"),
-        (image("64FC1", PIXELS), 'no encoding "64FC1" is shown, but rgb8, '),
-        (image("yuv422", PIXELS[:, :1]), "its width is odd"),
-        (compressed("png", "16UC1; compressedDepth png", b"\0" * 30), 'no "16UC1; compressedDepth'),
-        (compressed("png", "jpeg", b""), 'no "jpeg" is shown, but jpeg and png'),
-    ],
-)
-def test_bad_pictures_are_reported(message, said, tmp_path):
-    """Once, and they cost nothing of the others."""
-    good = image("rgb8", PIXELS) if isinstance(message, Image) else compressed("png", "png")
-    file, warnings = show(tmp_path, "", *[(TOPIC, each) for each in (message, message, good)])
-    [warning] = warnings
-    assert warning.startswith(f'image "{TOPIC}": ') and said in warning
-    name = "Image:buffer" if isinstance(message, Image) else "EncodedImage:blob"
-    assert len(column(file, ENTITY, name)) == 1
 
 
 def test_bytes_are_not_copied(monkeypatch, tmp_path):

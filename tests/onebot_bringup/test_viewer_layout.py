@@ -36,9 +36,6 @@ def _drive(live: RobotView, start: int, steps: int = 20) -> None:
         live.tick(stamp)
 
 
-# Rerun handles input once a frame.
-
-
 def _sent(live: RobotView, sent: list, view: str, start: int) -> int:
     """How many layouts are sent for a view."""
     live.set_view(parse_view(view))
@@ -74,6 +71,7 @@ def test_only_what_is_in_a_layout_sends_another(tmp_path, monkeypatch):
     for number, (old, new) in enumerate(
         [
             ("grid: {visible: false}", "grid: {visible: true}"),
+            ("grid:", "collision: true\ngrid:"),
             ("fixed_frame: odom", "fixed_frame: base"),
             ("  a:", "  b:"),
             ("height: 1.0", "height: 1.0, length: 5.0"),

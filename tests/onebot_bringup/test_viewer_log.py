@@ -6,7 +6,7 @@ from rcl_interfaces.msg import Log
 from onebot_bringup.viewer.displays.display import LayoutPart
 from onebot_bringup.viewer.displays.log import LogDrawing, LogView
 from onebot_description.wire.messages import time_message
-from tests.onebot_bringup.drive_support import chunks, column
+from tests.onebot_bringup.drive_support import column, stamps
 from tests.onebot_bringup.viewer_support import START_NS, Shown, show
 
 
@@ -25,10 +25,7 @@ def test_lines_have_their_level_node_and_time(tmp_path):
     assert column(file, "/log/rosout", "TextLog:text") == [[text] for text in texts]
     levels = ["INFO", "WARN", "WARN", "ERROR", "CRITICAL"]
     assert column(file, "/log/rosout", "TextLog:level") == [[level] for level in levels]
-    [chunk] = {
-        chunk.to_record_batch()["ros_time"][0].value for chunk in chunks(file, "/log/rosout")
-    }
-    assert chunk == START_NS, "their stamps, not when they came"
+    assert {*stamps(file, "/log/rosout")} == {START_NS}, "their stamps, not when they came"
 
 
 def test_another_level_writes_no_line_again(tmp_path):

@@ -12,7 +12,7 @@ from onebot_bringup.viewer.displays.marker import MarkerDrawing
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.wire.messages import time_message
 from tests.onebot_bringup import viewer_support as support
-from tests.onebot_bringup.drive_support import chunks, column
+from tests.onebot_bringup.drive_support import chunks, column, stamps
 from tests.onebot_bringup.viewer_support import (
     START_NS,
     box,
@@ -79,16 +79,7 @@ def rows(file, layer, name, topic="marks"):
 
 def times(file, layer, topic="marks"):
     """Nanoseconds after the start, of each row of a layer."""
-    return [
-        at - START_NS
-        for chunk in chunks(file, f"/marker/{topic}/{layer}")
-        for at in stamps(chunk.to_record_batch())
-    ]
-
-
-def stamps(batch):
-    """Nanoseconds of each row."""
-    return batch.column("ros_time").cast("int64").to_pylist()
+    return [stamp - START_NS for stamp in stamps(file, f"/marker/{topic}/{layer}")]
 
 
 def flat(value):
@@ -331,7 +322,7 @@ def _cleared(file, layer, topic="marks"):
         (at - START_NS) / SECOND
         for chunk in chunks(file, f"/marker/{topic}/{layer}")
         if "Clear:is_recursive" in chunk.to_record_batch().schema.names
-        for at in stamps(chunk.to_record_batch())
+        for at in chunk.to_record_batch().column("ros_time").cast("int64").to_pylist()
     ]
 
 
@@ -609,7 +600,7 @@ def test_any_sequence_of_arrays_ends_as_in_rviz(tmp_path, seed):
             for chunk in chunks(file, entity):
                 batch = chunk.to_record_batch()
                 names = batch.schema.names
-                for at, row in enumerate(stamps(batch)):
+                for at, row in enumerate(batch.column("ros_time").cast("int64").to_pylist()):
                     if (
                         "Clear:is_recursive" in names
                         and batch.column("Clear:is_recursive")[at].as_py()

@@ -1,22 +1,37 @@
-"""Odometry as arrows, as RViz draws it: how many are kept, and how far apart they are."""
+"""Odometry: arrows, trails, and how sure the pose is."""
+
+import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
 
+from onebot_bringup.viewer.displays.odometry_display import JUMP, SPACING
+from onebot_bringup.viewer.displays.poses import (
+    Ellipse,
+    ellipse_outline,
+    heading_deviation,
+    place_ellipse,
+    sector_outline,
+)
 from onebot_description.wire.messages import time_message
-from tests.onebot_bringup.drive_support import column, frames
+from tests.onebot_bringup.drive_support import chunks, column, frames, odometry, stamps, strips
 from tests.onebot_bringup.viewer_support import (
     START_NS,
     Shown,
     describe,
     show,
+    take_odometry,
     take_tf,
     transforms,
 )
 
+# --- arrows ---------------------------------------------------------------------------------------
 
-def odometry(x, yaw=0.0, number=0, frame="base") -> Odometry:
+
+def driven(x, yaw=0.0, number=0, frame="base") -> Odometry:
     """A robot on the x axis."""
     message = Odometry()
     message.header.frame_id, message.header.stamp = frame, time_message(START_NS + number)
@@ -28,15 +43,15 @@ def odometry(x, yaw=0.0, number=0, frame="base") -> Odometry:
 
 def _shown(folder, settings, *messages):
     """Where the arrows of each row begin, and what is warned of."""
-    found = [("/odom", message) for message in messages]
-    file, warnings = show(folder, f"odometry: {settings}", *found)
+    sent = [("/odom", message) for message in messages]
+    file, warnings = show(folder, f"odometry: {settings}", *sent)
     rows = column(file, "/odometry/odom", "Arrows3D:origins")
     return [[x for x, _, _ in row] for row in rows], warnings
 
 
 def test_an_arrow_each_eighth_of_a_metre(tmp_path):
     """The last ones, each with those before it."""
-    drive = [odometry(x / 16, number=x) for x in range(9)]
+    drive = [driven(x / 16, number=x) for x in range(9)]
     rows, warnings = _shown(tmp_path, "{keep: 3, position_tolerance: 0.125}", *drive)
     last = [[0], [0, 1], [0, 1, 2], [1, 2, 3], [2, 3, 4]]
     assert rows == [[eighths / 8 for eighths in row] for row in last]
@@ -46,14 +61,14 @@ def test_an_arrow_each_eighth_of_a_metre(tmp_path):
 @pytest.mark.parametrize(("settings", "count"), [("{}", 3), ("{angle_tolerance: 0.5}", 1)])
 def test_an_arrow_each_turn(tmp_path, settings, count):
     """By the angle, also beyond half a turn."""
-    turns = [odometry(0, yaw, number) for number, yaw in enumerate((3.0, 3.05, 3.2, -2.98))]
+    turns = [driven(0, yaw, number) for number, yaw in enumerate((3.0, 3.05, 3.2, -2.98))]
     rows, _ = _shown(tmp_path, settings, *turns)
     assert len(rows) == count
 
 
 def test_another_frame_begins_anew(tmp_path):
     """As in the other one the arrows are elsewhere."""
-    rows, _ = _shown(tmp_path, "{}", odometry(1), odometry(2, frame="tip", number=1))
+    rows, _ = _shown(tmp_path, "{}", driven(1), driven(2, frame="tip", number=1))
     assert rows == [[1], [2]]
     assert frames(tmp_path / "x.rrd", "/odometry/odom") == ["base", "tip"]
 
@@ -71,7 +86,7 @@ def test_another_frame_begins_anew(tmp_path):
 def test_what_has_a_trail_is_not_shown_by_itself(tmp_path, view, visible):
     """It would be there twice; it may be asked for."""
     shown = Shown(tmp_path, view, resolve=lambda name: f"/{name.lstrip('/')}")
-    shown.send("/odom", odometry(0))
+    shown.send("/odom", driven(0))
     assert [each.visible for each in shown.view.offered] == [visible]
     shown.end()
 
@@ -81,7 +96,7 @@ def test_arrows_are_in_proportion_to_the_robot(tmp_path):
     box = '<visual><geometry><box size="0.03 0.04 0.12"/></geometry></visual>'
     shown = Shown(tmp_path, robot=False)
     take_tf(shown.view, transforms("base", "tip", 0.5))
-    shown.send("/odom", odometry(0))
+    shown.send("/odom", driven(0))
     shown.tick()
     describe(shown.view, f'<robot name="small"><link name="base">{box}</link></robot>')
     shown.tick()
@@ -92,10 +107,211 @@ def test_arrows_are_in_proportion_to_the_robot(tmp_path):
 def test_another_look_keeps_the_arrows(tmp_path):
     """All that were there."""
     shown = Shown(tmp_path)
-    shown.send("/odom", *(odometry(number, number=number) for number in range(3)))
+    shown.send("/odom", *(driven(number, number=number) for number in range(3)))
     shown.tick()
     shown.look("odometry: {color: [1, 2, 3]}")
     file = shown.end()
     rows = column(file, "/odometry/odom", "Arrows3D:origins")
     assert [len(row) for row in rows] == [1, 2, 3, 3]
     assert column(file, "/odometry/odom", "Arrows3D:colors")[-1] == [0x010203FF]
+
+
+# --- trails ---------------------------------------------------------------------------------------
+
+
+def _flushed(tmp_path, samples, settings="color: [255, 0, 0]"):
+    """The pieces in the file after ``samples``, (time, message) each."""
+    shown = Shown(tmp_path, f"trails: {{way: {{topic: odom, {settings}}}}}", robot=False)
+    for frame in ("base", "map"):
+        take_tf(shown.view, transforms("odom", frame, 0.0))
+    for stamp, sample in samples:
+        take_odometry(shown.view, "odom", stamp, sample)
+    return strips(shown.end(), "way")
+
+
+def test_a_piece_begins_where_the_last_one_ended_at_its_own_time(tmp_path):
+    """One call carries all pieces, in the message's frame, in the trail's colour and width."""
+    samples = [(START_NS + i, odometry(0.1 * i, 0.2 * i)) for i in range(5)]
+    pieces = _flushed(tmp_path, samples, "color: [255, 0, 0], height: -0.5, width: 0.02")
+    ends = [[0.1 * i, 0.2 * i, -0.5] for i in range(5)]
+    np.testing.assert_allclose(pieces, list(zip(ends, ends[1:], strict=False)), atol=1e-6)
+    style, moving = chunks(tmp_path / "x.rrd", "/trails/way")
+    assert style.is_static and moving.num_rows == 4
+    assert stamps(tmp_path / "x.rrd", "/trails/way") == [START_NS + i for i in range(1, 5)]
+    assert frames(tmp_path / "x.rrd", "/trails/way") == ["odom"]
+    [[color]] = column(tmp_path / "x.rrd", "/trails/way", "LineStrips3D:colors")
+    assert color == 0xFF0000FF
+    [[radius]] = column(tmp_path / "x.rrd", "/trails/way", "LineStrips3D:radii")
+    assert radius == pytest.approx(0.01)
+
+
+def test_the_trail_grows_by_the_way_not_by_the_messages(tmp_path):
+    """A robot that stands, or trembles by less than the spacing, adds nothing."""
+    rng = np.random.default_rng(1)
+    still = [(START_NS + i, odometry(*rng.uniform(-0.4, 0.4, 2) * SPACING)) for i in range(500)]
+    assert _flushed(tmp_path, still) == []
+    slow = [(START_NS + i, odometry(0.0005 * i)) for i in range(2001)]
+    assert 90 <= len(_flushed(tmp_path, slow)) <= 100, "a metre, a piece a centimetre"
+
+
+@pytest.mark.parametrize(
+    ("stamp", "sample"),
+    [
+        (5, odometry(1.0)),  # a teleport
+        (-1, odometry(0.2)),  # a simulation that begins anew
+        (5, odometry(0.2, frame="map")),
+    ],
+)
+def test_a_jump_breaks_the_line(tmp_path, stamp, sample):
+    """No piece leads there; the line goes on from there."""
+    after = sample._replace(translation=sample.translation + np.array([0.1, 0, 0]))
+    samples = [
+        (START_NS, odometry(0.0)),
+        (START_NS + 1, odometry(0.1)),
+        (START_NS + stamp, sample),
+        (START_NS + stamp + 1, after),
+    ]
+    pieces = _flushed(tmp_path, samples)
+    wanted = np.array([sample.translation, after.translation])
+    assert any(np.allclose(piece, wanted, atol=1e-6) for piece in pieces)
+    assert max(np.linalg.norm(piece[1] - piece[0]) for piece in pieces) < 0.11
+
+
+def test_nothing_that_is_not_finite_is_drawn(tmp_path):
+    """NaN, what is infinite in 32 bits, and no frame break the line, and leave no trace."""
+    places = [0.0, 0.1, np.nan, 0.2, 0.3, 1e300, 0.4, 0.5]
+    samples = [(START_NS + i, odometry(x)) for i, x in enumerate(places)]
+    samples += [(START_NS + 8, odometry(0.6, frame="")), (START_NS + 9, odometry(0.7))]
+    pieces = _flushed(tmp_path, samples)
+    assert np.isfinite(pieces).all()
+    np.testing.assert_allclose([p[:, 0] for p in pieces], [[0, 0.1], [0.2, 0.3], [0.4, 0.5]])
+
+
+@pytest.mark.parametrize(
+    ("step", "pieces"),
+    [(SPACING, 1), (SPACING * 0.999, 0), (JUMP, 1), (JUMP * 1.001, 0)],
+)
+def test_how_far_a_piece_may_lead(tmp_path, step, pieces):
+    """From the spacing on, up to the longest way that is driven between two messages."""
+    for place in step * np.vstack([np.eye(3), -np.eye(3)]):
+        samples = [(START_NS, odometry(0.0)), (START_NS + 1, odometry(*place))]
+        assert len(_flushed(tmp_path, samples)) == pieces
+
+
+def test_a_jump_is_measured_from_the_last_message(tmp_path):
+    """Not from where the last piece ended; nor is the piece from there across the jump drawn."""
+    near = SPACING * 0.9
+    samples = [
+        (START_NS, odometry(0.0)),
+        (START_NS + 1, odometry(near)),
+        (START_NS + 2, odometry(near + JUMP * 0.999)),
+        (START_NS + 3, odometry(near + JUMP * 2.1)),
+        (START_NS + 4, odometry(near + JUMP * 2.2)),
+    ]
+    pieces = _flushed(tmp_path, samples)
+    ends = [[0.0, near + JUMP * 0.999], [near + JUMP * 2.1, near + JUMP * 2.2]]
+    np.testing.assert_allclose([piece[:, 0] for piece in pieces], ends, rtol=1e-6)
+
+
+# --- covariances ----------------------------------------------------------------------------------
+
+
+def _covariance(xx=0.0, yy=0.0, xy=0.0, yaw=0.0):
+    matrix = np.zeros((6, 6))
+    matrix[0, 0], matrix[1, 1], matrix[0, 1], matrix[1, 0] = xx, yy, xy, xy
+    matrix[5, 5] = yaw
+    return matrix.ravel()
+
+
+@given(along=st.floats(0.01, 10), ratio=st.floats(0.05, 0.95), angle=st.floats(-math.pi, math.pi))
+def test_the_ellipse_has_the_deviations_that_went_in(along, ratio, angle):
+    """A covariance made of two deviations and a direction gives them back."""
+    cos, sin = math.cos(angle), math.sin(angle)
+    turn = np.array([[cos, -sin], [sin, cos]])
+    matrix = turn @ np.diag([along**2, (ratio * along) ** 2]) @ turn.T
+    found = place_ellipse(_covariance(matrix[0, 0], matrix[1, 1], matrix[0, 1]))
+    assert found is not None
+    np.testing.assert_allclose(found[:2], [along, ratio * along], rtol=1e-6)
+    assert abs(math.sin(found.angle - angle)) < 1e-5
+
+
+@pytest.mark.parametrize(
+    "covariance",
+    [
+        _covariance(),  # as the truth, and who does not know, publish it
+        _covariance(-1.0, 1.0),
+        _covariance(math.nan, 1.0),
+        _covariance(math.inf, 1.0),
+        _covariance(1.0, 1.0, 2.0),  # no covariance: one direction would be less than sure
+    ],
+)
+def test_an_unknown_place_has_no_ellipse(covariance):
+    """Nothing is drawn of what means nothing."""
+    assert place_ellipse(covariance) is None
+
+
+def test_a_place_sure_in_one_direction_is_a_line():
+    """A covariance of rank one is drawn as what it is."""
+    ellipse = place_ellipse(_covariance(0.5, 0.5, 0.5))
+    assert ellipse is not None and ellipse.across == pytest.approx(0.0, abs=1e-7)
+
+
+def test_the_sector_is_as_wide_as_the_heading_is_unsure():
+    """It opens to either side of x, at most all round; an unknown yaw has none."""
+    assert heading_deviation(_covariance(yaw=0.04)) == pytest.approx(0.2)
+    points = sector_outline(0.2, 3.0, 0.5)[1:-1]
+    angles = np.arctan2(points[:, 1], points[:, 0])
+    assert angles.min() == pytest.approx(-0.6) and angles.max() == pytest.approx(0.6)
+    np.testing.assert_allclose(np.linalg.norm(points, axis=1), 0.5)
+    assert np.ptp(np.unwrap(np.arctan2(*sector_outline(50.0, 3.0, 0.5)[1:-1, 1::-1].T))) < 6.29
+    for unknown in (0.0, -1.0, math.nan, math.inf):
+        assert heading_deviation(_covariance(yaw=unknown)) is None
+
+
+@given(
+    along=st.floats(0.01, 3.0),
+    across=st.floats(0.0, 3.0),
+    angle=st.floats(-4.0, 4.0),
+    sigma=st.floats(0.5, 4.0),
+)
+def test_an_outline_is_the_ellipse_itself(along, across, angle, sigma):
+    """Closed, on the ground, as far as ``sigma`` deviations in its own directions."""
+    points = ellipse_outline(Ellipse(along, across, angle), sigma)
+    assert points.shape == (49, 3) and not points[:, 2].any()
+    np.testing.assert_allclose(points[0], points[-1], atol=1e-9)
+    forward = np.array([math.cos(angle), math.sin(angle)])
+    ahead = points[:, :2] @ forward
+    aside = points[:, :2] @ np.array([-forward[1], forward[0]])
+    turns = np.linspace(0.0, math.tau, 49)
+    np.testing.assert_allclose(ahead, sigma * along * np.cos(turns), atol=1e-9)
+    np.testing.assert_allclose(aside, sigma * across * np.sin(turns), atol=1e-9)
+
+
+def _scattered(tmp_path, covariances, settings="heading: 0.5"):
+    shown = Shown(tmp_path, f"covariance: {{pose: {{topic: odom, {settings}}}}}")
+    for step, covariance in enumerate(covariances):
+        stamp = START_NS + step * 10**8
+        take_tf(shown.view, transforms("odom", "base", 0.0, stamp))
+        sample = odometry(0.5, -1.0 + step)._replace(covariance=covariance)
+        take_odometry(shown.view, "odom", stamp, sample)
+        shown.tick(stamp)
+    return shown.end()
+
+
+def test_a_steady_covariance_is_logged_once_however_far_the_robot_drives(tmp_path):
+    """It costs a shape, and where it lies."""
+    file = _scattered(tmp_path, [_covariance(0.01, 0.01, yaw=0.01)] * 50)
+    for shape in ("place", "heading"):
+        entity = f"/covariance/pose/{shape}"
+        assert len(chunks(file, entity)) == 1
+        assert frames(file, entity) == [entity[1:]]
+        children = column(file, f"/placed{entity}", "Transform3D:child_frame")
+        assert children == [[entity[1:]]] * 50
+
+
+def test_it_goes_when_it_is_unknown(tmp_path):
+    """Of one unknown, or as large as none, in the end nothing is left."""
+    for last in (_covariance(-1.0, -1.0), _covariance(1e6, 1e6)):
+        file = _scattered(tmp_path, [_covariance(0.36, 0.04), last])
+        assert column(file, "/covariance/pose/place", "LineStrips3D:strips")
+        assert column(file, "/covariance/pose/place", "Clear:is_recursive") == [[False]]

@@ -22,14 +22,14 @@ from onebot_description.wire.messages import OdometrySample, TfArrays
 from tests.onebot_bringup.viewer_support import (
     ARM,
     BLUE,
-    VIEW,
     describe,
     take_command,
     take_joints,
     take_odometry,
     take_tf,
+    viewer_node,
 )
-from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
+from tests.ros_support import LATCHED, Peer
 from tests.support import wait_for
 from tests.support_browser import DRAWING_PATIENCE, SMALL, browser, hosts_reached, wait_for_color
 
@@ -38,10 +38,8 @@ pytestmark = pytest.mark.slow
 
 def test_page_shows_the_robot_and_stays_on_this_machine(ros_domain, tmp_path):
     """The address it prints opens a page with the robot in its colour, and asks no other host."""
-    (tmp_path / "view.yaml").write_text(VIEW)
-    args = ros_args(grpc_port=0, web_port=0, open_browser="false", view=tmp_path / "view.yaml")
     with (
-        NodeProcess("onebot_bringup.viewer.rerun_viewer", *args) as node,
+        viewer_node(tmp_path, viewer="web") as node,
         Peer(ros_domain) as peer,
         browser(tmp_path / "profile", SMALL) as page,
     ):

@@ -10,9 +10,16 @@ from std_msgs.msg import String
 
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.wire.messages import time_message
-from tests.onebot_bringup.drive_support import chunks, column, frames, while_written
-from tests.onebot_bringup.test_rerun_topics import Driver, _viewer
-from tests.onebot_bringup.viewer_support import START_NS, Shown, take, take_tf, transforms
+from tests.onebot_bringup.drive_support import chunks, column, frames, stamps, while_written
+from tests.onebot_bringup.test_rerun_topics import Driver
+from tests.onebot_bringup.viewer_support import (
+    START_NS,
+    Shown,
+    take,
+    take_tf,
+    transforms,
+    viewer_node,
+)
 from tests.ros_support import LATCHED, Peer
 from tests.support import wait_for
 
@@ -95,9 +102,7 @@ def test_a_path_is_a_line_at_its_own_time(tmp_path):
     np.testing.assert_allclose(first, np.array(LINE) + [0, 0, 0.5])
     np.testing.assert_allclose(second, np.array(LINE[1:]) + [0, 0, 0.5])
     assert len(_lines(file, "other/plan")[0]) == 2
-    times = column(file, "/path/plan", "ros_time")
-    stamps = np.array(times, "datetime64[ns]").astype(np.int64)
-    np.testing.assert_array_equal(stamps, [START_NS, START_NS + SECOND])
+    assert stamps(file, "/path/plan") == [START_NS, START_NS + SECOND]
     assert frames(file, "/path/plan") == ["base"]
     assert frames(file, "/path/other/plan") == ["tip"]
     assert column(file, "/path/plan", "LineStrips3D:colors") == [[0x00DC3CFF]]
@@ -197,7 +202,7 @@ def test_the_viewer_shows_a_path_that_is_published(ros_domain, tmp_path, qos):
         plan = peer.node.create_publisher(Path, "plan", qos)
         if qos is LATCHED:
             plan.publish(path(LINE, "odom"))
-        with _viewer(tmp_path, viewer="none") as node:
+        with viewer_node(tmp_path, "") as node:
             driver = Driver(peer)
 
             def recorded() -> bool:

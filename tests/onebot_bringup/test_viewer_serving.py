@@ -23,7 +23,7 @@ from onebot_bringup.viewer.display_server import (
     native_window,
     open_recording,
 )
-from onebot_bringup.viewer.pictures import headless_viewer, render
+from onebot_bringup.viewer.rendering import headless_viewer, render
 from onebot_description.errors import OneBotError
 from tests.support import PATIENCE, wait_for
 

@@ -1,13 +1,12 @@
+import os
 from pathlib import Path
 
 import pytest
 
-import mrm_description
-import onebot_description
 from onebot_bringup.viewer.displays.curves import SpeedSettings
 from onebot_bringup.viewer.displays.joint_limits import JointRangesSettings
-from onebot_bringup.viewer.displays.odometry import CovarianceSettings, TrailSettings
-from onebot_bringup.viewer.view_config import ViewConfig, load_view
+from onebot_bringup.viewer.displays.odometry_display import CovarianceSettings, TrailSettings
+from onebot_bringup.viewer.view_config import ViewConfig, load_view, view_for
 from onebot_description.errors import OneBotError
 
 
@@ -78,21 +77,18 @@ def test_the_example_in_the_module_is_valid(tmp_path):
     assert _load(tmp_path, text).camera.follow == "base_link"
 
 
-def test_the_view_of_onebot_is_valid():
-    """It follows the robot in odom, with trails of odometry and truth, and both kinds of speed."""
-    path = Path(onebot_description.__file__).parent / "config/view.yaml"
-    view = load_view(path)
+def test_the_views_of_our_robots_are_valid():
+    """They lie in the config/ of the packages that describe the robots."""
+    onebot, mrm = map(view_for, ("onebot", "mrm"))
+    assert onebot is not None
+    assert onebot.parts[-3:] == ("onebot_description", "config", "view.yaml")
+    view = load_view(onebot)
     assert (view.fixed_frame, view.camera.follow) == ("odom", "base_link")
     assert set(view.trails) == {"odometry", "truth"}
     assert set(view.speeds.lines) == {"commanded", "measured"}
     assert set(view.covariance) == {"odometry"}
-
-
-def test_the_view_of_mrm_is_valid():
-    """MRM's own saved view loads, and shows its base frame fixed, and its joint's limits."""
-    view = load_view(Path(mrm_description.__file__).parent / "config/view.yaml")
-    assert view.fixed_frame == "base_link"
-    assert view.joint_plot.limits and view.joint_ranges.visible
+    assert mrm is not None and load_view(mrm).fixed_frame == "base_link"
+    assert load_view(mrm).joint_plot.limits and load_view(mrm).joint_ranges.visible
 
 
 @pytest.mark.parametrize(
@@ -149,3 +145,22 @@ def test_a_missing_file_is_named(tmp_path):
     """No traceback for a wrong path."""
     with pytest.raises(OneBotError, match=r"none\.yaml: cannot be read: No such file"):
         load_view(tmp_path / "none.yaml")
+
+
+@pytest.mark.parametrize("robot", ["nobody", "", "../mrm", "my robot", "a/b", "é"])
+def test_other_robots_have_none(robot):
+    """Whatever they are called."""
+    assert view_for(robot) is None
+
+
+def test_a_package_of_the_user_s_own_is_found(tmp_path: Path, monkeypatch):
+    """As every ROS package is; one without a view.yaml has none."""
+    monkeypatch.setenv("AMENT_PREFIX_PATH", os.pathsep.join([str(tmp_path)]))
+    index = tmp_path / "share/ament_index/resource_index/packages"
+    index.mkdir(parents=True)
+    (index / "rover_description").touch()
+    config = tmp_path / "share/rover_description/config"
+    config.mkdir(parents=True)
+    assert view_for("rover") is None
+    (config / "view.yaml").write_text("collision: true")
+    assert view_for("rover") == (config / "view.yaml").resolve()

@@ -14,6 +14,7 @@ from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.wire.messages import TfArrays, time_message, transforms_message
+from tests.ros_support import NodeProcess, ros_args
 
 ORANGE = (255, 107, 10)
 BLUE = (26, 76, 230)
@@ -84,6 +85,19 @@ class Shown:
         self.view.finish()
         self._recording.close()
         return self.file
+
+
+def viewer_node(
+    folder: Path, view: str | None = VIEW, *words: str, check: bool = True, **parameters: object
+) -> NodeProcess:
+    """The node, with this text as its view and any free ports; by default it writes x.rrd only."""
+    usual = {"viewer": "none", "save": folder / "x.rrd", "grpc_port": 0, "web_port": 0}
+    usual["open_browser"] = "false"
+    if view is not None:
+        usual["view"] = folder / "view.yaml"
+        usual["view"].write_text(view)
+    arguments = ros_args(**{**usual, **parameters})
+    return NodeProcess("onebot_bringup.viewer.rerun_viewer", *arguments, *words, check=check)
 
 
 def show(folder: Path, view: str, *messages) -> tuple[Path, list[str]]:

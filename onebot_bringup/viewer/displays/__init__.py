@@ -1,6 +1,6 @@
 """What the robot view draws: each display is settings, and what draws them.
 
-A display is registered by its name in one of these tables, and by nothing else.
+A display is registered in one of these tables, its settings in ``ViewConfig``.
 """
 
 from typing import Any
@@ -15,7 +15,7 @@ from onebot_bringup.viewer.displays.joint_plot import JointPlotDisplay
 from onebot_bringup.viewer.displays.log import LogDrawing
 from onebot_bringup.viewer.displays.map import MapDrawing
 from onebot_bringup.viewer.displays.marker import MarkerDrawing
-from onebot_bringup.viewer.displays.odometry import (
+from onebot_bringup.viewer.displays.odometry_display import (
     CovarianceDisplay,
     OdometryDrawing,
     TrailDisplay,
@@ -33,7 +33,6 @@ from onebot_bringup.viewer.displays.shapes_of_messages import (
     PolygonDrawing,
     RangeDrawing,
 )
-from onebot_bringup.viewer.displays.tf import TfDisplay
 
 # Of each robot.
 ROBOT_DISPLAYS: tuple[type[Display[Any]], ...] = (
@@ -62,10 +61,4 @@ MESSAGE_DRAWINGS: tuple[type[Drawing[Any]], ...] = (
     RangeDrawing,
     MarkerDrawing,
     LogDrawing,
-)
-# All, in the order in which they log: transforms first, since the others wait for theirs.
-DISPLAYS: tuple[type[Display[Any]] | type[Drawing[Any]], ...] = (
-    TfDisplay,
-    *ROBOT_DISPLAYS,
-    *MESSAGE_DRAWINGS,
 )

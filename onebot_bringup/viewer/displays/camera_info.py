@@ -15,7 +15,6 @@ from onebot_bringup.viewer.displays.display import LARGEST, SELDOM, LayoutPart, 
 from onebot_bringup.viewer.displays.drawing import (
     Drawing,
     TopicSettings,
-    by_topic,
     topic_entity,
 )
 from onebot_bringup.viewer.displays.image import picture_frame
@@ -25,7 +24,6 @@ from onebot_bringup.viewer.settings import Color, color, setting
 _NAMES = ("image", "image_raw", "image_color", "image_mono", "image_rect", "image_rect_color")
 
 
-@by_topic
 @dataclass(frozen=True)
 class CameraInfoSettings(TopicSettings):
     """Frustums of cameras."""
@@ -37,7 +35,7 @@ class CameraInfoSettings(TopicSettings):
 class CameraInfoDrawing(Drawing[CameraInfoSettings]):
     """The frustum of one camera."""
 
-    key, Settings = "camera_info", CameraInfoSettings
+    key = "camera_info"
     message_types = ("sensor_msgs/msg/CameraInfo",)
     period_ns = SELDOM
     latest = True
@@ -45,21 +43,16 @@ class CameraInfoDrawing(Drawing[CameraInfoSettings]):
 
     def layout(self) -> LayoutPart:
         """Return the pictures that are in the frustum, once there is one."""
-        space = self.topic.rpartition("/")[0]
+        space = self.name.rpartition("/")[0]
         pictures = [topic_entity("image", f"{space}/{name}") for name in _NAMES]
         return LayoutPart(shown=tuple(pictures) if self._drawn else ())
 
     def style(self) -> Sequence[rr.AsComponents]:
-        """Return the lines."""
         far_clip = self.settings.far_clip
         return [rr.Pinhole.from_fields(image_plane_distance=far_clip, color=self.color)]
 
     def draw(self, message: Any) -> Sequence[rr.AsComponents]:
-        """Return the projection of the rectified picture, if it has changed.
-
-        Raises:
-            ValueError: the camera is not calibrated.
-        """
+        """Return the projection of the rectified picture, if it has changed."""
         matrix, resolution = _projection(message)
         values = self.frame, matrix.tobytes(), resolution
         if values == self._drawn and not is_old(self._logged_at):
@@ -71,7 +64,7 @@ class CameraInfoDrawing(Drawing[CameraInfoSettings]):
                 resolution=resolution,
                 camera_xyz=rr.ViewCoordinates.RDF,
                 parent_frame=self.frame,
-                child_frame=picture_frame(self.topic),
+                child_frame=picture_frame(self.name),
             )
         ]
 

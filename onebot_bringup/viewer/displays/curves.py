@@ -8,7 +8,7 @@ Python, names joined by dots, ``[0]`` for an element of an array:
 import math
 import re
 from abc import abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -17,9 +17,16 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from onebot_bringup.viewer.columns import ColumnMaker, time_column
-from onebot_bringup.viewer.displays.display import LARGEST, SELDOM, LayoutPart, Plot
-from onebot_bringup.viewer.displays.drawing import Archetypes, Drawing, DrawingsDisplay
-from onebot_bringup.viewer.displays.odometry import ODOMETRY
+from onebot_bringup.viewer.displays.display import (
+    LARGEST,
+    SELDOM,
+    LayoutPart,
+    Plot,
+    below,
+    entity_path,
+)
+from onebot_bringup.viewer.displays.drawing import Drawing, NamedDisplay
+from onebot_bringup.viewer.displays.odometry_display import ODOMETRY
 from onebot_bringup.viewer.inbox import MessageType, WantedTopic, one_by_one
 from onebot_bringup.viewer.settings import Color, color, one_of, setting, topic
 from onebot_description.errors import OneBotError, listing
@@ -37,26 +44,54 @@ S = TypeVar("S", bound="SpeedSettings | CurveSettings")
 _SCALARS = ColumnMaker(rr.Scalars.columns(scalars=[0.0]))
 
 
-def send_curves(
-    recording: rr.RecordingStream, entity: str, stamps_ns: Sequence[int], values: NDArray[Any]
-) -> None:
-    """Log values (N,) or (N, k), a row at each time."""
-    width = 1 if values.ndim == 1 else values.shape[1]
-    recording.send_columns(
-        entity,
-        indexes=[time_column(np.array(stamps_ns, np.int64))],
-        columns=[_SCALARS.column(values, each=width)],
-    )
+class Curves:
+    """Lines of a plot, on one entity: each time has a number for each of them."""
+
+    def __init__(
+        self, recording: rr.RecordingStream, entity: str, legend: Callable[[], rr.SeriesLines]
+    ) -> None:
+        """Plot nothing yet; ``legend`` returns how the lines look, once there are numbers."""
+        self.entity = entity
+        self._recording, self._legend = recording, legend
+        self._rows: list[tuple[int, Sequence[float] | NDArray[Any]]] = []
+        self._styled = False
+
+    def add(self, stamp_ns: int, numbers: Sequence[float] | NDArray[Any]) -> None:
+        self._rows.append((stamp_ns, numbers))
+
+    def flush(self) -> None:
+        """Log what was added, in one call."""
+        if not self._rows:
+            return
+        if not self._styled:
+            self._styled = True
+            self._recording.log(self.entity, self._legend(), static=True)
+        stamps_ns, rows = zip(*self._rows, strict=True)
+        self._rows = []
+        numbers = np.array(rows, np.float64)
+        # A plot is not drawn at all around infinity.
+        numbers[~(np.abs(numbers) <= LARGEST)] = math.nan
+        self._recording.send_columns(
+            self.entity,
+            indexes=[time_column(np.array(stamps_ns, np.int64))],
+            columns=[_SCALARS.column(numbers, each=numbers.shape[1])],
+        )
 
 
 class CurveDrawing(Drawing[S]):
-    """Curves of the numbers of one topic, each on an entity of its own."""
+    """Curves of the numbers of one topic."""
 
     stamped = False
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
-        self._rows: list[tuple[int, Sequence[float]]] = []
+        self.curves = [
+            Curves(self.stage.recording, entity, self.legend) for entity in self.entities()
+        ]
+
+    def entities(self) -> Sequence[str]:
+        """Return the entity of each curve."""
+        return [self.entity]
 
     @abstractmethod
     def values(self, message: Any) -> Sequence[float]:
@@ -66,9 +101,9 @@ class CurveDrawing(Drawing[S]):
             ValueError: the message has none.
         """
 
-    @abstractmethod
-    def legends(self) -> Mapping[str, rr.SeriesLines]:
-        """Return the curves' entities, and how they look."""
+    def legend(self) -> rr.SeriesLines:
+        """Return how its curves look."""
+        return rr.SeriesLines(names=[self.name], colors=[self.color], widths=[2.0])
 
     def add(self, stamp_ns: int, message: Any) -> None:
         try:
@@ -76,37 +111,15 @@ class CurveDrawing(Drawing[S]):
         except ValueError as error:
             self.problems[""] = str(error)
             return
-        # A plot is not drawn at all around infinity.
-        self._rows.append(
-            (stamp_ns, [value if abs(value) <= LARGEST else math.nan for value in values])
-        )
+        for curve, value in zip(self.curves, values, strict=True):
+            curve.add(stamp_ns, [value])
 
     def flush(self) -> None:
-        if not self._rows:
-            return
-        legends = self.legends()
-        if not self._styled:
-            self._styled = True
-            for entity, legend in legends.items():
-                self.stage.recording.log(entity, legend, static=True)
-        stamps, values = zip(*self._rows, strict=True)
-        self._rows = []
-        for entity, column in zip(legends, np.array(values).T, strict=True):
-            send_curves(self.stage.recording, entity, stamps, column)
-
-    def draw(self, message: Any) -> Archetypes:
-        """Return nothing: ``flush`` logs many numbers at once."""
-        return ()
-
-    def erase(self) -> None:
-        """Leave what is drawn: the layout has the plots of now."""
-
-    def replace(self, before: Drawing[S]) -> None:
-        assert isinstance(before, CurveDrawing)
-        self._rows = before._rows
+        for curve in self.curves:
+            curve.flush()
 
 
-class _CurvesDisplay(DrawingsDisplay[Any]):
+class _CurvesDisplay(NamedDisplay):
     """Plots the lines that a view names."""
 
     plots = True
@@ -114,17 +127,7 @@ class _CurvesDisplay(DrawingsDisplay[Any]):
 
     def apply(self, settings: Any) -> None:
         self._window = settings.window
-        super().apply(settings)
-
-    def wanted(self, settings: Any) -> Mapping[str, tuple[Sequence[WantedTopic], Any]]:
-        return {name: (self.subscriptions(line), line) for name, line in settings.lines.items()}
-
-    @abstractmethod
-    def subscriptions(self, line: Any) -> Sequence[WantedTopic]:
-        """Return the topic of a line, if its type is known."""
-
-    def _path(self, *names: str) -> str:
-        return self.entity(rr.new_entity_path([*names]).lstrip("/"))
+        super().apply(settings.lines)
 
 
 # --- speeds ---------------------------------------------------------------------------------------
@@ -167,16 +170,20 @@ class SpeedsSettings:
 class SpeedDrawing(CurveDrawing[SpeedSettings]):
     """The linear and the angular speed of one topic."""
 
-    name: str  # the legend's
-    entities: Sequence[str]
     _held = False  # a value holds until the next one, as a command does
     _last_ns: int | None = None
+
+    def entities(self) -> Sequence[str]:
+        name = entity_path(self.name)
+        root = self.entity.removesuffix(f"/{name}")
+        return [f"{root}/{plot}/{name}" for plot in SPEEDS]
 
     def add(self, stamp_ns: int, message: TwistSample | OdometrySample) -> None:
         self._held = isinstance(message, TwistSample)
         last = self._last_ns
         if last is not None and stamp_ns - last > GAP * 1e9:
-            self._rows.append((last + 1, (math.nan, math.nan)))
+            for curve in self.curves:
+                curve.add(last + 1, [math.nan])
         self._last_ns = stamp_ns
         super().add(stamp_ns, message)
 
@@ -184,8 +191,8 @@ class SpeedDrawing(CurveDrawing[SpeedSettings]):
         # A plot zooms in on whatever there is: without the last digits a steady speed is flat.
         return [round(float(n), _DECIMALS) for n in (message.linear[0], message.angular[2])]
 
-    def legends(self) -> Mapping[str, rr.SeriesLines]:
-        legend = rr.SeriesLines(
+    def legend(self) -> rr.SeriesLines:
+        return rr.SeriesLines(
             names=[self.name],
             colors=[self.color],
             # A robot that follows its command hides it: the command lies beneath, as a band.
@@ -194,32 +201,29 @@ class SpeedDrawing(CurveDrawing[SpeedSettings]):
             # Else a step on which two samples share a pixel gets a stair in the middle.
             aggregation_policy="Off" if self._held else "Average",
         )
-        return dict.fromkeys(self.entities, legend)
 
 
 class SpeedsDisplay(_CurvesDisplay):
     """Plots speeds commanded and measured."""
 
-    key, Settings, noun = "speeds", SpeedsSettings, "speed"
+    key, noun = "speeds", "speed"
+    draws = SpeedDrawing
 
     def subscriptions(self, line: SpeedSettings) -> Sequence[WantedTopic]:
-        named = _TYPES.get(line.type)
-        return [WantedTopic(line.topic, tuple(_TYPES.values()) if named is None else (named,))]
-
-    def make(self, name: str, settings: SpeedSettings, color: Color) -> SpeedDrawing:
-        drawing = SpeedDrawing(self.stage, self._path(self.key), settings, color)
-        drawing.name = name
-        drawing.entities = [self._path(self.key, plot, name) for plot in SPEEDS]
-        return drawing
+        types = (_TYPES[line.type],) if line.type in _TYPES else tuple(_TYPES.values())
+        return [WantedTopic(line.topic, types)]
 
     def layout(self) -> LayoutPart:
         """Return both plots, if there is a line."""
-        plots = SPEEDS.items() if self.items else ()
-        return LayoutPart(views=tuple(self._plot(entity, name) for entity, name in plots))
-
-    def _plot(self, entity: str, name: str) -> Plot:
-        lines = tuple(self._path(self.key, entity, line) for line in self.items)
-        return Plot(self._path(self.key, entity), name, self._window, lines)
+        root = self.entity(self.key)
+        drawings: Any = self.items.values()
+        lines = zip(*(drawing.entities() for drawing in drawings), strict=True)
+        return LayoutPart(
+            views=tuple(
+                Plot(below(root, plot), title, self._window, entities)
+                for (plot, title), entities in zip(SPEEDS.items(), lines, strict=False)
+            )
+        )
 
 
 # --- any fields -----------------------------------------------------------------------------------
@@ -256,9 +260,8 @@ class FieldPath:
 
     def __init__(self, path: str) -> None:
         self.path = path
-        self._steps = [
-            name or int(index) for name, index in (match.groups() for match in _STEP.finditer(path))
-        ]
+        steps = (match.groups() for match in _STEP.finditer(path))
+        self._steps = [name or int(index) for name, index in steps]
 
     def value(self, message: Any) -> float:
         """Return it.
@@ -268,9 +271,7 @@ class FieldPath:
         """
         value = message
         for step in self._steps:
-            value = (
-                self._element(value, step) if isinstance(step, int) else self._named(value, step)
-            )
+            value = self._part(value, step)
         if isinstance(value, (bool, int, float, np.number, np.bool_)):
             return float(value)
         if isinstance(value, Message):
@@ -281,26 +282,24 @@ class FieldPath:
         what = "text" if isinstance(value, str) else f"an array: write {self.path}[0]"
         raise ValueError(f"{self.path} is {what}")
 
-    def _named(self, value: Any, name: str) -> Any:
-        if not isinstance(value, Message):
-            raise ValueError(f'{self.path}: there is no "{name}" in what is no message')
-        try:
-            return value[name]
-        except LookupError as error:
-            raise ValueError(str(error.args[0])) from error
-
-    def _element(self, value: Any, index: int) -> Any:
+    def _part(self, value: Any, step: str | int) -> Any:
+        """Return a field of a message, or an element of an array."""
+        if isinstance(step, str):
+            if not isinstance(value, Message):
+                raise ValueError(f'{self.path}: "{step}" needs a message before it')
+            try:
+                return value[step]
+            except LookupError as error:
+                raise ValueError(str(error.args[0])) from error
         if isinstance(value, Message) or not isinstance(value, (np.ndarray, Table, list)):
-            raise ValueError(f"{self.path}: [{index}] is of what is no array")
-        if index >= len(value):
+            raise ValueError(f"{self.path}: [{step}] needs an array before it")
+        if step >= len(value):
             raise ValueError(f"{self.path}: there are {len(value)} elements, counted from 0")
-        return value[index]
+        return value[step]
 
 
 class FieldDrawing(CurveDrawing[CurveSettings]):
     """One field of one topic."""
-
-    name: str  # the legend's
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
@@ -309,14 +308,12 @@ class FieldDrawing(CurveDrawing[CurveSettings]):
     def values(self, message: Any) -> Sequence[float]:
         return [self._field.value(message)]
 
-    def legends(self) -> Mapping[str, rr.SeriesLines]:
-        return {self.entity: rr.SeriesLines(names=[self.name], colors=[self.color], widths=[2.0])}
-
 
 class CurvesDisplay(_CurvesDisplay):
     """Plots numbers of messages."""
 
-    key, Settings, noun = "curves", CurvesSettings, "curve"
+    key, noun = "curves", "curve"
+    draws = FieldDrawing
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
@@ -325,7 +322,6 @@ class CurvesDisplay(_CurvesDisplay):
         self._unreadable: dict[str, str] = {}
 
     def offer(self, topics: Mapping[str, str]) -> bool:
-        """Note the types of the topics."""
         previous, self._published = self._published, topics
         return any(previous.get(name) != topics.get(name) for name in self._named)
 
@@ -344,19 +340,14 @@ class CurvesDisplay(_CurvesDisplay):
             self._unreadable[line.topic] = f"{line.topic} cannot be plotted: {error}"
             return ()
 
-    def make(self, name: str, settings: CurveSettings, color: Color) -> FieldDrawing:
-        drawing = FieldDrawing(self.stage, self._path(self.key, name), settings, color)
-        drawing.name = name
-        return drawing
-
     def layout(self) -> LayoutPart:
         plots: dict[str, list[str]] = {}
         for drawing in self.items.values():
             plots.setdefault(drawing.settings.plot, []).append(drawing.entity)
+        root = self.entity(self.key)
         return LayoutPart(
             views=tuple(
-                Plot(self._path(self.key), name, self._window, tuple(lines))
-                for name, lines in plots.items()
+                Plot(root, title, self._window, tuple(lines)) for title, lines in plots.items()
             )
         )
 

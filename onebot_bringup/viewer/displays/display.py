@@ -1,19 +1,19 @@
 """What every display is: its settings, its topics, what it logs, and its part of the layout.
 
 Most displays draw the topics of a message type: see ``drawing``. The others are classes made of
-``Display``. Both are named in ``DISPLAYS`` (``__init__.py``), and everything else follows from the
-class: its key in a view file and its ROS parameters from ``Settings``; what the viewer's node, the
-replay of a bag and a snapshot subscribe from ``topics``; edits while it runs come to ``apply``; the
-layout is made of every display's ``layout``.
+``Display``. Both are registered in ``__init__.py``, and their settings in ``ViewConfig``, under the
+``key``. What the viewer's node, the replay of a bag and a snapshot subscribe follows from
+``topics``; edits while it runs come to ``apply``; the layout is made of every ``layout``.
 """
 
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 import numpy as np
+import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
@@ -75,7 +75,6 @@ class Plot:
     lines: tuple[str, ...] | None = None  # these entities only
 
     def view(self) -> rrb.View:
-        """Return the view for Rerun."""
         contents = "$origin/**" if self.lines is None else [f"+ /{line}" for line in self.lines]
         return rrb.TimeSeriesView(
             origin=self.entity, contents=contents, name=self.name, time_ranges=last(self.window)
@@ -93,6 +92,11 @@ class LayoutPart:
     windows: tuple[tuple[str, float], ...] = ()  # entity, and how many seconds of it are shown
     robot: str = ""  # the views' owner, where there are several robots
     wide: tuple[SideView, ...] = ()  # below the robot's
+
+
+def entity_path(*names: str) -> str:
+    """Return the path of an entity, of any names."""
+    return rr.new_entity_path(list(names)).lstrip("/")
 
 
 def below(root: str, entity: str) -> str:
@@ -118,8 +122,6 @@ class Display(ABC, Generic[S]):
     """One thing that is drawn; ``S`` are its settings."""
 
     key: str  # the name in a view file, and the prefix of its ROS parameters
-    Settings: ClassVar[type]
-    named: ClassVar[bool] = False  # a view file has, by names freely chosen, several ``Settings``
     period_ns: int = 0  # nanoseconds between two calls of ``flush``; 0: every tick
     plots: bool = False  # it draws curves, and nothing in the robots' own view
     limit: LoadLimit | None = None  # drops messages where too many come

@@ -1,14 +1,13 @@
 """Displays that draw topics, as most do: a drawing for each topic, or for each entry of a view.
 
-A message type is drawn by one class, which is all that there is to a display of this kind::
+A message type is drawn by one class::
 
-    @by_topic
     @dataclass(frozen=True)
     class PathSettings(TopicSettings):
         line_width: float = setting(0.02, "of the line, metres")
 
     class PathDrawing(Drawing[PathSettings]):
-        key, Settings = "path", PathSettings
+        key = "path"
         message_types = ("nav_msgs/msg/Path",)
 
         def draw(self, message): ...  # -> Rerun's archetypes
@@ -19,28 +18,28 @@ type need not be installed. In a view file the settings are under the key, for a
 """
 
 import time
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, make_dataclass
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic
 
 import numpy as np
 import rerun as rr
-import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.columns import ColumnMaker, ReadyColumn, one_row, ready
+from onebot_bringup.viewer.columns import ReadyColumn, one_row
 from onebot_bringup.viewer.displays.display import (
     COLORS,
     Display,
     LayoutPart,
     S,
-    below,
+    entity_path,
     is_old,
 )
 from onebot_bringup.viewer.inbox import WARN_AFTER, MessageType, WantedTopic
 from onebot_bringup.viewer.settings import Color, one_of, setting
+from onebot_description.parameters.reader import Same
 
 if TYPE_CHECKING:
     from onebot_bringup.viewer.stage import Stage
@@ -48,65 +47,31 @@ if TYPE_CHECKING:
 AUTO = "auto"
 _RELIABILITIES = (AUTO, "reliable", "best_effort")
 DEPTH, DEPTH_HEAVY = 100, 5  # messages that wait in DDS, or for a transform
-PLACED_ENTITY = "placed"  # below which frames of our own are placed
 _MOST_AWAITED_NS = 1_000_000_000  # a transform that comes later than this is not awaited
 
 Archetypes = Sequence[rr.AsComponents | ReadyColumn]
 Floats = NDArray[np.float64]
-T = TypeVar("T")
-
-
-# --- settings -------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class TopicSettings:
-    """How a topic is drawn."""
+    """How the topics of a display are subscribed and drawn, and single ones of them."""
 
     visible: bool = setting(True, "draw it")
-
-
-@dataclass(frozen=True)
-class TopicQos:
-    """How one topic is subscribed, where that is not to follow from its publishers."""
-
     reliability: str = setting(AUTO, "as the publishers are, or as named", one_of(*_RELIABILITIES))
     depth: int = setting(0, "messages that wait in DDS; 0 for the usual number")
-
-
-def by_topic(kind: type[T]) -> type[T]:
-    """Add ``topics`` to settings: the same for one topic, and how it is subscribed."""
-    topic = make_dataclass(f"{kind.__name__}OfTopic", [], bases=(kind, TopicQos), frozen=True)
-    topics: Any = ("topics", Mapping[str, topic], field(default_factory=dict))  # type: ignore[valid-type]
-    whole = make_dataclass(kind.__name__, [topics], bases=(kind,), frozen=True)
-    for settings in (topic, whole):
-        settings.__doc__, settings.__module__ = kind.__doc__, kind.__module__
-    return whole
+    topics: Mapping[str, Same] = setting({}, "other settings for single topics")
 
 
 # --- drawings -------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class TopicView(ABC):
-    """A view of one topic, under its name."""
-
-    entity: str
-    topic: str
-
-    @abstractmethod
-    def view(self) -> rrb.View:
-        """Return the view for Rerun."""
-
-
-class Drawing(ABC, Generic[S]):
+class Drawing(Generic[S]):
     """Draws the messages of one topic, each in place of the one before."""
 
     # Of a display of message types:
     key: ClassVar[str]  # the name in a view file, and the prefix of its ROS parameters
-    Settings: ClassVar[type]
     message_types: ClassVar[tuple[str, ...]]  # as ROS has them, such as "nav_msgs/msg/Path"
-    named: ClassVar[bool] = False
     heavy: ClassVar[bool] = False  # megabytes a second: only some topics are shown by themselves
     live: ClassVar[bool] = True  # see ``MessageType``
     plots: ClassVar[bool] = False  # nothing of it is in the robots' own view
@@ -121,9 +86,17 @@ class Drawing(ABC, Generic[S]):
     latest: ClassVar[bool] = False  # only the newest message of a flush is drawn
     kept: ClassVar[int] = DEPTH  # messages that wait for a transform
 
-    def __init__(self, stage: "Stage", entity: str, settings: S, color: Color) -> None:
-        """Draw nothing yet; ``color`` is one of ours, where the settings have none."""
-        self.stage, self.entity, self.settings = stage, entity, settings
+    def __init__(self, stage: "Stage", name: str, entity: str, settings: S, color: Color) -> None:
+        """Draw nothing yet.
+
+        Args:
+            stage: where to draw.
+            name: the topic's full name, or the name that the view has for it.
+            entity: where to log.
+            settings: how to draw.
+            color: one of ours, where the settings have none.
+        """
+        self.stage, self.name, self.entity, self.settings = stage, name, entity, settings
         self.color: Color = getattr(settings, "color", None) or color
         self.frame = ""  # of the newest message, or of the one that is drawn; "" if in none
         self.home = ""  # the frame that the entity is in
@@ -135,13 +108,13 @@ class Drawing(ABC, Generic[S]):
         self._frame_before = ""  # frame of the last message that was logged, or waited
         self._styled = False
 
-    @abstractmethod
     def draw(self, message: Any) -> Archetypes:
         """Return what replaces the message before at the entity; nothing to keep that.
 
         Raises:
             ValueError: the message cannot be drawn; says why, for a warning.
         """
+        return ()
 
     def style(self) -> Sequence[rr.AsComponents]:
         """Return what is the same for all messages; logged once."""
@@ -155,11 +128,6 @@ class Drawing(ABC, Generic[S]):
     def is_duplicate(cls, topic: str, topics: Mapping[str, str]) -> bool:
         """Whether another topic carries the same data, so this one need not be shown."""
         return False
-
-    @property
-    def topic(self) -> str:
-        """The full name of its topic."""
-        return "/" + self.entity.partition("/")[2]
 
     def frame_of(self, message: Any) -> str:
         """Return the frame that a message names."""
@@ -241,21 +209,6 @@ class Drawing(ABC, Generic[S]):
                 self.stage.recording.log(self.entity, component, static=True)
         self.stage.log_rows(self.entity, rows)
 
-    def place(self, parent: str, child: str, pose: Floats) -> None:
-        """Place a frame of our own, at the stamp of the message that is drawn.
-
-        It is logged to an entity that is never cleared, since what is drawn needs it.
-
-        Args:
-            parent: the frame it is placed in.
-            child: its name.
-            pose: (4, 4).
-        """
-        # Rerun has matrices column by column.
-        columns = _TRANSLATION.row(pose[:3, 3]), _ROTATION.row(pose[:3, :3].T)
-        entity = below(PLACED_ENTITY, child)
-        self.stage.log_row(entity, self.stamp_ns, *columns, *_frames(parent, child))
-
     def erase(self) -> None:
         """Remove what is drawn, from its last time on.
 
@@ -271,23 +224,14 @@ class Drawing(ABC, Generic[S]):
         self._pending.extend(before._pending)
 
 
-_TRANSLATION = ColumnMaker(rr.Transform3D.columns(translation=[(0.0, 0.0, 0.0)]))
-_ROTATION = ColumnMaker(rr.Transform3D.columns(mat3x3=[np.eye(3)]))
-
-
 @lru_cache(maxsize=128)
 def _in_frame(frame: str) -> Archetypes:
     return one_row(rr.CoordinateFrame(frame)) if frame else ()
 
 
-@lru_cache(maxsize=128)
-def _frames(parent: str, child: str) -> Archetypes:
-    return ready(rr.Transform3D.columns(parent_frame=[parent], child_frame=[child]))
-
-
 def topic_entity(key: str, topic: str) -> str:
     """Return the entity of a topic that the display ``key`` draws."""
-    return rr.new_entity_path([key, *topic.strip("/").split("/")]).lstrip("/")
+    return entity_path(key, *topic.strip("/").split("/"))
 
 
 # --- displays -------------------------------------------------------------------------------------
@@ -318,10 +262,10 @@ class DrawingsDisplay(Display[S]):
         wanted, before = self.wanted(settings), self.items
         colors = {name: color for name, (_, color) in self._made_of.items() if name in wanted}
         self.items, made_of = {}, {}
-        for name, (_, of) in wanted.items():
+        for name, (_, item) in wanted.items():
             if name not in colors:  # others keep theirs, whatever is published besides
                 colors[name] = min(COLORS, key=[*colors.values()].count)
-            made_of[name] = of, colors[name]
+            made_of[name] = item, colors[name]
             same = self._made_of.get(name) == made_of[name]
             self.items[name] = before[name] if same else self.make(name, *made_of[name])
         self._topics = {name: topics for name, (topics, _) in wanted.items()}
@@ -334,18 +278,16 @@ class DrawingsDisplay(Display[S]):
                     new.replace(drawing)
 
     def topics(self) -> Sequence[WantedTopic]:
-        """Return the topics of each drawing."""
         return [topic for topics in self._topics.values() for topic in topics]
 
     def add(self, topic: str, kind: MessageType[Any], messages: Sequence[tuple[int, Any]]) -> None:
         """Pass messages to the drawings of their topic."""
         for name, topics in self._topics.items():
-            if any(each.name == topic for each in topics):
+            if any(wanted.name == topic for wanted in topics):
                 for stamp_ns, message in messages:
                     self.items[name].add(stamp_ns, message)
 
     def flush(self) -> None:
-        """Log what can be shown."""
         for drawing in self.items.values():
             drawing.flush()
 
@@ -405,23 +347,20 @@ class MessageDisplay(DrawingsDisplay[Any]):
         return topics != previous
 
     def wanted(self, settings: Any) -> Mapping[str, tuple[Sequence[WantedTopic], Any]]:
-        """Return how each topic is subscribed, and its settings."""
-        by_topic = {self.full_name(name): topic for name, topic in settings.topics.items()}
-        return {
-            topic: (self._subscriptions(topic, by_topic.get(topic)), by_topic.get(topic, settings))
-            for topic in self._offered
-        }
+        of_topics = {self.full_name(name): topic for name, topic in settings.topics.items()}
+        chosen = {topic: of_topics.get(topic, settings) for topic in self._offered}
+        return {topic: (self._subscriptions(topic, item), item) for topic, item in chosen.items()}
 
-    def _subscriptions(self, topic: str, qos: TopicQos | None) -> Sequence[WantedTopic]:
+    def _subscriptions(self, topic: str, settings: TopicSettings) -> Sequence[WantedTopic]:
         """Return how a topic is subscribed: by its type's definition, reliable if it is."""
-        qos, draws = qos or TopicQos(), self.draws
+        draws = self.draws
         subscription = WantedTopic(
             topic,
             (self.stage.message_type(self._offered[topic], live=draws.live),),
-            reliable=qos.reliability == "reliable",
+            reliable=settings.reliability == "reliable",
             optional=True,
-            as_published=qos.reliability == AUTO,
-            depth=qos.depth or (DEPTH_HEAVY if draws.heavy else DEPTH),
+            as_published=settings.reliability == AUTO,
+            depth=settings.depth or (DEPTH_HEAVY if draws.heavy else DEPTH),
         )
         others = (
             WantedTopic(topic + end, (kind,), optional=True, as_published=True)
@@ -430,5 +369,21 @@ class MessageDisplay(DrawingsDisplay[Any]):
         return [subscription, *others]
 
     def make(self, name: str, settings: Any, color: Color) -> Drawing[Any]:
-        """Return the drawing of a topic."""
-        return self.draws(self.stage, topic_entity(self.draws.key, name), settings, color)
+        return self.draws(self.stage, name, topic_entity(self.key, name), settings, color)
+
+
+class NamedDisplay(DrawingsDisplay[Any]):
+    """Draws what a view names: a drawing for each name."""
+
+    draws: ClassVar[type[Drawing[Any]]]
+
+    def wanted(self, settings: Any) -> Mapping[str, tuple[Sequence[WantedTopic], Any]]:
+        return {name: (self.subscriptions(item), item) for name, item in settings.items()}
+
+    @abstractmethod
+    def subscriptions(self, item: Any) -> Sequence[WantedTopic]:
+        """Return the topic of an entry, if its type is known."""
+
+    def make(self, name: str, settings: Any, color: Color) -> Drawing[Any]:
+        entity = self.entity(entity_path(self.key, name))
+        return self.draws(self.stage, name, entity, settings, color)

@@ -16,8 +16,6 @@ from onebot_bringup.viewer.displays.drawing import (
     DEPTH_HEAVY,
     Drawing,
     TopicSettings,
-    TopicView,
-    by_topic,
 )
 from onebot_bringup.viewer.settings import height, setting
 from onebot_description.errors import printable
@@ -25,7 +23,6 @@ from onebot_description.errors import printable
 Bytes = NDArray[np.uint8]
 
 
-@by_topic
 @dataclass(frozen=True)
 class ImageSettings(TopicSettings):
     """Pictures."""
@@ -85,11 +82,7 @@ _LONGEST = 40  # characters of a format, in warnings
 
 
 def _pixels(message: Any, encoding: _Encoding) -> Bytes:
-    """Return the pixels without padding, in the machine's byte order; a view where they are so.
-
-    Raises:
-        ValueError: there are less bytes.
-    """
+    """Return the pixels without padding, in the machine's byte order; a view where they are so."""
     width, rows, step = int(message.width), int(message.height), int(message.step)
     size = np.dtype(encoding.dtype).itemsize
     line = width * encoding.channels * size
@@ -111,7 +104,7 @@ def _pixels(message: Any, encoding: _Encoding) -> Bytes:
 class ImageDrawing(Drawing[ImageSettings]):
     """The pictures of one topic."""
 
-    key, Settings = "image", ImageSettings
+    key = "image"
     message_types = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
     heavy, kept = True, DEPTH_HEAVY
     stamped = False  # it is shown without a transform
@@ -126,14 +119,13 @@ class ImageDrawing(Drawing[ImageSettings]):
 
     def style(self) -> Sequence[rr.AsComponents]:
         """Return the frame, which is that of a camera's picture if there is a CameraInfo."""
-        return [rr.CoordinateFrame(picture_frame(self.topic))]
+        return [rr.CoordinateFrame(picture_frame(self.name))]
 
     def layout(self) -> LayoutPart:
         """Return a view; the robots' view has the picture only with a camera."""
-        return LayoutPart(views=(ImageView(self.entity, self.topic),), hidden=(self.entity,))
+        return LayoutPart(views=(ImageView(self.entity, self.name),), hidden=(self.entity,))
 
     def draw(self, message: Any) -> Sequence[ReadyColumn]:
-        """Return the picture."""
         if hasattr(message, "format"):
             return self._compressed(message)
         encoding = _ENCODINGS.get(message.encoding)
@@ -204,11 +196,14 @@ def _media(media_type: str) -> Sequence[ReadyColumn]:
 # --- where they are seen --------------------------------------------------------------------------
 
 
-class ImageView(TopicView):
-    """A view of pictures."""
+@dataclass(frozen=True)
+class ImageView:
+    """A view of the pictures of a topic."""
+
+    entity: str
+    topic: str
 
     def view(self) -> rrb.View:
-        """Return the view for Rerun."""
         return rrb.Spatial2DView(origin=self.entity, name=self.topic)
 
 

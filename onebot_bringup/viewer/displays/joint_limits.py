@@ -13,7 +13,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.displays.display import Display
+from onebot_bringup.viewer.displays.display import Display, entity_path
 from onebot_bringup.viewer.settings import Color, setting
 from onebot_description.description.description import Description, Joint, Triple
 from onebot_description.model.quaternions import from_rpy, to_matrix
@@ -38,7 +38,7 @@ class JointRangesSettings:
 class JointLimitsDisplay(Display[JointRangesSettings]):
     """Draws the ranges of joints in the colours of their curves, anew only when they change."""
 
-    key, Settings = "joint_ranges", JointRangesSettings
+    key = "joint_ranges"
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
@@ -50,7 +50,6 @@ class JointLimitsDisplay(Display[JointRangesSettings]):
         self._settings = settings
 
     def flush(self) -> None:
-        """Draw the ranges, if something has changed."""
         robot = self.robot
         if robot.description is None:
             return
@@ -88,7 +87,7 @@ class JointLimitsDisplay(Display[JointRangesSettings]):
                 recording.log(entity, frame, lines, static=True)
 
     def _entity(self, joint: str, part: str) -> str:
-        return self.entity(rr.new_entity_path([RANGES_ENTITY, joint, part]).lstrip("/"))
+        return self.entity(entity_path(RANGES_ENTITY, joint, part))
 
 
 def limited_joints(description: Description) -> tuple[Joint, ...]:

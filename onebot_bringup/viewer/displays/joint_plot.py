@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 
-from onebot_bringup.viewer.displays.curves import send_curves
+from onebot_bringup.viewer.displays.curves import Curves
 from onebot_bringup.viewer.displays.display import SELDOM, Display, LayoutPart, Plot
 from onebot_bringup.viewer.displays.joint_limits import limited_joints, limits
 from onebot_bringup.viewer.inbox import MessageType, WantedTopic, one_by_one
@@ -22,7 +21,6 @@ VELOCITY_ENTITY = "joints/velocity"
 _MOST_SETS = 32
 _CURVE_WIDTH, _LIMIT_WIDTH = 2.0, 1.0  # points on the screen
 
-Floats = NDArray[np.float64]
 Limits = Mapping[str, tuple[float, float]]
 
 JOINT_STATE: MessageType[JointStateArrays] = MessageType(
@@ -43,7 +41,7 @@ class JointPlotSettings:
 class JointPlotDisplay(Display[JointPlotSettings]):
     """Plots joint_states."""
 
-    key, Settings = "joint_plot", JointPlotSettings
+    key = "joint_plot"
     plots = True
     period_ns = SELDOM
 
@@ -53,7 +51,7 @@ class JointPlotDisplay(Display[JointPlotSettings]):
         self._limits: Limits = {}  # drawn limits
         self._sets: dict[tuple[str, ...], _JointSet] = {}
         self._count = 0  # number of sets so far
-        self._order: dict[tuple[str, ...], int] = {}  # the order in which sets first came
+        self._colors: dict[tuple[str, ...], dict[str, Color]] = {}  # of all sets so far
         # The names that came last: it takes long to look up many.
         self._last: tuple[object, _JointSet | None] = ((), None)
         self._has_velocities = False  # a velocity ever came
@@ -90,12 +88,12 @@ class JointPlotDisplay(Display[JointPlotSettings]):
                 self._last[1].add(stamp_ns, state)
 
     def _set_of(self, names: tuple[str, ...]) -> "_JointSet | None":
-        """Return the curves of these joints; a new set gets its legend first."""
+        """Return the curves of these joints."""
         if names and names not in self._sets:
             if len(self._sets) >= _MOST_SETS:
                 self._is_full = True
                 return None
-            colors = joint_colors(names, self._order.setdefault(names, len(self._order)))
+            colors = self._colors.setdefault(names, joint_colors(names, len(self._colors)))
             self._sets[names] = _JointSet(self, self._count, colors, self._limits)
             self._count += 1
             self.robot.joint_colors.update(colors)
@@ -103,7 +101,8 @@ class JointPlotDisplay(Display[JointPlotSettings]):
 
     def flush(self) -> None:
         for joints in self._sets.values():
-            joints.flush()
+            joints.positions.flush()
+            joints.velocities.flush()
 
     def warnings(self) -> list[str]:
         text = f"joint_states has more than {_MOST_SETS} lists of names: not all plotted"
@@ -124,49 +123,35 @@ class JointPlotDisplay(Display[JointPlotSettings]):
 
 
 class _JointSet:
-    """A set of joints, and the entities that it is plotted on."""
+    """The curves of a set of joints."""
 
     def __init__(
         self, display: JointPlotDisplay, number: int, colors: Mapping[str, Color], limits: Limits
     ) -> None:
-        names = list(colors)
-        limited = [name for name in names if name in limits]
-        self._recording, self._count = display.stage.recording, len(names)
-        self._position, self._velocity = (
-            display.entity(f"{entity}/{number}") for entity in (POSITION_ENTITY, VELOCITY_ENTITY)
-        )
-        self._pending: dict[str, list[tuple[int, Floats]]] = {
-            self._position: [],
-            self._velocity: [],
-        }
+        self._count = len(colors)
+        limited = [name for name in colors if name in limits]
         self._edges = np.array([limits[name] for name in limited]).ravel()
         # The lines at the limits bear the joint's name, too: one entry in the legend for all three.
         edges = [name for name in limited for _ in range(2)]
-        for entity, lines in ((self._position, [*names, *edges]), (self._velocity, names)):
-            extra = len(lines) - len(names)
+
+        def curves(entity: str, edges: Sequence[str]) -> Curves:
             legend = rr.SeriesLines(
-                names=lines,
-                colors=[colors[name] for name in lines],
-                widths=[_CURVE_WIDTH] * len(names) + [_LIMIT_WIDTH] * extra,
+                names=[*colors, *edges],
+                colors=[colors[name] for name in (*colors, *edges)],
+                widths=[_CURVE_WIDTH] * len(colors) + [_LIMIT_WIDTH] * len(edges),
             )
-            self._recording.log(entity, legend, static=True)
+            entity = display.entity(f"{entity}/{number}")
+            return Curves(display.stage.recording, entity, lambda: legend)
+
+        self.positions = curves(POSITION_ENTITY, edges)
+        self.velocities = curves(VELOCITY_ENTITY, ())
 
     def add(self, stamp_ns: int, state: JointStateArrays) -> None:
         """Add the numbers that are there for each joint."""
         if len(state.positions) == self._count:
-            positions = state.positions
-            if len(self._edges):
-                positions = np.concatenate([positions, self._edges])
-            self._pending[self._position].append((stamp_ns, positions))
+            self.positions.add(stamp_ns, np.concatenate([state.positions, self._edges]))
         if len(state.velocities) == self._count:
-            self._pending[self._velocity].append((stamp_ns, state.velocities))
-
-    def flush(self) -> None:
-        for entity, rows in self._pending.items():
-            if rows:
-                stamps, values = zip(*rows, strict=True)
-                rows.clear()
-                send_curves(self._recording, entity, stamps, np.stack(values))
+            self.velocities.add(stamp_ns, state.velocities)
 
 
 def joint_colors(names: Sequence[str], offset: int = 0) -> dict[str, Color]:

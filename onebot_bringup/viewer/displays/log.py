@@ -14,7 +14,7 @@ from rerun.blueprint.encodings import TextLogColumnKind
 
 from onebot_bringup.viewer.columns import TIMELINE
 from onebot_bringup.viewer.displays.display import LayoutPart
-from onebot_bringup.viewer.displays.drawing import Drawing, TopicSettings, TopicView, by_topic
+from onebot_bringup.viewer.displays.drawing import Drawing, TopicSettings
 from onebot_bringup.viewer.settings import one_of, setting
 from onebot_description.errors import shortened
 
@@ -28,7 +28,6 @@ _LEVELS = {  # the least number of each
 _LONGEST = 5000  # characters of a line
 
 
-@by_topic
 @dataclass(frozen=True)
 class LogSettings(TopicSettings):
     """What nodes log."""
@@ -37,11 +36,14 @@ class LogSettings(TopicSettings):
     level: str = setting("info", f"the least: {', '.join(_LEVELS)}", one_of(*_LEVELS))
 
 
-class LogView(TopicView):
-    """A view of lines of text."""
+@dataclass(frozen=True)
+class LogView:
+    """A view of the lines of a topic."""
+
+    entity: str
+    topic: str
 
     def view(self) -> rrb.View:
-        """Return the view for Rerun."""
         columns = rrb.TextLogColumns(
             timeline_columns=[TIMELINE],
             text_log_columns=[TextLogColumnKind.LogLevel, TextLogColumnKind.Body],
@@ -52,28 +54,24 @@ class LogView(TopicView):
 class LogDrawing(Drawing[LogSettings]):
     """The lines of one topic."""
 
-    key, Settings = "log", LogSettings
+    key = "log"
     message_types = ("rcl_interfaces/msg/Log",)
     plots = True
     stamped = False
 
     def add(self, stamp_ns: int, message: Any) -> None:
-        """Add a message that is of the level, or above."""
         if message.level >= _LEVELS[self.settings.level][0]:
             super().add(stamp_ns, message)
 
     def draw(self, message: Any) -> Sequence[rr.AsComponents]:
-        """Return a line: the node and what it logs."""
         text = f"[{message.name}] {message.msg}"
         return [rr.TextLog(shortened(text, _LONGEST), level=_level(message.level))]
 
     def replace(self, before: Drawing[LogSettings]) -> None:
-        """Go on after the lines of before, which stay."""
-        self._pending.extend(before._pending)
+        """Leave the lines of before as they are."""
 
     def layout(self) -> LayoutPart:
-        """Return its view."""
-        return LayoutPart(wide=(LogView(self.entity, self.topic),))
+        return LayoutPart(wide=(LogView(self.entity, self.name),))
 
 
 def _level(number: int) -> rr.TextLogLevel:

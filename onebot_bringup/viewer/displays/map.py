@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from onebot_bringup.viewer.columns import BytesMaker, ReadyColumn, empty, one_row
 from onebot_bringup.viewer.displays.display import LARGEST, SELDOM
-from onebot_bringup.viewer.displays.drawing import AUTO, Drawing, TopicSettings, by_topic
+from onebot_bringup.viewer.displays.drawing import AUTO, Drawing, TopicSettings
 from onebot_bringup.viewer.inbox import message_type
 from onebot_bringup.viewer.settings import fraction, one_of, setting
 from onebot_description.model.quaternions import normalized
@@ -42,7 +42,6 @@ _COLORMAPS = {
 _DATA = BytesMaker(rr.GridMap.columns(data=[b"0"]))
 
 
-@by_topic
 @dataclass(frozen=True)
 class MapSettings(TopicSettings):
     """Occupancy grids."""
@@ -67,7 +66,7 @@ class CurrentMap(NamedTuple):
 class MapDrawing(Drawing[MapSettings]):
     """The map of one topic, with its updates; one without cells clears it."""
 
-    key, Settings = "map", MapSettings
+    key = "map"
     message_types = ("nav_msgs/msg/OccupancyGrid",)
     others: ClassVar = {UPDATES: UPDATE}
     live, repeated = False, True
@@ -77,7 +76,6 @@ class MapDrawing(Drawing[MapSettings]):
     _own = False  # the cells are a copy, to write to
 
     def style(self) -> Sequence[rr.AsComponents]:
-        """Return colours and layer."""
         scheme = self.settings.color_scheme
         if scheme == AUTO:
             scheme = "costmap" if "costmap" in self.entity else "map"
@@ -86,7 +84,6 @@ class MapDrawing(Drawing[MapSettings]):
         return [rr.GridMap.from_fields(colormap=colors, opacity=alpha, draw_order=layer)]
 
     def add(self, stamp_ns: int, message: Any) -> None:
-        """Add a map, or an update of it."""
         if not hasattr(message, "info"):
             self._update(stamp_ns, message)
             return
@@ -120,11 +117,7 @@ class MapDrawing(Drawing[MapSettings]):
         super().add(stamp_ns, grid)
 
     def _updated(self, grid: CurrentMap, update: Any) -> CurrentMap:
-        """Return a map with an update in it.
-
-        Raises:
-            ValueError: it is no part of the map.
-        """
+        """Return a map with an update in it."""
         cells = grid.cells
         rows = slice(update.y, update.y + update.height)
         columns = slice(update.x, update.x + update.width)
@@ -142,7 +135,6 @@ class MapDrawing(Drawing[MapSettings]):
         return grid._replace(cells=cells)
 
     def replace(self, before: Drawing[MapSettings]) -> None:
-        """Go on with the map of before."""
         super().replace(before)
         assert isinstance(before, MapDrawing)
         self._grid = before._grid
@@ -184,11 +176,7 @@ def _placed(width: int, height: int, cell_size: float, origin: bytes) -> Sequenc
 
 
 def _grid(message: Any) -> CurrentMap:
-    """Return a message as a grid.
-
-    Raises:
-        ValueError: it is not consistent.
-    """
+    """Return a message as a grid."""
     info = message.info
     if len(message.data) != info.width * info.height:
         raise ValueError(f"it has {len(message.data)} cells: {_by(info)}")

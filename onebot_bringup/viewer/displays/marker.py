@@ -19,8 +19,8 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from onebot_bringup.viewer.columns import one_row, time_column
-from onebot_bringup.viewer.displays.display import LARGEST, below, is_old
-from onebot_bringup.viewer.displays.drawing import Drawing, TopicSettings, by_topic
+from onebot_bringup.viewer.displays.display import LARGEST, below, entity_path, is_old
+from onebot_bringup.viewer.displays.drawing import Drawing, TopicSettings
 from onebot_bringup.viewer.displays.marker_shapes import (
     ARROW,
     ARROW_STRIP,
@@ -58,7 +58,6 @@ Integers = NDArray[np.integer[Any]]
 MarkerId = tuple[str, int]  # namespace and number
 
 
-@by_topic
 @dataclass(frozen=True)
 class MarkerSettings(TopicSettings):
     """Shapes that programs draw."""
@@ -135,13 +134,9 @@ class Incoming(NamedTuple):
         )
 
     def report(self, problems: dict[str, str], which: Any, text: str, kind: str = "") -> None:
-        """Keep what is wrong with a row, or with the first of a mask, if nothing of its kind is.
+        """Keep the first problem of a kind: of a row, or of the first row of a mask.
 
-        Args:
-            problems: what is wrong, by kinds.
-            which: the row, or a mask.
-            text: what is wrong.
-            kind: where the text has what may be another with every message.
+        Without a kind, the text is it.
         """
         if isinstance(which, np.ndarray):
             [*rows] = np.flatnonzero(which)[:1]
@@ -239,7 +234,6 @@ class Change(NamedTuple):
     is_all: bool  # these are all rows, in their order
 
     def apply(self, came: Batch) -> None:
-        """Change the layer."""
         layer, rows = self.layer, self.rows
         if self.is_all:
             layer.set(self.ids, came)
@@ -265,7 +259,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
 
     stamped = False
 
-    key, Settings = "marker", MarkerSettings
+    key = "marker"
     message_types = ("visualization_msgs/msg/Marker", "visualization_msgs/msg/MarkerArray")
     live = False
 
@@ -284,12 +278,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         self._fixed = ""  # the fixed frame
         self._tree: tuple[object, ...] = ()  # the TF tree in which they were last looked for
 
-    def draw(self, message: Any) -> Sequence[rr.AsComponents]:
-        """Return nothing: ``flush`` draws many messages at once."""
-        return ()
-
     def add(self, stamp_ns: int, message: Any) -> None:
-        """Add a message, to be logged by ``flush``."""
         self._pending.append((stamp_ns, message))
         self._in_arrays = hasattr(message, "markers")
         if not self.frame:  # the fixed frame may have to be found by it
@@ -329,7 +318,6 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         return usual_ns if self._now_ns < usual_ns <= now_ns else now_ns
 
     def erase(self) -> None:
-        """Remove what is drawn, from its last time on."""
         for layer in self._layers.values():
             layer.log(self._stamp_ns, hidden=True)
 
@@ -457,7 +445,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
     def _entity(self, key: LayerKey) -> str:
         """Return the entity of a new layer."""
         space = [key.space] if key.space else []
-        first = below(self.entity, rr.new_entity_path([*space, key.kind]).lstrip("/"))
+        first = below(self.entity, entity_path(*space, key.kind))
         for number in count(1):
             entity = first if number == 1 else f"{first}_{number}"
             if entity not in self._used:

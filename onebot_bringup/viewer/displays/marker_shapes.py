@@ -272,11 +272,7 @@ class MeshVariant(NamedTuple):
     color: int | None  # Rerun's number; None for the file's own
 
     def pieces(self) -> list[Piece]:
-        """Return the columns of the mesh itself.
-
-        Raises:
-            OneBotError: it cannot be read.
-        """
+        """Return the columns of the mesh itself."""
         asset = load_shape(locate_mesh(Resources(None), self.uri))
         color = self.color if self.color is not None or asset.colored else 0xFFFFFFFF
         return _ready(

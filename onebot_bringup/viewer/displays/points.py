@@ -17,7 +17,6 @@ from onebot_bringup.viewer.displays.drawing import (
     DEPTH_HEAVY,
     Drawing,
     TopicSettings,
-    by_topic,
 )
 from onebot_bringup.viewer.settings import Color, color, height, one_of, setting
 from onebot_description.errors import listing
@@ -74,7 +73,6 @@ class PointsDrawing(Drawing[PointsSettings]):
 
     order: ClassVar[Sequence[str]]  # auto takes the first transformer that has data
     placed = True
-    few: ClassVar[bool] = False  # points: to transform them costs less than to log where they are
 
     @abstractmethod
     def points(self, message: Any) -> Points:
@@ -89,19 +87,12 @@ class PointsDrawing(Drawing[PointsSettings]):
         return [rr.Points3D.from_fields(radii=[self.settings.size / 2 or -_ON_SCREEN / 2])]
 
     def layout(self) -> LayoutPart:
-        """Return how long points stay."""
         seconds = self.settings.decay_time
         return LayoutPart(windows=((self.entity, seconds),) if seconds else ())
 
     def drawn_in(self) -> str:
         """Points are where they were measured, wherever the sensor goes until the next message."""
-        fixed = self.stage.fixed_frame
-        return fixed if self._transformed or self.frame == fixed else self.entity
-
-    @property
-    def _transformed(self) -> bool:
-        """Whether points are logged in the fixed frame; those that stay must be."""
-        return self.few or self.settings.decay_time > 0.0
+        return self.stage.fixed_frame
 
     def draw(self, message: Any) -> Sequence[ReadyColumn]:
         """Return the points that are finite."""
@@ -110,6 +101,11 @@ class PointsDrawing(Drawing[PointsSettings]):
         if usable is not None:
             positions = positions[usable]
             own = None if own is None else own[usable]
+        if self.home != self.frame and (pose := self.pose()) is not None:
+            matrix = pose.T.astype(np.float32)
+            with np.errstate(over="ignore", invalid="ignore"):
+                positions = positions @ matrix[:3, :3]
+                positions += matrix[3, :3]
         transform = self.settings.color_transformer
         for name in self.order if transform == AUTO else (transform,):
             colors = own if name == RGB8 else self._colors(name, positions, channel, usable)
@@ -117,14 +113,6 @@ class PointsDrawing(Drawing[PointsSettings]):
                 break
         else:
             colors = self._flat()
-        if self.home != self.frame and (pose := self.pose()) is not None:
-            if self._transformed:
-                matrix = pose.T.astype(np.float32)
-                with np.errstate(over="ignore", invalid="ignore"):
-                    positions = positions @ matrix[:3, :3]
-                    positions += matrix[3, :3]
-            else:
-                self.place(self.stage.fixed_frame, self.entity, pose)
         return [_POSITIONS.row(positions), _COLORS.row(colors)]
 
     def _colors(
@@ -138,7 +126,7 @@ class PointsDrawing(Drawing[PointsSettings]):
         look = self.settings
         if transformer == AXIS:
             bounds = None if look.autocompute_value_bounds else (look.min_value, look.max_value)
-            return colored(self._along_axis(positions), bounds, _table(True, False))
+            return colored(positions[:, _AXES.index(look.axis)], bounds, _table(True, False))
         values = channel(look.channel_name) if transformer == INTENSITY else None
         if values is None or (look.color_transformer == AUTO and _is_constant(values)):
             return self._flat() if transformer == FLAT else None
@@ -152,14 +140,6 @@ class PointsDrawing(Drawing[PointsSettings]):
     def _flat(self) -> Colors:
         red, green, blue = self.color
         return np.array([red << 24 | green << 16 | blue << 8 | _OPAQUE], np.uint32)
-
-    def _along_axis(self, positions: Floats32) -> NDArray[Any]:
-        axis, pose = _AXES.index(self.settings.axis), self.pose()
-        if pose is None:
-            return positions[:, axis]
-        row = pose[axis].astype(np.float32)
-        heights: Floats32 = positions @ row[:3] + row[3]
-        return heights
 
 
 def _is_constant(values: NDArray[Any]) -> bool:
@@ -178,19 +158,12 @@ def _usable(positions: Floats32) -> NDArray[np.bool_] | None:
 # --- scans ----------------------------------------------------------------------------------------
 
 
-@by_topic
-@dataclass(frozen=True)
-class LaserScanSettings(PointsSettings):
-    """Points of laser scans."""
-
-
 class LaserScanDrawing(PointsDrawing):
     """The scans of one topic."""
 
-    key, Settings = "laser_scan", LaserScanSettings
+    key = "laser_scan"
     message_types = ("sensor_msgs/msg/LaserScan",)
     order = (INTENSITY, FLAT)
-    few = True
     _directions: tuple[object, Floats32] = ((), np.empty((0, 2), np.float32))
 
     def points(self, message: Any) -> Points:
@@ -226,7 +199,6 @@ _POSITION = ("x", "y", "z")
 _PACKED = ("rgb", "rgba")  # colours: a byte each, the lowest is blue
 
 
-@by_topic
 @dataclass(frozen=True)
 class PointCloud2Settings(PointsSettings):
     """Points of clouds."""
@@ -241,13 +213,12 @@ class PointCloud2Settings(PointsSettings):
 class PointCloud2Drawing(PointsDrawing):
     """The clouds of one topic."""
 
-    key, Settings = "point_cloud2", PointCloud2Settings
+    key = "point_cloud2"
     message_types = ("sensor_msgs/msg/PointCloud2",)
     heavy, kept = True, DEPTH_HEAVY
     order = (RGB8, INTENSITY, AXIS)
 
     def points(self, message: Any) -> Points:
-        """Return all points."""
         fields = _fields(message, {*_POSITION, *_PACKED, self.settings.channel_name})
         if not fields.keys() >= set(_POSITION):
             present = listing(message.fields.name, 10)
@@ -262,11 +233,7 @@ class PointCloud2Drawing(PointsDrawing):
 
 
 def _fields(message: Any, wanted: set[str]) -> dict[str, tuple[np.dtype[Any], int]]:
-    """Return type and place of those fields that are ``wanted``.
-
-    Raises:
-        ValueError: it is not within a point.
-    """
+    """Return type and place of those fields that are ``wanted``."""
     order, columns = ">" if message.is_bigendian else "<", {}
     fields = message.fields
     for name, offset, kind in zip(fields.name, fields.offset, fields.datatype, strict=True):
@@ -282,11 +249,7 @@ def _fields(message: Any, wanted: set[str]) -> dict[str, tuple[np.dtype[Any], in
 
 
 def _values(message: Any, fields: dict[str, tuple[np.dtype[Any], int]]) -> NDArray[Any]:
-    """Return the points as (N,) structs in the message's own bytes, where rows are not padded.
-
-    Raises:
-        ValueError: there are less bytes.
-    """
+    """Return the points as (N,) structs in the message's own bytes, where rows are not padded."""
     width, rows, step = int(message.width), int(message.height), int(message.point_step)
     row_step = rows > 1 and int(message.row_step) or width * step
     if width * rows == 0:

@@ -18,7 +18,6 @@ from onebot_bringup.viewer.displays.drawing import (
     Drawing,
     Floats,
     TopicSettings,
-    by_topic,
 )
 from onebot_bringup.viewer.settings import Color, color, one_of, setting
 from onebot_description.model.quaternions import rotate, to_matrix
@@ -32,7 +31,7 @@ _FITTING = "0: in proportion to the robot"
 
 
 @dataclass(frozen=True)
-class PoseShape(TopicSettings):
+class PoseSettings(TopicSettings):
     """Poses as arrows along x, or as axes."""
 
     shape: str = setting(ARROW, "how a pose is drawn", one_of(ARROW, AXES))
@@ -44,7 +43,7 @@ class PoseShape(TopicSettings):
     axes_radius: float = setting(0.0, f"metres; {_FITTING}")
 
 
-L = TypeVar("L", bound=PoseShape)
+L = TypeVar("L", bound=PoseSettings)
 
 
 class PosesDrawing(Drawing[L]):
@@ -79,11 +78,7 @@ class PosesDrawing(Drawing[L]):
 
 
 def one_pose(pose: Any) -> Floats:
-    """Return a pose as (1, 7).
-
-    Raises:
-        ValueError: it is not finite.
-    """
+    """Return a pose as (1, 7)."""
     poses = drawable(pose.array()[None])
     if not len(poses):
         raise ValueError("its pose is not finite")
@@ -93,16 +88,10 @@ def one_pose(pose: Any) -> Floats:
 # --- poses ----------------------------------------------------------------------------------------
 
 
-@by_topic
-@dataclass(frozen=True)
-class PoseSettings(PoseShape):
-    """Poses as arrows along x, or as axes."""
-
-
 class PoseDrawing(PosesDrawing[PoseSettings]):
     """The pose of one topic."""
 
-    key, Settings = "pose", PoseSettings
+    key = "pose"
     message_types = ("geometry_msgs/msg/PoseStamped",)
     live, repeated = False, True
 
@@ -110,9 +99,8 @@ class PoseDrawing(PosesDrawing[PoseSettings]):
         return self.shapes(one_pose(message.pose))
 
 
-@by_topic
 @dataclass(frozen=True)
-class PoseArraySettings(PoseShape):
+class PoseArraySettings(PoseSettings):
     """Many poses, as flat arrows along x, as arrows, or as axes."""
 
     shape: str = setting(FLAT, "how a pose is drawn", one_of(FLAT, SOLID, AXES))
@@ -127,7 +115,7 @@ class PoseArraySettings(PoseShape):
 class PoseArrayDrawing(PosesDrawing[PoseArraySettings]):
     """The poses of one topic, such as the particles of a localization."""
 
-    key, Settings = "pose_array", PoseArraySettings
+    key = "pose_array"
     message_types = ("geometry_msgs/msg/PoseArray",)
     live, repeated = False, True
 
@@ -241,9 +229,8 @@ def yaw_only(rotation: Floats) -> Floats:
     return np.array([0.0, 0.0, rotation[2] / length, rotation[3] / length])
 
 
-@by_topic
 @dataclass(frozen=True)
-class PoseWithCovarianceSettings(PoseShape):
+class PoseWithCovarianceSettings(PoseSettings):
     """A pose as an arrow along x or as axes, with an ellipse and a sector of its covariance."""
 
     covariance: bool = setting(True, "show it")
@@ -254,7 +241,7 @@ class PoseWithCovarianceSettings(PoseShape):
 class PoseWithCovarianceDrawing(PosesDrawing[PoseWithCovarianceSettings]):
     """The pose of one topic, such as that of a localization, and its covariance if it is known."""
 
-    key, Settings = "pose_with_covariance", PoseWithCovarianceSettings
+    key = "pose_with_covariance"
     message_types = ("geometry_msgs/msg/PoseWithCovarianceStamped",)
     live, repeated = False, True
 

@@ -17,7 +17,6 @@ from onebot_bringup.viewer.displays.drawing import (
     Drawing,
     Floats,
     TopicSettings,
-    by_topic,
 )
 from onebot_bringup.viewer.settings import Color, color, fraction, height, setting
 from onebot_description.model.quaternions import to_matrix
@@ -26,7 +25,6 @@ from onebot_description.parameters.reader import parameter
 # --- paths ----------------------------------------------------------------------------------------
 
 
-@by_topic
 @dataclass(frozen=True)
 class PathSettings(TopicSettings):
     """Lines along planned paths."""
@@ -39,7 +37,7 @@ class PathSettings(TopicSettings):
 class PathDrawing(Drawing[PathSettings]):
     """A planned path as a line; an empty one clears it."""
 
-    key, Settings = "path", PathSettings
+    key = "path"
     message_types = ("nav_msgs/msg/Path",)
     live, repeated = False, True
     period_ns = SELDOM
@@ -57,7 +55,6 @@ _strips = rr.LineStrips3D.from_fields
 # --- polygons -------------------------------------------------------------------------------------
 
 
-@by_topic
 @dataclass(frozen=True)
 class PolygonSettings(TopicSettings):
     """Polygons as closed lines."""
@@ -69,7 +66,7 @@ class PolygonSettings(TopicSettings):
 class PolygonDrawing(Drawing[PolygonSettings]):
     """A polygon, such as a robot's footprint, as a closed line; one without points clears it."""
 
-    key, Settings = "polygon", PolygonSettings
+    key = "polygon"
     message_types = ("geometry_msgs/msg/PolygonStamped",)
     repeated = True
 
@@ -85,7 +82,6 @@ class PolygonDrawing(Drawing[PolygonSettings]):
 # --- points ---------------------------------------------------------------------------------------
 
 
-@by_topic
 @dataclass(frozen=True)
 class PointStampedSettings(TopicSettings):
     """Points as spheres."""
@@ -98,7 +94,7 @@ class PointStampedSettings(TopicSettings):
 class PointStampedDrawing(Drawing[PointStampedSettings]):
     """The last points of one topic, such as those clicked in the page."""
 
-    key, Settings = "point_stamped", PointStampedSettings
+    key = "point_stamped"
     message_types = ("geometry_msgs/msg/PointStamped",)
     repeated = True
 
@@ -134,7 +130,6 @@ _CORNERS = 32  # the corners of a cone's base
 _WIDEST = math.radians(170)
 
 
-@by_topic
 @dataclass(frozen=True)
 class RangeSettings(TopicSettings):
     """Cones of range sensors."""
@@ -146,7 +141,7 @@ class RangeSettings(TopicSettings):
 class RangeDrawing(Drawing[RangeSettings]):
     """The cone of radiation of a sensor up to what it measured, as in RViz."""
 
-    key, Settings = "range", RangeSettings
+    key = "range"
     message_types = ("sensor_msgs/msg/Range",)
 
     def style(self) -> list[rr.AsComponents]:
@@ -197,7 +192,6 @@ _PERIOD_NS = 45_000_000  # hundreds may come in a second
 _UNKNOWN = -1.0  # a covariance that begins so: the sensor does not measure it
 
 
-@by_topic
 @dataclass(frozen=True)
 class ImuSettings(TopicSettings):
     """Inertial sensors."""
@@ -212,7 +206,7 @@ class ImuSettings(TopicSettings):
 class ImuDrawing(Drawing[ImuSettings]):
     """The orientation as axes, the acceleration as an arrow, in the frame of the sensor."""
 
-    key, Settings = "imu", ImuSettings
+    key = "imu"
     message_types = ("sensor_msgs/msg/Imu",)
     _drawn_ns = 0  # stamp of the message drawn last
 
@@ -243,14 +237,7 @@ class ImuDrawing(Drawing[ImuSettings]):
         return [rr.Arrows3D.from_fields(vectors=vectors, colors=colors)]
 
     def _turn(self, message: Any) -> Floats | None:
-        """Return the measured orientation as a matrix (3, 3) from there to the sensor's frame.
-
-        It is that in the fixed frame, whatever the transforms of the sensor's frame are; None if it
-        is not measured.
-
-        Raises:
-            ValueError: it is no quaternion.
-        """
+        """Return the measured orientation as a matrix (3, 3) from there to the sensor's frame."""
         q = message.orientation
         values = np.array([q.x, q.y, q.z, q.w])
         if message.orientation_covariance[0] == _UNKNOWN:

@@ -333,15 +333,8 @@ def _ask(
 ) -> T:
     """Return what a call to the viewer returns; call again where the viewer was too slow.
 
-    Args:
-        call: to the viewer.
-        child: the viewer.
-        progress: called while it takes.
-        doing: what the viewer does meanwhile.
-        passing: what a viewer raises that is too slow (a TimeoutError is an OSError).
-
-    Raises:
-        OneBotError: the viewer has ended, or does not answer within a minute.
+    It raises one of ``passing`` then (a TimeoutError is an OSError), while the viewer is ``doing``
+    something. A viewer that has ended, or does not answer within a minute, is an OneBotError.
     """
     answer = in_background(call)
 
@@ -352,7 +345,9 @@ def _ask(
         if not isinstance(answer.exception(), passing):
             return True
         if not child.running:
-            raise OneBotError(_why(child))
+            found_adapter = "adapter" not in child.output().lower()
+            why = f"the viewer ended: {child.last_words()}" if found_adapter else NO_RENDERER
+            raise OneBotError(why)
         answer = in_background(call)
         return False
 
@@ -375,17 +370,19 @@ class _PatientClient:
 
 
 def _load(client: ViewerClient, source: str, progress: Progress) -> None:
-    """Wait until the viewer shows its views, loaded and free of errors."""
-    start = time.monotonic()
-    state = client.get_state()
-    errors = _Errors()
+    """Wait until the viewer shows its views, loaded and without errors, or with lasting ones."""
+    start = since = time.monotonic()
+    state, errors, polls = client.get_state(), list[str](), 0
 
     def is_shown() -> bool:
-        nonlocal state
-        state = client.get_state()
-        if not (state.recordings or state.loading) and time.monotonic() - start > _LOST:
+        nonlocal state, errors, since, polls
+        state, now = client.get_state(), time.monotonic()
+        if not (state.recordings or state.loading) and now - start > _LOST:
             _raise_logged(client, source)
-        return is_complete(state) or errors.last(state)
+        if _reports(state) != errors or not _is_loaded(state):
+            errors, since, polls = _reports(state), now, 0
+        polls += 1
+        return is_complete(state) or (polls > _POLLS and now - since > _LASTING)
 
     if not _wait(is_shown, progress, lambda: _unfinished(state)) and not state.views:
         raise OneBotError(f"nothing was shown within {PATIENCE:.0f} s: {_unfinished(state)}")
@@ -400,22 +397,6 @@ def _raise_logged(client: ViewerClient, source: str) -> None:
             raise OneBotError(f"{source} cannot be shown: {reason}")
 
 
-class _Errors:
-    """Tells lasting errors of views from errors for a moment, while data come in."""
-
-    def __init__(self) -> None:
-        self._reports: list[str] = []
-        self._since, self._polls = time.monotonic(), 0
-
-    def last(self, state: ViewerState) -> bool:
-        """Whether views have reported the same errors for long, with everything loaded."""
-        reports, now = _reports(state), time.monotonic()
-        if reports != self._reports or not _is_loaded(state):
-            self._reports, self._since, self._polls = reports, now, 0
-        self._polls += 1
-        return self._polls > _POLLS and now - self._since > _LASTING
-
-
 def _is_loaded(state: ViewerState) -> bool:
     return bool(state.views) and not state.loading
 
@@ -427,10 +408,3 @@ def _reports(state: ViewerState) -> list[str]:
 def _unfinished(state: ViewerState) -> str:
     loading = [source.status or source.name for source in state.loading]
     return "; ".join([*loading, *_reports(state)][:3]) or "the viewer has no view yet"
-
-
-def _why(child: Child) -> str:
-    output = child.output()
-    if "adapter" in output.lower():
-        return NO_RENDERER
-    return f"the viewer ended: {child.last_words()}"

@@ -6,25 +6,24 @@ that the view names, which get no arrows by themselves.
 
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, ClassVar, TypeVar
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 import numpy as np
 import rerun as rr
 
-from onebot_bringup.viewer.displays.display import LARGEST, SELDOM, LayoutPart, is_old
+from onebot_bringup.viewer.displays.display import LARGEST, SELDOM, LayoutPart, below, is_old
 from onebot_bringup.viewer.displays.drawing import (
     Archetypes,
     Drawing,
-    DrawingsDisplay,
     Floats,
-    by_topic,
+    NamedDisplay,
 )
 from onebot_bringup.viewer.displays.poses import (
     FILL_ALPHA,
     PosesDrawing,
-    PoseShape,
+    PoseSettings,
     fan,
     one_pose,
     outlines,
@@ -46,9 +45,8 @@ T = TypeVar("T", bound="TrailSettings | CovarianceSettings")
 _MOST_KEPT = 1000  # arrows, since each is logged with those before it
 
 
-@by_topic
 @dataclass(frozen=True)
-class OdometrySettings(PoseShape):
+class OdometrySettings(PoseSettings):
     """Poses of odometry, as arrows along x or as axes."""
 
     keep: int = setting(100, "poses that are shown; 0 for as many as possible (1000)")
@@ -59,7 +57,7 @@ class OdometrySettings(PoseShape):
 class OdometryDrawing(PosesDrawing[OdometrySettings]):
     """The last poses of one topic."""
 
-    key, Settings = "odometry", OdometrySettings
+    key = "odometry"
     message_types = (ODOMETRY.name,)
 
     def __init__(self, *arguments: Any) -> None:
@@ -97,26 +95,16 @@ class OdometryDrawing(PosesDrawing[OdometrySettings]):
 # --- what a view names ----------------------------------------------------------------------------
 
 
-class OdometryDisplay(DrawingsDisplay[Mapping[str, T]]):
+class OdometryDisplay(NamedDisplay):
     """Draws Odometry topics that the view names."""
 
-    named = True
-    draws: ClassVar[type[Drawing[Any]]]  # a topic
-
-    def wanted(self, settings: Mapping[str, T]) -> Mapping[str, tuple[Sequence[WantedTopic], T]]:
-        return {
-            name: ([WantedTopic(item.topic, (ODOMETRY,))], item) for name, item in settings.items()
-        }
-
-    def make(self, name: str, settings: T, color: Color) -> Drawing[Any]:
-        path = rr.new_entity_path([self.key, name]).lstrip("/")
-        return self.draws(self.stage, self.entity(path), settings, color)
+    def subscriptions(self, item: Any) -> Sequence[WantedTopic]:
+        return [WantedTopic(item.topic, (ODOMETRY,))]
 
     def layout(self) -> LayoutPart:
         """Return its drawings, without those that an earlier view had."""
         entities = tuple(drawing.entity for drawing in self.items.values())
-        windows = super().layout().windows
-        return LayoutPart(hidden=(self.entity(self.key),), shown=entities, windows=windows)
+        return replace(super().layout(), hidden=(self.entity(self.key),), shown=entities)
 
 
 class SampleDrawing(Drawing[T]):
@@ -125,9 +113,10 @@ class SampleDrawing(Drawing[T]):
     def frame_of(self, message: OdometrySample) -> str:
         return message.frame_id
 
-    def place_of(self, sample: OdometrySample) -> Floats:
-        """Return where to draw: (3,) metres."""
-        return np.array(sample.translation) + (0.0, 0.0, self.settings.height)
+    def place_of(self, sample: OdometrySample) -> Floats | None:
+        """Return where to draw: (3,) metres; None if it is not finite."""
+        place = np.array(sample.translation) + (0.0, 0.0, self.settings.height)
+        return place if (np.abs(place) <= LARGEST).all() else None
 
 
 # --- trails ---------------------------------------------------------------------------------------
@@ -158,33 +147,28 @@ class TrailDrawing(SampleDrawing[TrailSettings]):
 
     kept = 5000
     _start: Floats | None = None  # where the next piece begins
-    _place: Floats  # where the last message was
-    _place_ns = 0
-    _place_frame = ""
+    _previous: tuple[int, str, Floats] = (0, "", np.zeros(3))  # stamp, frame and place
 
     def style(self) -> list[rr.AsComponents]:
         return [rr.LineStrips3D.from_fields(colors=[self.color], radii=[self.settings.width / 2])]
 
     def draw(self, sample: OdometrySample) -> Archetypes:
         """Return the piece that ends here, once it is long enough."""
-        place, start = self.place_of(sample), self._start
-        if not (np.abs(place) <= LARGEST).all() or not sample.frame_id:
+        place = self.place_of(sample)
+        if place is None or not sample.frame_id:
             self._start = None
             return ()
-        begins = start is None or self._is_broken(place)
-        self._place, self._place_ns, self._place_frame = place, self.stamp_ns, self.frame
-        if start is None or begins:
+        stamp_ns, frame, previous_place = self._previous
+        self._previous = self.stamp_ns, self.frame, place
+        is_reset = self.stamp_ns < stamp_ns or self.frame != frame
+        start = self._start
+        if start is None or is_reset or np.linalg.norm(place - previous_place) > JUMP:
             self._start = place
             return ()
         if np.linalg.norm(place - start) < SPACING:
             return ()
         self._start = place
         return [rr.LineStrips3D.from_fields(strips=[np.array([start, place])])]
-
-    def _is_broken(self, place: Floats) -> bool:
-        """Whether the robot was moved, or time or frame changed, since the last message."""
-        changed = self.stamp_ns < self._place_ns or self.frame != self._place_frame
-        return changed or bool(np.linalg.norm(place - self._place) > JUMP)
 
     def layout(self) -> LayoutPart:
         return LayoutPart(windows=((self.entity, self.settings.length),))
@@ -196,16 +180,17 @@ class TrailDrawing(SampleDrawing[TrailSettings]):
         self._pending.extend(before._pending)
 
 
-class TrailDisplay(OdometryDisplay[TrailSettings]):
+class TrailDisplay(OdometryDisplay):
     """Draws where the robot has been."""
 
-    key, Settings, noun = "trails", TrailSettings, "trail"
+    key, noun = "trails", "trail"
     draws = TrailDrawing
     period_ns = SELDOM  # the part that lags behind is under the robot
 
 
 # --- covariances ----------------------------------------------------------------------------------
 
+PLACED_ENTITY = "placed"  # below which the frames of the shapes are
 _CHANGE = 0.01  # share of a shape's size: less would not be seen
 
 
@@ -237,57 +222,58 @@ class CovarianceDrawing(SampleDrawing[CovarianceSettings]):
 
     def draw(self, sample: OdometrySample) -> Archetypes:
         """Log both parts below the entity; nothing lies at the entity itself."""
-        pose = np.eye(4)
-        pose[:3, 3] = self.place_of(sample)
-        if not (np.abs(pose) <= LARGEST).all():
+        place = self.place_of(sample)
+        if place is None:
             return ()
-        settings = self.settings
-        place, heading = outlines(sample.covariance, settings.sigma, settings.heading)
-        self._draw_part("place", place, pose)
+        settings, pose = self.settings, np.eye(4)
+        pose[:3, 3] = place
+        ellipse, sector = outlines(sample.covariance, settings.sigma, settings.heading)
+        self._draw_part("place", ellipse, pose)
         pose[:3, :3] = to_matrix(yaw_only(sample.rotation))
-        self._draw_part("heading", heading, pose)
+        self._draw_part("heading", sector, pose)
         return ()
 
     def erase(self) -> None:
-        for name in self._shapes:
-            self.stage.clear(f"{self.entity}/{name}", self.stamp_ns, f"{self.entity}/{name}")
-
-    def _draw_part(self, name: str, outline: Floats | None, pose: Floats) -> None:
-        """Log an outline (49, 3), and the shape that it encloses, at a pose (4, 4)."""
-        entity = f"{self.entity}/{name}"
-        before, logged_at = self._shapes.get(name, (None, 0.0))
-        if outline is not None:
-            self.place(self.frame, entity, pose)
-        elif before is None:
-            return
-        if _is_alike(outline, before) and not is_old(logged_at):
-            return
-        self._shapes[name] = outline, time.monotonic()
-        if outline is None:
+        for part in self._shapes:
+            entity = f"{self.entity}/{part}"
             self.stage.clear(entity, self.stamp_ns, entity)
-            return
-        self.stage.log_row(
-            entity,
-            self.stamp_ns,
-            rr.CoordinateFrame(entity),
-            rr.LineStrips3D([outline], colors=[self.color], radii=[self.settings.width / 2]),
-            rr.Mesh3D(
+
+    def _draw_part(self, part: str, outline: Floats | None, pose: Floats) -> None:
+        """Log an outline (49, 3), and the shape that it encloses, at a pose (4, 4)."""
+        entity = f"{self.entity}/{part}"
+        before, logged_at = self._shapes.get(part, (None, 0.0))
+        if outline is not None:
+            # The frame lies on an entity that is never cleared, since what is drawn needs it.
+            self.stage.log_row(
+                below(PLACED_ENTITY, entity),
+                self.stamp_ns,
+                rr.Transform3D(
+                    translation=pose[:3, 3],
+                    mat3x3=pose[:3, :3],
+                    parent_frame=self.frame,
+                    child_frame=entity,
+                ),
+            )
+            if before is not None and not is_old(logged_at) and _are_alike(outline, before):
+                return
+            lines = rr.LineStrips3D([outline], colors=[self.color], radii=[self.settings.width / 2])
+            shape = rr.Mesh3D(
                 vertex_positions=outline,
                 triangle_indices=fan(),
                 albedo_factor=(*self.color, FILL_ALPHA),
-            ),
-        )
+            )
+            self.stage.log_row(entity, self.stamp_ns, rr.CoordinateFrame(entity), lines, shape)
+        elif before is not None:
+            self.stage.clear(entity, self.stamp_ns, entity)
+        self._shapes[part] = outline, time.monotonic()
 
 
-def _is_alike(outline: Floats | None, before: Floats | None) -> bool:
-    """Whether an outline looks like the one before."""
-    if outline is None or before is None:
-        return outline is before
+def _are_alike(outline: Floats, before: Floats) -> bool:
     return bool(np.abs(outline - before).max() <= _CHANGE * np.abs(before).max())
 
 
-class CovarianceDisplay(OdometryDisplay[CovarianceSettings]):
+class CovarianceDisplay(OdometryDisplay):
     """Draws how sure the robot is of its pose."""
 
-    key, Settings, noun = "covariance", CovarianceSettings, "covariance"
+    key, noun = "covariance", "covariance"
     draws = CovarianceDrawing

@@ -3,7 +3,8 @@
 import time
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
-from itertools import compress
+from functools import lru_cache
+from itertools import chain, compress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from onebot_bringup.viewer.displays.display import (
     LARGEST,
     Display,
     LayoutPart,
+    entity_path,
     is_old,
 )
 from onebot_bringup.viewer.inbox import OTHER_CLOCK_NS, MessageType, WantedTopic, one_by_one
@@ -58,7 +60,7 @@ class AxesSettings:
 class TfDisplay(Display[AxesSettings]):
     """Logs /tf and /tf_static, and draws axes in new frames."""
 
-    key, Settings = "axes", AxesSettings
+    key = "axes"
 
     def __init__(self, stage: "Stage") -> None:
         super().__init__(stage)
@@ -72,13 +74,10 @@ class TfDisplay(Display[AxesSettings]):
         self._retired_at = 0.0
 
     def topics(self) -> Sequence[WantedTopic]:
-        """Return /tf and /tf_static."""
-        return WantedTopic("/tf", (TF,), reliable=True), WantedTopic(
-            "/tf_static", (TF_STATIC,), latched=True
-        )
+        static = WantedTopic("/tf_static", (TF_STATIC,), latched=True)
+        return [WantedTopic("/tf", (TF,), reliable=True), static]
 
     def apply(self, settings: AxesSettings) -> None:
-        """Draw other axes, if they change."""
         self._settings = settings
         self._only = set(settings.frames)
         for robot in self.stage.robots:
@@ -104,7 +103,6 @@ class TfDisplay(Display[AxesSettings]):
     def add(
         self, _topic: str, kind: MessageType[Any], messages: Sequence[tuple[int, TfArrays]]
     ) -> None:
-        """Add messages of /tf or /tf_static."""
         for stamp_ns, message in messages:
             if kind is TF_STATIC:
                 self.stage.transforms.add_static(message)
@@ -112,7 +110,6 @@ class TfDisplay(Display[AxesSettings]):
                 self.stage.transforms.add(stamp_ns, message)
 
     def flush(self) -> None:
-        """Log transforms, and axes of new frames or of another length."""
         self.stage.transforms.flush()
         if self._retired and self.stage.clock() - self._retired_at > _STRAGGLING:
             self.stage.transforms.forget(self._retired)
@@ -122,15 +119,11 @@ class TfDisplay(Display[AxesSettings]):
         self._draw(())
 
     def warnings(self) -> list[str]:
-        """Return that transforms are ignored."""
         frame = self.stage.transforms.ignored
-        return [
-            f'a transform of "{frame}" is ignored: it is not finite, or its rotation '
-            "no unit quaternion"
-        ] * bool(frame)
+        reason = "it is not finite, or its rotation no unit quaternion"
+        return [f'a transform of "{frame}" is ignored: {reason}'] if frame else []
 
     def layout(self) -> LayoutPart:
-        """Return whether axes are shown."""
         return LayoutPart(visible=((FRAMES_ENTITY, self._settings.visible),))
 
     def _show_connected(self) -> None:
@@ -182,7 +175,7 @@ class TfDisplay(Display[AxesSettings]):
 
 def axes_entity(frame: str) -> str:
     """Return the entity of the axes of ``frame``."""
-    return rr.new_entity_path([FRAMES_ENTITY, frame]).lstrip("/")
+    return entity_path(FRAMES_ENTITY, frame)
 
 
 # --- transforms -------------------------------------------------------------------------------
@@ -204,10 +197,8 @@ def _sane(stamps: NDArray[np.int64], instead: NDArray[np.int64]) -> NDArray[np.i
     return np.where((stamps == 0) | (stamps > instead + OTHER_CLOCK_NS), instead, stamps)
 
 
-_MOST_COLUMNS = 32  # columns of names, kept for the next time
-
-
-def _name_columns(parents: list[str], children: list[str]) -> Sequence[ReadyColumn]:
+@lru_cache(maxsize=32)
+def _name_columns(parents: tuple[str, ...], children: tuple[str, ...]) -> Sequence[ReadyColumn]:
     """Return columns with the frame of each row, and its parent."""
     return ready(rr.Transform3D.columns(parent_frame=parents, child_frame=children))
 
@@ -220,13 +211,7 @@ class TransformStream:
         self._frames = frames
         self._pending: list[tuple[int, TfArrays]] = []
         self._static: dict[str, tuple[object, ...]] = {}
-        # Columns of names, by the identities of the lists that they were made of. These are kept,
-        # or others could come to bear their identity.
-        self._names: dict[tuple[int, ...], tuple[object, Sequence[ReadyColumn]]] = {}
-        # Lists of children, by identity, and when each came last; sorted into _logged later.
-        self._received: dict[int, tuple[Sequence[str], float]] = {}
         self._logged: dict[str, float] = {}  # child -> monotonic time of its last row
-        self._latest_ns = 0
         self._repeated_at = 0.0
         self.ignored = ""  # the first frame whose transform was none
 
@@ -254,7 +239,7 @@ class TransformStream:
                 continue
             self._static[child] = value
             self.recording.log(
-                rr.new_entity_path([TF_STATIC_ENTITY, child]),
+                entity_path(TF_STATIC_ENTITY, child),
                 rr.Transform3D(
                     translation=translation,
                     quaternion=rr.Quaternion(xyzw=rotation),
@@ -283,7 +268,6 @@ class TransformStream:
         """Drop ``frames`` until they are received again."""
         frames = list(frames)
         self._frames.forget(frames)
-        self._sort_received()
         for frame in frames:
             self._static.pop(frame, None)
             self._logged.pop(frame, None)
@@ -305,52 +289,36 @@ class TransformStream:
         if not stamps.all() or stamps.max() > latest:
             instead = [np.full(len(item.children), stamp_ns) for stamp_ns, item in pending]
             stamps = _sane(stamps, np.concatenate(instead))
-        self._send(stamps, translations, rotations, self._names_of(batch))
+        parents = tuple(chain.from_iterable(item.parents for item in batch))
+        children = tuple(chain.from_iterable(item.children for item in batch))
+        self._send(stamps, translations, rotations, parents, children)
         self._remember(batch, int(stamps.max()))
         return True
-
-    def _names_of(self, batch: Sequence[TfArrays]) -> Sequence[ReadyColumn]:
-        """Return the columns of names of messages, whose lists are mostly the same objects."""
-        lists = [names for item in batch for names in (item.parents, item.children)]
-        key = tuple(map(id, lists))
-        if key not in self._names:
-            if len(self._names) >= _MOST_COLUMNS:
-                self._names.clear()
-            parents = [name for names in lists[::2] for name in names]
-            children = [name for names in lists[1::2] for name in names]
-            self._names[key] = lists, _name_columns(parents, children)
-        return self._names[key][1]
 
     def _remember(self, batch: Sequence[TfArrays], latest_ns: int) -> None:
         """Update ``frames``, and log anew the frames that have not come for a while."""
         now = time.monotonic()
         for item in batch:
             self._frames.update(item)
-            self._received[id(item.children)] = (item.children, now)
-        self._latest_ns = latest_ns
+        # The list of frames is mostly the same object.
+        for children in {id(item.children): item.children for item in batch}.values():
+            self._logged.update(dict.fromkeys(children, now))
         if is_old(self._repeated_at):
             self._repeated_at = now
-            self._repeat_slow(now)
+            self._repeat_slow(now, latest_ns)
 
-    def _sort_received(self) -> None:
-        """Note for each frame when it came last."""
-        for children, when in sorted(self._received.values(), key=lambda entry: entry[1]):
-            self._logged.update(dict.fromkeys(children, when))
-        self._received.clear()
-
-    def _repeat_slow(self, now: float) -> None:
+    def _repeat_slow(self, now: float, stamp_ns: int) -> None:
         """Log anew the frames that have not come for a while, at the time of the newest."""
-        self._sort_received()
-        slow = [child for child, when in self._logged.items() if is_old(when)]
+        slow = tuple(child for child, when in self._logged.items() if is_old(when))
         if not slow:
             return
-        edges = self._frames.edges
-        names = _name_columns([edges[child].parent for child in slow], slow)
+        edges = [self._frames.edges[child] for child in slow]
         self._send(
-            np.full(len(slow), self._latest_ns),
-            np.array([edges[child].translation for child in slow]),
-            np.array([edges[child].rotation for child in slow]),
-            names,
+            np.full(len(slow), stamp_ns),
+            np.array([edge.translation for edge in edges]),
+            np.array([edge.rotation for edge in edges]),
+            tuple(edge.parent for edge in edges),
+            slow,
         )
         self._logged.update(dict.fromkeys(slow, now))
 
@@ -359,9 +327,9 @@ class TransformStream:
         stamps_ns: NDArray[np.int64],
         translations: Floats,
         rotations: Floats,
-        names: Sequence[ReadyColumn],
+        parents: tuple[str, ...],
+        children: tuple[str, ...],
     ) -> None:
         numbers = [_TRANSLATIONS.column(translations), _ROTATIONS.column(rotations)]
-        self.recording.send_columns(
-            TF_ENTITY, indexes=[time_column(stamps_ns)], columns=[*numbers, *names]
-        )
+        columns = [*numbers, *_name_columns(parents, children)]
+        self.recording.send_columns(TF_ENTITY, indexes=[time_column(stamps_ns)], columns=columns)
