@@ -58,7 +58,7 @@ class DescriptionFiles:
     def poll(self) -> Description | None:
         """Return the edited robot once it is loaded; to be called several times a second.
 
-        An OneBotError says why the files as they are now cannot be used.
+        Raises OneBotError if the files as they are now cannot be used.
         """
         saved, removed = self._watch.poll()
         self._edited += [*saved, *removed]

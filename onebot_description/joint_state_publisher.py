@@ -170,7 +170,7 @@ class JointsState:
     def describing(self, description: Description, *, tolerant: bool) -> "JointsState":
         """Return the state with another robot, whose joints go on from where they are.
 
-        Parameters that do not suit it are a ConfigError; ``tolerant`` leaves them out instead.
+        Raises ConfigError for parameters that do not suit it; ``tolerant`` leaves them out instead.
         """
         source = JointStateSource(
             description.joints, self.config, previous=self.source, tolerant=tolerant
@@ -444,7 +444,7 @@ class JointStatePublisher(Node):
     # Applying parameters and descriptions ----------------------------------------------------
 
     def _use(self, description: Description) -> None:
-        """Start with ``description``; parameters that do not suit it are a ConfigError."""
+        """Start with ``description``; raises ConfigError for parameters that do not suit it."""
         try:
             self._apply(self.state.describing(description, tolerant=False))
         except ConfigError as error:
