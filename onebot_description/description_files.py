@@ -1,4 +1,4 @@
-"""A description's files: whoever edits one has the robot loaded again, while its node works on."""
+"""A description's files: an edit loads the robot again, while its node works on."""
 
 from __future__ import annotations
 

@@ -159,7 +159,7 @@ class JointParameters:
 
 @dataclass(frozen=True)
 class JointsState:
-    """What follows from parameters and description; replaced whole: a refusal changes nothing."""
+    """Parameters and description; replaced as a whole, so that a refusal changes nothing."""
 
     values: Mapping[str, Any]  # the parameters, by name
     config: JointsConfig  # the same, checked

@@ -270,7 +270,7 @@ _NAME = re.compile(rb"<name>\s*([\w.-]+)\s*</name>")
 
 
 def _package_name(folder: Path) -> str:
-    """What the package.xml in ``folder`` calls the package; "" if there is none."""
+    """The package's name in the package.xml in ``folder``; "" if there is none."""
     file = folder / "package.xml"
     try:
         if not file.is_file():
