@@ -77,6 +77,10 @@ EQUIVALENT: dict[str, set[str]] = {
         # Every stamp is after 1970.
         "SystemStamps.__init__: self._last_due, self._last = 0, -(2*63)",
     },
+    "onebot_control/driven_robot.py": {
+        # There are as many wheels on either side.
+        "DrivenRobot.__init__: self.drift = DriftCheck(skids=len(wheels.names) > 3)",
+    },
     "onebot_control/odometry.py": {
         # The wheels' first positions only begin: the time before them counts for nothing.
         "Odometry.__init__: self._since = -1.0",
@@ -101,6 +105,8 @@ EQUIVALENT: dict[str, set[str]] = {
     "onebot_control/wheels/finding.py": {
         # There are as many poses as links.
         "link_places: for link, pose in zip(model.links, model.link_poses({}), strict=False):",
+        # The axis is that of a wheel, and so has no z but for a degree.
+        "_is_steered: x, y, _ = np.cross(axle.axis, (0.0, -1.0, 1.0))",
         # A sum of 0 is 0 with the other sign.
         "_sets: return [group for group in sets if sum(1 if not wheel.y > 0.0 else -1 for wheel in group) == 0]",  # noqa: E501
     },
@@ -109,6 +115,8 @@ EQUIVALENT: dict[str, set[str]] = {
         'check_tree: if len(roots) > 1 and len(ends) >= len(findings.document.root.findall("joint")):',  # noqa: E501
     },
     "onebot_description/description/expansion.py": {
+        # What is not found from there on is searched for from the beginning.
+        "_Children.index: self._last = super().index(node, max(self._last - 2, 1))",
         # There is at least one place.
         'written_at: calls = f" (called at {\', from \'.join(places[1:])})" if len(places) != 1 else ""',  # noqa: E501
     },
