@@ -56,6 +56,7 @@ _MOST_WAITING = 2000  # markers, while no transform leads to their frames
 
 Integers = NDArray[np.integer[Any]]
 MarkerId = tuple[str, int]  # namespace and number
+Rows = NDArray[np.intp] | slice
 
 
 @dataclass(frozen=True)
@@ -239,7 +240,7 @@ class Plan(NamedTuple):
     """Where the markers of a message go, and of each message that is alike."""
 
     signature: tuple[object, ...]  # all that it depends on
-    members: list[tuple[Layer, list[MarkerId], NDArray[np.intp]]]  # with their rows
+    members: list[tuple[Layer, list[MarkerId], Rows]]
     moved: dict[str, list[int]]  # rows that lie in the fixed frame, by their own frames
 
 
@@ -408,12 +409,10 @@ class MarkerDrawing(Drawing[MarkerSettings]):
                 moved.setdefault(frame, []).append(row)
         self._remove(gone)
         self._where |= keys
+        rows = {key: [newest[marker] for marker in ids] for key, ids in members.items()}
         return Plan(
             signature,
-            [
-                (self._layers[key], ids, np.array([newest[marker] for marker in ids], np.intp))
-                for key, ids in members.items()
-            ],
+            [(self._layers[key], ids, _selection(rows[key])) for key, ids in members.items()],
             moved,
         )
 
@@ -585,6 +584,12 @@ def _make_unit(incoming: Incoming, lengths: Floats, problems: dict[str, str]) ->
     incoming.report(problems, none, "its quaternion is zero: taken as no turn")
     odd = (np.abs(lengths - 1.0) > _UNIT) & ~none
     incoming.report(problems, odd, "its quaternion is not of unit length")
+
+
+def _selection(rows: list[int]) -> Rows:
+    """Return rows as an index; those that follow one another need not be copied."""
+    first, end = rows[0], rows[0] + len(rows)
+    return slice(first, end) if rows == [*range(first, end)] else np.array(rows, np.intp)
 
 
 def _frame(marker: Any) -> str:
