@@ -8,7 +8,6 @@ import math
 import re
 import sys
 from collections.abc import Iterable, Iterator, Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -29,10 +28,9 @@ _REST = 1.0  # s, long enough for OneBot's limiter to stop
 # The goals of the project: shares, m.
 ODOMETRY_GOAL, TRUTH_GOAL, REST_GOAL = 0.0005, 0.005, 1e-5
 
-_HEAD = "Path | Commanded: x, y, heading | Odometry | Truth | Odometry to truth | Truth to command"
+_HEAD = "Path | Odometry to truth | Truth to command"
 _ROBOTS_HEAD = (
-    "Robot | File | Wheels; separation, radius | 2 m straight: odometry; truth | "
-    "360° turn: odometry; truth"
+    "Robot | Wheels; separation, radius | 2 m straight: truth | 360° turn: odometry; truth"
 )
 
 
@@ -199,9 +197,13 @@ def table(results: Iterable[Result], drift: float) -> str:
 def robots_table(files: Iterable[str], config: ControlConfig) -> str:
     """Drive 2 m and turn once with each robot, and return the results as Markdown.
 
-    The row of a robot that cannot be driven has the reason.
+    Robots that are refused for the same reason share a row.
     """
-    return _markdown(_ROBOTS_HEAD, [_robot(file, config) for file in files])
+    names: dict[tuple[str, ...], list[str]] = {}
+    for file in files:
+        name, *cells = _robot(file, config)
+        names.setdefault(tuple(cells), []).append(name)
+    return _markdown(_ROBOTS_HEAD, [(", ".join(names[cells]), *cells) for cells in names])
 
 
 def missed(results: Iterable[Result], drift: float) -> list[str]:
@@ -231,31 +233,23 @@ def _row(result: Result) -> Sequence[str]:
         (result.truth_error, result.truth_worst),
     )
     cells = [f"{error:.4%}, at most {1e3 * worst:.3f} mm" for error, worst in errors]
-    poses = (result.commanded, result.odometry, result.truth)
-    return [result.path.name, *map(_pose, poses), *cells]
+    return [result.path.name, *cells]
 
 
-def _pose(pose: PlanarPose) -> str:
-    # Adding 0 turns -0.0 into 0.0.
-    x, y = (round(1e3 * value, 3) + 0.0 for value in (pose.x, pose.y))
-    return f"{x:.3f} mm, {y:.3f} mm, {round(math.degrees(pose.yaw), 4) + 0.0:.4f}°"
-
-
-def _robot(file: str, config: ControlConfig) -> Sequence[str]:
-    name = "/".join(Path(file).parts[-2:])
+def _robot(file: str, config: ControlConfig) -> tuple[str, ...]:
     description = load_description(file)
     try:
         wheels = wheels_of(description, config)
         ahead, turned = measure(description, config, PATHS[:2])
     except OneBotError as error:
         reason = str(error).splitlines()[0].split(". ")[0].split("cannot be driven: ")[-1]
-        return description.robot_name, name, f"refused: {reason}", "", ""
+        return description.robot_name, f"refused: {reason}", "", ""
     x, y, yaw = ahead.truth
     return (
         description.robot_name,
-        name,
         f"{len(wheels.names)}; {wheels.separation:.3f} m, {wheels.radius:.3f} m",
-        f"{ahead.odometry.x:.4f} m; {x:.4f} m, {round(1e3 * y, 1) + 0.0:.1f} mm aside, "
+        # Adding 0 turns -0.0 into 0.0.
+        f"{x:.4f} m, {round(1e3 * y, 1) + 0.0:.1f} mm aside, "
         f"{round(math.degrees(yaw), 2) + 0.0:.2f}°",
         f"{math.degrees(turned.odometry.yaw):.2f}°; {math.degrees(turned.truth.yaw):.2f}°",
     )

@@ -3,6 +3,7 @@
 import os
 import signal
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -42,11 +43,27 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     return min(cores + 1 if config.option.markexpr == "slow" else 2 * cores, _MOST_WORKERS)
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Of the slow tests alone, import the files that have some: each process imports them all."""
+    if config.option.markexpr != "slow" or not collection_path.name.startswith("test_"):
+        return None
+    return b"mark.slow" not in collection_path.read_bytes() or None
+
+
 @pytest.fixture
 def ros_domain() -> Iterator[int]:
     """A domain of the test's own."""
     with used_domain() as domain:
         yield domain
+
+
+@pytest.fixture
+def peer(ros_domain: int) -> Iterator[Any]:
+    """Another node of the test's domain, a ``Peer``."""
+    from tests.ros_support import Peer  # imports rclpy
+
+    with Peer(ros_domain) as peer:
+        yield peer
 
 
 @pytest.fixture

@@ -14,8 +14,8 @@ from onebot_bringup.launch.arguments import (
     simulation_arguments,
 )
 from onebot_bringup.steering.steering_page import SteeringParameters
-from onebot_bringup.viewer.rerun_viewer import ViewerParameters
 from onebot_bringup.viewer.view_config import ViewConfig
+from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_control.parameters import ControlConfig
 from onebot_description.joints.config import JointsConfig
 from onebot_description.parameters.reader import rows
@@ -43,14 +43,14 @@ def tables() -> dict[str, str]:
 
 def _parameters(*kinds: type) -> str:
     cells = (
-        (_names(row.names), row.type, _code(row.default), row.meaning.replace("<", r"\<"))
+        (_names(row.names), row.type, _code(row.default), _plain(row.meaning))
         for row in rows(*kinds)
     )
     return _table(("Parameter", "Type", "Default", "Meaning"), cells)
 
 
 def _arguments(arguments: Iterable[Argument]) -> str:
-    cells = ((f"`{one.name}`", _code(one.default), one.help) for one in arguments)
+    cells = ((f"`{one.name}`", _code(one.default), _plain(one.help)) for one in arguments)
     return _table(("Argument", "Default", "Meaning"), cells)
 
 
@@ -77,6 +77,10 @@ def _braces(words: Sequence[str]) -> str:
 
 def _code(default: str) -> str:
     return default if default in ("", "required", _ROBOTS_OWN) or "`" in default else f"`{default}`"
+
+
+def _plain(sentence: str) -> str:
+    return sentence.replace("<", r"\<")
 
 
 def _table(head: tuple[str, ...], cells: Iterable[tuple[str, ...]]) -> str:

@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 import yaml
 from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
 from nav_msgs.msg import Path as PlannedPath
 from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import GetParameters, ListParameters
@@ -22,6 +23,7 @@ from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from std_msgs.msg import String
 
 from onebot_bringup.cli.main import VERBS
+from onebot_bringup.viewer.displays import MESSAGE_DRAWINGS
 from onebot_description.description import load_description
 from tests import readme_tables
 from tests.benchmarks.__main__ import BENCHMARKS
@@ -225,6 +227,8 @@ def running(node: Documented, parameters: Mapping[str, Any], peer: Peer, folder:
     latched = peer.node.create_publisher(String, "robot_description", LATCHED)
     if node.description:
         latched.publish(String(data=node.description))
+    if "odom_topic" in node.most:
+        peer.node.create_publisher(Odometry, str(node.most["odom_topic"]), 10)
     if (world := "/world_description") in node.documented("Subscribed topics"):
         peer.node.create_publisher(String, world, LATCHED)
     with node.running(parameters, folder):
@@ -365,6 +369,18 @@ def test_commands() -> None:
         module = importlib.import_module(f"onebot_bringup.cli.{name}")
         for command in getattr(module, "COMMANDS", ()):  # the second words, of some
             assert re.search(rf"\b{command}\b", words), f"onebot {name} {command}"
+
+
+def test_displays() -> None:
+    """Every display is in its table, with its message types, and no other."""
+    text = (CHECKOUT / "onebot_bringup/README.md").read_text()
+    rows = _rows(_section(text, "### Displays"))
+    types = {name: cells[0] for entry, *cells in rows for name in _names(entry)}
+    assert set(types) == {drawing.key for drawing in MESSAGE_DRAWINGS}
+    for drawing in MESSAGE_DRAWINGS:
+        for name in drawing.message_types:
+            package, _, kind = name.split("/")
+            assert package in types[drawing.key] and kind in types[drawing.key], name
 
 
 def test_benchmarks() -> None:

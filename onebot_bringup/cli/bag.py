@@ -223,19 +223,16 @@ class _Player:
         self._session.discover()  # those who are there already get the first message
         seconds = max(0, self._end - self._begin) / _NANO
         print(f"playing {self._bag.source}: {seconds:.1f} s of {len(self._publishers)} topics")
-        self._play_once()
-        while self._args.loop:
-            self._play_once()
+        while True:
+            began = time.monotonic()
+            self._session.spin_until(began + self._args.delay)
+            self._play()
+            if not self._args.loop:
+                break
+            # A recording of one moment would flood its topics.
+            self._session.spin_until(began + _LEAST_ROUND)
         for publisher in self._publishers.values():
             await_acknowledgements(publisher)
-
-    def _play_once(self) -> None:
-        start = time.monotonic()
-        self._session.spin_until(start + self._args.delay)
-        self._play()
-        if self._args.loop:
-            # A recording of one moment would flood its topics.
-            self._session.spin_until(start + _LEAST_ROUND)
 
     def _advertise(self) -> None:
         from rosgraph_msgs.msg import Clock
@@ -284,11 +281,8 @@ class _Player:
             print(f"warning: {topic} is not played: {reason}", file=sys.stderr)
             return None
 
-    def _is_latched(self, topic: str) -> bool:
-        return _are_latched(self._bag.offered[topic])
-
     def _play(self) -> None:
-        latched = set(filter(self._is_latched, self._publishers))
+        latched = {topic for topic in self._publishers if _are_latched(self._bag.offered[topic])}
         started, rate = time.monotonic(), float(self._args.rate)
 
         def due(stamp: int) -> float:
@@ -296,8 +290,11 @@ class _Player:
 
         self._next_tick = self._begin
         for topic, kind, stamp, data in self._bag.messages(list(self._publishers)):
-            if kind != self._bag.topics[topic]:
-                self._warn_of_type(topic, kind)
+            if (played := self._bag.topics[topic]) != kind:
+                if topic not in self._other_types:
+                    text = f"{topic} is played as {played}, not as {kind} as well"
+                    print(f"warning: {text}", file=sys.stderr)
+                self._other_types.add(topic)
                 continue
             if stamp < self._begin and topic not in latched:
                 continue
@@ -307,13 +304,6 @@ class _Player:
             self._publishers[topic].publish(data)
         self._wait(self._end, due)
         _warn_of(self._bag)
-
-    def _warn_of_type(self, topic: str, kind: str) -> None:
-        """Print a warning, one for each topic."""
-        if topic not in self._other_types:
-            self._other_types.add(topic)
-            played = self._bag.topics[topic]
-            print(f"warning: {topic} is played as {played}, not as {kind} as well", file=sys.stderr)
 
     def _wait(self, stamp: int, due: Callable[[int], float]) -> None:
         """Wait until a message is due; meanwhile publish the clock."""
@@ -333,7 +323,7 @@ def _are_latched(offered: Sequence["Qos"]) -> bool:
 
 
 def played_qos(offered: Sequence["Qos"]) -> Any:
-    """Return the QoS that suits whoever has subscribed to the recorded publishers.
+    """Return the QoS that suits every subscriber of the recorded publishers.
 
     It is reliable if any of them was (which suits those who want best effort, too), latched if all
     were, and has their deadline, liveliness and lifespan if these were the same.

@@ -66,7 +66,7 @@ def complete() -> NoReturn:
 def _complete_verb(position: int, verb: str = "", *rest: str) -> None:
     """Complete with a verb that follows the ``position``-th word of the line."""
     if not verb:
-        _choose(main.VERBS, position)
+        _choose({name: verb.summary for name, verb in main.VERBS.items()}, position)
     if verb not in main.VERBS:
         return
     commands = {name: entry.summary for name, entry in main.subcommands(verb).items()}

@@ -4,7 +4,7 @@ import re
 from argparse import Namespace
 from collections.abc import Iterator
 
-from onebot_bringup.cli.options import Group, Subcommand, flag, positional
+from onebot_bringup.cli.options import Subcommand, exclusive, flag, positional
 from onebot_bringup.introspection.interfaces import definition, full_name, installed
 from onebot_description.errors import OneBotError, did_you_mean
 
@@ -67,11 +67,8 @@ COMMANDS = {
         "show the fields of a type",
         show,
         positional("TYPE", "such as geometry_msgs/msg/Twist"),
-        Group(
-            (
-                flag("--all-comments", "of nested types too"),
-                flag("--no-comments", "none at all"),
-            )
+        exclusive(
+            flag("--all-comments", "of nested types too"), flag("--no-comments", "none at all")
         ),
     ),
     "list": Subcommand(

@@ -9,6 +9,7 @@ This module imports nothing slow: before ``start_process`` runs, Ctrl-C prints a
 
 import os
 import sys
+from collections import namedtuple
 from collections.abc import Callable, Mapping, Sequence
 
 from onebot_description.errors import DescriptionError, OneBotError, UsageError, did_you_mean
@@ -24,27 +25,29 @@ INTERRUPTED = 128 + 2
 PIPE_CLOSED = 128 + 13
 
 
-# The verbs, with one line each for ``onebot --help``. Each is a module of this package, imported
-# only when it is used. It has a table ``COMMANDS`` of subcommands, or ``run(argv) -> int``, where
-# ``argv`` is what follows the verb.
+# One line for ``onebot --help``, and the exit code after Ctrl-C: 0 if that is its normal end.
+Verb = namedtuple("Verb", ["summary", "interrupted"], defaults=[INTERRUPTED])  # noqa: PYI024
+
+# Each verb is a module of this package, imported only when it is used. It has a table ``COMMANDS``
+# of subcommands, or ``run(argv) -> int``, where ``argv`` is what follows the verb.
 PACKAGE = "onebot_bringup.cli"
 VERBS = {
-    "check": "check a URDF or xacro file and show its tree",
-    "view": "bring up any robot from its file and move it",
-    "topic": "list, print, measure and publish topics",
-    "node": "list nodes and show what they do",
-    "param": "list, describe, get, set, save and load parameters",
-    "service": "list and call services",
-    "interface": "list types of messages and show them",
-    "tf": "show the tree of frames, and transforms between frames",
-    "snapshot": "draw a robot into a picture file",
-    "run": "run a node by its package and name",
-    "bag": "record topics, play a recording, show what it holds",
-    "replay": "show a recording",
-    "doctor": "check what is wrong on this computer",
-    "completion": "print the tab completion of a shell",
-    "steer": "drive from a page in the browser",
-    "teleop": "drive from the keyboard",
+    "check": Verb("check a URDF or xacro file and show its tree"),
+    "view": Verb("bring up any robot from its file and move it", 0),
+    "topic": Verb("list, print, measure and publish topics", 0),
+    "node": Verb("list nodes and show what they do"),
+    "param": Verb("list, describe, get, set, save and load parameters"),
+    "service": Verb("list and call services"),
+    "interface": Verb("list types of messages and show them"),
+    "tf": Verb("show the tree of frames, and transforms between frames", 0),
+    "snapshot": Verb("draw a robot into a picture file"),
+    "run": Verb("run a node by its package and name", 0),
+    "bag": Verb("record topics, play a recording, show what it holds", 0),
+    "replay": Verb("show a recording", 0),
+    "doctor": Verb("check what is wrong on this computer"),
+    "completion": Verb("print the tab completion of a shell"),
+    "steer": Verb("drive from a page in the browser", 0),
+    "teleop": Verb("drive from the keyboard", 0),
 }
 # What is called otherwise in ROS 1 or by ros2, and the verbs that do it.
 _FORMER = {
@@ -63,8 +66,6 @@ _FORMER = {
     **dict.fromkeys(("teleop_twist_keyboard", "rqt_robot_steering"), "teleop"),
 }
 _LAUNCH = ("launch", "roslaunch")
-# Verbs that run until Ctrl-C, which is a success for them.
-_UNTIL_CTRL_C = ("view", "topic", "tf", "run", "bag", "replay", "steer", "teleop")
 
 
 def start_process(interrupted: int) -> None:
@@ -219,7 +220,7 @@ def _instead(verb: str, rest: Sequence[str]) -> str:
 def usage() -> str:
     """Return what ``onebot --help`` prints."""
     width = max(map(len, VERBS))
-    verbs = "\n".join(f"  {name:{width}}  {summary}" for name, summary in VERBS.items())
+    verbs = "\n".join(f"  {name:{width}}  {verb.summary}" for name, verb in VERBS.items())
     return (
         "usage: onebot [discovery:=WHERE] [domain_id:=N] COMMAND ...\n\nCommands:\n"
         f"{verbs}\n\n"
@@ -242,7 +243,8 @@ def version() -> str:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run ``onebot`` with ``argv`` (default: the command line's) and return the exit code."""
     words = list(sys.argv[1:] if argv is None else argv)
-    interrupted = 0 if words and words[0] in _UNTIL_CTRL_C else INTERRUPTED
+    verb = VERBS.get(words[0] if words else "")
+    interrupted = verb.interrupted if verb else INTERRUPTED
     if argv is None:
         start_process(interrupted)
     return run_command(lambda: run_verb(words), lambda: help_command(words), interrupted)

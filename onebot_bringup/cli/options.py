@@ -3,50 +3,13 @@
 import argparse
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from types import CodeType
 from typing import Any, NoReturn
 
 from onebot_description.errors import UsageError, did_you_mean
 
-
-@dataclass(frozen=True)
-class Option:
-    """An option or a positional argument of a command."""
-
-    names: str  # such as "-r --rate"; a positional argument has its attribute here
-    settings: Mapping[str, Any]  # keyword arguments for argparse's add_argument
-
-    def add_to(self, parser: Any) -> None:
-        """Add it to a parser, or to a group of one."""
-        parser.add_argument(*self.names.split(), **self.settings)
-
-
-@dataclass(frozen=True)
-class Group:
-    """Options below a title in ``--help``; without a title, one of them at most may be given."""
-
-    options: Sequence[Option]
-    title: str = ""
-    description: str = ""
-
-    def add_to(self, parser: argparse.ArgumentParser) -> None:
-        """Add them to a parser."""
-        group = (
-            parser.add_argument_group(self.title, self.description)
-            if self.title
-            else parser.add_mutually_exclusive_group()
-        )
-        for entry in self.options:
-            entry.add_to(group)
-
-
-Options = Sequence[Option | Group]
-
-
-def flag(names: str, help: str, **settings: Any) -> Option:
-    """Return an option without a value."""
-    return Option(names, {"action": "store_true", "help": help, **settings})
+Option = Callable[[Any], object]
+"""Adds an option, a positional argument or a group of options to a parser of argparse."""
 
 
 def option(
@@ -57,14 +20,45 @@ def option(
     default: Any = None,
     **settings: Any,
 ) -> Option:
-    """Return an option with a value; ``type`` parses it."""
+    """Return an option with a value, such as "-r --rate"; ``type`` parses it."""
     common = {"metavar": metavar, "help": help, "type": type, "default": default}
-    return Option(names, {**common, **settings})
+    return lambda parser: parser.add_argument(*names.split(), **common, **settings)
+
+
+def flag(names: str, help: str, **settings: Any) -> Option:
+    """Return an option without a value."""
+    return lambda parser: parser.add_argument(
+        *names.split(), action="store_true", help=help, **settings
+    )
 
 
 def positional(metavar: str, help: str | None = None, **settings: Any) -> Option:
     """Return a positional argument, whose attribute is ``metavar`` in small letters."""
-    return Option(metavar.lower(), {"metavar": metavar, "help": help, **settings})
+    return lambda parser: parser.add_argument(
+        metavar.lower(), metavar=metavar, help=help, **settings
+    )
+
+
+def group(title: str, description: str, *options: Option) -> Option:
+    """Return options below a title in ``--help``."""
+
+    def add_to(parser: argparse.ArgumentParser) -> None:
+        titled = parser.add_argument_group(title, description)
+        for add_option in options:
+            add_option(titled)
+
+    return add_to
+
+
+def exclusive(*options: Option) -> Option:
+    """Return options of which one at most may be given."""
+
+    def add_to(parser: argparse.ArgumentParser) -> None:
+        alternatives = parser.add_mutually_exclusive_group()
+        for add_option in options:
+            add_option(alternatives)
+
+    return add_to
 
 
 # A word that is a value, not an option; argparse itself does not know -1e-3.
@@ -77,10 +71,7 @@ class Subcommand:
     """The second word of a command, such as ``pub`` in ``onebot topic pub``."""
 
     def __init__(
-        self,
-        summary: str,
-        run: Callable[[argparse.Namespace], int | None],
-        *options: Option | Group,
+        self, summary: str, run: Callable[[argparse.Namespace], int | None], *options: Option
     ) -> None:
         """Declare it: ``summary`` is one line for ``--help``; ``run`` may return the exit code."""
         self.summary, self.run, self.options = summary, run, options
@@ -114,7 +105,7 @@ def _usage(group: str, table: Mapping[str, Subcommand]) -> str:
 class Parser(argparse.ArgumentParser):
     """argparse's parser, whose errors are ``UsageError``."""
 
-    def __init__(self, program: str, summary: str, options: Options = ()) -> None:
+    def __init__(self, program: str, summary: str, options: Iterable[Option] = ()) -> None:
         """Make the parser of a command such as ``onebot topic pub``."""
         super().__init__(
             prog=program,
@@ -122,8 +113,8 @@ class Parser(argparse.ArgumentParser):
             epilog="--ros-args and what follows is passed to ROS, as with every node.",
         )
         self._negative_number_matcher = _NEGATIVE
-        for entry in options:
-            entry.add_to(self)
+        for add_option in options:
+            add_option(self)
 
     def error(self, message: str) -> NoReturn:
         """Raise a UsageError."""

@@ -31,7 +31,7 @@ def _client(session: Session, args: Namespace) -> ParameterClient:
 
 
 @in_session
-def names(session: Session, args: Namespace) -> int:
+def list_parameters(session: Session, args: Namespace) -> int:
     """List parameters; return 1 if a node does not answer."""
     failed = 0
     for node in _nodes_to_list(session, args):
@@ -87,23 +87,23 @@ def set_values(args: Namespace) -> int:
     pairs = list(zip(args.pairs[::2], args.pairs[1::2], strict=True))
     with Session(args.ros_args) as session:
         results = _client(session, args).set(pairs, finite=not args.allow_non_finite)
-    accepted = True
-    for (name, _), result in zip(pairs, results, strict=True):
-        prefix = f"{name}: " if len(pairs) > 1 else ""
-        accepted &= _print_result(
-            result, f"{prefix}Set parameter successful", f"{prefix}Setting parameter failed"
-        )
-    return 0 if accepted else 1
+    prefix = "{}: " if len(pairs) > 1 else ""
+    names = [name for name, _ in pairs]
+    done, failed = f"{prefix}Set parameter successful", f"{prefix}Setting parameter failed"
+    return _exit_code(names, results, done, failed)
 
 
-def _print_result(result: Any, done: str, failed: str) -> bool:
-    """Print what became of a request, and return whether it was accepted."""
-    reason = f": {result.reason}" if result.reason else ""
-    if result.successful:
-        print(f"{done}{reason}")
-    else:
-        print(f"{failed}{reason}", file=sys.stderr)
-    return bool(result.successful)
+def _exit_code(names: Iterable[str], results: Iterable[Any], done: str, failed: str) -> int:
+    """Print what became of each parameter; return 1 if any was not accepted."""
+    code = 0
+    for name, result in zip(names, results, strict=True):
+        reason = f": {result.reason}" if result.reason else ""
+        if result.successful:
+            print(f"{done.format(name)}{reason}")
+        else:
+            print(f"{failed.format(name)}{reason}", file=sys.stderr)
+            code = 1
+    return code
 
 
 @in_session
@@ -120,20 +120,16 @@ def load(session: Session, args: Namespace) -> int:
         if not (args.no_use_wildcard and name in written.shared)
     ]
     results = ParameterClient(session, node).set(pairs, finite=not args.allow_non_finite)
-    accepted = True
-    for (name, _), result in zip(pairs, results, strict=True):
-        accepted &= _print_result(
-            result, f"Set parameter {name} successful", f"Set parameter {name} failed"
-        )
-    return 0 if accepted else 1
+    names = [name for name, _ in pairs]
+    return _exit_code(names, results, "Set parameter {} successful", "Set parameter {} failed")
 
 
 @in_session
 def delete(session: Session, args: Namespace) -> int:
     """Unset a parameter; return 1 if the node rejected it."""
     result = _client(session, args).delete(args.parameter)
-    done = _print_result(result, "Deleted parameter successfully", "Deleting parameter failed")
-    return 0 if done else 1
+    done, failed = "Deleted parameter successfully", "Deleting parameter failed"
+    return _exit_code([args.parameter], [result], done, failed)
 
 
 @in_session
@@ -178,7 +174,7 @@ _PARAMETER = positional("PARAMETER")
 COMMANDS = {
     "list": Subcommand(
         "list the parameters of a node, or of all",
-        names,
+        list_parameters,
         positional("NODE", f"{_EXAMPLE} (all nodes)", nargs="?"),
         flag("--include-hidden-nodes", "hidden nodes too"),
         option("--param-prefixes", "PREFIX", "only below these", default=[], nargs="+"),

@@ -4,7 +4,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING, Any
 
-from onebot_bringup.cli.options import Group, natural, not_negative, option
+from onebot_bringup.cli.options import Option, group, natural, not_negative, option
 
 if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
@@ -22,7 +22,7 @@ _OTHERS = ("system_default", "best_available")
 _LEASE = "--qos-liveliness-lease-duration-seconds"
 
 
-def options(default: str) -> Group:
+def options(default: str) -> Option:
     """Return the options; ``default`` describes the profile without them in the help."""
     policies = {
         "history": ("keep_last", "keep_all", "system_default"),
@@ -30,15 +30,13 @@ def options(default: str) -> Group:
         "durability": ("transient_local", "volatile", *_OTHERS),
         "liveliness": ("automatic", "manual_by_topic", *_OTHERS),
     }
-    return Group(
-        (
-            option("--qos-profile", None, "a preset to start from", choices=PRESETS),
-            option("--qos-depth", "N", "queue size", natural),
-            *(option(f"--qos-{name}", None, None, choices=policies[name]) for name in policies),
-            option(_LEASE, "SECONDS", None, not_negative, dest="qos_lease"),
-        ),
+    return group(
         "quality of service",
         f"Without these: {default}.",
+        option("--qos-profile", None, "a preset to start from", choices=PRESETS),
+        option("--qos-depth", "N", "queue size", natural),
+        *(option(f"--qos-{name}", None, None, choices=policies[name]) for name in policies),
+        option(_LEASE, "SECONDS", None, not_negative, dest="qos_lease"),
     )
 
 

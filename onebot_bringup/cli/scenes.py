@@ -20,7 +20,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
 from onebot_bringup.cli.param import frame_prefix
-from onebot_bringup.cli.robots import description_topics
+from onebot_bringup.cli.running_robots import description_topics
 from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.cli.snapshot import NAMESPACE, kind_of
 from onebot_bringup.viewer.display_server import open_recording

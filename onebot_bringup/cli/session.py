@@ -41,16 +41,9 @@ class Session:
     def __init__(
         self, ros_args: Sequence[str] = (), name: str | None = None, spin_time: float | None = None
     ) -> None:
-        """Store the settings; ROS starts when the context is entered.
-
-        Args:
-            ros_args: begins with ``--ros-args``, unless empty.
-            name: of the node; by default a hidden one.
-            spin_time: seconds for discovery; by default until the graph is stable.
-        """
-        self._ros_args = list(ros_args)
-        self._name = name or f"_onebot_{os.getpid()}"
-        self._spin_time = spin_time
+        self._ros_args = list(ros_args)  # begins with --ros-args, unless empty
+        self._name = name or f"_onebot_{os.getpid()}"  # a hidden one
+        self._spin_time = spin_time  # s for discovery; None: until the graph is stable
 
     def __enter__(self) -> "Session":
         use_local_discovery()
@@ -95,12 +88,7 @@ class Session:
         return self._errors.__exit__(*raised)
 
     def spin(self, until: Callable[[], Any], timeout: float | None = None) -> Any:
-        """Run callbacks until ``until()`` is true; return its value.
-
-        Args:
-            until: called at least every 20 ms.
-            timeout: seconds; None for no limit.
-        """
+        """Run callbacks until ``until()`` is true, at most ``timeout`` (s); return its value."""
         deadline = None if timeout is None else time.monotonic() + timeout
         while True:
             value = until()
@@ -217,13 +205,9 @@ class Session:
         timeout: float | None = None,
         patience: float = PATIENCE,
     ) -> Any:
-        """Wait for a condition; return its last value.
+        """Wait for a condition, at most ``timeout`` (s); return its last value.
 
-        Args:
-            condition: returns what is waited for, or what is false.
-            notice: returns what to print after ``patience`` seconds.
-            timeout: seconds; None for no end.
-            patience: seconds.
+        After ``patience`` (s), print what ``notice`` returns.
         """
         first = patience if timeout is None else min(patience, timeout)
         value = self.spin(condition, first)

@@ -9,7 +9,7 @@ from argparse import Namespace
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from onebot_bringup.cli.options import Option, Parser, flag, option, positional
+from onebot_bringup.cli.options import Parser, flag, option, positional
 from onebot_description.description.description import Triple
 from onebot_description.description.packages import PACKAGE_PATH, use_package_path
 from onebot_description.errors import OneBotError, UsageError
@@ -75,14 +75,7 @@ def _camera(text: str) -> object:
 
 
 OPTIONS = (
-    Option(
-        "file",
-        {
-            "metavar": "FILE.png",
-            "type": Path,
-            "help": "the picture; one that exists is replaced",
-        },
-    ),
+    option("file", "FILE.png", "the picture; one that exists is replaced", Path),
     positional("SOURCE", "what to draw (default: the running robot)", nargs="?"),
     option(
         "--joints",

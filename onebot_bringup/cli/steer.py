@@ -1,16 +1,17 @@
 """``onebot steer``: drive a robot from a page in the browser, with its 3D view beside it."""
 
 import os
-import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from onebot_bringup.cli.robots import chosen_commands, description_topics
+from onebot_bringup.cli.running_robots import chosen_commands, description_topics
 from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.launch.arguments import (
     Argument,
     complete,
+    node_parameters,
+    parameter_of,
     parameters_of,
     ros_settings,
     split,
@@ -18,26 +19,36 @@ from onebot_bringup.launch.arguments import (
     with_positional,
 )
 from onebot_bringup.launch.bringup import environment
-from onebot_bringup.launch.nodes import AWAIT_VIEW, STEERING_PAGE, VIEWER, RosNodes
+from onebot_bringup.launch.nodes import (
+    AWAIT_VIEW,
+    STEERING_PAGE,
+    VIEWER,
+    Parameters,
+    RosNodes,
+    page_address,
+)
 from onebot_bringup.launcher.launcher import Launcher
-from onebot_bringup.steering.access import BindAddress, choose_bind_address
 from onebot_bringup.steering.page_parameters import PageParameters
+from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_control.poses import prefixed
 from onebot_description.errors import OneBotError, UsageError
 
 _VIEWER = "steering_viewer"  # not rerun_viewer: the robot may start one later
-_NUMBERS = ("rate", "max_linear", "max_angular")
 _ARGUMENTS = [
     Argument("topic", "", "to steer, or a robot such as robot2; the page can change it"),
-    *parameters_of(PageParameters, "odom_topic", "host", "port", "token", *_NUMBERS),
+    *parameters_of(
+        STEERING_PAGE.name,
+        PageParameters,
+        *("odom_topic", "host", "port", "token", "rate", "max_linear", "max_angular"),
+    ),
     Argument(
         "viewer",
         "auto",
         "the 3D view; auto: the robot's viewer, or else start one",
         ("auto", "web", "none"),
     ),
-    Argument("view", "", "displays and camera of the viewer started here, .yaml or .rviz"),
-    *parameters_of(PageParameters, "open_browser"),
+    parameter_of(_VIEWER, ViewerParameters, "view"),
+    *parameters_of(STEERING_PAGE.name, PageParameters, "open_browser"),
     *ros_settings(),
 ]
 _HELP = f"""usage: onebot steer [ROBOT|TOPIC] [name:=value ...] [--ros-args ...]
@@ -66,31 +77,26 @@ def run(argv: Sequence[str]) -> int:
         return 0
     values = complete(_ARGUMENTS, words)
     _check(values)
-    bind_address = choose_bind_address(values["host"], int(values["port"]), values["token"])
-    if bind_address.warning:
-        print(f"warning: {bind_address.warning}", file=sys.stderr)
+    address = page_address(values)
     os.environ.update(environment(values, forced="discovery" in words))
     with tempfile.TemporaryDirectory(prefix="onebot-") as folder:
-        return _launch(Path(folder), values, bind_address, arguments.ros_args)
+        return _launch(Path(folder), values, address, arguments.ros_args)
 
 
 def _launch(
-    folder: Path, values: Mapping[str, str], bind_address: BindAddress, ros_args: Sequence[str]
+    folder: Path, values: Mapping[str, str], address: Parameters, ros_args: Sequence[str]
 ) -> int:
     topic, view = _found(values, ros_args)
-    page: dict[str, object] = {
+    page = node_parameters(_ARGUMENTS, values, STEERING_PAGE.name) | address
+    page |= {
         "topic": topic,
-        "odom_topic": values["odom_topic"],
-        **{name: float(values[name]) for name in _NUMBERS},
-        **bind_address.parameters,
-        "open_browser": values["open_browser"] == "true",
         "viewer_page": f"{VIEWER.name if view is None else _VIEWER}/page",
     }
     ros_nodes, viewers = RosNodes(folder, values["namespace"], ros_args), []
     if view is not None:
         page["await_view"] = AWAIT_VIEW
-        view |= {"viewer": "web", "view": values["view"], "embedded": True}
-        view |= {"grpc_port": 0, "web_port": 0}
+        view |= node_parameters(_ARGUMENTS, values, _VIEWER)
+        view |= {"viewer": "web", "embedded": True, "grpc_port": 0, "web_port": 0}
         viewers = [ros_nodes.process(VIEWER._replace(name=_VIEWER), view)]
     nodes = [ros_nodes.process(STEERING_PAGE._replace(on_exit="shutdown"), page), *viewers]
     hint = "steering_page prints the page's address; Ctrl-C stops everything"

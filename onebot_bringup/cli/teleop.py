@@ -1,6 +1,6 @@
 """``onebot teleop``: drive a robot from the keyboard, with the keys of teleop_twist_keyboard.
 
-`Driver` turns keys into velocities (without ROS), `Keys` reads them from the terminal.
+`Driver` turns keys into velocities, without ROS and without a terminal.
 """
 
 import contextlib
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from onebot_bringup.cli.options import Parser, flag, not_negative, option, positive
-from onebot_bringup.cli.robots import chosen_commands
+from onebot_bringup.cli.running_robots import chosen_commands
 from onebot_bringup.cli.session import Session, await_acknowledgements
 from onebot_description.errors import OneBotError
 
@@ -107,15 +107,8 @@ class Driver:
     """Converts key presses to velocities over time."""
 
     def __init__(self, speed: float, turn: float, hold: float) -> None:
-        """Start at rest.
-
-        Args:
-            speed: m/s.
-            turn: rad/s.
-            hold: seconds that one press counts as held without repeats; longer than the
-                keyboard's repeat delay.
-        """
         self.speed, self.turn = speed, turn  # m/s and rad/s while a key is held
+        # Seconds that one press counts as held without repeats; longer than the keyboard's delay.
         self._hold = hold
         self.locked = False  # no key moves the robot
         self._key: str | None = None
@@ -123,7 +116,7 @@ class Driver:
         self._until = 0.0  # time from which it counts as released
 
     def press(self, key: str, now: float) -> None:
-        """Process a key received at ``now`` (seconds)."""
+        """Process a key received at ``now`` (s)."""
         if key in _SPEEDS:
             self.speed *= _SPEEDS[key][0]
             self.turn *= _SPEEDS[key][1]
@@ -131,13 +124,10 @@ class Driver:
             self._key = None
         else:
             repeated = key == self._key and now < self._until
-            interval = now - self._pressed
-            self._key, self._pressed = key, now
-            self._until = now + (self._hold_after(interval) if repeated else self._hold)
-
-    def _hold_after(self, interval: float) -> float:
-        """How long a repeat counts, s; the first one, after the long delay, like a press."""
-        return min(self._hold, max(_SHORTEST_HOLD, _REPEATS_MISSED * interval))
+            hold = self._hold
+            if repeated:  # the first repeat, after the long delay, counts as long as a press
+                hold = min(hold, max(_SHORTEST_HOLD, _REPEATS_MISSED * (now - self._pressed)))
+            self._key, self._pressed, self._until = key, now, now + hold
 
     def lock(self) -> None:
         """Stop, and ignore the keys that move the robot while ``locked``.
@@ -149,15 +139,13 @@ class Driver:
 
     def moving(self, now: float) -> bool:
         """Whether a key that moves the robot is held."""
-        if self._key is not None and now >= self._until:
-            self._key = None
-        return self._key is not None
+        return self._key is not None and now < self._until
 
     def velocity(self, now: float) -> TeleopTwist:
         """Return the velocity at ``now``: zero when no key is held."""
-        if not self.moving(now) or self._key is None:
+        if not self.moving(now):
             return TeleopTwist()
-        x, y, z, turn = _MOVES[self._key]
+        x, y, z, turn = _MOVES[self._key or ""]
         return TeleopTwist(x * self.speed, y * self.speed, z * self.speed, turn * self.turn)
 
     def status(self) -> str:
@@ -166,8 +154,11 @@ class Driver:
 
 
 @contextlib.contextmanager
-def single_keys() -> Iterator["Keys"]:
-    """Switch the terminal to single keys without echo, and back afterwards; Ctrl-C interrupts."""
+def single_keys() -> Iterator[int]:
+    """Switch the terminal to single keys without echo, and back afterwards; Ctrl-C interrupts.
+
+    Yields its file descriptor.
+    """
     if sys.stdin is None or not sys.stdin.isatty():
         raise OneBotError("this reads keys from a terminal, but standard input is not a terminal")
     fd = sys.stdin.fileno()
@@ -181,32 +172,24 @@ def single_keys() -> Iterator["Keys"]:
     mode[6][termios.VSUSP] = os.fpathconf(fd, "PC_VDISABLE").to_bytes(1, "little")
     try:
         termios.tcsetattr(fd, termios.TCSADRAIN, mode)
-        yield Keys(fd)
+        yield fd
     finally:
         with contextlib.suppress(termios.error):  # the terminal's window is closed
             termios.tcsetattr(fd, termios.TCSADRAIN, old_mode)
 
 
-class Keys:
-    """Reads the keys that are typed."""
+def read_keys(fd: int, timeout: float) -> list[str] | None:
+    """Return the keys pressed since the last call; wait up to ``timeout`` (s) for one.
 
-    def __init__(self, fd: int) -> None:
-        self._fd = fd
-
-    def read(self, timeout: float) -> list[str] | None:
-        """Return the keys pressed since the last call, waiting up to ``timeout`` seconds for one.
-
-        Returns:
-            Characters; arrow keys as ``up``, ``down``, ``left``, ``right``; ``ESCAPE`` for that
-            key alone. None once the terminal is closed.
-        """
-        if not select.select([self._fd], [], [], max(timeout, 0.0))[0]:
-            return []
-        try:
-            data = os.read(self._fd, 1024)
-        except OSError:
-            return None
-        return split_keys(data.decode(errors="replace")) if data else None
+    Arrow keys are ``up``, ``down``, ``left`` and ``right``. None once the terminal is closed.
+    """
+    if not select.select([fd], [], [], max(timeout, 0.0))[0]:
+        return []
+    try:
+        data = os.read(fd, 1024)
+    except OSError:
+        return None
+    return split_keys(data.decode(errors="replace")) if data else None
 
 
 def split_keys(text: str) -> list[str]:
@@ -225,11 +208,12 @@ def split_keys(text: str) -> list[str]:
 
 def run(argv: Sequence[str]) -> int:
     """Run the command and return its exit code."""
-    args = _parse(argv)
-    with single_keys() as keys, Session(args.ros_args, "teleop") as session:
+    summary = "drive a robot from the keyboard, while a key is held"
+    args = Parser("onebot teleop", summary, _OPTIONS).parse(argv)
+    with single_keys() as fd, Session(args.ros_args, "teleop") as session:
         teleop = _Teleop(session, args)
         try:
-            teleop.drive(keys)
+            teleop.drive(fd)
         except KeyboardInterrupt:
             pass
         finally:
@@ -237,30 +221,27 @@ def run(argv: Sequence[str]) -> int:
     return 0
 
 
-def _parse(argv: Sequence[str]) -> Namespace:
-    options = (
-        option(
-            "robot",
-            "ROBOT|TOPIC",
-            "the robot, such as robot2, or the topic to publish on (the only robot's)",
-            default="",
-            nargs="?",
-        ),
-        flag("--stamped", "publish TwistStamped instead of Twist"),
-        option("--speed", "M/S", "initial speed (0.5 m/s)", positive, 0.5),
-        option("--turn", "RAD/S", "initial turn rate (1 rad/s)", positive, 1.0),
-        option("--frame-id", "FRAME", "of TwistStamped", default=""),
-        option("--rate", "HZ", "messages per second (20)", positive, 20.0),
-        option(
-            "--hold",
-            "S",
-            "how long one press counts as held; longer than the keyboard's repeat delay (0.7)",
-            not_negative,
-            0.7,
-        ),
-    )
-    summary = "drive a robot from the keyboard, while a key is held"
-    return Parser("onebot teleop", summary, options).parse(argv)
+_OPTIONS = (
+    option(
+        "robot",
+        "ROBOT|TOPIC",
+        "the robot, such as robot2, or the topic to publish on (the only robot's)",
+        default="",
+        nargs="?",
+    ),
+    flag("--stamped", "publish TwistStamped instead of Twist"),
+    option("--speed", "M/S", "initial speed (0.5 m/s)", positive, 0.5),
+    option("--turn", "RAD/S", "initial turn rate (1 rad/s)", positive, 1.0),
+    option("--frame-id", "FRAME", "of TwistStamped", default=""),
+    option("--rate", "HZ", "messages per second (20)", positive, 20.0),
+    option(
+        "--hold",
+        "S",
+        "how long one press counts as held; longer than the keyboard's repeat delay (0.7)",
+        not_negative,
+        0.7,
+    ),
+)
 
 
 class _Teleop:
@@ -278,30 +259,28 @@ class _Teleop:
         self._shown = ""
         self._note, self._next_poll = "", time.monotonic() + _SUBSCRIBER_PERIOD
 
-    def drive(self, keys: Keys) -> None:
-        """Read keys and publish until a key quits."""
+    def drive(self, fd: int) -> None:
+        """Read keys from a terminal and publish, until a key quits."""
         print(HELP.format(kind=self._kind.__name__, topic=self._topic))
         zeros, due = 0, time.monotonic()
         while True:
             self._show()
             self._session.spin_for(_SPIN)
-            pressed = keys.read(due - time.monotonic())
+            pressed = read_keys(fd, due - time.monotonic())
             now = time.monotonic()
             if pressed is None or any(key in _QUIT for key in pressed):
                 return
             was_moving = self._driver.moving(now)
             for key in pressed:
                 self._press(key, now)
-            if self._driver.moving(now):
-                zeros = _ZEROS
-                due = due if was_moving else now  # publish the first one at once
-            elif was_moving:
-                due = now
+            moving = self._driver.moving(now)
+            if moving != was_moving:
+                zeros, due = _ZEROS, now  # publish the first one at once
             if now < due:
                 continue
             due = max(due + 1.0 / self._args.rate, now)
-            if self._driver.moving(now) or zeros > 0:
-                zeros -= not self._driver.moving(now)
+            if moving or zeros > 0:
+                zeros -= not moving
                 self._publish(self._driver.velocity(now))
 
     def _press(self, key: str, now: float) -> None:

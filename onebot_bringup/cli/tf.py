@@ -5,7 +5,8 @@ import sys
 import time
 from argparse import Namespace
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
+from functools import partial
 from typing import Any
 
 from onebot_bringup.cli.options import Subcommand, flag, natural, option, positional, positive
@@ -14,7 +15,8 @@ from onebot_bringup.introspection.rates import Intervals
 from onebot_description.description.tree_text import aligned, branches, cell
 from onebot_description.errors import OneBotError
 
-_TOPICS = ("/tf", "/tf_static")
+_STATIC = "/tf_static"
+_TOPICS = ("/tf", _STATIC)
 _DEPTH = 100  # messages, as tf2's subscriptions have it
 _WINDOW = 1000  # samples of a rate
 _NANO = 1e-9
@@ -154,13 +156,7 @@ def _shown(stamp_ns: int, transform: Any, precision: int) -> str:
 
 
 class _Transforms:
-    """What a session receives on /tf and /tf_static.
-
-    Attributes:
-        session: receives them.
-        frames: the transforms.
-        arrivals: how each child frame arrives.
-    """
+    """What a session receives on /tf and /tf_static."""
 
     def __init__(self, session: Session) -> None:
         from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -169,37 +165,30 @@ class _Transforms:
         from onebot_description.wire.tf_message import TFMessage
 
         self.frames = FrameTree()
-        self.arrivals: dict[str, Intervals] = {}
+        self.arrivals: dict[str, Intervals] = {}  # by child frame
         self.session = session
         self._warned: set[str] = set()
-        for topic, durability in zip(
-            _TOPICS, (DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL), strict=True
-        ):
-            session.node.create_subscription(
-                TFMessage,
-                topic,
-                self._receiver(topic),
-                QoSProfile(depth=_DEPTH, durability=durability),
-                raw=True,
-            )
+        for topic in _TOPICS:
+            qos = QoSProfile(depth=_DEPTH)
+            if topic == _STATIC:
+                qos.durability = DurabilityPolicy.TRANSIENT_LOCAL
+            received = partial(self._receive, topic)
+            session.node.create_subscription(TFMessage, topic, received, qos, raw=True)
 
-    def _receiver(self, topic: str) -> Callable[[bytes], None]:
+    def _receive(self, topic: str, data: bytes) -> None:
         from onebot_description.wire.messages import BAD_MESSAGE, tf_arrays
 
-        def received(data: bytes) -> None:
-            try:
-                message = tf_arrays(data)
-            except BAD_MESSAGE as error:
-                self.warn(f"a message of {topic} is ignored: {error}")
-                return
-            for sentence in self.frames.add(message, static=topic == _TOPICS[1]):
-                self.warn(sentence)
-            now = time.monotonic()
-            for child in message.children:
-                name = child.removeprefix("/")
-                self.arrivals.setdefault(name, Intervals(_WINDOW)).arrived(now)
-
-        return received
+        try:
+            message = tf_arrays(data)
+        except BAD_MESSAGE as error:
+            self.warn(f"a message of {topic} is ignored: {error}")
+            return
+        for warning in self.frames.add(message, static=topic == _STATIC):
+            self.warn(warning)
+        now = time.monotonic()
+        for child in message.children:
+            name = child.removeprefix("/")
+            self.arrivals.setdefault(name, Intervals(_WINDOW)).arrived(now)
 
     def warn(self, text: str) -> None:
         """Print a warning, once."""

@@ -1,19 +1,22 @@
 """``onebot topic ...``: lists, prints, measures and publishes topics, like ``ros2 topic``."""
 
+import itertools
+import math
 import sys
 import time
 from argparse import Namespace
 from collections.abc import Callable
 from functools import partial
+from types import CodeType
 from typing import Any, NoReturn
 
 from onebot_bringup.cli import qos
 from onebot_bringup.cli.names import TOPICS
 from onebot_bringup.cli.options import (
     ALLOW_NON_FINITE,
-    Group,
     Subcommand,
     count,
+    exclusive,
     expression,
     flag,
     natural,
@@ -39,13 +42,7 @@ _TOPIC = positional("TOPIC", "such as /joint_states")
 def _await_class(
     session: Session, name: str, type_name: str | None = None, timeout: float | None = None
 ) -> tuple[str, Any]:
-    """Return a topic's full name and its message class; wait until the topic exists.
-
-    Args:
-        session: its node discovers the topic.
-        name: of the topic, absolute or relative.
-        type_name: of the messages; None for the type of the topic.
-        timeout: seconds; None for no end.
+    """Return a topic's full name and its message class; wait ``timeout`` (s) until it exists.
 
     Raises:
         OneBotError: the type is not installed, or the topic has several, or does not come in time.
@@ -78,7 +75,54 @@ def _await_class(
 @in_session
 def echo(session: Session, args: Namespace) -> None:
     """Print the messages of a topic."""
-    _Echo(session, args).run()
+    from rclpy.event_handler import SubscriptionEventCallbacks
+
+    from onebot_bringup.introspection.message_text import Style, is_message, pick, to_csv, to_yaml
+
+    style = Style(
+        longest=None if args.full_length else args.truncate_length,
+        arrays=not args.no_arr,
+        strings=not args.no_str,
+        flow=args.flow_style,
+    )
+    printed = 0
+
+    def on_message(message: Any) -> None:
+        nonlocal printed
+        part = pick(message, args.field) if args.field else message
+        if args.once and printed or not _passes(part, args.filter):
+            return
+        printed += 1
+        if args.csv and not args.raw:
+            print(to_csv(part, style))
+        elif is_message(part):
+            print(to_yaml(part, style), end="---\n")
+        else:
+            print(part, end="\n---\n")
+
+    began = time.monotonic()
+    topic, kind = _await_class(session, args.topic, args.type, args.timeout)
+    # The default callback that logs incompatible QoS stays.
+    events = SubscriptionEventCallbacks(message_lost=None if args.no_lost_messages else _on_lost)
+    profile = qos.matching(session.node, topic, args)
+    session.node.create_subscription(
+        kind, topic, on_message, profile, event_callbacks=events, raw=args.raw
+    )
+    # What it took to find the topic counts, too.
+    left = args.timeout and max(0.0, args.timeout - (time.monotonic() - began))
+    message = "message that passes --filter" if args.filter else "message"
+    notice = partial(_no_message, session, topic, message)
+    if not session.await_or_report(lambda: printed, notice, left, _NO_MESSAGE):
+        raise OneBotError(f"no {message} on {topic} within {args.timeout:g} s")
+    session.spin(lambda: args.once)
+
+
+def _passes(message: Any, condition: CodeType | None) -> bool:
+    """Whether the expression of ``--filter`` is true of a message, or a part of one."""
+    try:
+        return condition is None or bool(eval(condition, {"m": message}))
+    except Exception as error:  # whatever the user's expression raises
+        raise OneBotError(f"--filter: {type(error).__name__}: {error}") from None
 
 
 _ECHO = (
@@ -105,86 +149,6 @@ _ECHO = (
     SPIN_TIME,
     qos.options("compatible with the publishers"),
 )
-
-
-class _Echo:
-    def __init__(self, session: Session, args: Namespace) -> None:
-        from onebot_bringup.introspection.message_text import Style
-
-        self._session, self._args = session, args
-        self._style = Style(
-            longest=None if args.full_length else args.truncate_length,
-            arrays=not args.no_arr,
-            strings=not args.no_str,
-            flow=args.flow_style,
-        )
-        self._message = "message that passes --filter" if args.filter else "message"
-        self._received = False  # such a message
-        self._error: OneBotError | None = None
-
-    def run(self) -> None:
-        args = self._args
-        began = time.monotonic()
-        topic, kind = _await_class(self._session, args.topic, args.type, args.timeout)
-        self._session.node.create_subscription(
-            kind,
-            topic,
-            self._on_message,
-            qos.matching(self._session.node, topic, args),
-            event_callbacks=self._events(),
-            raw=args.raw,
-        )
-        # What it took to find the topic counts, too.
-        left = args.timeout and max(0.0, args.timeout - (time.monotonic() - began))
-        notice = partial(_no_message, self._session, topic, self._message)
-        if not self._session.await_or_report(self._first, notice, left, _NO_MESSAGE):
-            raise OneBotError(f"no {self._message} on {topic} within {args.timeout:g} s")
-        while not args.once:
-            self._session.spin(lambda: self._error is not None)
-            self._first()
-
-    def _first(self) -> bool:
-        if self._error is not None:
-            raise self._error
-        return self._received
-
-    def _events(self) -> Any:
-        from rclpy.event_handler import SubscriptionEventCallbacks
-
-        # The default callback that logs incompatible QoS stays.
-        lost = None if self._args.no_lost_messages else _on_lost
-        return SubscriptionEventCallbacks(message_lost=lost)
-
-    def _on_message(self, message: Any) -> None:
-        if self._error is not None or (self._received and self._args.once):
-            return
-        from onebot_bringup.introspection.message_text import pick
-
-        try:
-            part = pick(message, self._args.field) if self._args.field else message
-            if self._passes(part):
-                self._print(part)
-                self._received = True
-        except OneBotError as error:  # it is raised outside of the callback
-            self._error = error
-
-    def _passes(self, part: Any) -> bool:
-        if self._args.filter is None:
-            return True
-        try:
-            return bool(eval(self._args.filter, {"m": part}))
-        except Exception as error:  # whatever the user's expression raises
-            raise OneBotError(f"--filter: {type(error).__name__}: {error}") from None
-
-    def _print(self, part: Any) -> None:
-        from onebot_bringup.introspection.message_text import is_message, to_csv, to_yaml
-
-        if self._args.csv and not self._args.raw:
-            print(to_csv(part, self._style))
-        elif is_message(part):
-            print(to_yaml(part, self._style), end="---\n")
-        else:
-            print(part, end="\n---\n")
 
 
 def _on_lost(status: Any) -> None:
@@ -321,8 +285,70 @@ def pub(args: Namespace) -> None:
     message = kind()
     values = sys.stdin.read() if args.stdin else args.values
     times = fill(message, values, finite=not args.allow_non_finite)
+    most = 1 if args.once else args.times
+    wait = int(most is not None) if args.wait is None else args.wait
     with Session(args.ros_args, args.node_name) as session:
-        _Publisher(session, args, kind).run(message, times)
+        topic = session.full_name(args.topic)
+        publisher = session.node.create_publisher(kind, topic, qos.profile(args, "default"))
+        _await_subscribers(session, publisher, wait, args.max_wait_time_secs)
+        print("publisher: beginning loop")
+        _publish(session, publisher, message, times, args)
+        await_acknowledgements(publisher)
+        session.spin_for(args.keep_alive)
+
+
+def _await_subscribers(
+    session: Session, publisher: Any, number: int, timeout: float | None
+) -> None:
+    def enough() -> bool:
+        return bool(publisher.get_subscription_count() >= number)
+
+    left = math.inf if timeout is None else timeout
+    while not enough():
+        mismatch = _other_subscribers(session, publisher)
+        if left <= 0.0:
+            raise OneBotError(
+                f"timed out after {timeout:g} s: fewer than {number} matching subscription(s) of "
+                f"{publisher.topic_name}{mismatch}"
+            )
+        print(f"Waiting for at least {number} matching subscription(s)...{mismatch}")
+        session.spin(enough, min(1.0, left))
+        left -= 1.0
+
+
+def _publish(
+    session: Session, publisher: Any, message: Any, times: list[Any], args: Namespace
+) -> None:
+    """Publish at a rate; ``times`` are the parts of the message that are the time of publishing."""
+    from onebot_bringup.introspection.message_text import stamp
+
+    period, began = 1.0 / args.rate, time.monotonic()
+    due, most = began, 1 if args.once else args.times
+    report = args.wait != 0 or most is None
+    for number in itertools.count(1):
+        stamp(times, session.node.get_clock().now().nanoseconds)
+        if args.print and number % args.print == 0:
+            print(f"publishing #{number}: {message!r}\n")
+        publisher.publish(message)
+        if number == most:
+            return
+        # After a suspend of the computer it continues without catching up.
+        due = max(due + period, time.monotonic() - period)
+        if report and time.monotonic() - began > _NO_SUBSCRIBER:
+            report = False
+            if not publisher.get_subscription_count():
+                mismatch = _other_subscribers(session, publisher)
+                print(f"note: no subscriber of {publisher.topic_name}{mismatch}", file=sys.stderr)
+        session.spin_until(due)
+
+
+def _other_subscribers(session: Session, publisher: Any) -> str:
+    """Return the subscribers with another type or an incompatible QoS, as text."""
+    ends = session.node.get_subscriptions_info_by_topic(publisher.topic_name)
+    types = sorted({end.topic_type for end in ends})
+    if not types:
+        return ""
+    return f" (subscribers of {', '.join(types)} found; type and QoS have to match)"
 
 
 _PUB = (
@@ -338,11 +364,9 @@ _PUB = (
     flag("--stdin", "read the values from stdin"),
     option("-r --rate", "HZ", "messages per second (1)", positive, 1.0),
     option("-p --print", "N", "print every N-th message (1)", natural, 1),
-    Group(
-        (
-            flag("-1 --once", "publish one message and exit"),
-            option("-t --times", "N", "publish N and exit", count),
-        )
+    exclusive(
+        flag("-1 --once", "publish one message and exit"),
+        option("-t --times", "N", "publish N and exit", count),
     ),
     option(
         "-w --wait-matching-subscriptions",
@@ -357,72 +381,6 @@ _PUB = (
     ALLOW_NON_FINITE,
     qos.options("default (reliable, volatile, depth 10)"),
 )
-
-
-class _Publisher:
-    def __init__(self, session: Session, args: Namespace, kind: Any) -> None:
-        self._session, self._args = session, args
-        self._topic = session.full_name(args.topic)
-        self._publisher = session.node.create_publisher(
-            kind, self._topic, qos.profile(args, "default")
-        )
-        self._number = 0
-
-    def run(self, message: Any, times: list[Any]) -> None:
-        most = 1 if self._args.once else self._args.times
-        wait = self._args.wait if self._args.wait is not None else int(most is not None)
-        self._await_subscribers(wait)
-        print("publisher: beginning loop")
-        self._loop(message, times, most)
-        await_acknowledgements(self._publisher)
-        self._session.spin_for(self._args.keep_alive)
-
-    def _await_subscribers(self, number: int) -> None:
-        began = reported = time.monotonic() - 1.0
-        limit = self._args.max_wait_time_secs
-        while self._publisher.get_subscription_count() < number:
-            now = time.monotonic()
-            if limit is not None and now - began - 1.0 > limit:
-                raise OneBotError(
-                    f"timed out after {limit:g} s: fewer than {number} matching subscription(s) of "
-                    f"{self._topic}{self._others()}"
-                )
-            if now - reported >= 1.0:
-                print(f"Waiting for at least {number} matching subscription(s)...{self._others()}")
-                reported = now
-            self._session.spin_until(now + 0.05)
-
-    def _loop(self, message: Any, times: list[Any], most: int | None) -> None:
-        from onebot_bringup.introspection.message_text import stamp
-
-        period, began = 1.0 / self._args.rate, time.monotonic()
-        due, check = began, self._args.wait != 0 or most is None
-        while True:
-            stamp(times, self._session.node.get_clock().now().nanoseconds)
-            self._number += 1
-            if self._args.print and self._number % self._args.print == 0:
-                print(f"publishing #{self._number}: {message!r}\n")
-            self._publisher.publish(message)
-            if self._number == most:
-                return
-            # After a suspend of the computer it continues without catching up.
-            due = max(due + period, time.monotonic() - period)
-            if check and time.monotonic() - began > _NO_SUBSCRIBER:
-                check = False
-                self._report_no_subscriber()
-            self._session.spin_until(due)
-
-    def _report_no_subscriber(self) -> None:
-        if self._publisher.get_subscription_count() == 0:
-            print(f"note: no subscriber of {self._topic}{self._others()}", file=sys.stderr)
-
-    def _others(self) -> str:
-        """The subscribers with another type or an incompatible QoS, as text."""
-        ends = self._session.node.get_subscriptions_info_by_topic(self._topic)
-        types = sorted({end.topic_type for end in ends})
-        if not types:
-            return ""
-        return f" (subscribers of {', '.join(types)} found; type and QoS have to match)"
 
 
 _NAMES = TOPICS.commands()

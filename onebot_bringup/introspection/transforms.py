@@ -6,7 +6,7 @@ Errors and rules are tf2's.
 import math
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -52,41 +52,44 @@ def _stamp_ns(message: TfArrays) -> int:
 class _Block:
     """Frames that came in one message, and are likely to come together again."""
 
-    def __init__(self, parents: Iterable[str], children: Iterable[str]) -> None:
-        self.parents, self.children = list(parents), list(children)
-        self.whole = True  # the latest transform of each of them is here
-        self.translations: Floats  # the latest
-        self.rotations: Floats
+    def __init__(self, message: TfArrays) -> None:
+        self.parents, self.children = message.parents, message.children
+        self.whole = False  # the latest transform of each of them is here
+        self.latest = message
         # Empty for static transforms.
         self.history: deque[TfArrays] = deque(maxlen=_HISTORY_ROWS // max(1, len(self.children)))
 
-    def record(self, messages: Iterable[TfArrays]) -> None:
-        """Keep messages, in the order of their stamps."""
+    def record(self, message: TfArrays) -> None:
+        """Keep a message, in the order of the stamps."""
         history = self.history
-        for message in messages:
-            late_ns = _stamp_ns(history[-1]) - _stamp_ns(message) if history else 0
-            if late_ns > _LATE_NS:
-                history.clear()  # the clock was set back
-            history.append(message)
-            if 0 < late_ns <= _LATE_NS:
-                self.history = history = deque(sorted(history, key=_stamp_ns), history.maxlen)
+        late_ns = _stamp_ns(history[-1]) - _stamp_ns(message) if history else 0
+        if late_ns > _LATE_NS:
+            history.clear()  # the clock was set back
+        history.append(message)
+        if 0 < late_ns <= _LATE_NS:
+            self.history = history = deque(sorted(history, key=_stamp_ns), history.maxlen)
         while _stamp_ns(history[-1]) - _stamp_ns(history[0]) > _HISTORY_NS:
             history.popleft()
-        self.translations, self.rotations = history[-1].translations, history[-1].rotations
+        self.latest = history[-1]
+
+    def edge(self, row: int) -> "Edge":
+        """Return the latest transform of a frame."""
+        latest = self.latest
+        return Edge(self.parents[row], latest.translations[row], latest.rotations[row])
 
     def span(self, row: int) -> tuple[int, int]:
         """Return the first and the last stamp of a frame that moves, nanoseconds."""
         return int(self.history[0].stamps_ns[row]), int(self.history[-1].stamps_ns[row])
 
     def at(self, row: int, time_ns: int) -> tuple[Floats, Floats]:
-        """Return translation and rotation at a time, interpolated.
+        """Return translation and rotation at a time, interpolated; at 0, the latest.
 
         Before the history they are its first, unless that is of another clock; after it the latest.
         """
         history = self.history
         first, last = self.span(row) if history else (0, 0)
-        if not first - _HISTORY_NS < time_ns < last:
-            return self.translations[row], self.rotations[row]
+        if time_ns == 0 or not first - _HISTORY_NS < time_ns < last:
+            return self.latest.translations[row], self.latest.rotations[row]
         number = bisect_right(history, time_ns, key=lambda message: message.stamps_ns[row])
         earlier, later = history[max(0, number - 1)], history[number]
         start, end = earlier.stamps_ns[row], later.stamps_ns[row]
@@ -113,8 +116,8 @@ class FrameTree:
     def __init__(self) -> None:
         self.version = 0  # another number after every change of a frame's parent
         self._places: dict[str, tuple[_Block, int]] = {}
-        # Keyed by the identity of the lists given, which are kept so that it stays theirs.
-        self._blocks: dict[tuple[int, int], tuple[object, object, _Block]] = {}
+        # Keyed by the identity of a message's lists of names, which a block keeps.
+        self._blocks: dict[tuple[int, int], _Block] = {}
         self._rows = 0  # sum over all blocks
         self._lists: dict[tuple[str, str], tuple[list[str], list[str]]] = {}  # keyed by a frame
         self._tops: dict[str, str] = {}
@@ -135,43 +138,33 @@ class FrameTree:
                 continue
             names = self._lists.setdefault((parent, child), ([parent], [child]))
             single = TfArrays(*names, message.stamps_ns[rows], *values)
-            self.update(*names, *values, history=() if static else (single,))
+            self.update(single, static=static)
         return ignored
 
-    def update(
-        self,
-        parents: Iterable[str],
-        children: Iterable[str],
-        translations: Floats,
-        rotations: Floats,
-        history: Sequence[TfArrays] = (),
-    ) -> None:
-        """Add transforms, one row each; a later row of the same child wins.
+    def update(self, message: TfArrays, *, static: bool = False) -> None:
+        """Add a message whose transforms are valid; a later row of the same child wins.
 
         If the very same lists of names come again, it takes no longer for many than for few.
-
-        Args:
-            parents: of each row.
-            children: the frames.
-            translations: (N, 3), metres.
-            rotations: (N, 4), x y z w.
-            history: messages of these names with their times, of which the last is this one; none
-                if they are static.
         """
-        entry = self._blocks.get((id(parents), id(children)))
-        block = entry[2] if entry is not None and entry[2].whole else None
+        key = id(message.parents), id(message.children)
+        block = self._blocks.get(key)
         if block is None:
-            block = self._remember(parents, children)
-            if entry is not None:
-                block.history = entry[2].history
-        if history:
-            block.record(history)
-        else:
+            self._rows += len(message.children)
+            if self._rows > _MOST_ROWS:
+                self._blocks.clear()
+                self._rows = len(message.children)
+            block = self._blocks[key] = _Block(message)
+        if not block.whole:
+            self._place(block)
+        if static:
             block.history.clear()
-            block.translations, block.rotations = translations, rotations
+            block.latest = message
+        else:
+            block.record(message)
 
-    def _remember(self, parents: Iterable[str], children: Iterable[str]) -> _Block:
-        block = _Block(parents, children)
+    def _place(self, block: _Block) -> None:
+        """Have the frames of a block there."""
+        block.whole = True
         for row, child in enumerate(block.children):
             place = self._places.get(child)
             if place is None or place[0].parents[place[1]] != block.parents[row]:
@@ -179,12 +172,6 @@ class FrameTree:
             if place is not None and place[0] is not block:
                 place[0].whole = False
             self._places[child] = (block, row)
-        self._rows += len(block.children)
-        if self._rows > _MOST_ROWS:
-            self._blocks.clear()
-            self._rows = len(block.children)
-        self._blocks[id(parents), id(children)] = (parents, children, block)
-        return block
 
     def forget(self, frames: Iterable[str]) -> None:
         """Drop ``frames`` until they are received again."""
@@ -212,10 +199,7 @@ class FrameTree:
     @property
     def edges(self) -> Mapping[str, Edge]:
         """The last transform of each child frame."""
-        return {
-            child: Edge(block.parents[row], block.translations[row], block.rotations[row])
-            for child, (block, row) in self._places.items()
-        }
+        return {child: block.edge(row) for child, (block, row) in self._places.items()}
 
     @property
     def roots(self) -> list[str]:
@@ -290,9 +274,7 @@ class FrameTree:
         pose, top = np.eye(4), self.top(frame)
         while frame != top:
             block, row = self._places[frame]
-            latest = block.translations[row], block.rotations[row]
-            translation, rotation = block.at(row, time_ns) if time_ns else latest
-            pose, frame = _matrix(translation, rotation) @ pose, block.parents[row]
+            pose, frame = _matrix(*block.at(row, time_ns)) @ pose, block.parents[row]
         return pose
 
     def span(self, frame: str) -> tuple[int, int] | None:

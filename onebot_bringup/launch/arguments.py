@@ -8,14 +8,17 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NoReturn
 
 from onebot_bringup.steering.page_parameters import PageParameters
+from onebot_bringup.viewer.settings import FrameSettings
+from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_control.poses import prefixed
 from onebot_description.description.packages import PACKAGE_PATH, use_package_path
 from onebot_description.discovery import ARGUMENT, LOCALHOST, WANTED
 from onebot_description.errors import UsageError, did_you_mean, printable
-from onebot_description.parameters.reader import Leaf, leaves
+from onebot_description.joints.config import JointsConfig
+from onebot_description.parameters.reader import leaves
 from onebot_description.parameters.values import MAX_PORT, Rule, ValueType
 from onebot_description.state_parameters import StateParameters
 
@@ -35,8 +38,8 @@ _FORMER = {
 }
 _TRUE = ("true", "1")
 _FALSE = ("false", "0")
-_HELP = ("-h", "--help")
-_SHOW = ("--show-args", "-s")
+_SWITCH = (*_TRUE, *_FALSE)
+_OPTIONS = {"-h": "help", "--help": "help", "--show-args": "show", "-s": "show"}
 
 
 @dataclass(frozen=True)
@@ -49,11 +52,13 @@ class Argument:
     choices: tuple[str, ...] = ()  # the only values allowed; none means any
     type: ValueType = ValueType(str)  # its text must stand for such a value
     examples: tuple[str, ...] = ()  # other values, for tab completion
+    node: str = ""  # the node that has it as a parameter; empty for none
+    parameter: str = ""  # that parameter's name
 
     @property
     def help(self) -> str:
         """The description, with the range, or the choices unless they are true and false."""
-        if self.choices and self.choices != (*_TRUE, *_FALSE):
+        if self.choices and self.type.base is not bool:
             return f"{self.description} ({', '.join(self.choices)})"
         limits = self.type.rule.range if self.type.rule.at_most is not None else ""
         return f"{self.description}; {limits}" if limits else self.description
@@ -68,15 +73,20 @@ class Argument:
         """Return what is wrong with the argument written as ``text``, and what would be right."""
         if self.choices and text not in self.choices:
             return self._not_possible(text, f"it can be one of: {', '.join(self.choices)}")
-        if not text and not self.default:
-            return ""
+        if self.type.many or not (text or self.default):
+            return ""  # the node checks a list
         try:
-            self.type.checked(self._value(text))
+            self.type.checked(self.value(text))
         except ValueError:
             return self._not_possible(text, f"write {self.type.wanted()}")
         return ""
 
-    def _value(self, text: str) -> Any:
+    def value(self, text: str) -> Any:
+        """Return ``text`` as a value of a node's parameter; itself if it is none of its type."""
+        if self.type.many:
+            return [part.strip() for part in text.split(",")]
+        if self.type.base is bool:
+            return text in _TRUE
         # The nodes and ROS read it anew, and do not take all that Python takes, such as 1_000.
         if text.isascii() and "_" not in text:
             with suppress(ValueError):
@@ -89,7 +99,7 @@ class Argument:
 
 def switch(name: str, default: bool, description: str) -> Argument:
     """Return an argument that is true or false."""
-    return Argument(name, "true" if default else "false", description, (*_TRUE, *_FALSE))
+    return Argument(name, _text(default), description, _SWITCH, ValueType(bool))
 
 
 def number(
@@ -110,17 +120,59 @@ def port(name: str, default: str, description: str) -> Argument:
     return number(name, default, description, 0, MAX_PORT, int)
 
 
-def parameters_of(kind: type, *names: str) -> list[Argument]:
-    """Return arguments that set parameters of a node, as their dataclass ``kind`` declares them."""
-    declared = {leaf.name: leaf for leaf in leaves(kind)}
-    return [_argument(declared[name]) for name in names]
+def parameters_of(node: str, kind: type, *names: str) -> list[Argument]:
+    """Return arguments with the names of parameters that they set; see ``parameter_of``."""
+    return [parameter_of(node, kind, name) for name in names]
 
 
-def _argument(leaf: Leaf) -> Argument:
-    rule = leaf.type.rule
-    if leaf.type.base is bool:
-        return switch(leaf.name, leaf.default, rule.description)
-    return Argument(leaf.name, str(leaf.default), rule.description, rule.choices, leaf.type)
+def parameter_of(
+    node: str,
+    kind: type,
+    parameter: str,
+    name: str = "",
+    *,
+    default: str | None = None,
+    note: str = "",
+    examples: tuple[str, ...] = (),
+) -> Argument:
+    """Return an argument that sets a parameter, with the type, range and sentence of that.
+
+    Args:
+        node: the name of the node that has it.
+        kind: the dataclass that declares it.
+        parameter: its name.
+        name: the argument's, if it is another one.
+        default: the argument's, if it is another one.
+        note: is added to the sentence.
+        examples: other values, for tab completion.
+    """
+    [leaf] = [leaf for leaf in leaves(kind) if leaf.name == parameter]
+    joined = "joined by commas" if leaf.type.many else ""
+    return Argument(
+        name or parameter,
+        _text(leaf.default) if default is None else default,
+        "; ".join(filter(None, (leaf.type.rule.description, joined, note))),
+        _SWITCH if leaf.type.base is bool else leaf.type.rule.choices,
+        leaf.type,
+        examples,
+        node,
+        parameter,
+    )
+
+
+def _text(value: object) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def node_parameters(
+    arguments: Iterable[Argument], values: Mapping[str, str], node: str
+) -> dict[str, object]:
+    """Return the arguments that are parameters of a node; what is empty is left out."""
+    return {
+        argument.parameter: argument.value(values[argument.name])
+        for argument in arguments
+        if argument.node == node and values[argument.name]
+    }
 
 
 @dataclass(frozen=True)
@@ -147,12 +199,10 @@ def split(argv: Sequence[str]) -> Arguments:
                 raise UsageError(f'"{word}" has no name; write name:=value')
             assignments[name] = value
         elif word.startswith("-") and word != "-":
-            options.add(_option(word))
+            options.add(_OPTIONS.get(word) or _refuse_option(word))
         else:
             positional.append(word)
-    return Arguments(
-        assignments, tuple(positional), ros_args, "--help" in options, "--show-args" in options
-    )
+    return Arguments(assignments, tuple(positional), ros_args, "help" in options, "show" in options)
 
 
 def _split_ros_args(argv: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
@@ -165,11 +215,7 @@ def _split_ros_args(argv: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
     return words[:start] + words[end + 1 :], tuple(words[start + 1 : end])
 
 
-def _option(word: str) -> str:
-    if word in _HELP:
-        return "--help"
-    if word in _SHOW:
-        return "--show-args"
+def _refuse_option(word: str) -> NoReturn:
     bare = word.lstrip("-").partition(":=")[0].partition("=")[0]
     raise UsageError(
         f'no option "{word}" (options: --help, --show-args, --ros-args); '
@@ -206,7 +252,7 @@ def complete(declared: Iterable[Argument], given: Mapping[str, str]) -> dict[str
     values = {}
     for name, argument in arguments.items():
         value = given.get(name, argument.default)
-        if argument.choices == (*_TRUE, *_FALSE):
+        if argument.type.base is bool:
             value = _switch_value(value)
         problems.append(argument.problem(value))
         values[name] = value
@@ -253,9 +299,7 @@ PACKAGES = Argument(
 _NAMESPACE = re.compile(r"/?|/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*/?")
 _MAX_DOMAIN = 232  # beyond it the ports of DDS (RTPS 2.2, section 9.6.1.1) exceed 65535
 _LEVELS = ("debug", "info", "warn", "error", "fatal")
-_CYCLES = 0.001, 1000.0  # control cycles, Hz
-_AS_IN_FILE = "empty: as params_file has it"
-_FOUND = "empty: as in params_file, or found in the URDF"
+_AS_IN_FILE = "not given: as params_file has it"
 _OF_STEERING = ("host", "port", "token")
 # What does not go together with robots:=, and why.
 _PLACED = "robots:= places them; write x, y and yaw of each in robots:=FILE.yaml"
@@ -303,23 +347,28 @@ def description_arguments(model: str, joints: str, view: str) -> list[Argument]:
     return [
         Argument("model", model, "the robot: a URDF or xacro file, also as package://pkg/path"),
         PACKAGES,
-        Argument(
+        parameter_of(
+            "joint_state_publisher",
+            JointsConfig,
+            "config_file",
             "joints",
-            joints,
-            "parameters of joint_state_publisher, a YAML file; empty: joints swing",
+            default=joints,
+            note="empty: joints swing",
         ),
         switch("joint_states", True, "run joint_state_publisher; false: the robot has its own"),
-        Argument("viewer", "web", "where to see it", ("web", "native", "none")),
-        Argument("view", view, "what is shown: .yaml, .rviz or .rbl; empty: the robot's"),
-        Argument("fixed_frame", "", "the frame that stands still; empty: the viewer chooses"),
-        Argument("save", "", "record what the viewer gets to this .rrd file"),
+        parameter_of("rerun_viewer", ViewerParameters, "viewer"),
+        parameter_of("rerun_viewer", ViewerParameters, "view", default=view),
+        parameter_of("rerun_viewer", FrameSettings, "fixed_frame"),
+        parameter_of("rerun_viewer", ViewerParameters, "save"),
         Argument("record", "", "record all topics to this new folder, a rosbag2 in MCAP"),
         switch("reload", True, "apply edits of the model while running"),
         namespace,
         Argument(
             "frame_prefix", "", "of the robot's frames; not given: the namespace, r1/; empty: none"
         ),
-        *parameters_of(StateParameters, "publish_frequency", "ignore_timestamp"),
+        *parameters_of(
+            "robot_state_publisher", StateParameters, "publish_frequency", "ignore_timestamp"
+        ),
         switch("use_sim_time", False, "take the time from /clock"),
         Argument("log_level", "info", "the least severe log messages shown", _LEVELS),
         *discovery,
@@ -328,9 +377,16 @@ def description_arguments(model: str, joints: str, view: str) -> list[Argument]:
 
 def simulation_arguments(control: str) -> list[Argument]:
     """Return the further arguments of a robot that can be simulated; ``control`` is its default."""
-    from onebot_description.description.loading import shipped_worlds  # slow to import
+    # Slow to import.
+    from onebot_control.parameters import ControlConfig
+    from onebot_description.description.loading import shipped_worlds
 
-    worlds = tuple(shipped_worlds())
+    def of_controller(parameter: str, name: str = "", **further: Any) -> Argument:
+        node = "velocity_controller"
+        return parameter_of(
+            node, ControlConfig, parameter, name, default="", note=_AS_IN_FILE, **further
+        )
+
     return [
         switch("sim", True, "simulate it; false: joint_state_publisher moves its joints instead"),
         Argument(
@@ -340,24 +396,14 @@ def simulation_arguments(control: str) -> list[Argument]:
             "names and places",
         ),
         switch("steer", False, "a page to steer it from, beside its view"),
-        *parameters_of(PageParameters, *_OF_STEERING),
+        *parameters_of("steering_page", PageParameters, *_OF_STEERING),
         Argument("params_file", control, "parameters of the controller, a YAML file"),
-        Argument("left_wheel", "", f"joints that drive it on the left, joined by commas; {_FOUND}"),
-        Argument("right_wheel", "", f"joints that drive it on the right; {_FOUND}"),
-        number("x", "", f"where it starts, metres; {_AS_IN_FILE}"),
-        number("y", "", f"where it starts, metres; {_AS_IN_FILE}"),
-        number("yaw", "", f"where it faces at the start, radians; {_AS_IN_FILE}"),
-        Argument(
-            "world",
-            "",
-            f"what stands around it: {', '.join(worlds)}, or a URDF or xacro file with walls and "
-            "boxes; empty: nothing",
-            examples=worlds,
-        ),
-        Argument(
-            "sensors", "", "sensors that its URDF lacks: a URDF or xacro file with their blocks"
-        ),
-        number("rate", "", f"control cycles a second, Hz; {_AS_IN_FILE}", *_CYCLES),
+        of_controller("left_wheel_names", "left_wheel"),
+        of_controller("right_wheel_names", "right_wheel"),
+        *map(of_controller, ("x", "y", "yaw")),
+        of_controller("world", examples=tuple(shipped_worlds())),
+        of_controller("sensors"),
+        of_controller("update_rate", "rate"),
     ]
 
 

@@ -40,13 +40,6 @@ if TYPE_CHECKING:
 _FRAME_PREFIX = ("tf_frame_prefix_enable", "tf_frame_prefix")
 
 
-class ModelArguments(NamedTuple):
-    """The arguments of a model's xacro."""
-
-    arguments: list[Argument]
-    complete: bool  # all that the model includes was found; if not, there may be more
-
-
 class Bringup(NamedTuple):
     """A bringup command, and its defaults."""
 
@@ -64,11 +57,11 @@ class Bringup(NamedTuple):
         declared = description_arguments(self.model, self.joints, self.view)
         return declared + simulation_arguments(self.control) if self.control else declared
 
-    def model_arguments(self, given: Mapping[str, str]) -> "ModelArguments":
-        """Return those of the model, but what has the name of one of the command's own.
+    def model_arguments(self, given: Mapping[str, str]) -> tuple[list[Argument], bool]:
+        """Return those of the model's xacro, but what has the name of one of the command's own.
 
-        Args:
-            given: on the command line; ``package_path`` is used from now on.
+        And whether these are all: every file that it includes was found. ``package_path`` of what
+        is ``given`` is used from now on.
         """
         from onebot_description.description.xacro import xacro_arguments
 
@@ -76,7 +69,7 @@ class Bringup(NamedTuple):
         declared = xacro_arguments(given.get("model", self.model))
         names = {argument.name for argument in self.arguments()}
         visible = [Argument(*entry) for entry in declared.arguments if entry.name not in names]
-        return ModelArguments(visible, declared.complete)
+        return visible, declared.complete
 
 
 def bring_up(command: Bringup, argv: Sequence[str]) -> int:
@@ -93,14 +86,21 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
 
     arguments = split(argv)
     assignments = _with_model(command, arguments)
-    declared, of_model = command.arguments(), command.model_arguments(assignments)
+    declared = command.arguments()
+    of_model, is_complete = command.model_arguments(assignments)
     model = assignments.get("model", command.model)
     if arguments.help or arguments.show:
-        print(help_text(command, declared, of_model.arguments, complete=arguments.help))
+        print(help_text(command, declared, of_model, complete=arguments.help))
         return 0
     if not model:
         raise UsageError(f"{command.program} needs a file, a URDF or xacro")
-    command_arguments, for_xacro = _divide(assignments, declared, of_model)
+    own_names = {argument.name for argument in declared}
+    names = [*own_names, *(argument.name for argument in of_model)]
+    problems = [unknown(name, names) for name in assignments if name not in names]
+    if problems and is_complete:  # else expanding it shows whether they exist
+        raise UsageError("\n".join(problems))
+    command_arguments = {name: value for name, value in assignments.items() if name in own_names}
+    for_xacro = {name: value for name, value in assignments.items() if name not in own_names}
     values = checked_values(declared, command_arguments)
     find_spec("rclpy")  # one error here if it is missing, rather than one of each node
     # No matrix of a node is large enough for threads; without them xacro can run in a fork here.
@@ -112,7 +112,11 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     read_ns = time.time_ns()
     description = load_description(model, for_xacro)
     description.require_tree()
-    robots = _placed(values.get("robots", ""), description)
+    robots: list[PlacedRobot] = []
+    if values.get("robots"):
+        from onebot_bringup.launch.robots import placed_robots  # few need it, and numpy
+
+        robots = placed_robots(values["robots"], description)
     _check_sections(values, command_arguments, robots)
     source = Source(model, for_xacro, tuple(map(str, description.files)), read_ns)
     os.environ.update(environment(values, forced="discovery" in command_arguments))
@@ -125,21 +129,14 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
         os.environ[PLACES] = folder
         for robot_description in (description, *(robot.description for robot in robots)):
             keep_places(robot_description)
-        launch = Launch(Path(folder), values, description, arguments.ros_args, source, robots)
+        launch = Launch(
+            Path(folder), values, description, arguments.ros_args, source, declared, robots
+        )
         return launcher.run(
             launch.nodes(),
             started_message=summary_text(description, values, robots),
             temporary=[Path(folder)],
         )
-
-
-def _placed(robots: str, description: "Description") -> list["PlacedRobot"]:
-    """Return the robots of ``robots:=``; none where there is a single one, without the argument."""
-    if not robots:
-        return []
-    from onebot_bringup.launch.robots import placed_robots  # few need it, and numpy
-
-    return placed_robots(robots, description)
 
 
 def _with_model(command: Bringup, arguments: Arguments) -> dict[str, str]:
@@ -148,19 +145,6 @@ def _with_model(command: Bringup, arguments: Arguments) -> dict[str, str]:
         return with_positional(arguments, "model", "file", command.program)
     refuse_positional(arguments.positional)
     return dict(arguments.given)
-
-
-def _divide(
-    given: Mapping[str, str], declared: list[Argument], of_model: ModelArguments
-) -> tuple[dict[str, str], dict[str, str]]:
-    """Sort the arguments given into those of the launcher and those of the model's xacro."""
-    ours = {argument.name for argument in declared}
-    names = [*ours, *(argument.name for argument in of_model.arguments)]
-    problems = [unknown(name, names) for name in given if name not in names]
-    if problems and of_model.complete:  # else expanding it shows whether they exist
-        raise UsageError("\n".join(problems))
-    command_arguments = {name: value for name, value in given.items() if name in ours}
-    return command_arguments, {name: value for name, value in given.items() if name not in ours}
 
 
 def _check_files(values: Mapping[str, str]) -> None:
@@ -212,16 +196,12 @@ def with_params_file(values: Mapping[str, str], given: Mapping[str, str]) -> dic
     if values.get("sim") != "true":
         return values
     from onebot_control.parameters import ControlConfig, read_control_files
-    from onebot_description.parameters.reader import ConfigError, replaced
+    from onebot_description.parameters.reader import read
 
     space = "/" + values["namespace"].strip("/")
     written = read_control_files([Path(values["params_file"])], space, "velocity_controller")
-    config, frames = ControlConfig(), [n for n in _FRAME_PREFIX if n in written.values]
-    try:
-        for name in frames:
-            config = replaced(config, name, written.values[name])
-    except ConfigError as error:
-        raise error.located(written.places) from None
+    frames = {name: written.values[name] for name in _FRAME_PREFIX if name in written.values}
+    config = read(ControlConfig, frames, written.places)
     if frames and "frame_prefix" not in given and not values.get("robots"):
         enabled, prefix = config.tf_frame_prefix_enable, config.tf_frame_prefix
         values["frame_prefix"] = prefixed("", enabled, prefix, space)

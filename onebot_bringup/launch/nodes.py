@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import yaml
 
+from onebot_bringup.launch.arguments import Argument, node_parameters
 from onebot_bringup.launcher.process import NodeProcess, OnExit, python_node
 from onebot_control.poses import WORLD_FRAME
 
@@ -38,6 +39,7 @@ class Launch:
     description: Description  # the robot
     ros_args: Sequence[str]  # every node gets them, after its own
     source: Source  # the files of the description
+    arguments: Sequence[Argument]  # the declarations of the command
     robots: Sequence[PlacedRobot] = ()  # several in one world; empty for a single one
     robot: PlacedRobot | None = None  # the one of them that the node is for
 
@@ -66,13 +68,17 @@ class Launch:
         if self.robots and row.each_robot:
             for robot in self.robots:
                 launch = self._of_robot(robot)
-                node_parameters = row.parameters(launch) | parameters
+                node_parameters = launch.parameters(row) | parameters
                 files = launch.params_files[1:] if row.params_files else ()
                 words += ["--robot", *launch.ros_nodes.arguments(row.name, node_parameters, files)]
         else:
-            parameters |= row.parameters(self)
+            parameters |= self.parameters(row)
         files = self.params_files if row.params_files else ()
         return self.ros_nodes.process(row, parameters, words, files)
+
+    def parameters(self, row: NodeRow) -> Parameters:
+        """Return the parameters of a node: those that are arguments, and those of its row."""
+        return node_parameters(self.arguments, self.values, row.name) | row.parameters(self)
 
     @property
     def ros_nodes(self) -> RosNodes:
@@ -102,7 +108,7 @@ class NodeRow(NamedTuple):
 
     name: str
     module: str  # its last word is the node's name, unless the node is to be renamed
-    parameters: Callable[[Launch], Parameters]
+    parameters: Callable[[Launch], Parameters]  # without those that are arguments
     starts: Callable[[Launch], bool] = lambda _: True
     on_exit: OnExit = "shutdown"
     nice: int = 0
@@ -121,16 +127,8 @@ def _controller_parameters(launch: Launch) -> Parameters:
         "tf_frame_prefix_enable": bool(prefix),
         "tf_frame_prefix": prefix,
     }
-    # An argument that is empty leaves it to params_file.
-    numbers = {"x": "x", "y": "y", "yaw": "yaw", "rate": "update_rate"}
-    parameters |= {numbers[name]: float(values[name]) for name in numbers if values[name]}
-    for side in ("left_wheel", "right_wheel"):
-        if values[side]:
-            parameters[f"{side}_names"] = [joint.strip() for joint in values[side].split(",")]
-    if values["sensors"]:
-        parameters["sensors"] = values["sensors"]
     if values["world"]:
-        parameters |= {"world": values["world"], "world_frame_id": WORLD_FRAME}
+        parameters["world_frame_id"] = WORLD_FRAME
     elif launch.robot:
         parameters["world_frame_id"] = _world_frame(launch)
     return parameters
@@ -149,8 +147,6 @@ def _state_parameters(launch: Launch) -> Parameters:
     return {
         "robot_description": launch.description.urdf,
         "frame_prefix": launch.values["frame_prefix"],
-        "publish_frequency": float(launch.values["publish_frequency"]),
-        "ignore_timestamp": launch.is_true("ignore_timestamp"),
     }
 
 
@@ -160,39 +156,45 @@ def _followed_files(launch: Launch) -> list[str]:
 
 
 def _joint_parameters(launch: Launch) -> Parameters:
-    file = launch.values["joints"]
-    return {"config_file": file} if file else dict(_SWINGING)
+    return {} if launch.values["joints"] else dict(_SWINGING)
 
 
 def _viewer_parameters(launch: Launch) -> Parameters:
     values = launch.values
-    fixed_frame = values["fixed_frame"]
-    if not fixed_frame and values.get("sim") == "false":
+    prefix = values["frame_prefix"]
+    parameters: Parameters = {"frame_prefix": prefix, "embedded": launch.is_true("steer")}
+    if values.get("sim") == "false" and not values["fixed_frame"]:
         # A robot that could be simulated, but is not, has no odom.
-        fixed_frame = values["frame_prefix"] + launch.description.root_link
-    parameters: Parameters = {
-        name: values[name] for name in ("viewer", "save", "view", "frame_prefix")
-    }
-    parameters |= {"fixed_frame": fixed_frame, "embedded": launch.is_true("steer")}
+        parameters["fixed_frame"] = prefix + launch.description.root_link
     if launch.robots:
         parameters["robots"] = [robot.name for robot in launch.robots]
     return parameters
 
 
 def _page_parameters(launch: Launch) -> Parameters:
-    """Return them with port and token, so that open pages find the page again after a crash."""
-    from onebot_bringup.steering.access import choose_bind_address  # few need it
-
     values = launch.values
-    bind_address = choose_bind_address(values["host"], int(values["port"]), values["token"])
-    if bind_address.warning:
-        print(f"warning: {bind_address.warning}", file=sys.stderr)
-    parameters: Parameters = dict(bind_address.parameters)
+    parameters = page_address(values)
     if values["viewer"] == "web":
         parameters["await_view"] = AWAIT_VIEW
     if launch.robots:
         parameters["topic"] = f"{launch.robots[0].name}/velocity_controller/cmd_vel"
     return parameters
+
+
+def page_address(values: Mapping[str, str]) -> Parameters:
+    """Return host, port and token of the steering page; warn if the port is another one than given.
+
+    They are chosen here, so that open pages find the page again after a crash.
+
+    Raises:
+        OneBotError: the page cannot be served there.
+    """
+    from onebot_bringup.steering.access import choose_bind_address  # few need it
+
+    address = choose_bind_address(values["host"], int(values["port"]), values["token"])
+    if address.warning:
+        print(f"warning: {address.warning}", file=sys.stderr)
+    return {"host": address.host, "port": address.port, "token": address.token}
 
 
 NODES = (
@@ -300,13 +302,9 @@ _Quoting.add_representer(str, _quoted)
 def write_parameters(
     folder: Path, node: str, parameters: Mapping[str, object], namespace: str = ""
 ) -> Path:
-    """Write ``<folder>/<node>.yaml`` and return its path.
+    """Write ``<folder>/<node>.yaml``, for a node of that name, and return its path.
 
-    Args:
-        folder: an existing folder.
-        node: its name.
-        parameters: names to values (bool, int, float, str, list of str), or to nested maps of such.
-        namespace: without outer slashes.
+    ``namespace`` has no outer slashes.
     """
     full_name = f"/{namespace}/{node}" if namespace else f"/{node}"
     path = folder / f"{node}.yaml"

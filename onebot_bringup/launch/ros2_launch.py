@@ -29,7 +29,8 @@ def launch_description(script: ModuleType) -> Any:
     from launch.actions import DeclareLaunchArgument, ExecuteProcess, OpaqueFunction
 
     command: Bringup = script.command()
-    arguments = [*command.arguments(), *command.model_arguments({}).arguments]
+    of_model, _ = command.model_arguments({})
+    arguments = [*command.arguments(), *of_model]
     configurations: dict[str, str] = {}
 
     def start(context: Any) -> list[Any]:
@@ -67,7 +68,7 @@ def words(command: Bringup, configurations: Mapping[str, str]) -> list[str]:
 
     The others may be of the launch file that includes this one.
     """
-    of_model = command.model_arguments(configurations).arguments
+    of_model, _ = command.model_arguments(configurations)
     names = {argument.name for argument in (*command.arguments(), *of_model)}
     assignments = {name: value for name, value in configurations.items() if name in names}
     if pushed := configurations.get(_PUSHED):

@@ -49,12 +49,10 @@ class Console:
     def __init__(
         self, program: str, names: Sequence[str], reader_left: Callable[[], object]
     ) -> None:
-        """Start the thread that writes.
+        """Start the thread that writes, with a colour for each of the nodes' ``names``.
 
-        Args:
-            program: the prefix of the launcher's own messages.
-            names: the nodes'; each gets its own colour.
-            reader_left: called in that thread when nobody reads standard output any more.
+        It calls ``reader_left`` when nobody reads standard output any more. ``program`` is the
+        prefix of the launcher's own messages.
         """
         self.out, self.err = OutputStream.of(sys.stdout), OutputStream.of(sys.stderr)
         self._program = program

@@ -65,13 +65,7 @@ class Launcher:
     """
 
     def __init__(self, name: str, grace: Grace | None = None) -> None:
-        """Nothing is started yet.
-
-        Args:
-            name: the prefix of the launcher's own messages.
-            grace: how long to wait for nodes that do not stop.
-        """
-        self._name = name
+        self._name = name  # the prefix of the launcher's own messages
         self._grace = grace or Grace()
         self._running: dict[RunningProcess, NodeProcess] = {}
         self._stopping, self._stop_now = asyncio.Event(), asyncio.Event()
@@ -96,13 +90,10 @@ class Launcher:
         started_message: str = "",
         temporary: Sequence[Path] = (),
     ) -> int:
-        """Start everything and return when everything has ended.
+        """Start the nodes in this order; their names differ. Return when everything has ended.
 
-        Args:
-            nodes: what to start, in this order; their names must differ.
-            started_message: printed once all processes have been started.
-            temporary: folders of the nodes, to be removed if the launcher is killed; otherwise
-                that is up to the caller.
+        The message is printed once all processes have been started. The ``temporary`` folders are
+        removed if the launcher is killed; otherwise that is up to the caller.
 
         Returns:
             0 when a signal asked to stop, the output was closed, or no node was left to run; 1

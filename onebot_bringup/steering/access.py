@@ -94,11 +94,6 @@ class BindAddress(NamedTuple):
     token: str  # required in the page's address; "" for none
     warning: str = ""  # a sentence if the port is another one than given
 
-    @property
-    def parameters(self) -> dict[str, object]:
-        """The parameters of the page's node."""
-        return {"host": self.host, "port": self.port, "token": self.token}
-
 
 def choose_bind_address(host: str, port: int, token: str) -> BindAddress:
     """Return a free address to serve the page on; with a token if other computers can reach it."""

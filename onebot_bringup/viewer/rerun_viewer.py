@@ -24,12 +24,7 @@ Its parameters are ``ViewerParameters``, which are read at the start, and each s
 """
 
 import json
-import re
 import sys
-from collections.abc import Callable
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
@@ -39,11 +34,10 @@ from std_msgs.msg import String
 from onebot_bringup.viewer.display_server import DisplayServer
 from onebot_bringup.viewer.live_view import LiveView
 from onebot_bringup.viewer.robot_view import RobotView
-from onebot_bringup.viewer.shown_robot import MOST_PLOTTED, RobotToShow
 from onebot_bringup.viewer.topics import ViewFeed
-from onebot_control.poses import prefixed
+from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_description.description import Description
-from onebot_description.errors import OneBotError, did_you_mean, listing, printable
+from onebot_description.errors import OneBotError, listing, printable
 from onebot_description.node import (
     LATCHED,
     Throttled,
@@ -51,100 +45,7 @@ from onebot_description.node import (
     run_node,
     warn_of_two_robots,
 )
-from onebot_description.parameters.reader import declare, parameter, read
-from onebot_description.parameters.values import MAX_PORT
-
-VIEWERS = ("web", "native", "none")
-
-
-def _port(default: int, description: str) -> Any:
-    return parameter(default, description, at_least=0, at_most=MAX_PORT, read_only=True)
-
-
-@dataclass(frozen=True)
-class ViewerParameters:
-    """The node's own parameters."""
-
-    viewer: str = parameter("web", "where the robot is shown", choices=VIEWERS, read_only=True)
-    save: str = parameter("", "a .rrd file to write the recording to", read_only=True)
-    view: str = parameter(
-        "",
-        "a view file .yaml, .rviz or .rbl, reloaded when edited; empty: config/view.yaml of the "
-        "package <robot name>_description; none: none",
-        read_only=True,
-    )
-    robots: tuple[str, ...] = parameter(
-        (),
-        "namespaces of robots, to show all; empty: the robot of the node's own",
-        pattern=re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII),
-        write="a list of namespaces, such as [robot1, robot2]",
-        unique=True,
-        read_only=True,
-    )
-    plots: tuple[str, ...] = parameter(
-        (), "those of robots with curves; empty: the first five", unique=True, read_only=True
-    )
-    frame_prefix: str = parameter(
-        "", "robot_state_publisher's; with robots, it is the namespace of each", read_only=True
-    )
-    grpc_port: int = _port(9876, "port on 127.0.0.1 for viewers; 0: any")
-    web_port: int = _port(9090, "port on 127.0.0.1 for the page; 0: any")
-    open_browser: bool = parameter(True, "open the page, if there is a display", read_only=True)
-    embedded: bool = parameter(
-        False,
-        "another page holds this one, so that its address is neither logged nor opened",
-        read_only=True,
-    )
-    memory_limit: str = parameter(
-        "256MB",
-        "what is kept for viewers that join later",
-        pattern=re.compile(r"\d+(\.\d+)?\s*(%|[kMGT]i?B|B)"),
-        write="a size such as 256MB, 1GiB or 10%",
-        read_only=True,
-    )
-    save_view_to: str = parameter(
-        "", "the file that ~/save_view writes; empty: the one that the view is from"
-    )
-
-    def robots_to_show(self, resolve: Callable[[str], str]) -> list[RobotToShow]:
-        """Return the robots to show; ``resolve`` returns the full name of a topic.
-
-        Raises:
-            OneBotError: ``plots`` names a robot that ``robots`` does not.
-        """
-        spaces = [resolve(name) for name in self.robots]
-        plotted = [resolve(name) for name in self.plots] or spaces[:MOST_PLOTTED]
-        for space in plotted:
-            if space not in spaces:
-                raise OneBotError(f'plots: no "{space}"{did_you_mean(space, spaces, "robots")}')
-        robots = [
-            RobotToShow(space, prefixed("", True, "", space), plotted=space in plotted)
-            for space in spaces
-        ]
-        return robots or [RobotToShow(frame_prefix=self.frame_prefix)]
-
-    @property
-    def recording(self) -> Path | None:
-        """The file to write, if any."""
-        return Path(self.save).expanduser().absolute() if self.save else None
-
-    def open_server(self, log: Any) -> DisplayServer:
-        """Open the recording and the viewer.
-
-        Raises:
-            OneBotError: it cannot be opened.
-        """
-        return DisplayServer(
-            self.viewer,
-            self.recording,
-            grpc_port=self.grpc_port,
-            web_port=self.web_port,
-            memory_limit=self.memory_limit,
-            open_browser=self.open_browser,
-            embedded=self.embedded,
-            log=log,
-        )
-
+from onebot_description.parameters.reader import declare, read
 
 _LISTED = 3  # robots, in a message
 TICK_PERIOD = 0.05  # seconds; one call into Rerun carries what came in meanwhile
@@ -170,7 +71,16 @@ class RerunViewer(Node):
         self._live_view = LiveView(
             self, parameters, self._apply_view, lambda file: self._view.use_blueprint(file)
         )
-        self._server = parameters.open_server(self.get_logger())
+        self._server = DisplayServer(
+            parameters.viewer,
+            parameters.recording,
+            grpc_port=parameters.grpc_port,
+            web_port=parameters.web_port,
+            memory_limit=parameters.memory_limit,
+            open_browser=parameters.open_browser,
+            embedded=parameters.embedded,
+            log=self.get_logger(),
+        )
         self._view = RobotView(
             self._server.stream,
             self._live_view.source.view,

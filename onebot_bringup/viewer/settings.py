@@ -6,6 +6,7 @@ and a ROS parameter of the viewer, such as ``axes.visible``.
 
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from onebot_description.parameters.reader import parameter
@@ -40,3 +41,10 @@ def setting(default: Any, description: str, rules: Rules | None = None) -> Any:
     """
     usual = length if type(default) in (int, float) else {}
     return parameter(default, description, **(usual if rules is None else rules))
+
+
+@dataclass(frozen=True)
+class FrameSettings:
+    """The setting of a view that is a launch argument, too."""
+
+    fixed_frame: str = setting("", "the frame that stands still; empty: the root of the TF tree")

@@ -57,7 +57,16 @@ from onebot_bringup.viewer.displays.shapes_of_messages import (
     RangeSettings,
 )
 from onebot_bringup.viewer.displays.tf_display import AxesSettings
-from onebot_bringup.viewer.settings import Color, color, height, one_of, setting, topic_list, vector
+from onebot_bringup.viewer.settings import (
+    Color,
+    FrameSettings,
+    color,
+    height,
+    one_of,
+    setting,
+    topic_list,
+    vector,
+)
 from onebot_description.description.description import Triple
 from onebot_description.description.packages import package_share
 from onebot_description.errors import OneBotError
@@ -96,13 +105,12 @@ class PanelsSettings:
 
 
 @dataclass(frozen=True)
-class ViewConfig:
+class ViewConfig(FrameSettings):
     """How a robot is looked at: what holds for the whole view, and the settings of each display.
 
     The settings of a display have its ``key`` as their name.
     """
 
-    fixed_frame: str = setting("", 'the frame that stands still; "" for the root of the TF tree')
     grid: GridSettings = group(GridSettings)
     collision: bool = setting(False, "show collision shapes")
     background: Color | None = setting(None, "sRGB bytes", color)

@@ -187,7 +187,9 @@ class JointsConfig:
     pose: str = parameter("", "the pose to hold, which overrides all motions; empty: none")
     sequence: Sequence = group(Sequence)
     robot_description: str = parameter("", "the URDF, or the path of a URDF or xacro file")
-    config_file: str = parameter("", "a parameter file to read and watch, like --params-file")
+    config_file: str = parameter(
+        "", "a YAML file of joint_state_publisher's parameters, read and watched"
+    )
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> "JointsConfig":

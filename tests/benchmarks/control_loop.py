@@ -1,221 +1,160 @@
-"""Jitter of the control loop at 100 Hz, and the latency from a command to the wheels.
+"""Jitter of the control loop at 100 Hz: with and without the viewer, with and without sensors.
 
-velocity_controller runs as it always does, beside robot_state_publisher, with the viewer and
-without; timed_controller.py measures it. The floor is a thread that sleeps to the same grid beside
-an rclpy node (sleeping_thread.py), and receives the same commands. All are measured in turn, each
-started afresh in a ROS domain of its own.
+velocity_controller runs as it always does, beside robot_state_publisher, while it is commanded.
+The floor is a thread that sleeps to the same grid beside an rclpy node. All are measured in turn,
+each started afresh in a ROS domain of its own (timed_loop.py).
 """
 
-import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
-from functools import partial
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
-from tests.benchmarks.commander import PAUSES
-from tests.benchmarks.lines import Lines
+import numpy as np
+import pytest
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import Image, LaserScan
+
+from onebot_description.description import load_description
 from tests.benchmarks.measuring import (
-    Running,
+    MODEL,
     WrongAnswer,
+    bringup,
     cpu_ns,
     in_turn,
     median,
     percentile,
-    ros_domain,
 )
-from tests.benchmarks.report import Options, Report, Value, at_most
+from tests.benchmarks.report import Report, Result
+from tests.ros_support import NodeProcess, Peer
+from tests.support import used_domain
 
-FLOOR, ALONE = "bare sleeping thread", "controller, viewer off"
-VIEWED = "controller, viewer on"
-_TOPIC = "/velocity_controller/cmd_vel"
 _RATE = 100.0
-_HOLD = 0.2  # m/s, that the robot must reach
-_TOLERANCE = 0.01  # m/s
-_TRIES = 20  # to hold that speed
+_SPEED, _TOLERANCE = 0.2, 0.01  # m/s
+_PERIOD = 0.05  # s between commands
 _MOST_JITTER = 1000.0  # us
 _MEASURABLE = 1.1
-_IDLE = 500.0  # us, of the bare thread's p99; on a machine with nothing else to do it is less
 _SETTLED = 2.0  # s
-
-
-class Effort(NamedTuple):
-    """How much to measure."""
-
-    seconds: float
-    # Of commands that a later one overtook before the next cycle, or that came after the window; on
-    # a busy machine there is no saying how many.
-    most_overtaken: float
+_TRIES = 20  # to drive at the speed
 
 
 class Window(NamedTuple):
-    """Measurements of one start."""
+    """Measurements of one start, microseconds."""
 
-    late_us: list[float]  # that each cycle began late, microseconds
-    latency_us: list[float]  # from each command's sending until its velocity was set on the wheels
-    cpu_us: float  # processor time of the process for each cycle
-    left_out_ms: float  # time in which cycles were left out
+    p50: float  # by how much half of the cycles began late at most
+    p99: float
+    cpu: float  # processor time of the process for each cycle
 
 
-def run(options: Options) -> Report:
-    """Measure the three in turn."""
-    rounds, effort = options.choose(9, 1), Effort(1.0, 1.0) if options.quick else Effort(6.0, 0.02)
-    options.say(f"control_loop: {rounds} rounds of {effort.seconds:g} s for each of three")
-    variants: dict[str, Callable[[], Window]] = {
-        FLOOR: partial(_floor, effort),
-        ALONE: partial(_controller, effort, "none"),
-        VIEWED: partial(_controller, effort, "web"),
+def run(quick: bool) -> Report:
+    """Measure all in turn."""
+    with TemporaryDirectory() as folder:
+        urdf = Path(folder) / "onebot.urdf"
+        urdf.write_text(load_description(MODEL, {"sensors_enabled": "true"}).urdf)
+        controller = ["controller", str(urdf), "--ros-args", "-p", "world:=maze"]
+        variants: dict[str, Callable[[], Window]] = {
+            "floor": lambda: _measure(_alone(), ["sleep"], quick),
+            "alone": lambda: _measure(_beside("none"), ["controller"], quick),
+            "viewed": lambda: _measure(_beside("web"), ["controller"], quick),
+            "unheard": lambda: _measure(_alone(), controller, quick),
+            "heard": lambda: _measure(_alone(), controller, quick, subscribed=True),
+        }
+        windows = in_turn(variants, 1 if quick else 7)
+    # Not the rounds' ratios: two starts have no more in common for being in the same round.
+    middle = {
+        name: Window(*(median(values) for values in zip(*starts, strict=True)))
+        for name, starts in windows.items()
     }
-    windows = in_turn(variants, rounds)
-    jitter = median([percentile(window.late_us, 99) for window in windows[VIEWED]])
-    goals = [
-        at_most("p99 jitter with the viewer on", jitter, _MOST_JITTER, "us"),
-        # What the viewer costs the loop: of nothing, a machine that is never the same shows this.
-        at_most("CPU per cycle, viewer on over off", _over(windows, _cpu), _MEASURABLE),
-        at_most("p50 jitter, viewer on over off", _over(windows, _usual_jitter), _MEASURABLE),
+    alone, viewed, heard = middle["alone"], middle["viewed"], middle["heard"]
+    return [
+        Result("p99 jitter of a bare sleeping thread", middle["floor"].p99, unit="us"),
+        Result("p99 jitter with the viewer on", viewed.p99, _MOST_JITTER, unit="us"),
+        Result("CPU per cycle, viewer on over off", viewed.cpu / alone.cpu, _MEASURABLE),
+        Result("p50 jitter, viewer on over off", viewed.p50 / alone.p50, _MEASURABLE),
+        Result("p99 jitter, sensors subscribed to", heard.p99, _MOST_JITTER, unit="us"),
+        Result(
+            "p99 jitter, sensors subscribed to over not", heard.p99 / middle["unheard"].p99, 1.5
+        ),
     ]
-    notes = [
-        "Jitter: how late a cycle begins. Latency: from the sending of a Twist, at any moment, to "
-        "the cycle that commands the wheels; half a period, 5 ms, is waiting for that cycle. "
-        f"All commands arrived, and the robot drove as commanded, {_HOLD:g} m/s."
-    ]
-    least = median([percentile(window.late_us, 99) for window in windows[FLOOR]])
-    if least > _IDLE and not options.quick:
-        notes.append(
-            f"The machine was not idle, as the goal wants it: even the bare thread's p99 was "
-            f"{least:.0f} us, and the controller's with the viewer {jitter / least:.2f} times that."
-        )
-    rows = [_row(name, each) for name, each in windows.items()]
-    return Report("control_loop", rows, goals, notes)
 
 
-def _cpu(window: Window) -> float:
-    return window.cpu_us
+@contextmanager
+def _beside(viewer: str) -> Iterator[int]:
+    """The domain of a bringup without its simulation."""
+    words = ["sim:=false", "joint_states:=false", "fixed_frame:=odom", f"viewer:={viewer}"]
+    with bringup(*words) as (domain, _):
+        yield domain
 
 
-def _usual_jitter(window: Window) -> float:
-    return percentile(window.late_us, 50)
-
-
-def _over(windows: Mapping[str, Sequence[Window]], value: Callable[[Window], float]) -> float:
-    """With the viewer over without it, as the table's rows have them.
-
-    Not the rounds' ratios: two starts have no more in common for being in the same round.
-    """
-    viewed, alone = (median(list(map(value, windows[name]))) for name in (VIEWED, ALONE))
-    return viewed / alone
-
-
-def _floor(effort: Effort) -> Window:
-    with ExitStack() as stack:
-        environment = stack.enter_context(ros_domain())
-        return _measure(stack, "sleeping_thread", [_TOPIC], environment, effort)
-
-
-def _controller(effort: Effort, viewer: str) -> Window:
-    with ExitStack() as stack:
-        environment = stack.enter_context(ros_domain())
-        for display in ("DISPLAY", "WAYLAND_DISPLAY"):
-            environment.pop(display, None)  # no browser is to be opened
-        words = ["sim:=false", "joint_states:=false", "fixed_frame:=odom", f"viewer:={viewer}"]
-        module = "onebot_bringup.launch.onebot_bringup"
-        stack.enter_context(Running([sys.executable, "-m", module, *words], environment))
-        window, speed = _measured(stack, "timed_controller", [], environment, effort, drives=True)
-        # Unlike >, this lets no NaN pass.
-        if not abs(speed - _HOLD) <= _TOLERANCE:
-            raise WrongAnswer(f"the robot was told to go at {_HOLD:g} m/s, and went at {speed:g}")
-        return window
+@contextmanager
+def _alone() -> Iterator[int]:
+    """A domain without anything."""
+    with used_domain() as domain, pytest.MonkeyPatch.context() as patch:
+        patch.setenv("OPENBLAS_NUM_THREADS", "1")  # as a bringup has it
+        yield domain
 
 
 def _measure(
-    stack: ExitStack, module: str, words: Sequence[str], environment: dict[str, str], effort: Effort
+    surroundings: Any, words: Sequence[str], quick: bool, *, subscribed: bool = False
 ) -> Window:
-    return _measured(stack, module, words, environment, effort)[0]
-
-
-def _measured(
-    stack: ExitStack,
-    module: str,
-    words: Sequence[str],
-    environment: dict[str, str],
-    effort: Effort,
-    *,
-    drives: bool = False,
-) -> tuple[Window, float]:
-    """Start a loop, command it; return what came of it, and its last speed."""
-    python = [sys.executable, "-m"]
-    command = [*python, f"tests.benchmarks.{module}", *words]
-    node = stack.enter_context(Running(command, environment, name=module, pipes=True))
-    commander = stack.enter_context(
-        Running([*python, "tests.benchmarks.commander", _TOPIC], environment, pipes=True)
-    )
-    loop, orders = Lines(node), Lines(commander)
-    orders.next(node)  # it has found the loop
-    while not loop.ask({}, node)["late"]:
-        time.sleep(0.1)
-    time.sleep(_SETTLED)
-    loop.ask({}, node)
-    began = cpu_ns(node.process.pid)
-    sent = orders.ask({"seconds": effort.seconds, "hold": _HOLD}, node)
-    spent = cpu_ns(node.process.pid) - began
-    seen = loop.ask({}, node)
-    speed = float(seen["speed"])
-    for _ in range(_TRIES if drives else 0):
-        # On a busy machine commands come late, and the robot has braked.
-        if abs(speed - _HOLD) <= _TOLERANCE:
-            break
-        orders.ask({"seconds": 0.0, "hold": _HOLD}, node)
-        speed = float(loop.ask({}, node)["speed"])
-    latencies = _latencies(sent, seen["told"], effort.most_overtaken, seen["left_out"])
-    _check_count(len(seen["late"]), seen["left_out"], sent)
-    window = Window(
-        [1e6 * late for late in seen["late"]],
-        [1e6 * latency for latency in latencies],
-        1e-3 * spent / len(seen["late"]),
-        1e3 * seen["left_out"],
-    )
-    return window, speed
-
-
-def _latencies(
-    sent: Sequence[Any], told: Sequence[Any], most_overtaken: float, left_out: float
-) -> list[float]:
-    """Seconds from each command to the wheels.
-
-    While the machine leaves cycles out, for ``left_out`` seconds, commands overtake each other.
+    """Start a loop in a domain, command it, and read what it has recorded.
 
     Raises:
-        WrongAnswer: too many never reached them, or one did before it was sent.
+        WrongAnswer: it left out cycles, or the robot did not drive as commanded.
     """
-    arrived = dict(map(tuple, told))
-    latencies = [arrived[command] - at for command, at in sent if command in arrived]
-    lost = len(sent) - len(latencies)
-    bearable = max(1.0, most_overtaken * len(sent)) + left_out / PAUSES[0]
-    if not latencies or lost > bearable:
-        raise WrongAnswer(f"{lost} of {len(sent)} commands never reached the wheels")
-    if min(latencies) < 0.0:
-        raise WrongAnswer("a command reached the wheels before it was sent")
-    return latencies
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "times"
+        with ExitStack() as stack:
+            domain = stack.enter_context(surroundings)
+            loop = stack.enter_context(
+                NodeProcess("tests.benchmarks.timed_loop", str(file), *words)
+            )
+            peer = stack.enter_context(Peer(domain))
+            if subscribed:
+                images = "camera/image_raw", "camera/depth/image_raw"
+                for kind, topic in ((LaserScan, "scan"), *((Image, name) for name in images)):
+                    peer.node.create_subscription(kind, topic, lambda data: None, 10, raw=True)
+            speeds = _Speeds(peer)
+            speeds.command(_SETTLED)
+            pid = loop.process.pid
+            begin, cpu = time.monotonic(), cpu_ns(pid)
+            speeds.command(1.0 if quick else 6.0)
+            end, cpu = time.monotonic(), cpu_ns(pid) - cpu
+            if words[0] == "controller":
+                speeds.check()
+        cycles = np.frombuffer(file.read_bytes()).reshape(-1, 3)
+    cycles = cycles[(begin <= cycles[:, 0]) & (cycles[:, 0] < end)]
+    due, late, left_out = cycles.T
+    seconds = due[-1] - due[0] - left_out[1:].sum() if len(due) else 0.0
+    if not len(due) > 0.98 * _RATE * seconds > 1.0:
+        raise WrongAnswer(f"the loop ran {len(due)} times in {seconds:g} s, less what it left out")
+    return Window(1e6 * median(late), 1e6 * percentile(late, 99), 1e-3 * cpu / len(due))
 
 
-def _check_count(cycles: int, left_out: float, sent: Sequence[Any]) -> None:
-    """Refuse a loop that did not run a hundred times a second."""
-    least = _RATE * (sent[-1][1] - sent[0][1] - left_out) * 0.98
-    if cycles < least:
-        raise WrongAnswer(f"the loop ran {cycles} times, and should have at least {least:.0f}")
+class _Speeds:
+    """Commands a speed."""
 
+    def __init__(self, peer: Peer) -> None:
+        self._publisher = peer.publisher(Twist, "/velocity_controller/cmd_vel")
+        self._odometry = peer.hear(Odometry, "/velocity_controller/odom", 1)
 
-def _row(name: str, windows: Sequence[Window]) -> dict[str, Value]:
-    def middle(percent: float, field: str) -> float:
-        return median([percentile(getattr(window, field), percent) for window in windows])
+    def command(self, seconds: float) -> None:
+        """Command it for so long."""
+        message = Twist()
+        message.linear.x = _SPEED
+        until = time.monotonic() + seconds
+        while time.monotonic() < until:
+            self._publisher.publish(message)
+            time.sleep(_PERIOD)
 
-    return {
-        "Loop": name,
-        "jitter p50 us": middle(50, "late_us"),
-        "jitter p99 us": middle(99, "late_us"),
-        "worst us": max(max(window.late_us) for window in windows),
-        "latency p50 ms": 1e-3 * middle(50, "latency_us"),
-        "latency p99 ms": 1e-3 * middle(99, "latency_us"),
-        "CPU us/cycle": median([window.cpu_us for window in windows]),
-        "left out ms": sum(window.left_out_ms for window in windows),
-    }
+    def check(self) -> None:
+        """Have the robot drive at it; on a busy machine commands come late, and it has braked."""
+        for _ in range(_TRIES):
+            speed = self._odometry[-1].twist.twist.linear.x if self._odometry else float("nan")
+            if abs(speed - _SPEED) <= _TOLERANCE:
+                return
+            self.command(0.5)
+        raise WrongAnswer(f"the robot was told to go at {_SPEED:g} m/s, and went at {speed:g}")

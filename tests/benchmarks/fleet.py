@@ -1,185 +1,144 @@
 """OneBots in one world as ``onebot_bringup robots:=N`` brings them up, all of them driven.
 
-A process of its own commands each robot ten times a second and counts the control cycles of one. At
-the end each robot must drive at the commanded speed, clear of the others. The floor are bare
-``stepSimulation`` calls of the same world, for each cycle, in this process.
+Each robot is commanded ten times a second, and the control cycles of one are counted. At the end
+each must drive at the commanded speed, clear of the others.
 """
 
-import sys
 import time
-from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
-from dataclasses import replace
 from itertools import combinations
 from math import hypot
-from pathlib import Path
 from typing import Any, NamedTuple
 
-from onebot_bringup.launch.robots import in_rows
-from onebot_control.fleet import Fleet, Member
-from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
-from onebot_control.simulation.engine import engine
-from onebot_description.description import Description, load_description
-from tests.benchmarks.lines import Lines
-from tests.benchmarks.measuring import (
-    Running,
-    WrongAnswer,
-    cpu_ns,
-    median,
-    process_tree,
-    ros_domain,
-    rss_bytes,
-)
-from tests.benchmarks.report import Goal, Options, Report, Value, at_least, at_most
-from tests.benchmarks.startup import pss_bytes
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import JointState, LaserScan
 
-MODEL = "package://onebot_description/urdf/onebot.urdf.xacro"
-_BRINGUP = [sys.executable, "-m", "onebot_bringup.launch.onebot_bringup", "reload:=false"]
-_SIMULATION, _STATES = "onebot_control.velocity_controller", "onebot_description.robot_state"
-_RATE = 100.0  # Hz
+from tests.benchmarks.measuring import WrongAnswer, bringup, median, rss_mb
+from tests.benchmarks.report import Report, Result
+from tests.ros_support import Peer
+from tests.support import PATIENCE
+
+_RATE, _SCANS = 100.0, 10.0  # Hz
 _SPEED, _TOLERANCE = 0.2, 0.02  # m/s
 _CLEAR = 0.3  # m between two robots, at least
-_ROBOTS, _LEAST, _MOST = 20, 0.99, 1000.0  # of the goals: robots, of real time, MB
-_STEPS = 100  # cycles of bare steps
-_PATIENCE = 60.0  # s
+_LEAST, _MOST = 0.99, 1000.0  # of real time, MB
+_PERIOD = 0.1  # s between commands; a fifth of cmd_vel_timeout
 
 
 class Window(NamedTuple):
-    """What a fleet took."""
+    """What a fleet did."""
 
-    share: float  # of 100 cycles a second
-    simulation: float  # ms of processor time of velocity_controller for each cycle
-    states: float  # of robot_state_publisher
-    total: float  # of all processes
-    rss: float  # MB of all processes; what they share counts for each
-    pss: float  # MB, what they share counted once
+    pace: float  # of 100 cycles a second
+    scans: float  # of those due
+    rss: float  # MB
 
 
-def run(options: Options) -> Report:
-    """Bring up fleets of several sizes."""
-    sizes = (
-        [(3, "none")] if options.quick else [(1, "none"), (20, "none"), (20, "web"), (50, "none")]
-    )
-    description, rows, goals = load_description(MODEL), [], list[Goal]()
-    for robots, viewer in sizes:
-        options.say(f"fleet: {robots} robots, viewer {viewer}")
-        bare = bare_steps(description, robots, options)
-        windows = [_measure(robots, viewer, options) for _ in range(options.choose(3, 1))]
-        rows.append(_row(robots, viewer, windows, bare))
-        if robots == _ROBOTS:
-            goals += _goals(f"{robots} robots, viewer {viewer}", windows)
-    notes = [
-        f"All robots drove as commanded, {_SPEED:g} m/s, clear of one another. Milliseconds of "
-        "processor time for each control cycle, of which real time has 10 on each core; bare "
-        "steps are those of the same world without anything else. Memory as in startup."
-    ]
-    return Report("fleet", rows, goals, notes)
+class Commander:
+    """Commands all robots, and counts the cycles of one."""
+
+    def __init__(self, domain: int, peer: Peer, robots: int, lidars: bool) -> None:
+        self._domain = domain
+        self._names = [f"/robot{row + 1}" for row in range(robots)]
+        self._publishers = [
+            peer.publisher(Twist, f"{name}/velocity_controller/cmd_vel") for name in self._names
+        ]
+        self.states = peer.hear(JointState, f"{self._names[-1]}/joint_states")
+        self.scans: list[Any] = []
+        for name in self._names if lidars else ():
+            peer.node.create_subscription(
+                LaserScan, f"{name}/scan", self.scans.append, 10, raw=True
+            )
+
+    def drive(self, seconds: float) -> None:
+        """Command all robots, with a pause between them, as many users would."""
+        message = Twist()
+        message.linear.x = _SPEED
+        until, pause = time.monotonic() + seconds, _PERIOD / len(self._publishers)
+        while time.monotonic() < until:
+            for publisher in self._publishers:
+                publisher.publish(message)
+                time.sleep(pause)
+
+    def look(self) -> dict[str, Odometry]:
+        """Return the truth of all; only now, as to receive all odometry takes time."""
+        last: dict[str, Odometry] = {}
+        with Peer(self._domain, "observer") as peer:
+            for name in self._names:
+                peer.node.create_subscription(
+                    Odometry,
+                    f"{name}/velocity_controller/ground_truth",
+                    lambda message, name=name: last.update({name: message}),
+                    1,
+                )
+            while len(last) < len(self._names):
+                self.drive(_PERIOD)
+        return last
 
 
-def _goals(what: str, windows: Sequence[Window]) -> list[Goal]:
-    return [
-        at_least(f"{what}: of real time at 100 Hz", _middle(windows, "share"), _LEAST),
-        at_most(f"{what}: memory, RSS", _middle(windows, "rss"), _MOST, "MB"),
-    ]
+def run(quick: bool) -> Report:
+    """Bring up fleets: with the viewer, without, and with lidars."""
+    robots, rounds = (3, 1) if quick else (20, 3)
+    results = []
+    for what, words in (
+        ("viewer none", ["viewer:=none"]),
+        ("viewer web", ["viewer:=web"]),
+        ("lidars", ["viewer:=none", "sensors_enabled:=true"]),
+    ):
+        windows = [_measure(robots, words, quick) for _ in range(rounds)]
+        pace, scans, rss = (median(values) for values in zip(*windows, strict=True))
+        name = f"{robots} robots, {what}:"
+        results.append(Result(f"{name} of real time at 100 Hz", pace, at_least=_LEAST))
+        if what == "lidars":
+            results.append(Result(f"{name} scans of those due", scans, at_least=_LEAST))
+        else:
+            results.append(Result(f"{name} memory, RSS", rss, _MOST, unit="MB"))
+    return results
 
 
-def bare_steps(description: Description, robots: int, options: Options) -> float:
-    """Return the ms of processor time that the physics of a control cycle takes, and no more."""
-    values = read_control_files([default_control_file()], "/", "velocity_controller").values
-    config = ControlConfig.from_parameters(values)
-    members = [
-        Member(description, replace(config, x=each.x, y=each.y), each.name)
-        for each in in_rows(robots, description)
-    ]
-    with Fleet.of(members) as fleet:
-        for _ in range(options.choose(100, 2)):
-            for robot in fleet.robots:
-                robot.accept(_SPEED, 0.0)
-            fleet.cycle()
-        steps = fleet.world.settings.steps(fleet.period)
-        took = []
-        for _ in range(options.choose(_STEPS, 2)):
-            began = time.thread_time()
-            for _ in range(steps):
-                engine.stepSimulation(fleet.world.client)
-            took.append(1e3 * (time.thread_time() - began))
-    return median(took)
-
-
-def _measure(robots: int, viewer: str, options: Options) -> Window:
-    """Bring a fleet up, drive it, and look at what it takes meanwhile.
+def _measure(robots: int, words: list[str], quick: bool) -> Window:
+    """Bring a fleet up, drive it, and look at what it does meanwhile.
 
     Raises:
         WrongAnswer: a robot does not drive as commanded.
     """
-    names = [f"robot{row + 1}" for row in range(robots)]
-    with ExitStack() as stack:
-        environment = stack.enter_context(ros_domain())
-        for display in ("DISPLAY", "WAYLAND_DISPLAY"):
-            environment.pop(display, None)  # no browser is to be opened
-        words = [*_BRINGUP, f"robots:={robots}", f"viewer:={viewer}"]
-        bringup = stack.enter_context(Running(words, environment))
-        commander = [sys.executable, "-m", "tests.benchmarks.fleet_commander", *names]
-        commands = stack.enter_context(Running(commander, environment, pipes=True))
-        lines = Lines(commands)
-        lines.next(bringup)
-        order = {"speed": _SPEED, "seconds": options.choose(2, 1)}
-        deadline = time.monotonic() + _PATIENCE
-        while not _drives(lines.ask(order, bringup)) and time.monotonic() < deadline:
+    lidars = "sensors_enabled:=true" in words
+    with (
+        bringup(f"robots:={robots}", "reload:=false", *words) as (domain, process),
+        Peer(domain) as peer,
+    ):
+        commander = Commander(domain, peer, robots, lidars)
+        commander.drive(1.0 if quick else 2.0)
+        deadline = time.monotonic() + PATIENCE
+        while not all(map(_drives, commander.look().values())) and time.monotonic() < deadline:
             continue  # it starts to drive: of many robots, slower than in real time
-        pids = process_tree(bringup.process.pid)
-        began, at = {pid: cpu_ns(pid) for pid in pids}, time.monotonic()
-        seen = lines.ask({**order, "seconds": options.choose(8, 1)}, bringup)
-        spent = {pid: 1e-6 * (cpu_ns(pid) - began[pid]) for pid in pids}
-        seconds = time.monotonic() - at
-        _check(seen)
-        stamps = seen["stamps"]
-        cycles = len(stamps) * seconds / (stamps[-1] - stamps[0])
-        per_cycle = {pid: took / cycles for pid, took in spent.items()}
+        commander.states.clear()
+        commander.scans.clear()
+        commander.drive(1.0 if quick else 8.0)
+        stamps, scans = [_seconds(state) for state in list(commander.states)], len(commander.scans)
+        _check(commander.look())
+        simulated = stamps[-1] - stamps[0]
         return Window(
-            (len(stamps) - 1) / (stamps[-1] - stamps[0]) / _RATE,
-            _of(per_cycle, _SIMULATION),
-            _of(per_cycle, _STATES),
-            sum(per_cycle.values()),
-            rss_bytes(*pids) / 1e6,
-            pss_bytes(*pids) / 1e6,
+            (len(stamps) - 1) / simulated / _RATE,
+            scans / (robots * _SCANS * simulated),
+            rss_mb(process.process.pid),
         )
 
 
-def _drives(seen: Mapping[str, Any]) -> bool:
-    # Slow motion shows in the speeds, which are by the system's clock. No NaN passes.
-    return all(_TOLERANCE < speed <= _SPEED + _TOLERANCE for speed in seen["speeds"].values())
+def _seconds(state: JointState) -> float:
+    return float(state.header.stamp.sec + 1e-9 * state.header.stamp.nanosec)
 
 
-def _check(seen: Mapping[str, Any]) -> None:
-    if not _drives(seen):
-        raise WrongAnswer(f"commanded {_SPEED:g} m/s, the robots drive at {seen['speeds']}")
-    for (one, a), (other, b) in combinations(seen["placed"].items(), 2):
-        if not hypot(a[0] - b[0], a[1] - b[1]) >= _CLEAR:
+def _drives(truth: Odometry) -> bool:
+    # Slow motion shows in the speed, which is by the system's clock. No NaN passes.
+    return _TOLERANCE < truth.twist.twist.linear.x <= _SPEED + _TOLERANCE
+
+
+def _check(truths: dict[str, Odometry]) -> None:
+    for name, truth in truths.items():
+        if not _drives(truth):
+            speed = truth.twist.twist.linear.x
+            raise WrongAnswer(f"commanded {_SPEED:g} m/s, {name} drives at {speed:g}")
+    places = {name: truth.pose.pose.position for name, truth in truths.items()}
+    for (one, a), (other, b) in combinations(places.items(), 2):
+        if not hypot(a.x - b.x, a.y - b.y) >= _CLEAR:
             raise WrongAnswer(f"{one} and {other} are in the same place, {a} and {b}")
-
-
-def _of(per_cycle: Mapping[int, float], module: str) -> float:
-    """What the processes that run a module took."""
-    words = {pid: Path(f"/proc/{pid}/cmdline").read_bytes().decode() for pid in per_cycle}
-    return sum(took for pid, took in per_cycle.items() if module in words[pid])
-
-
-def _middle(windows: Sequence[Window], field: str) -> float:
-    return median([getattr(window, field) for window in windows])
-
-
-def _row(robots: int, viewer: str, windows: Sequence[Window], bare: float) -> dict[str, Value]:
-    simulation = _middle(windows, "simulation")
-    return {
-        "Robots": robots,
-        "viewer": viewer,
-        "of real time": _middle(windows, "share"),
-        "bare steps ms/cycle": bare,
-        "simulation": simulation,
-        "over bare": simulation / bare,
-        "state publishers": _middle(windows, "states"),
-        "all": _middle(windows, "total"),
-        "RSS MB": _middle(windows, "rss"),
-        "PSS MB": _middle(windows, "pss"),
-    }

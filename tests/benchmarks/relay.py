@@ -1,6 +1,6 @@
 """The floor under any rclpy node that answers: receives JointState raw, sends constant bytes.
 
-``python -m tests.benchmarks.relay FILE events|single``: FILE holds the serialized TFMessage.
+``python -m tests.benchmarks.relay FILE``; FILE holds the serialized TFMessage.
 """
 
 import sys
@@ -30,6 +30,5 @@ class Relay(Node):
 
 
 if __name__ == "__main__":
-    _, file, executor = sys.argv
-    content = Path(file).read_bytes()
-    sys.exit(run_node(lambda: Relay(content), [], events=executor == "events"))
+    content = Path(sys.argv[1]).read_bytes()
+    sys.exit(run_node(lambda: Relay(content), [], events=True))

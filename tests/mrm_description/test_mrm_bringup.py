@@ -121,13 +121,6 @@ def test_editing_the_xacro_changes_the_robot(
     stop(running)
 
 
-def test_a_bad_joints_file_ends_the_bringup(start: Start, tmp_path: Path) -> None:
-    (tmp_path / "joints.yaml").write_text("joint_state_publisher: {ros__parameters: {rat: 1}}")
-    running = start(f"joints:={tmp_path / 'joints.yaml'}")
-    assert running.wait() == 1
-    assert '"rate"' in running.err and "Traceback" not in running.err
-
-
 def test_a_killed_command_leaves_nothing(
     start: Start,
     transforms: Transforms,

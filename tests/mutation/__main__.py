@@ -104,13 +104,12 @@ def _sample(modules: Iterable[str], size: int, seed: int) -> list[Mutant]:
     """Return ``size`` mutants that are not known to be equivalent, or all if there are fewer."""
     every = [mutant for module in modules for mutant in mutants(module)]
     random.Random(seed).shuffle(every)
-    known = {(each.module, each.definition, each.line) for each in EQUIVALENT}
     sample: list[Mutant] = []
     for mutant in every:
         if len(sample) == size:
             break
-        key = (mutant.module, mutant.definition, mutant.line())
-        if mutant.is_python() and key not in known:
+        key = f"{mutant.definition}: {mutant.line()}"
+        if mutant.is_python() and key not in EQUIVALENT.get(mutant.module, ()):
             sample.append(mutant)
     print(f"{len(sample)} of {len(every)} mutants, seed {seed}", flush=True)
     return sample

@@ -3,7 +3,6 @@
 import ast
 import functools
 from pathlib import Path
-from typing import NamedTuple
 
 CHECKOUT = Path(__file__).parents[2]
 
@@ -21,7 +20,10 @@ def _description(*names: str) -> tuple[str, ...]:
 
 
 _SIMULATION = ("simulation_loading", "simulation_state", "simulation_motion")
-_CHECKS = ("description_checks", "description_faults", "description_loading")
+_CHECKS = (
+    *("description_checks", "description_sizes", "description_problems"),
+    *("description_faults", "description_loading"),
+)
 _SOURCE = ("joints_source", "joints_mimic")
 _READER = ("parameters_reader", "parameters_values")
 
@@ -66,159 +68,110 @@ TESTS: dict[str, tuple[str, ...]] = {
 }
 
 
-class Equivalent(NamedTuple):
-    """A mutant that behaves as the code does, by the line that its printed diff adds or removes."""
-
-    module: str
-    definition: str  # "Class.method" or "function", "" at the module's level
-    line: str  # as mutated, without indentation; as it was when the mutation removes it
-    reason: str
-
-
-EQUIVALENT = (
-    Equivalent(
-        "onebot_control/control_loop.py",
-        "",
-        "_PATIENCE = 11.0  # s for the loop to answer",
-        "a deadline that nothing comes near",
-    ),
-    Equivalent(
-        "onebot_control/control_loop.py",
-        "SystemStamps.__init__",
-        "self._last_due, self._last = 0, -(2*63)",
-        "every stamp is after 1970",
-    ),
-    Equivalent(
-        "onebot_control/driven_robot.py",
-        "DrivenRobot.accept",
-        "def accept(self, linear: float, angular: float, age: float = -1.0) -> str | None:",
-        "an age below 0 counts as 0",
-    ),
-    Equivalent(
-        "onebot_control/odometry.py",
-        "Odometry.__init__",
-        "self._since = -1.0",
-        "the wheels' first positions only begin: the time before them counts for nothing",
-    ),
-    Equivalent(
-        "onebot_control/simulation/rest_pose.py",
-        "_come_to_rest",
-        "needed, still = math.ceil(_RESTING_TIME * settings.rate), -1",
-        "one step more of a robot at rest",
-    ),
-    Equivalent(
-        "onebot_control/simulation/rest_pose.py",
-        "_come_to_rest",
-        "still = -1",
-        "one step more of a robot at rest",
-    ),
-    Equivalent(
-        "onebot_control/simulation/rest_pose.py",
-        "_come_to_rest",
-        "if still == needed:",
-        "it counts in steps of one, and from 0 when it was reached",
-    ),
-    Equivalent(
-        "onebot_control/simulation/rest_pose.py",
-        "settle",
-        "near = engine.getClosestPoints(robot.body, robot.ground, 999.0, physicsClientId=client)",
-        "no robot begins so far above the ground",
-    ),
-    Equivalent(
-        "onebot_control/simulation/rest_pose.py",
-        "settle",
-        "robot.place(rest_pose.at(0.0, 1.0, 0.0), [0.0] * len(robot.joints))",
-        "every robot is then placed where it starts",
-    ),
-    Equivalent(
-        "onebot_control/wheels/finding.py",
-        "link_places",
-        "for link, pose in zip(model.links, model.link_poses({}), strict=False):",
-        "there are as many poses as links",
-    ),
-    Equivalent(
-        "onebot_description/description/checks.py",
-        "check_tree",
-        'if len(roots) > 1 and len(ends) >= len(findings.document.root.findall("joint")):',
-        "there are no more ends than joints",
-    ),
-    Equivalent(
-        "onebot_description/joints/config.py",
-        "MotionParameters.motion",
-        'if self.type <= "constant":',
-        "no kind of motion comes before constant",
-    ),
-    Equivalent(
-        "onebot_description/joints/config.py",
-        "MotionParameters.motion",
-        'if self.type >= "sine":',
-        "no kind of motion comes after sine",
-    ),
-    Equivalent(
-        "onebot_description/joints/config.py",
-        "MotionParameters.motion",
-        'if self.type >= "pose":',
-        "only poses and keyframes are left",
-    ),
-    Equivalent(
-        "onebot_description/joints/config.py",
-        "MotionParameters.notes",
-        'if self.type >= "sine" and missing:',
-        "no kind of motion comes after sine",
-    ),
-    Equivalent(
-        "onebot_description/joints/motions.py",
-        "_keyframes",
-        "if motion.loop and abs(gap) > _WHOLE_TURN and times[-1] != 0.0:",
-        "the times begin at 0 or later",
-    ),
-    Equivalent(
-        "onebot_description/joints/motions.py",
-        "_keyframes",
-        "factor = 1.0 if motion.blend <= LINEAR else MINIMUM_JERK_PEAK",
-        "no blend comes before linear",
-    ),
-    Equivalent(
-        "onebot_description/joints/source.py",
-        "JointStateSource._toward",
-        "near = np.abs(way) < reach * (1.0 + _ROUNDING)",
-        "the position is the same either way but for rounding",
-    ),
-    Equivalent(
-        "onebot_description/model/quaternions.py",
-        "to_matrix",
-        "rotation = rotation / np.where(length > 0.0, length, 2.0)",
-        "zeros, divided by whatever",
-    ),
-    Equivalent(
-        "onebot_description/model/robot_model.py",
-        "",
-        "@functools.cache",
-        "the library is loaded again, and is the same",
-    ),
-    Equivalent(
-        "onebot_description/parameters/reader.py",
-        "",
-        "@functools.cache",
-        "the same schema is made again",
-    ),
-    Equivalent(
-        "onebot_description/parameters/values.py",
-        "",
-        "LARGEST = 1e+60",
-        "the same number: one more or less is not to be seen in it",
-    ),
-)
+# Mutants that behave as the code does, by module: the definition ("Class.method", "function", "" at
+# the module's level), and the line that the printed diff adds, or removes when it adds none.
+EQUIVALENT: dict[str, set[str]] = {
+    "onebot_control/control_loop.py": {
+        # A deadline that nothing comes near.
+        ": _PATIENCE = 11.0  # s for the loop to answer",
+        # Every stamp is after 1970.
+        "SystemStamps.__init__: self._last_due, self._last = 0, -(2*63)",
+    },
+    "onebot_control/odometry.py": {
+        # The wheels' first positions only begin: the time before them counts for nothing.
+        "Odometry.__init__: self._since = -1.0",
+    },
+    "onebot_control/simulation/bodies.py": {
+        # Below the lower limit, however far.
+        'physics_urdf: slide = replace(joint, kind="prismatic", lower=1.0, upper=- 2.0)',
+    },
+    "onebot_control/simulation/rest_pose.py": {
+        # What diverges turns and moves without end at once.
+        "_check_rest: if not math.isfinite(sum(position) / sum(rotation)):",
+        # One step more of a robot at rest.
+        "_come_to_rest: needed, still = math.ceil(_RESTING_TIME * settings.rate), -1",
+        "_come_to_rest: still = -1",
+        # It counts in steps of one, and from 0 when it was reached.
+        "_come_to_rest: if still == needed:",
+        # Every robot is then placed where it starts.
+        "settle: robot.place(rest_pose.at(0.0, 1.0, 0.0), [0.0] * len(robot.joints))",
+        # The ground is level and has no end.
+        "settle: robot.place((( 1.0, 0.0, -lowest), (0.0, 0.0, 0.0, 1.0)))",
+    },
+    "onebot_control/wheels/finding.py": {
+        # There are as many poses as links.
+        "link_places: for link, pose in zip(model.links, model.link_poses({}), strict=False):",
+        # A sum of 0 is 0 with the other sign.
+        "_sets: return [alike for alike in sets if sum(1 if not wheel.y > 0.0 else -1 for wheel in alike) == 0]",  # noqa: E501
+    },
+    "onebot_description/description/checks.py": {
+        # There are no more ends than joints.
+        'check_tree: if len(roots) > 1 and len(ends) >= len(findings.document.root.findall("joint")):',  # noqa: E501
+    },
+    "onebot_description/description/expansion.py": {
+        # There is at least one place.
+        'written_at: calls = f" (called at {\', from \'.join(places[1:])})" if len(places) != 1 else ""',  # noqa: E501
+    },
+    "onebot_description/description/reading.py": {
+        # It checks attributes of one number.
+        "_not_negative: return values[ -1] >= 0",
+    },
+    "onebot_description/joints/config.py": {
+        # No kind of motion comes before constant.
+        'MotionParameters.motion: if self.type <= "constant":',
+        # No kind of motion comes after sine.
+        'MotionParameters.motion: if self.type >= "sine":',
+        # Only poses and keyframes are left.
+        'MotionParameters.motion: if self.type >= "pose":',
+        # No kind of motion comes after sine.
+        'MotionParameters.notes: if self.type >= "sine" and missing:',
+    },
+    "onebot_description/joints/motion_limits.py": {
+        # No kind that moves comes before continuous.
+        '_range: if joint.kind <= "continuous":',
+    },
+    "onebot_description/joints/motions.py": {
+        # The times begin at 0 or later.
+        "_keyframes: if motion.loop and abs(gap) > _WHOLE_TURN and times[-1] != 0.0:",
+        # No blend comes before linear.
+        "_keyframes: factor = 1.0 if motion.blend <= LINEAR else MINIMUM_JERK_PEAK",
+    },
+    "onebot_description/joints/source.py": {
+        # A range is never below 0.
+        "_Planner._swing: if amplitude != 0.0:",
+        # The position is the same either way but for rounding.
+        "JointStateSource._toward: near = np.abs(way) < reach * (1.0 + _ROUNDING)",
+    },
+    "onebot_description/model/quaternions.py": {
+        # Zeros, divided by whatever.
+        "normalized: unit = rotation / np.where(length > 0.0, length, 2.0)",
+        # Both ways give the same rotation there.
+        "to_rpy: if abs(zx) >= 1.0 - 1e-12:",
+    },
+    "onebot_description/model/robot_model.py": {
+        # The library is loaded again, and is the same.
+        ": @functools.cache",
+    },
+    "onebot_description/parameters/reader.py": {
+        # The same schema is made again.
+        ": @functools.cache",
+    },
+    "onebot_description/parameters/values.py": {
+        # The same number: one more or less is not to be seen in it.
+        ": LARGEST = 1e+60",
+    },
+}
 
 
 def missing() -> list[str]:
     """Return what the tables name and the checkout does not have: they follow every move."""
     named = {*TESTS, *(file for files in TESTS.values() for file in files)}
-    named.update(each.module for each in EQUIVALENT)
+    named.update(EQUIVALENT)
     lost = {path for path in named if not (CHECKOUT / path).is_file()}
-    for each in EQUIVALENT:
-        if each.module not in lost and each.definition not in _definitions(each.module):
-            lost.add(f"{each.module}: {each.definition}")
+    for module, mutants in EQUIVALENT.items():
+        for definition in {mutant.split(": ")[0] for mutant in mutants}:
+            if module not in lost and definition not in _definitions(module):
+                lost.add(f"{module}: {definition}")
     return sorted(lost)
 
 

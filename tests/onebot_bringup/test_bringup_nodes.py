@@ -6,7 +6,7 @@ What the nodes then do is tested by bringing robots up (``test_bringup``, ``test
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ import pytest
 import yaml
 
 from onebot_bringup.launch.arguments import (
-    Argument,
+    PACKAGES,
     checked_values,
     description_arguments,
     simulation_arguments,
@@ -23,7 +23,7 @@ from onebot_bringup.launch.arguments import (
 from onebot_bringup.launch.bringup import (
     Bringup,
     bring_up,
-    help_text,
+    environment,
     summary_text,
     with_params_file,
 )
@@ -33,6 +33,8 @@ from onebot_bringup.launcher.process import NodeProcess
 from onebot_description.description import load_description
 from onebot_description.description_files import Source
 from onebot_description.errors import OneBotError, UsageError
+from onebot_description.parameters.reader import leaves
+from tests.readme_tables import PARAMETERS
 
 _MODULE = 3  # where a command names the node's module, after python -m interpreter
 ARM = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
@@ -72,7 +74,7 @@ def make(arm: Path) -> Make:
         nodes = arm.parent / "nodes"
         nodes.mkdir(exist_ok=True)
         values = checked_values(declared, given)
-        return Launch(nodes, values, description, ros_args, source)
+        return Launch(nodes, values, description, ros_args, source, declared)
 
     return factory
 
@@ -98,6 +100,38 @@ def parameters(node: NodeProcess) -> dict[str, Any]:
 
 def parameters_of(launch: Launch, name: str) -> dict[str, Any]:
     return parameters(process_of(launch, name))
+
+
+class Recorded(dict[str, str]):
+    """Launch arguments, and the names of those that were read."""
+
+    def __init__(self, values: Mapping[str, str]) -> None:
+        super().__init__(values)
+        self.names: set[str] = set()
+
+    def __getitem__(self, name: str) -> str:
+        self.names.add(name)
+        return super().__getitem__(name)
+
+    def get(self, name: str, default: Any = None) -> Any:
+        self.names.add(name)
+        return super().get(name, default)
+
+
+def test_every_argument_is_read_and_every_parameter_declared(make: Make) -> None:
+    """Otherwise an argument is accepted without effect, or a node ignores what it is given."""
+    given = {"record": "bag", "steer": "true", "port": "0", "world": "maze", "rate": "50"}
+    launch = make(**given)
+    values = Recorded(launch.values)
+    launch = replace(launch, values=values)
+    for row in NODES:
+        row.starts(launch)
+        declared = {leaf.name for kind in PARAMETERS[row.name] for leaf in leaves(kind)}
+        assert set(parameters_of(launch, row.name)) <= {*declared, "use_sim_time"}
+    environment(values, forced=True)
+    summary_text(launch.description, values)
+    names = {argument.name for argument in launch.arguments}
+    assert names - values.names == {PACKAGES.name}  # which is used before the model is read
 
 
 @pytest.mark.parametrize(
@@ -195,10 +229,13 @@ def test_joint_state_publisher_has_a_file_or_swings(make: Make, arm: Path) -> No
     assert swing == {"rate": 30.0, "swing": 8.0, "use_sim_time": False}
 
 
-def test_velocity_controller_starts_where_it_is_put(make: Make, arm: Path) -> None:
+def test_velocity_controller_starts_where_it_is_put(
+    make: Make, monkeypatch: pytest.MonkeyPatch, arm: Path
+) -> None:
     """Its own parameters override those of the file, which it reads from anywhere."""
+    monkeypatch.chdir(arm.parent)
     given = {"x": "1", "y": "-2.5", "yaw": "0.5", "rate": "200", "frame_prefix": "r/"}
-    given |= {"left_wheel": "a, b", "right_wheel": "c,d"}
+    given |= {"left_wheel": "a, b", "right_wheel": "c,d", "params_file": "control.yaml"}
     nodes = make(**given)
     node = process_of(nodes, "velocity_controller")
     assert parameters(node) == {
@@ -215,18 +252,9 @@ def test_velocity_controller_starts_where_it_is_put(make: Make, arm: Path) -> No
     }
     files = [word for word in node.command[_MODULE + 1 :] if word.endswith(".yaml")]
     assert files[0] == str(arm.parent / "control.yaml") and len(files) == 2
-
-
-def test_velocity_controller_takes_the_rest_from_its_file(
-    make: Make, monkeypatch: pytest.MonkeyPatch, arm: Path
-) -> None:
-    """A relative file is absolute."""
-    monkeypatch.chdir(arm.parent)
-    node = process_of(make(params_file="control.yaml"), "velocity_controller")
-    assert set(parameters(node)) == {
+    assert set(parameters_of(make(), "velocity_controller")) == {
         *("robot_description", "tf_frame_prefix_enable", "tf_frame_prefix", "use_sim_time")
     }
-    assert str(arm.parent / "control.yaml") in node.command[_MODULE + 1 :]
     world = parameters_of(make(world="maze"), "velocity_controller")
     assert (world["world"], world["world_frame_id"]) == ("maze", "world")
 
@@ -282,16 +310,12 @@ def test_several_robots_are_two_processes(make: Make, arm: Path) -> None:
         replace(nodes, values={**nodes.values, "steer": "true", "port": "0"}), "steering_page"
     )
     assert parameters(page)["topic"] == "a/velocity_controller/cmd_vel"
-
-
-def test_the_frame_of_all_robots_is_the_files_or_world(make: Make, arm: Path) -> None:
-    """All odometry frames have a parent, even where that of a single robot has none."""
-    robots = [PlacedRobot("a", 0.0, 1.0, 0.0, load_description(arm))]
-    for written, wanted in (('""', "world"), ("map", "map")):
+    # All odometry frames have a parent, even where that of a single robot has none.
+    for written, frame in (('""', "world"), ("map", "map")):
         text = f"/**/velocity_controller:\n  ros__parameters: {{world_frame_id: {written}}}\n"
         (arm.parent / "control.yaml").write_text(text)
-        node = process_of(replace(make(robots="1"), robots=robots), "velocity_controller")
-        assert of_each(node)["/a"]["world_frame_id"] == wanted
+        drives = of_each(process_of(nodes, "velocity_controller"))
+        assert drives["/yard/a"]["world_frame_id"] == frame
 
 
 @pytest.mark.parametrize(
@@ -384,7 +408,7 @@ def test_the_robot_is_not_taken_from_the_controller_s_file(
 )
 def test_the_viewer_s_fixed_frame(make: Make, sim: bool, given: dict[str, str], frame: str) -> None:
     """The one asked for, else the robot's root if it could be simulated but is not."""
-    assert parameters_of(make(sim, **given), "rerun_viewer")["fixed_frame"] == frame
+    assert parameters_of(make(sim, **given), "rerun_viewer").get("fixed_frame", "") == frame
 
 
 def test_the_viewer_gets_what_it_is_to_show(make: Make) -> None:
@@ -450,6 +474,7 @@ def test_the_model_is_given_once(view: Bringup, driven: Bringup, arm: Path) -> N
     assert "view needs a file" in refused(view)
     assert "not both" in refused(view, str(arm), f"model:={arm}")
     assert "more.urdf" in refused(view, str(arm), "more.urdf")
+    assert 'no argument "sim"' in refused(view, str(arm), "sim:=true")
     assert "arm.xacro" in refused(driven, str(arm))
 
 
@@ -462,14 +487,6 @@ def test_unknown_arguments_are_refused_if_the_model_is_known(view: Bringup, arm:
     assert "no argument" not in refused(view, str(arm), "heigth:=1", "view:=absent.yaml")
 
 
-def test_arguments_of_a_simulation_are_for_robots_that_can_be(
-    view: Bringup, driven: Bringup, arm: Path
-) -> None:
-    """Another robot has no such argument."""
-    assert 'no argument "sim"' in refused(view, str(arm), "sim:=true")
-    assert "no argument" not in refused(driven, "sim:=true", "view:=absent.yaml")
-
-
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -480,6 +497,7 @@ def test_arguments_of_a_simulation_are_for_robots_that_can_be(
         (["record:=nowhere/bag"], "nowhere does not exist"),
         (["save:=x.mcap"], "must end in .rrd"),
         (["record:=taken"], "record:=taken exists already"),
+        (["joints:=joints.yaml", "view:=none", "save:=x.rrd", "record:=bag"], "absent.xacro"),
     ],
 )
 def test_files_are_checked_before_anything_starts(
@@ -493,16 +511,6 @@ def test_files_are_checked_before_anything_starts(
     (arm.parent / "taken").mkdir()
     # The model comes after all these checks, so a correct one would be refused here.
     assert said in refused(driven, *words, "model:=absent.xacro")
-
-
-def test_files_that_are_right_are_accepted(
-    driven: Bringup, arm: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(arm.parent)
-    right = ["joints:=joints.yaml", "view:=none", "save:=x.rrd", "record:=bag"]
-    assert "absent.xacro" in refused(driven, *right, "model:=absent.xacro")
-    assert capsys.readouterr().err == ""
-    assert not (arm.parent / "x.rrd").exists() and not (arm.parent / "bag").exists()
 
 
 FOR_OTHERS = {
@@ -565,14 +573,6 @@ def test_help_starts_nothing(view: Bringup, arm: Path, word: str, capsys: Any) -
     assert "Arguments of the model" in shown and "height:=1.0" in shown
     assert "namespace:=q" not in shown
     assert ("usage: view FILE" in shown) == (word == "--help")
-
-
-def test_help_text_without_a_model() -> None:
-    """A command without a file, and a model without arguments, are not said to have them."""
-    robot, declared = Bringup("drive", "drives a robot"), [Argument("a", "1", "the first")]
-    text = help_text(robot, declared, [], complete=True)
-    assert text.startswith("usage: drive [name:=value ...]")
-    assert "drives a robot" in text and "Ctrl-C" in text and "of the model" not in text
 
 
 SIMULATED = """\
@@ -639,21 +639,6 @@ def test_values_that_are_not_possible(make: Make, sim: bool, given: Any, said: s
     with pytest.raises(UsageError) as caught:
         make(sim, **given)
     assert said in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("sim", "given"),
-    [
-        (False, {"frame_prefix": "left", "publish_frequency": "1000"}),
-        (True, {"frame_prefix": "left", "sim": "false"}),
-        (True, {"frame_prefix": "left/", "rate": "0.001", "x": "0", "y": "-1e3", "yaw": "7"}),
-        (True, {"steer": "true", "port": "65535", "host": "0.0.0.0", "token": "t"}),
-    ],
-)
-def test_values_that_are_possible(make: Make, sim: bool, given: Any) -> None:
-    values = make(sim, **given).values
-    assert given.items() <= values.items()
-    assert values["log_level"] == "info" and values["viewer"] == "web"
 
 
 def test_the_model_is_expanded_in_a_fork(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from onebot_bringup.cli.main import _FORMER as FORMER
 from onebot_bringup.cli.main import VERBS, main
 from onebot_bringup.cli.run import EXECUTABLES, run
 from onebot_description.errors import UsageError
-from tests.onebot_bringup.cli_support import running
+from tests.onebot_bringup.cli_support import onebot, running
 from tests.ros_support import Peer
 from tests.support import lines_of_ours, wait_for
 
@@ -25,14 +25,6 @@ ARM = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
     <limit lower="-1" upper="1" effort="1" velocity="1"/>
   </joint>
 </robot>"""
-
-
-def onebot(
-    *words: str, program: str = "onebot_bringup.cli.main"
-) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", program, *words], capture_output=True, text=True, timeout=180
-    )
 
 
 @pytest.fixture

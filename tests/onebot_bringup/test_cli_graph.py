@@ -61,8 +61,9 @@ def test_param_list_get_and_dump(ros_domain: int) -> None:
     """The names, sorted; each value with its type; all as a file that ROS reads again."""
     with Peer(ros_domain, "robot") as peer:
         with_parameters(peer)
+        peer.node.declare_parameter("later", Parameter.Type.DOUBLE)  # without a value
         names = output_of("param", "list", "/robot")
-        assert names.startswith("  fixed\n  label\n  limits.speed\n  rate\n")
+        assert names.startswith("  fixed\n  label\n  later\n  limits.speed\n  rate\n")
         every = output_of("param", "list", "--param-type")
         assert every.startswith("/robot:\n  fixed (type: integer)\n  label (type: string)\n")
         for name, shown in {
@@ -74,11 +75,13 @@ def test_param_list_get_and_dump(ros_domain: int) -> None:
         }.items():
             assert output_of("param", "get", "/robot", name) == f"{shown}\n"
         assert output_of("param", "get", "robot", "rate", "--hide-type") == "10.0\n"
+        assert output_of("param", "get", "/robot", "later") == "Parameter not set.\n"
         text = output_of("param", "dump", "/robot")
         assert text.startswith("/robot:\n  ros__parameters:\n    fixed: 3\n")
         assert text.endswith("\n\n")
         values = yaml.safe_load(text)["/robot"]["ros__parameters"]
         assert values["limits"] == {"speed": 0.5} and values["weights"] == [1.0, 2.0]
+        assert "later" not in values
         wrong = onebot("param", "get", "/robot", "rat")
         assert wrong.returncode == 1 and 'did you mean "rate"' in wrong.stderr
 
@@ -99,18 +102,6 @@ def test_lost_response(ros_domain: int) -> None:
         assert output_of("param", "get", "/robot", "rate") == "Double value is: 10.0\n"
         assert len(lost) == 1
         node.destroy_node()
-
-
-def test_parameter_without_value(ros_domain: int) -> None:
-    """It is declared, but not set; the dump holds the others."""
-    with Peer(ros_domain, "robot") as peer:
-        with_parameters(peer)
-        peer.node.declare_parameter("limits.later", Parameter.Type.DOUBLE)
-        dumped = onebot("param", "dump", "/robot")
-        assert dumped.returncode == 0, dumped.stderr
-        values = yaml.safe_load(dumped.stdout)["/robot"]["ros__parameters"]
-        assert values["limits"] == {"speed": 0.5} and values["label"] == "x"
-        assert output_of("param", "get", "/robot", "limits.later") == "Parameter not set.\n"
 
 
 def test_param_set(ros_domain: int) -> None:

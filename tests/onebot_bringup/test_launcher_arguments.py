@@ -44,6 +44,8 @@ def test_words_are_split() -> None:
     assert parts.given == {"a": "b:=c", "empty": "", "t": "-1 m = x"}
     assert parts.positional == ("f",) and parts.ros_args == ("-r", "x:=y")
     assert parts.help and not parts.show and split(["--help"]).help
+    with pytest.raises(UsageError, match="written viewer:=none"):
+        refuse_positional(split(["viewer=none"]).positional)
 
 
 @pytest.mark.parametrize(
@@ -52,11 +54,6 @@ def test_words_are_split() -> None:
 def test_wrong_forms_are_explained(word: str, words: str) -> None:
     with pytest.raises(UsageError, match=words):
         split([word])
-
-
-def test_a_single_equals_sign_is_recognised() -> None:
-    with pytest.raises(UsageError, match="written viewer:=none"):
-        refuse_positional(split(["viewer=none"]).positional)
 
 
 def test_defaults_fill_up() -> None:

@@ -169,19 +169,3 @@ def test_interrupt_while_a_module_is_importing_shows_no_traceback(
     launcher.send(signal.SIGINT)
     assert launcher.wait() == 0
     assert launcher.err == "" and not alive(pid)
-
-
-@pytest.mark.parametrize("delay", [0.0, 0.03, 0.2])
-def test_interrupt_at_any_time_of_the_start_is_clean(
-    start: Start, tmp_path: Path, delay: float
-) -> None:
-    """However early Ctrl-C comes, it ends the nodes, silently and with exit code 0."""
-    imports = "import asyncio, http.server, time, unittest.mock, xml.dom.minidom\n"
-    (tmp_path / "importer.py").write_text(imports + IDLE)
-    launcher = start("[python_node('a', 'importer'), python_node('b', 'importer')]")
-    launcher.wait_for_out("starting")
-    begin = time.monotonic()
-    wait_for(lambda: time.monotonic() - begin >= delay, "the moment to interrupt")
-    launcher.send(signal.SIGINT)
-    assert launcher.wait() == 0
-    assert launcher.err == ""

@@ -15,14 +15,13 @@ from geometry_msgs.msg import (
     Quaternion,
     TransformStamped,
 )
-from nav_msgs.msg import MapMetaData, OccupancyGrid, Odometry, Path
+from nav_msgs.msg import Odometry, Path
 from rcl_interfaces.msg import Log
 from rclpy.serialization import serialize_message
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from rosbags.typesys import Stores
-from sensor_msgs.msg import CameraInfo, Image, Imu, LaserScan, PointCloud2, PointField, Range
 from std_msgs.msg import String
-from visualization_msgs.msg import Marker, MarkerArray
+from visualization_msgs.msg import MarkerArray
 
 from onebot_bringup.bags import replay
 from onebot_bringup.bags.bag_reader import Bag
@@ -33,6 +32,14 @@ from onebot_bringup.viewer.display_server import open_recording
 from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_bringup.drive_support import chunks, column, entities, frames
 from tests.onebot_bringup.other_robots import SECOND, START, OtherRobot
+from tests.onebot_bringup.test_viewer_camera_info import camera
+from tests.onebot_bringup.test_viewer_image import image
+from tests.onebot_bringup.test_viewer_imu import imu
+from tests.onebot_bringup.test_viewer_laser_scan import scan
+from tests.onebot_bringup.test_viewer_map import grid
+from tests.onebot_bringup.test_viewer_marker import marker
+from tests.onebot_bringup.test_viewer_point_cloud2 import cloud, packed, xyz
+from tests.onebot_bringup.test_viewer_range import echo
 from tests.onebot_bringup.viewer_support import ARM
 
 PATH = "nav_msgs/msg/Path"
@@ -143,46 +150,23 @@ def test_a_world_is_replayed_in_the_view_of_a_world(tmp_path):
     assert Replayed(tmp_path / "bag").fixed_frame == "world"
 
 
-LEVEL = Quaternion(w=1.0)
-
-
 def navigating_robot():
     """A message of each topic that a robot with Nav2 has: the topic, its display and the frame."""
-    pose, with_covariance = Pose(orientation=LEVEL), PoseWithCovarianceStamped()
-    with_covariance.pose.pose.orientation = LEVEL
-    odometry = Odometry(child_frame_id="base_link")
-    odometry.pose.pose.orientation = LEVEL
-    points = np.arange(12, dtype=np.float32).tobytes()
-    fields = [
-        PointField(name=name, offset=4 * number, datatype=PointField.FLOAT32, count=1)
-        for number, name in enumerate("xyz")
-    ]
-    cloud = PointCloud2(
-        height=1, width=4, fields=fields, point_step=12, row_step=48, data=points, is_dense=True
-    )
-    marker = Marker(type=Marker.SPHERE, pose=pose)
-    marker.header.frame_id = "map"
-    marker.scale.x = marker.scale.y = marker.scale.z = marker.color.a = 1.0
-    ground = MapMetaData(resolution=0.5, width=2, height=2, origin=pose)
-    corners = [Point32(x=1.0), Point32(y=1.0), Point32()]
+    pose = Pose(orientation=Quaternion(w=1.0))
+    with_covariance, odometry = PoseWithCovarianceStamped(), Odometry(child_frame_id="base_link")
+    with_covariance.pose.pose, odometry.pose.pose = pose, pose
     footprint = PolygonStamped()
-    footprint.polygon.points = corners
-    camera = CameraInfo(width=4, height=2, k=[2.0, 0.0, 2.0, 0.0, 2.0, 1.0, 0.0, 0.0, 1.0])
-    scan = LaserScan(
-        angle_max=1.0, angle_increment=0.5, range_min=0.1, range_max=9.0, ranges=[1.0, 2.0, 3.0]
-    )
+    footprint.polygon.points = [Point32(x=1.0), Point32(y=1.0), Point32()]
+    waypoint = marker(frame="map")
+    waypoint.header.stamp = Time()
     return [
-        ("/scan", "laser_scan", "lidar", scan),
-        ("/velodyne_points", "point_cloud2", "lidar", cloud),
-        ("/camera/image_raw", "image", "camera", Image(
-            height=2, width=4, encoding="mono8", step=4, data=bytes(8)
-        )),
-        ("/camera/camera_info", "camera_info", "camera", camera),
-        ("/imu/data", "imu", "base_link", Imu(orientation=LEVEL)),
-        ("/sonar", "range", "base_link", Range(
-            field_of_view=0.3, min_range=0.1, max_range=4.0, range=1.0
-        )),
-        ("/map", "map", "map", OccupancyGrid(info=ground, data=[0, 100, -1, 50])),
+        ("/scan", "laser_scan", "lidar", scan()),
+        ("/velodyne_points", "point_cloud2", "lidar", cloud(packed("x", "y", "z"), **xyz())),
+        ("/camera/image_raw", "image", "camera", image("mono8", np.zeros((2, 4), np.uint8))),
+        ("/camera/camera_info", "camera_info", "camera", camera()),
+        ("/imu/data", "imu", "base_link", imu()),
+        ("/sonar", "range", "base_link", echo(1.0)),
+        ("/map", "map", "map", grid([[0, 100], [-1, 50]])),
         ("/odometry/filtered", "odometry", "odom", odometry),
         ("/plan", "path", "map", path(0, 2)),
         ("/goal_pose", "pose", "map", PoseStamped(pose=pose)),
@@ -190,9 +174,9 @@ def navigating_robot():
         ("/amcl_pose", "pose_with_covariance", "map", with_covariance),
         ("/clicked_point", "point_stamped", "map", PointStamped()),
         ("/footprint", "polygon", "base_link", footprint),
-        ("/waypoints", "marker", "map", MarkerArray(markers=[marker])),
+        ("/waypoints", "marker", "map", MarkerArray(markers=[waypoint])),
         ("/rosout", "log", "", Log(level=20, name="amcl", msg="localized")),
-    ]  # fmt: skip
+    ]
 
 
 @pytest.mark.parametrize("stamps_from", [None, 5.0])
@@ -327,9 +311,7 @@ def test_markers_are_placed_by_the_transforms_of_their_time(tmp_path):
             time = step / 100
             robot.write("/tf", transform("map", "base_link", 10 * time, time), time)
             if step % 10 == 0:
-                marker = Marker(type=Marker.CUBE, id=step)
-                marker.scale.x = marker.scale.y = marker.scale.z = marker.color.a = 1.0
-                robot.write("/detections", marker, time, frame="base_link")
+                robot.write("/detections", marker(number=step), time, frame="base_link")
     replayed = Replayed(tmp_path / "bag")
     centers = column(replayed.file, "/marker/detections/cubes", "InstancePoses3D:translations")
     np.testing.assert_allclose([x for x, _, _ in centers[-1]], np.arange(10), atol=1e-4)
@@ -340,8 +322,8 @@ def test_waits_for_the_file_to_be_written(tmp_path, monkeypatch):
     monkeypatch.setattr(replay, "_MOST_WAITING", 100_000)
     with OtherRobot(tmp_path / "bag") as robot:
         for step in range(20):
-            image = Image(height=100, width=300, encoding="rgb8", step=900, data=bytes(90_000))
-            robot.write("/image", image, step / 100, frame="camera")
+            picture = image("rgb8", np.zeros((100, 300, 3), np.uint8))
+            robot.write("/image", picture, step / 100, frame="camera")
     assert Replayed(tmp_path / "bag").flushes == 10
 
 

@@ -19,8 +19,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
 from onebot_bringup.viewer.rendering import headless_viewer, still
-from onebot_bringup.viewer.rerun_viewer import ViewerParameters
 from onebot_bringup.viewer.rrd import has_content
+from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_description.parameters.reader import ConfigError, read
 from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_bringup.drive_support import chunks, stamps, while_written

@@ -6,7 +6,6 @@ classes of the same signatures; what it would start is a real process.
 
 import importlib.util
 import os
-import signal
 import subprocess
 import sys
 from dataclasses import dataclass, field
@@ -160,18 +159,6 @@ def test_two_in_one_launch_file_do_not_mix():
     first = visit(onebot_bringup, context)
     context.launch_configurations["namespace"] = "r2"
     assert visit(onebot_bringup, context) == [*first, "namespace:=r2"]
-
-
-def test_it_brings_the_robot_up_until_ctrl_c(tmp_path, ros_domain):
-    """The process that ros2 launch would run, and interrupt."""
-    running = RunningCommand(tmp_path, visit(mrm_bringup, LaunchContext({"viewer": "none"})))
-    try:
-        running.wait_for_out("Ctrl-C stops everything")
-        running.send(signal.SIGINT)
-        assert running.wait() == 0
-    finally:
-        running.close()
-    assert "Traceback" not in running.out + running.err
 
 
 def test_it_ends_when_ros2_launch_is_killed(tmp_path: Path, ros_domain: int) -> None:

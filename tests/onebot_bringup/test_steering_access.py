@@ -121,4 +121,4 @@ def test_a_port_in_use_gives_way_to_another_one():
         chosen = choose_bind_address("127.0.0.1", used, "")
     assert chosen.port not in (0, used)
     assert chosen.warning == f"port {used} is in use; using {chosen.port} instead"
-    assert chosen.parameters == {"host": "127.0.0.1", "port": chosen.port, "token": ""}
+    assert (chosen.host, chosen.token) == ("127.0.0.1", "")

@@ -2,7 +2,6 @@
 
 import re
 import threading
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from urllib.error import HTTPError
 from urllib.parse import urlsplit
@@ -22,14 +21,8 @@ from tests.onebot_bringup.steering_support import (
     steered,
     steering,
 )
-from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
+from tests.ros_support import LATCHED, NodeProcess, ros_args
 from tests.support import PATIENCE, wait_for
-
-
-@pytest.fixture
-def peer(ros_domain: int) -> Iterator[Peer]:
-    with Peer(ros_domain) as peer:
-        yield peer
 
 
 def test_commands_go_out_while_held_and_stop_when_let_go(peer):

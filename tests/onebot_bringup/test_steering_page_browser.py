@@ -54,12 +54,6 @@ def tab(chromium: Page) -> Iterator[Page]:
 
 
 @pytest.fixture
-def peer(ros_domain: int) -> Iterator[Peer]:
-    with Peer(ros_domain) as peer:
-        yield peer
-
-
-@pytest.fixture
 def heard(peer: Peer) -> list[Twist]:
     """The commands that a robot receives."""
     return peer.hear(Twist, TOPIC, 1000)
@@ -305,22 +299,11 @@ def test_arrows_and_letters_drive_while_they_are_down(page: Page, heard: list[Tw
     assert len(heard) == begin
 
 
-def test_the_command_key_lets_go(page: Page, heard: list[Twist]) -> None:
-    """Keys that are let go while it is down are not told of by macOS; nothing resumes after it."""
-    page.drive_by_keys("w", moving(heard))
-    page.act().key_down(Keys.META).perform()
-    wait_to_stop(page, heard)
-    page.act().key_up(Keys.META).perform()
-    page.wait_for_states(3)
-    assert page.body("hand") == ""
-    page.release_keys("w")
-    page.drive_by_keys("w", moving(heard))
-    page.release_keys("w")
-    wait_to_stop(page, heard)
-
-
 def test_what_takes_the_keys_lets_go(peer: Peer, page: Page, heard: list[Twist]) -> None:
-    """A menu, a list or a drag swallows the key's release; a finger that rests opens no menu."""
+    """A menu, a list or a drag swallows the key's release; a finger that rests opens no menu.
+
+    Of keys that are let go while the command key is down, macOS sends no release.
+    """
     robots = [peer.node.create_subscription(Twist, f"/{n}/cmd_vel", print, 1) for n in "ab"]
 
     def ask(selector: str, event: str) -> bool:
@@ -336,10 +319,13 @@ def test_what_takes_the_keys_lets_go(peer: Peer, page: Page, heard: list[Twist])
         lambda: page.act().context_click(page.find("#view")).perform(),
         lambda: page.act().move_to_element(page.find("#robot select")).click().perform(),
         lambda: ask("#readout", "dragstart"),
+        lambda: page.act().key_down(Keys.META).perform(),
     ):
         page.drive_by_keys("w", moving(heard))
         take()
         wait_to_stop(page, heard)
+        page.act().key_up(Keys.META).perform()
+        page.wait_for_states(3)
         assert page.said()[-1] == "release" and page.body("hand") == ""
         page.release_keys("w")
         page.act().send_keys(Keys.ESCAPE).perform()
@@ -674,27 +660,20 @@ def test_it_shows_the_camera_and_an_obstacle_in_the_way(
         page.release_keys("w")
 
 
-def test_a_finger_drives(tab: Page, node: Steering, heard: list[Twist]) -> None:
-    """On a phone; a touch that the system takes away stops the robot."""
-    tab.devtools("Emulation.setTouchEmulationEnabled", enabled=True)
-    tab.devtools(
-        "Emulation.setDeviceMetricsOverride",
-        width=390, height=844, deviceScaleFactor=2, mobile=True,
-    )  # fmt: skip
-    tab.open(node.address)
-    assert tab.driver.execute_script("return document.documentElement.scrollWidth") == 390
-    for end in ("touchEnd", "touchCancel"):
-        tab.drive_by_finger(1, at(heard, 0.5, 0.0))
-        tab.end_touch(end)
-        wait_to_stop(tab, heard)
-
-
 def test_a_second_finger_stops_and_all_that_is_held_stays_so(
     tab: Page, node: Steering, heard: list[Twist]
 ) -> None:
-    """On press; until it is lifted nothing drives, and then only what is pressed anew."""
+    """On press; until it is lifted nothing drives, and then only what is pressed anew.
+
+    On a phone; a touch that the system takes away stops the robot, too.
+    """
     tab.devtools("Emulation.setTouchEmulationEnabled", enabled=True)
+    tab.emulate(390, 844, mobile=True)
     tab.open(node.address)
+    assert tab.driver.execute_script("return document.documentElement.scrollWidth") == 390
+    tab.drive_by_finger(1, at(heard, 0.5, 0.0))
+    tab.end_touch("touchCancel")
+    wait_to_stop(tab, heard)
     tab.drive_by_finger(1, at(heard, 0.5, 0.0))
     tab.touch({1: ("#pad", 300), 2: ("#stop", 0)})
     wait_for_zero(tab, heard)

@@ -5,7 +5,7 @@ import json
 import math
 import threading
 from array import array
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
 from urllib.error import HTTPError
@@ -183,12 +183,6 @@ class Requests:
         """The response, or the error in it."""
         found: Mapping[str, Any] = json.loads(self.raw(path, body)[1])
         return found
-
-
-@pytest.fixture
-def peer(ros_domain: int) -> Iterator[Peer]:
-    with Peer(ros_domain) as peer:
-        yield peer
 
 
 def be_localised(peer: Peer) -> Any:

@@ -2,7 +2,6 @@
 
 import math
 import threading
-from collections.abc import Iterator
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -33,12 +32,6 @@ from tests.support import PATIENCE, wait_for
 
 STAMPED = "geometry_msgs/msg/TwistStamped"
 LATEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-
-
-@pytest.fixture
-def peer(ros_domain: int) -> Iterator[Peer]:
-    with Peer(ros_domain) as peer:
-        yield peer
 
 
 def _waited(page: PageClient, key: str, value: Any) -> None:

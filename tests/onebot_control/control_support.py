@@ -107,7 +107,8 @@ class IdealPlant:
         return Pose(np.array([self._truth.x, self._truth.y, RADIUS]), rotation)
 
     def base_twist(self) -> Twist:
-        return Twist(np.zeros(3), np.zeros(3))
+        linear, angular = self._truth.kinematics.body_motion(*self.speeds)
+        return Twist(np.array([linear, 0.0, 0.0]), np.array([0.0, 0.0, angular]))
 
     def reset(self) -> None:
         self._truth = Odometry(DiffDriveKinematics(SEPARATION, RADIUS, RADIUS))

@@ -68,7 +68,7 @@ def test_commanded_paths_are_what_they_are_called(results: dict[str, list[Result
     assert figure.turned == pytest.approx(4.0 * math.pi)
     assert figure.commanded.yaw == pytest.approx(0.0, abs=1e-9)
     lines = table([two_metres], 1e-9).splitlines()
-    assert lines[2].startswith("| 2 m straight at 0.2 m/s | 2000.000 mm, 0.000 mm, 0.0000° |")
+    assert lines[2].startswith("| 2 m straight at 0.2 m/s | 0.0000%, at most 0.000 mm |")
     assert lines[-1] == "At rest the robot moves 0.000001 mm in 60 s."
 
 
@@ -104,9 +104,11 @@ def test_missed_goals_are_named() -> None:
 
 
 def test_robots_are_compared_in_one_table() -> None:
-    files = [FILES["diff_drive"], str(ROBOTS / "good_mimic_chain.urdf")]
+    arm = str(ROBOTS / "good_mimic_chain.urdf")
+    files = [FILES["diff_drive"], arm, arm]
     head, _, drives, stands = robots_table(files, default_config()).splitlines()
-    assert head.startswith("| Robot | File | Wheels")
-    assert "| 2; 0.300 m, 0.060 m | 2.0000 m; 2.0000 m, 0.0 mm aside, " in drives
+    assert head.startswith("| Robot | Wheels")
+    assert "| 2; 0.300 m, 0.060 m | 2.0000 m, 0.0 mm aside, " in drives
+    assert stands.startswith("| good_mimic_chain, good_mimic_chain | ")
     assert drives.endswith("| 360.00°; 360.00° |")
     assert "refused: no wheel on the left that has its like on the right was found" in stands

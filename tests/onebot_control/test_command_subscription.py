@@ -99,20 +99,6 @@ def test_a_fixed_type_follows_nobody(driver: Driver, sender: Peer) -> None:
     assert driver.topic.kind == "TwistStamped"
 
 
-def test_a_choice_made_later_is_kept(driver: Driver, sender: Peer) -> None:
-    """From auto to the type in use changes nothing, but it follows nobody from then on."""
-    driver.start("auto")
-    assert driver.topic.kind == "Twist"
-    driver.choose("Twist")
-    driver.look_again(1)
-    sender.node.create_publisher(TwistStamped, TOPIC, 10)
-    wait_for(lambda: driver.warnings, "the warning of the other type")
-    driver.look_again()
-    assert driver.topic.kind == "Twist"
-    driver.choose("auto")
-    wait_for(lambda: driver.topic.kind == "TwistStamped", "the change to the type published")
-
-
 def test_commands_on_cmd_vel_are_reported_if_nobody_receives_them(
     driver: Driver, sender: Peer
 ) -> None:

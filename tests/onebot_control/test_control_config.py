@@ -27,28 +27,20 @@ def problem(**values: Any) -> str:
 
 def test_defaults_are_those_of_diff_drive_controller() -> None:
     """With only the wheels named, every parameter has the documented default."""
-    config = ControlConfig.from_parameters({**defaults(ControlConfig), **WHEELS})
+    config = ControlConfig.from_parameters({**DEFAULTS, **WHEELS})
     assert config == ControlConfig.from_parameters(WHEELS)
-    assert config.wheel_separation == config.wheel_radius == 0.0
-    assert config.cmd_vel_timeout == 0.5
-    assert config.publish_rate == 50.0
-    assert config.velocity_rolling_window_size == 10
-    assert config.enable_odom_tf and config.position_feedback and config.tf_frame_prefix_enable
-    assert not (config.open_loop or config.publish_limited_velocity)
-    assert (config.odom_frame_id, config.base_frame_id) == ("odom", "")
-    assert config.pose_covariance_diagonal == (0.0,) * 6
+    given = {"cmd_vel_timeout": 0.5, "publish_rate": 50.0, "velocity_rolling_window_size": 10}
+    given |= {"update_rate": 100.0, "real_time_factor": 1.0, "cmd_vel_type": "auto"}
+    given |= {"odom_frame_id": "odom", "base_frame_id": "", "world_frame_id": "world"}
+    given |= {f"{kind}_covariance_diagonal": [0.0] * 6 for kind in ("pose", "twist")}
+    given |= dict.fromkeys(("enable_odom_tf", "position_feedback", "tf_frame_prefix_enable"), True)
+    given |= dict.fromkeys(("open_loop", "publish_limited_velocity"), False)
+    given |= dict.fromkeys(("wheel_separation", "wheel_radius", "x", "y", "yaw"), 0.0)
+    factors = "wheel_separation", "left_wheel_radius", "right_wheel_radius"
+    given |= {f"{name}_multiplier": 1.0 for name in factors}
+    assert {name: DEFAULTS[name] for name in given} == given
     assert math.isnan(config.linear.max_velocity)
-    multipliers = (
-        config.wheel_separation_multiplier,
-        config.left_wheel_radius_multiplier,
-        config.right_wheel_radius_multiplier,
-    )
-    assert multipliers == (1.0, 1.0, 1.0)
-    assert (config.x, config.y, config.yaw) == (0.0, 0.0, 0.0)
-    assert (config.update_rate, config.real_time_factor) == (100.0, 1.0)
-    assert (config.world_frame_id, config.broadcaster.frame_id) == ("world", "base_link")
-    assert (config.cmd_vel_type, config.tf_frame_prefix) == ("auto", "")
-    assert config.twist_covariance_diagonal == (0.0,) * 6
+    assert (config.broadcaster.frame_id, config.tf_frame_prefix) == ("base_link", "")
 
 
 def test_what_is_read_when_the_node_starts() -> None:

@@ -1,5 +1,7 @@
 """control.yaml, in ros2_control's form."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -170,12 +172,21 @@ def _set(**values: Any) -> list[Parameter]:
     return [Parameter(name, value=value) for name, value in values.items()]
 
 
+@contextmanager
+def node(*arguments: str) -> Iterator[Node]:
+    rclpy.init(args=list(arguments))
+    velocity_controller = Node("velocity_controller")
+    try:
+        yield velocity_controller
+    finally:
+        velocity_controller.destroy_node()
+        rclpy.try_shutdown()
+
+
 def test_what_can_be_set_while_the_node_runs(ros_domain: int, file: Path) -> None:
     """Checked first, and then in force; the pace and its clock only where time is simulated."""
-    rclpy.init(args=[])
-    node = Node("velocity_controller")
-    try:
-        parameters = ControlParameters(node, RosArguments((file,)))
+    with node() as mine:
+        parameters = ControlParameters(mine, RosArguments((file,)))
         assert parameters.config == read(file) and parameters.values["wheel_radius"] == 0.1
         new = _set(wheel_radius=0.2, publish_rate=25, nothing_of_ours=1)
         for simulated in (True, False):
@@ -200,20 +211,15 @@ def test_what_can_be_set_while_the_node_runs(ros_domain: int, file: Path) -> Non
         assert parameters.config.wheel_radius == 0.2 and "nothing_of_ours" not in parameters.values
         error = parameters.located(ConfigError([Problem("linear.x.max_velocity", "is odd")]))
         assert str(error) == f"{file}:15: linear.x.max_velocity: is odd"
-    finally:
-        node.destroy_node()
-        rclpy.try_shutdown()
 
 
 def test_the_lines_of_what_the_command_line_overrides_are_not_named(
     ros_domain: int, file: Path
 ) -> None:
     """A mistake there is none of the file's, whether it is more or less than the file has."""
-    rclpy.init(args=ros_args(wheel_radius=0.3, **{"linear.x.max_velocity": 0.5}))
-    node = Node("velocity_controller")
-    try:
+    with node(*ros_args(wheel_radius=0.3, **{"linear.x.max_velocity": 0.5})) as mine:
         given = (("", "wheel_radius"), ("velocity_controller", "linear.x.max_velocity"))
-        parameters = ControlParameters(node, RosArguments((file,), given))
+        parameters = ControlParameters(mine, RosArguments((file,), given))
         assert (parameters.config.wheel_radius, parameters.config.linear.max_velocity) == (0.3, 0.5)
         names = ("wheel_radius", "linear.x.max_velocity", "update_rate")
         error = parameters.located(ConfigError(Problem(name, "is odd") for name in names))
@@ -222,21 +228,13 @@ def test_the_lines_of_what_the_command_line_overrides_are_not_named(
             "linear.x.max_velocity: is odd",
             f"{file}:3: update_rate: is odd",
         ]
-    finally:
-        node.destroy_node()
-        rclpy.try_shutdown()
 
 
 @pytest.mark.parametrize("name", ["wheel_raduis", "linear.x.max_velocty"])
 def test_unknown_names_on_the_command_line(ros_domain: int, file: Path, name: str) -> None:
     """Those meant for this node or for all are refused; those for another one are its own."""
-    rclpy.init(args=[])
-    node = Node("velocity_controller")
-    try:
+    with node() as mine:
         for to in ("", "velocity_controller"):
             with pytest.raises(ConfigError, match=f"{name}: no such parameter .did you mean"):
-                ControlParameters(node, RosArguments((file,), ((to, name),)))
-        assert ControlParameters(node, RosArguments((file,), (("other", name),)))
-    finally:
-        node.destroy_node()
-        rclpy.try_shutdown()
+                ControlParameters(mine, RosArguments((file,), ((to, name),)))
+        assert ControlParameters(mine, RosArguments((file,), (("other", name),)))

@@ -135,6 +135,7 @@ def test_what_follows_from_a_finite_command_is_finite(
     for _ in range(1000):
         wheels = drive.update(REST, 0.01)
         assert all(map(math.isfinite, wheels))
+        assert wheels[2:] == tuple(math.copysign(1e6, speed) if speed else 0.0 for speed in command)
     odometry = drive.odometry
     assert all(map(math.isfinite, (odometry.x, odometry.y, odometry.heading, odometry.linear)))
 
@@ -233,6 +234,8 @@ def test_configure_changes_limits_timeout_geometry_and_window() -> None:
         velocity_rolling_window_size=1,
         cmd_vel_timeout=0.5,
         wheel_separation_multiplier=2.0,
+        left_wheel_noise=0.1,
+        right_wheel_noise=0.3,
     )
     drive.configure(chosen, chosen.kinematics(WheelGeometry(SEPARATION, RADIUS)))
     command = drive.update(WheelStates(0.2, 0.4, 0.0, 0.0), 0.1)
@@ -241,7 +244,22 @@ def test_configure_changes_limits_timeout_geometry_and_window() -> None:
     assert command[:2] == pytest.approx(((0.5 - across) / RADIUS, (0.5 + across) / RADIUS))
     assert drive.odometry.linear == pytest.approx(0.2 * RADIUS / 0.1)
     assert drive.odometry.angular == pytest.approx(0.2 * RADIUS / 0.1 / (2.0 * SEPARATION))
+    assert drive.odometry.noise == pytest.approx((0.01, 0.09))
     assert updates(drive, 10, dt=0.1).linear == 0.0
+
+
+def test_the_pace_is_that_of_cycles_in_the_time_that_passes() -> None:
+    """Over the window: of a stall's time its next cycle has none, of a pause nothing has."""
+    drive = controller(velocity_rolling_window_size=2)
+    paces = [drive.pace]
+    updates(drive, 3, 0.1)
+    paces.append(drive.pace)
+    drive.stalled(0.3)
+    for _ in range(3):
+        drive.update(REST, 0.1)
+        paces.append(drive.pace)
+    drive.wait(0.3)
+    assert [*paces, drive.pace] == pytest.approx([1.0, 1.0, 0.4, 0.4, 1.0, 0.25])
 
 
 def test_open_loop_ignores_the_wheels() -> None:

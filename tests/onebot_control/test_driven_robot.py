@@ -209,6 +209,18 @@ def test_a_cycle_is_seen_as_it_begins() -> None:
     assert drive.true_pose.x == pytest.approx(0.012)
 
 
+def test_velocities_are_by_the_clock_that_stamps_them() -> None:
+    """After a stall as long as a cycle they are half of those in the simulation's time."""
+    drive = ideal_drive(position_feedback=False, velocity_rolling_window_size=1)
+    full = run(drive, 0.6, 0.3, 5)
+    drive.controller.stalled(drive.period)
+    half = drive.begin()
+    assert (full.twist, half.twist) == (pytest.approx((0.6, 0.3)), pytest.approx((0.3, 0.15)))
+    assert half.joints.velocities == pytest.approx(full.joints.velocities / 2.0)
+    assert half.velocity.linear == pytest.approx([0.3, 0.0, 0.0])
+    assert half.velocity.angular == pytest.approx([0.0, 0.0, 0.15])
+
+
 def test_covariance_is_of_the_way_since_the_odometry_was_set() -> None:
     """It grows on the way, not by a teleport; where the pose is set it is zero."""
     drive = ideal_drive(left_wheel_noise=0.01, right_wheel_noise=0.02)

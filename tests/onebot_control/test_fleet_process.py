@@ -1,6 +1,5 @@
 """Several robots in one process of velocity_controller, on real DDS."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +16,10 @@ from std_srvs.srv import SetBool, Trigger
 from onebot_description.wire.cdr import nanoseconds
 from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_control.control_support import urdf
+from tests.onebot_control.node_support import MODULE, Driver, twist
 from tests.ros_support import NodeProcess, Peer, ros_args
 from tests.support import lines_of_ours, wait_for
 
-MODULE = "onebot_control.velocity_controller"
 # b drives against a, c turns elsewhere.
 PLACES = {"a": (0.0, 0.0), "b": (-0.8, 0.0), "c": (0.0, 3.0)}
 
@@ -33,14 +32,6 @@ def robots(**values: dict[str, Any]) -> list[str]:
         for key, value in {"x": x, "y": y, **values.get(name, {})}.items():
             words += ["-p", f"{key}:={value}"]
     return words
-
-
-def keep_sending(peer: Peer, robot: str, linear: float, angular: float) -> Callable[[], object]:
-    """Command a robot; what is returned ends it."""
-    message = Twist()
-    message.linear.x, message.angular.z = linear, angular
-    publisher = peer.publisher(Twist, f"/{robot}/velocity_controller/cmd_vel")
-    return peer.node.create_timer(0.02, lambda: publisher.publish(message)).cancel
 
 
 @pytest.mark.slow
@@ -83,15 +74,15 @@ def test_robots_of_one_world(ros_domain: int, tmp_path: Path) -> None:
         for name, (x, y) in PLACES.items():
             assert (pose(name).position.x, pose(name).position.y) == pytest.approx((x, y), abs=1e-3)
 
-        stop = keep_sending(peer, "b", 0.3, 0.0)
-        keep_sending(peer, "c", 0.0, 1.0)
+        driver = Driver(peer, twist(0.3), "/b/velocity_controller")
+        Driver(peer, twist(0.0, 1.0), "/c/velocity_controller")
         wait_for(lambda: pose("b", "odom").position.x > 0.9, "b to drive, as its wheels have it")
         assert pose("b").position.x == pytest.approx(-0.12, abs=0.02)  # a is in its way
         assert pose("a").position.x == pytest.approx(0.0, abs=0.02)
         wait_for(lambda: pose("c", "odom").orientation.z > 0.3, "c to turn")
         assert pose("c").position.x == pytest.approx(0.0, abs=0.05)
 
-        stop()
+        driver.stop()
         assert peer.call(Trigger, "/b/velocity_controller/reset").success
         wait_for(lambda: pose("b").position.x < -0.75, "b at its start")
         assert peer.call(SetBool, "/a/velocity_controller/pause", data=True).success
@@ -131,9 +122,7 @@ def test_slow_motion_is_reported(ros_domain: int, tmp_path: Path) -> None:
     with Peer(ros_domain) as peer, NodeProcess(MODULE, str(model), *words, *common) as node:
         odometry = peer.hear(Odometry, "/r0/velocity_controller/odom", 1000)
         diagnostics = peer.hear(DiagnosticArray, "/diagnostics")
-        command = Twist()
-        command.linear.x = 0.3
-        peer.publisher(Twist, "/r0/velocity_controller/cmd_vel").publish(command)
+        peer.publisher(Twist, "/r0/velocity_controller/cmd_vel").publish(twist(0.3))
         wait_for(lambda: odometry and odometry[-1].twist.twist.linear.x > 0.0, "the robot to drive")
         first = len(odometry) + 20
         wait_for(lambda: len(odometry) > first + 40, "odometry of 0.8 simulated seconds")

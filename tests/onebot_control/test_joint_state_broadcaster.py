@@ -31,6 +31,13 @@ def test_joints_chosen_and_extra_ones() -> None:
     assert broadcaster.values(STATES) == expected
 
 
+def test_held_joints_stand_where_they_are_held() -> None:
+    config = BroadcasterConfig(joints=("h", "b"))
+    broadcaster = JointStateBroadcaster(config, JOINTS, {"g": 0.5, "h": 0.25})
+    assert broadcaster.values(STATES) == [[0.25, 2.0], [0.0, 20.0], [0.0, 200.0]]
+    assert JointStateBroadcaster(BroadcasterConfig(), JOINTS, {"h": 0.25}).names == (*JOINTS, "h")
+
+
 @pytest.mark.parametrize("interfaces", [("position",), ("velocity",), ("velocity", "effort")])
 def test_other_interfaces_are_nan(interfaces: tuple[str, ...]) -> None:
     """But for extra joints, which are 0 in all of them."""

@@ -341,5 +341,6 @@ def test_body_motion_undoes_wheel_velocities(
 def test_geometry_no_robot_has_is_refused(name: str, wrong: float) -> None:
     """Lengths are at least 1 um and finite; the error names the one that is not."""
     lengths = {"separation": 0.3, "left_radius": 0.1, "right_radius": 0.1}
+    DiffDriveKinematics(**{**lengths, name: 1e-6})
     with pytest.raises(ValueError, match=f"{name} must be at least 1e-06 m, not"):
         DiffDriveKinematics(**{**lengths, name: wrong})

@@ -42,11 +42,6 @@ def test_inverse_undoes(one: PlanarPose, other: PlanarPose) -> None:
     assert one.inverse().compose(one.compose(other)) == pytest.approx(tuple(other), abs=1e-9)
 
 
-@given(st.floats(-3.0, 3.0))
-def test_yaw_of_a_turn_about_z(yaw: float) -> None:
-    assert yaw_of(0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)) == pytest.approx(yaw)
-
-
 def test_then_is_seen_from_the_first_pose() -> None:
     there = PlanarPose(1.0, 2.0, math.pi / 2).compose(PlanarPose(3.0, 1.0, 0.5))
     assert there == pytest.approx((0.0, 5.0, math.pi / 2 + 0.5))

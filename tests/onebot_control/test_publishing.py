@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Quaternion, TransformStamped, TwistStamped, Vector3
+from geometry_msgs.msg import Point, Quaternion, TransformStamped, TwistStamped, Vector3
+from geometry_msgs.msg import Twist as TwistMessage
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -34,28 +35,28 @@ def header(stamp: int, frame: str) -> Header:
     return Header(stamp=Time(sec=sec, nanosec=nanosec), frame_id=frame)
 
 
+def filled(kind: Any, values: Values) -> Any:
+    """A message whose fields are these numbers."""
+    return kind(**dict(zip(kind.get_fields_and_field_types(), values, strict=True)))
+
+
+def twist_of(values: Values) -> TwistMessage:
+    return TwistMessage(linear=filled(Vector3, values[:3]), angular=filled(Vector3, values[3:]))
+
+
 def odometry(stamp: int, frame: str, child: str, pose: Values, twist: Values) -> Odometry:
     message = Odometry(header=header(stamp, frame), child_frame_id=child)
-    where, speed = message.pose.pose, message.twist.twist
-    where.position.x, where.position.y, where.position.z = pose[:3]
-    where.orientation = Quaternion(**dict(zip("xyzw", pose[3:], strict=True)))
-    speed.linear = Vector3(**dict(zip("xyz", twist[:3], strict=True)))
-    speed.angular = Vector3(**dict(zip("xyz", twist[3:], strict=True)))
+    message.pose.pose.position = filled(Point, pose[:3])
+    message.pose.pose.orientation = filled(Quaternion, pose[3:])
+    message.twist.twist = twist_of(twist)
     return message
 
 
 def transform(stamp: int, parent: str, child: str, pose: Values) -> TFMessage:
     message = TransformStamped(header=header(stamp, parent), child_frame_id=child)
-    message.transform.translation = Vector3(**dict(zip("xyz", pose[:3], strict=True)))
-    message.transform.rotation = Quaternion(**dict(zip("xyzw", pose[3:], strict=True)))
+    message.transform.translation = filled(Vector3, pose[:3])
+    message.transform.rotation = filled(Quaternion, pose[3:])
     return TFMessage(transforms=[message])
-
-
-def twist_stamped(stamp: int, frame: str, twist: Values) -> TwistStamped:
-    message = TwistStamped(header=header(stamp, frame))
-    message.twist.linear = Vector3(**dict(zip("xyz", twist[:3], strict=True)))
-    message.twist.angular = Vector3(**dict(zip("xyz", twist[3:], strict=True)))
-    return message
 
 
 def joint_state(stamp: int, frame: str, joints: Sequence[str], *values: Values) -> JointState:
@@ -152,7 +153,10 @@ def test_all_is_received_as_it_is(subscriptions: Subscriptions) -> None:
     assert same(received["peer/ground_truth"], truth)
     told = snapshot.command
     command = [told.linear, 0.0, 0.0, 0.0, 0.0, told.angular]
-    assert same(received["peer/cmd_vel_out"], twist_stamped(STAMP, "base_link", command))
+    assert same(
+        received["peer/cmd_vel_out"],
+        TwistStamped(header=header(STAMP, "base_link"), twist=twist_of(command)),
+    )
     assert same(received["/clock"], Clock(clock=header(STAMP, "").stamp))
     joints = joint_state(STAMP, "base_link", IdealPlant.joints, *map(list, snapshot.joints))
     assert same(received["joint_states"], joints)

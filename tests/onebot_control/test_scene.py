@@ -41,12 +41,13 @@ _SECOND = part("second", xyz="0.37 0 0.1", kind="floating", mass=1.0)
 BOX = part("box", xyz="0.5 0 0.1", kind="floating", mass=1.0, friction=0.5)
 
 
-def ramp(friction=None):
+def ramp(*others):
     """A ramp that begins 0.3 m before the robot; its surface goes through x = 0.3, z = 0."""
     x, z = math.cos(_SLOPE), math.sin(_SLOPE)
     below = 0.1 * np.array([z, -x])
     at = np.array([0.3, 0.0]) + np.array([x, z]) + below
-    return scene(part("ramp", "2 2 0.2", f"{at[0]} 0 {at[1]}", f"0 {-_SLOPE} 0", friction=friction))
+    place = f"{at[0]} 0 {at[1]}", f"0 {-_SLOPE} 0"
+    return scene(part("ramp", "2 2 0.2", *place), *others)
 
 
 def among(description, **place):
@@ -119,7 +120,8 @@ def test_it_climbs_a_ramp_with_the_pitch_of_the_ramp():
 
 @pytest.mark.parametrize("yaw", [0.0, math.pi, 1.5])
 def test_it_starts_at_rest_on_a_ramp(yaw):
-    with among(ramp(), x=1.2, yaw=yaw) as simulation:
+    """Below a roof, not on it."""
+    with among(ramp(part("roof", "2 2 0.1", "1.2 0 0.65")), x=1.2, yaw=yaw) as simulation:
         before = simulation.base_pose()
         assert before.translation[:2] == pytest.approx((1.2, 0.0), abs=0.03)
         assert pitch(simulation) == pytest.approx(_SLOPE * math.cos(yaw), abs=0.01)
@@ -140,7 +142,7 @@ def test_it_starts_at_rest_on_a_ramp(yaw):
 def test_it_cannot_start_in_a_wall_or_a_box(place, text):
     box = part("box", xyz="-0.5 0.8 0.1", kind="floating", mass=1.0)
     with pytest.raises(OneBotError, match=text):
-        among(scene(WALL, box), **place)
+        among(scene(part("pillar", xyz="9 9 0.1"), WALL, box), **place)
 
 
 def test_teleport_into_a_wall_is_refused_and_onto_a_ramp_tilts():

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import CameraInfo, Image, Imu, LaserScan, PointCloud2
@@ -17,11 +16,10 @@ from std_srvs.srv import SetBool, Trigger
 from onebot_description.wire.cdr import nanoseconds
 from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_control.control_support import CASTER, SEPARATION, urdf, wheel
+from tests.onebot_control.node_support import MODULE, NODE, Driver, speed, twist
 from tests.ros_support import NodeProcess, Peer, ros_args
 from tests.support import wait_for
 
-MODULE = "onebot_control.velocity_controller"
-NODE = "/velocity_controller"
 HALF = 2.0  # of the room, m
 AHEAD = 0.1  # where the laser is on the robot
 
@@ -194,15 +192,12 @@ def test_sensors_follow_simulated_time_and_what_moves(ros_domain: int, tmp_path:
 
         wait_for(lambda: len(scans) > 3, "scans")
         assert ahead() == pytest.approx(0.45 - AHEAD, abs=5e-3)
-        drive = Twist()
-        drive.linear.x = 0.4
-        commands = peer.publisher(Twist, f"{NODE}/cmd_vel")
-        timer = peer.node.create_timer(0.05, lambda: commands.publish(drive))
+        driver = Driver(peer, twist(0.4))
         # The crate is pushed: it keeps its distance, while the wall beside it comes nearer.
         beside = float(scans[-1].ranges[90 + 36])
         wait_for(lambda: float(scans[-1].ranges[90 + 36]) < beside - 0.3, "the robot to push")
         assert ahead() < 0.3
-        timer.cancel()
+        driver.stop()
         assert peer.call(SetBool, f"{NODE}/pause", data=True).success
         last = len(wait_for(lambda: _settled(scans), "silence"))
         for _ in range(20):
@@ -275,11 +270,8 @@ def test_blocks_are_edited_while_the_robot_drives(ros_domain: int, tmp_path: Pat
         scans = peer.hear(LaserScan, "/scan")
         inertia, odom = peer.hear(Imu, "/imu/data"), peer.hear(Odometry, f"{NODE}/odom", 1000)
         wait_for(lambda: scans and inertia, "both sensors")
-        drive = Twist()
-        drive.linear.x = 0.2
-        commands = peer.publisher(Twist, f"{NODE}/cmd_vel")
-        peer.node.create_timer(0.02, lambda: commands.publish(drive))
-        wait_for(lambda: odom[-1].twist.twist.linear.x > 0.19, "the robot to drive")
+        Driver(peer, twist(0.2))
+        wait_for(lambda: speed(odom[-1]) > 0.19, "the robot to drive")
         driving = len(odom)
         assert len(scans[-1].ranges) == 181 and math.isinf(scans[-1].ranges[0])
         described.publish(String(data=bot(laser(samples=0))))
@@ -289,7 +281,7 @@ def test_blocks_are_edited_while_the_robot_drives(ros_domain: int, tmp_path: Pat
         assert len(scans[-1].ranges) == 181
         described.publish(String(data=bot(laser(samples=91))))
         wait_for(lambda: len(scans[-1].ranges) == 91, "other scans")
-        assert min(each.twist.twist.linear.x for each in odom[driving:]) > 0.1  # it never stopped
+        assert min(map(speed, odom[driving:])) > 0.1  # it never stopped
         file.write_text(f"<robot>{IMU.replace('imu/data', 'imu/raw')}</robot>")
         raw = peer.hear(Imu, "/imu/raw")
         wait_for(lambda: raw, "the IMU's other topic")

@@ -1,6 +1,7 @@
 """Links joined by fixed joints become one rigid body, and the URDF for PyBullet says the same."""
 
 import math
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -9,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from onebot_control.simulation.bodies import physics_urdf, rigid_bodies
+from onebot_control.simulation.bodies import SkidAxle, physics_urdf, rigid_bodies
 from onebot_description.description import parse_description
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
@@ -240,7 +241,8 @@ def test_principal_axes_give_the_inertia_back(halves, rpy):
 
 def test_axes_as_written_are_kept():
     """An inertia without products keeps its frame, even where the moments are equal or unsorted."""
-    for moments in ((3, 0, 0, 2, 0, 2), (1, 0, 0, 1, 0, 1), (2, 1e-13, 0, 3, 0, 4)):
+    edge = (1, 1e-12, 0, 1, 0, 1)
+    for moments in ((3, 0, 0, 2, 0, 2), (1, 0, 0, 1, 0, 1), (2, 1e-13, 0, 3, 0, 4), edge):
         inertial = _text(_robot(_inertial(1.0, moments))).find("link/inertial")
         np.testing.assert_array_equal(origin(inertial), np.eye(4))
         values = [float(inertial.find("inertia").get(name)) for name in ("ixx", "iyy", "izz")]
@@ -289,6 +291,27 @@ def test_bodies_without_mass_are_refused():
     with pytest.raises(OneBotError, match=r'r.urdf: link "wheel" moves, .*without a mass'):
         _text(_robot(_SOLID, extra=empty))
     assert len(_text(_robot("", _SOLID, extra=turning)).findall("link")) == 2
+
+
+def test_the_hub_of_a_wheel_that_skids_slides_along_its_axle():
+    """It is a hundredth as heavy, and stands where the wheel would; the wheel turns on it."""
+    place = '<origin xyz="0 0.2 0"/><axis xyz="0 1 0"/>'
+    description = _robot(_SOLID, extra=_turning("continuous", place))
+    [joint] = description.joints
+    text = _text(replace(description, joints=(SkidAxle(**vars(joint)),)))
+    masses = {
+        link.get("name"): link.find("inertial/mass").get("value") for link in text.iter("link")
+    }
+    assert masses == {"0": "1.0", "1": "1.0", "hub0": "0.01"}
+    assert text.find('link[@name="hub0"]/inertial/inertia').get("ixx") == "0.01"
+    slide, turn = text.findall("joint")
+    ends = [[one.find(end).get("link") for end in ("parent", "child")] for one in (slide, turn)]
+    assert ends == [["0", "hub0"], ["hub0", "1"]]
+    assert [one.get("type") for one in (slide, turn)] == ["prismatic", "continuous"]
+    assert [origin(one)[:3, 3].tolist() for one in (slide, turn)] == [[0.0, 0.2, 0.0], [0.0] * 3]
+    assert {one.find("axis").get("xyz") for one in (slide, turn)} == {"0.0 1.0 0.0"}
+    limit = slide.find("limit")
+    assert float(limit.get("lower")) > float(limit.get("upper"))  # for PyBullet, without limits
 
 
 def _limits(kind, inside):

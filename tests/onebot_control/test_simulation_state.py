@@ -29,7 +29,7 @@ CHECKOUT = Path(__file__).resolve().parents[2]
 _DRIVE = """
 import hashlib
 from onebot_control.simulation import RobotSpawn, World
-from onebot_description.description.worlds import load_world
+from onebot_description.description.loading import load_world
 from tests.onebot_control.simulation_support import DRIVEN, bits, robot, wheels
 starts = (0.0, 0.0, 0.0), (-2.0, 0.0, 1.0), (0.0, -2.0, -2.0)
 spawns = [RobotSpawn(robot(), DRIVEN, *start) for start in starts]

@@ -196,6 +196,26 @@ def test_jerk_is_limited_where_it_lengthens_the_change(
     assert limiter.limit(command, last, before, 0.1) == pytest.approx(expected)
 
 
+@pytest.mark.parametrize(
+    ("limits", "deceleration", "jerk"),
+    [
+        ({}, math.nan, math.nan),
+        (vars(ACCELERATIONS), 4.0, math.nan),
+        ({"max_acceleration": 3.0}, 3.0, math.nan),
+        ({"max_acceleration": 3.0, "max_deceleration_reverse": 2.0}, 2.0, math.nan),
+        ({"max_jerk": 5.0}, math.nan, 5.0),
+        ({"max_jerk": 5.0, "min_jerk": -4.0}, math.nan, 4.0),
+        ({"max_jerk": 3.0, "min_jerk": -4.0}, math.nan, 3.0),
+    ],
+)
+def test_braking_is_that_of_the_direction_that_brakes_less(
+    limits: dict[str, float], deceleration: float, jerk: float
+) -> None:
+    limiter = SpeedLimiter(SpeedLimits(**limits))
+    assert limiter.deceleration == pytest.approx(deceleration, nan_ok=True)
+    assert limiter.braking_jerk == pytest.approx(jerk, nan_ok=True)
+
+
 limit = st.floats(0.0, 10.0)
 speed = st.floats(-10.0, 10.0)
 

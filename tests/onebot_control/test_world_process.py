@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from geometry_msgs.msg import PoseStamped, Twist
+from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
@@ -16,21 +16,15 @@ from onebot_control.poses import Transform, compose
 from onebot_description.description import load_description
 from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_control.control_support import urdf
+from tests.onebot_control.node_support import MODULE, NODE, Driver, twist, x
 from tests.onebot_control.test_scene import BOX, WALL
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.support import PATIENCE, wait_for
-
-MODULE = "onebot_control.velocity_controller"
-NODE = "/velocity_controller"
 
 
 def values(pose: Any, position: str = "translation", rotation: str = "rotation") -> Transform:
     p, q = getattr(pose, position), getattr(pose, rotation)
     return (p.x, p.y, p.z), (q.x, q.y, q.z, q.w)
-
-
-def x(message: Odometry) -> float:
-    return float(message.pose.pose.position.x)
 
 
 def by_child(messages: list[TFMessage]) -> Mapping[str, Any]:
@@ -76,10 +70,7 @@ def test_a_robot_in_a_world(ros_domain: int, tmp_path: Path) -> None:
         assert not refused.successful and 'are in "world"; restart the node' in refused.reason
         (refused,) = peer.set_parameters(NODE, odom_frame_id="wall")
         assert '"wall" is a link of the world' in refused.reason
-        drive = Twist()
-        drive.linear.x = 0.6
-        commands = peer.publisher(Twist, f"{NODE}/cmd_vel")
-        timer = peer.node.create_timer(0.1, lambda: commands.publish(drive))
+        driver = Driver(peer, twist(0.6))
 
         def slipped() -> bool:
             real = {str(each.header.stamp): x(each) for each in truth[-50:]}
@@ -103,7 +94,7 @@ def test_a_robot_in_a_world(ros_domain: int, tmp_path: Path) -> None:
         true = values(at.pose.pose, "position", "orientation")
         assert place == pytest.approx(true[0], abs=1e-9)
         assert abs(sum(map(math.prod, zip(turn, true[1], strict=True)))) == pytest.approx(1.0)
-        timer.cancel()
+        driver.stop()
         teleport = PoseStamped()
         teleport.pose.position.x, teleport.pose.orientation.w = 1.5, 1.0
         peer.publisher(PoseStamped, f"{NODE}/teleport").publish(teleport)

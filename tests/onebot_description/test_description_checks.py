@@ -329,6 +329,11 @@ def test_a_mimic_without_joint_is_one_problem():
         ),
         ({"izz": 0}, "the inertia is not positive definite (least moment 0 kg m2)"),
         ({"ixx": 0}, "the inertia is not positive definite (least moment 0 kg m2)"),
+        ({"ixx": -5e-10}, "the inertia is not positive definite (least moment -5e-10 kg m2)"),
+        (
+            {"ixx": -5e-16, "iyy": 1e-9, "izz": 1e-9},
+            "the inertia is not positive definite (least moment -5e-16 kg m2)",
+        ),
         ({"ixy": 2}, "the inertia is not positive definite (least moment -1 kg m2)"),
         ({"ixz": -2}, "the inertia is not positive definite (least moment -1 kg m2)"),
         ({"iyz": 2}, "the inertia is not positive definite (least moment -1 kg m2)"),
@@ -366,6 +371,8 @@ def test_inertias_are_judged_by_their_eigenvalues(xx, xy, xz, yy, yz, zz, scale)
         ({"ixx": -1}, 'ixx="-1" is negative; it must not be'),
         ({"iyy": -1}, 'iyy="-1" is negative; it must not be'),
         ({"izz": -1}, 'izz="-1" is negative; it must not be'),
+        ({"izz": -2e-9}, 'izz="-2e-09" is negative; it must not be'),
+        ({"ixx": -2e-15, "iyy": 1e-9, "izz": 1e-9}, 'ixx="-2e-15" is negative; it must not be'),
     ],
 )
 def test_moments_below_zero_are_problems(moments, text):
@@ -599,6 +606,7 @@ def test_textures_are_files():
         ('<gazebo><link x="1"><limit a="1"/></link></gazebo>', []),
         ("<sensor/><contact/><self_collision_checking/>", []),
         ("<joint/>", ["<joint>: unknown inside <link>"]),
+        ('<wheel name="w"/>', ['wheel "w": unknown inside <link>']),
         ('<x:y xmlns:x="http://a.org" a="1"><visul/></x:y>', []),
     ],
 )

@@ -200,6 +200,17 @@ def _xacro_problem(folder: Path, *lines: str) -> str:
             ],
             '3 (called at 5, from 6): unknown property "y" in ${x + y}',
         ),
+        (
+            [
+                '<xacro:macro name="m1" params="x"><link name="${x + y}"/></xacro:macro>',
+                *(
+                    f'<xacro:macro name="m{n}" params="x"><xacro:m{n - 1} x="a"/></xacro:macro>'
+                    for n in (2, 3, 4, 5)
+                ),
+                '<xacro:m5 x="b"/>',
+            ],
+            '2 (called at 3, from 4, from 5): unknown property "y"',
+        ),
         (['<link name="${[1][3]}"/>'], "2: cannot evaluate ${[1][3]}: list index out of range"),
         (
             ['<link name="$(arg side)"/>'],

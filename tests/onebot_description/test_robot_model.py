@@ -205,6 +205,7 @@ def test_what_nothing_determines_stands_at_zero_and_its_followers_at_their_offse
 
 
 def test_a_quaternion_of_no_length_is_no_rotation():
+    np.testing.assert_array_equal(quaternions.normalized(np.zeros((2, 4))), [[0, 0, 0, 1]] * 2)
     np.testing.assert_array_equal(quaternions.to_matrix(np.zeros(4)), np.eye(3))
     batch = np.array([[0, 0, 0, 1e-9], [0, 0, 5.0, 5.0]])
     quarter = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
@@ -216,6 +217,11 @@ def test_quaternion_products_are_hamiltons():
     np.testing.assert_array_equal(quaternions.multiply(i, j), k)
     np.testing.assert_array_equal(quaternions.multiply(j, i), -k)
     np.testing.assert_array_equal(quaternions.multiply(k, k), -one)
+    a, b = np.random.default_rng(1).normal(size=(2, 5, 4))
+    product = Rotation.from_quat(a) * Rotation.from_quat(b)
+    found = quaternions.normalized(quaternions.multiply(a, b))
+    np.testing.assert_allclose(product.as_matrix(), Rotation.from_quat(found).as_matrix())
+    np.testing.assert_allclose(quaternions.to_matrix(found), product.as_matrix(), atol=1e-12)
     np.testing.assert_allclose(quaternions.from_rpy([0.0, 0.0, np.pi]), k, atol=1e-15)
     np.testing.assert_allclose(
         quaternions.rotate(quaternions.from_rpy([np.pi / 2, 0, 0]), np.array([0.0, 1.0, 0.0])),

@@ -231,7 +231,7 @@ class TransformStream:
         Several static chunks on one entity would survive in a file only in part.
         """
         transforms = self._only_usable(transforms)
-        self._frames.update(*_columns(transforms))
+        self._frames.update(transforms, static=True)
         for row, child in enumerate(transforms.children):
             translation, rotation = transforms.translations[row], transforms.rotations[row]
             value = (transforms.parents[row], *translation.tolist(), *rotation.tolist())
@@ -298,16 +298,11 @@ class TransformStream:
     def _remember(self, batch: Sequence[TfArrays], latest_ns: int) -> None:
         """Update ``frames``, and log anew the frames that have not come for a while."""
         now = time.monotonic()
-        # The messages of each list of frames, which is mostly the same object, by the last of each.
-        histories: dict[int, list[TfArrays]] = {}
         for item in batch:
-            history = histories.pop(id(item.children), [])
-            history.append(item)
-            histories[id(item.children)] = history
-        for history in histories.values():
-            newest = history[-1]
-            self._frames.update(*_columns(newest), history=history)
-            self._logged.update(dict.fromkeys(newest.children, now))
+            self._frames.update(item)
+        # The list of frames is mostly the same object.
+        for children in {id(item.children): item.children for item in batch}.values():
+            self._logged.update(dict.fromkeys(children, now))
         if is_old(self._repeated_at):
             self._repeated_at = now
             self._repeat_slow(now, latest_ns)
@@ -338,7 +333,3 @@ class TransformStream:
         numbers = [_TRANSLATIONS.column(translations), _ROTATIONS.column(rotations)]
         columns = [*numbers, *_name_columns(parents, children)]
         self.recording.send_columns(TF_ENTITY, indexes=[time_column(stamps_ns)], columns=columns)
-
-
-def _columns(item: TfArrays) -> tuple[Sequence[str], Sequence[str], Floats, Floats]:
-    return item.parents, item.children, item.translations, item.rotations

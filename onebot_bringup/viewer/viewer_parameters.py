@@ -1,0 +1,91 @@
+"""The parameters of rerun_viewer, some of which are launch arguments, too."""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from onebot_control.poses import prefixed
+from onebot_description.errors import OneBotError, did_you_mean
+from onebot_description.parameters.reader import parameter
+from onebot_description.parameters.values import MAX_PORT
+
+if TYPE_CHECKING:
+    from onebot_bringup.viewer.shown_robot import RobotToShow
+
+VIEWERS = ("web", "native", "none")
+
+
+def _port(default: int, description: str) -> Any:
+    return parameter(default, description, at_least=0, at_most=MAX_PORT, read_only=True)
+
+
+@dataclass(frozen=True)
+class ViewerParameters:
+    """The node's own parameters."""
+
+    viewer: str = parameter("web", "where the robot is shown", choices=VIEWERS, read_only=True)
+    save: str = parameter("", "a .rrd file to write the recording to", read_only=True)
+    view: str = parameter(
+        "",
+        "a view file .yaml, .rviz or .rbl, reloaded when edited; empty: config/view.yaml of the "
+        "package <robot name>_description; none: none",
+        read_only=True,
+    )
+    robots: tuple[str, ...] = parameter(
+        (),
+        "namespaces of robots, to show all; empty: the robot of the node's own",
+        pattern=re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII),
+        write="a list of namespaces, such as [robot1, robot2]",
+        unique=True,
+        read_only=True,
+    )
+    plots: tuple[str, ...] = parameter(
+        (), "those of robots with curves; empty: the first five", unique=True, read_only=True
+    )
+    frame_prefix: str = parameter(
+        "", "robot_state_publisher's; with robots, it is the namespace of each", read_only=True
+    )
+    grpc_port: int = _port(9876, "port on 127.0.0.1 for viewers; 0: any")
+    web_port: int = _port(9090, "port on 127.0.0.1 for the page; 0: any")
+    open_browser: bool = parameter(True, "open the page, if there is a display", read_only=True)
+    embedded: bool = parameter(
+        False,
+        "another page holds this one, so that its address is neither logged nor opened",
+        read_only=True,
+    )
+    memory_limit: str = parameter(
+        "256MB",
+        "what is kept for viewers that join later",
+        pattern=re.compile(r"\d+(\.\d+)?\s*(%|[kMGT]i?B|B)"),
+        write="a size such as 256MB, 1GiB or 10%",
+        read_only=True,
+    )
+    save_view_to: str = parameter(
+        "", "the file that ~/save_view writes; empty: the one that the view is from"
+    )
+
+    def robots_to_show(self, resolve: Callable[[str], str]) -> "list[RobotToShow]":
+        """Return the robots to show; ``resolve`` returns the full name of a topic.
+
+        Raises:
+            OneBotError: ``plots`` names a robot that ``robots`` does not.
+        """
+        from onebot_bringup.viewer.shown_robot import MOST_PLOTTED, RobotToShow  # slow to import
+
+        spaces = [resolve(name) for name in self.robots]
+        plotted = [resolve(name) for name in self.plots] or spaces[:MOST_PLOTTED]
+        for space in plotted:
+            if space not in spaces:
+                raise OneBotError(f'plots: no "{space}"{did_you_mean(space, spaces, "robots")}')
+        robots = [
+            RobotToShow(space, prefixed("", True, "", space), plotted=space in plotted)
+            for space in spaces
+        ]
+        return robots or [RobotToShow(frame_prefix=self.frame_prefix)]
+
+    @property
+    def recording(self) -> Path | None:
+        """The file to write, if any."""
+        return Path(self.save).expanduser().absolute() if self.save else None
