@@ -20,7 +20,7 @@ from onebot_bringup.viewer.displays.drawing import (
     History,
     NamedDisplay,
 )
-from onebot_bringup.viewer.displays.poses import (
+from onebot_bringup.viewer.displays.pose_display import (
     PosesDrawing,
     PoseSettings,
     covariance_shapes,
