@@ -306,7 +306,7 @@ def _node(frame: FrameType) -> Any:
 
 
 def _recursing(frames: list[FrameType]) -> str:
-    """What goes on without end."""
+    """The message about a recursion without end."""
     calls = [frame for frame in frames if frame.f_code.co_name == "handle_macro_call"]
     macros = [frame.f_locals["m"] for frame in calls if "m" in frame.f_locals]
     if len(macros) > _DEEP:
@@ -326,7 +326,7 @@ def _names(frames: list[FrameType], table: str) -> list[str]:
 
 
 def _own_names(table: Any) -> Iterator[str]:
-    """The names defined in the files: those of ``table`` and its parents but xacro's globals."""
+    """The names defined in the files: in ``table`` and its parents, without xacro's globals."""
     root = getattr(table, "root", None)
     while table is not None and table is not root and hasattr(table, "parent"):
         yield from (name for name in dict.keys(table) if not name.startswith(("*", "__")))

@@ -18,7 +18,7 @@ _PLAIN = (str, int, float, list, tuple, dict, set)
 
 
 class _AnyName(set[str]):
-    """The allowed attributes of what looks its own names up; simpleeval refuses underscores."""
+    """The allowed attributes of an object with its own names; simpleeval refuses underscores."""
 
     def __contains__(self, name: object) -> bool:
         return True
@@ -36,8 +36,7 @@ _OPERATORS = {**simpleeval.DEFAULT_OPERATORS, ast.Pow: operator.pow}  # 1e7**2 i
 def evaluate(expression: str, names: Mapping[str, Any]) -> Any:
     """Return the value of an expression, which looks ``names`` up as it needs them.
 
-    simpleeval.InvalidExpression is raised for what is refused; functions and operators raise
-    others.
+    Raises simpleeval.InvalidExpression for what is refused, and what functions and operators raise.
     """
     return _Evaluator(names).eval(expression, _parsed(expression.strip()))
 
@@ -60,7 +59,7 @@ def _parsed(expression: str) -> ast.expr:
 
 
 def global_symbols() -> dict[str, Any]:
-    """Return the names that each xacro file can use, without those that reach further."""
+    """Return the names that every xacro file can use, without functions that reach further."""
     symbols: dict[str, Any] = xacro.create_global_symbols()
     python = symbols["python"]
     del python["vars"]

@@ -52,10 +52,10 @@ Severity = Literal["error", "problem", "warning"]
 
 
 class Findings:
-    """What is wrong with one document.
+    """All faults of one document.
 
-    Of an error nothing can be published. A problem is left out or replaced: nodes warn of it and go
-    on, and ``onebot check`` refuses it. A warning is of what works but is probably not meant.
+    After an error nothing can be published. A problem is left out or replaced: nodes warn of it and
+    go on, and ``onebot check`` refuses it. A warning is about what works but is probably not meant.
     """
 
     def __init__(self, document: Document) -> None:
@@ -83,7 +83,7 @@ class Findings:
     ) -> str:
         """Return ``did_you_mean``, which takes time, unless it was asked for very often.
 
-        The candidate ``without`` is not meant.
+        The candidate ``without`` is not proposed.
         """
         self._hints += 1
         if self._hints > _MOST_HINTS:
@@ -109,7 +109,7 @@ class Findings:
         return " ".join(map(_short, reversed(path or [element])))
 
     def _path(self, element: Element) -> Iterator[Element]:
-        """Yield ``element`` and those that it lies in, the root last."""
+        """Yield ``element`` and its ancestors, the root last."""
         current: Element | None = element
         while current is not None:
             yield current
@@ -242,7 +242,7 @@ ELEMENTS = {
     ),
     "dynamics": Content(numbers={"damping": Numbers(1, 0.0), "friction": Numbers(1, 0.0)}),
     "mimic": Content("", "joint", {"multiplier": Numbers(1, 1.0), "offset": Numbers(1, 0.0)}),
-    # Extensions, of which other attributes are not known here.
+    # Extensions; their other attributes are not known here.
     "safety_controller": Content(
         numbers={"soft_lower_limit": Numbers(), "soft_upper_limit": Numbers()}
     ),
@@ -454,7 +454,7 @@ def _visual_colors(root: Element, materials: Mapping[Element, Material]) -> dict
 
 
 def read_materials(findings: Findings) -> dict[Element, Material]:
-    """Read the materials of the visuals, then those of the robot."""
+    """Read the materials of the visuals, then the robot's."""
     root = findings.document.root
     elements = [*root.iterfind("link/visual/material"), *root.iterfind("material")]
     return {element: _read_material(findings, element) for element in elements}

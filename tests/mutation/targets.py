@@ -99,10 +99,10 @@ EQUIVALENT: dict[str, set[str]] = {
         # What diverges turns and moves without end at once.
         "_check_rest: if not math.isfinite(sum(position) / sum(rotation)):",
         # One step more of a robot at rest.
-        "_come_to_rest: needed, still = math.ceil(_RESTING_TIME * settings.rate), -1",
-        "_come_to_rest: still = -1",
+        "_come_to_rest: needed, rested = math.ceil(_RESTING_TIME * settings.rate), -1",
+        "_come_to_rest: rested = -1",
         # It counts in steps of one, and from 0 when it was reached.
-        "_come_to_rest: if still == needed:",
+        "_come_to_rest: if rested == needed:",
         # Every robot is then placed where it starts.
         "settle: robot.place(rest_pose.at(0.0, 1.0, 0.0), [0.0] * len(robot.joints))",
         # The ground is level and has no end.
@@ -121,7 +121,7 @@ EQUIVALENT: dict[str, set[str]] = {
         "_is_steered: x, y, _ = np.cross(axle.axis, (0.0, -1.0, 1.0))",
         "_is_steered: trail = x * (wheel.x - swivel.pose[0, 3]) + y * (wheel.y - swivel.pose[ 0, 3])",  # noqa: E501
         # A sum of 0 is 0 with the other sign.
-        "_sets: return [alike for alike in sets if sum(1 if not wheel.y > 0.0 else -1 for wheel in alike) == 0]",  # noqa: E501
+        "_sets: return [group for group in sets if sum(1 if not wheel.y > 0.0 else -1 for wheel in group) == 0]",  # noqa: E501
     },
     "onebot_control/wheels/geometry.py": {
         # The iteration has long converged, wherever it began.
@@ -168,7 +168,7 @@ EQUIVALENT: dict[str, set[str]] = {
     },
     "onebot_description/joints/source.py": {
         # A range is never below 0.
-        "_Planner._swing: if amplitude != 0.0:",
+        "_JointPlanner._swing: if amplitude != 0.0:",
         # The position is the same either way but for rounding.
         "JointStateSource._toward: near = np.abs(way) < reach * (1.0 + _ROUNDING)",
     },
