@@ -108,7 +108,7 @@ class NodeRow(NamedTuple):
 
     name: str
     module: str  # its last word is the node's name, unless the node is to be renamed
-    parameters: Callable[[Launch], Parameters]  # without those that are arguments
+    parameters: Callable[[Launch], Parameters]  # except its arguments
     starts: Callable[[Launch], bool] = lambda _: True
     on_exit: OnExit = "shutdown"
     nice: int = 0

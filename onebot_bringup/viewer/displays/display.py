@@ -38,8 +38,8 @@ COLORS: tuple[Color, ...] = (
 # A server with a memory limit drops the oldest data. What is sent seldom is logged anew this often
 # (seconds), so that it is never the oldest.
 REPEAT_AFTER = 10.0
-# Nanoseconds between two calls into Rerun where it matters little: each costs a kilobyte of file,
-# as much of the server's memory, and work for a page that draws slowly.
+# Nanoseconds between two calls into Rerun where it matters little: each costs a kilobyte, in the
+# file and in the server's memory, and work for a page that draws slowly.
 SELDOM = 200_000_000
 LARGEST = 1e38  # drawable number: finite in 32 bits, and its square finite in 64
 
