@@ -1,8 +1,8 @@
 """Markers (visualization_msgs/Marker and MarkerArray), as RViz shows them.
 
 All markers of a namespace and type are one entity, a layer: a thousand cubes are one call into
-Rerun, with arrays that come straight from the message. What came before stays as the plan of what
-goes where, so that a message of the same markers as the one before costs no work a marker.
+Rerun, with arrays that come straight from the message. The previous message's plan, of what goes
+where, is kept, so that an identical set of markers costs nothing per marker.
 
 A marker that is locked to its frame lies in that frame and moves with it; any other one lies in
 the fixed frame, where its frame was at its own stamp. One whose lifetime is over is removed.
@@ -49,7 +49,7 @@ _NEVER = np.iinfo(np.int64).max  # the end of no lifetime
 _NOT_DRAWN = -1  # the type of a marker that is left out
 _UNIT = 0.01  # tolerance of the square of a quaternion's length
 _IDENTITY = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)  # position and quaternion
-_TOGETHER_NS = 50_000_000  # between the first and the last of single markers that are logged as one
+_TOGETHER_NS = 50_000_000  # single markers that arrive within this time are logged together
 _STEP_NS = 1_000_000_000  # the clock was set back if the time goes back by this
 _SAME_NS = 1_000_000  # between stamps that one transform serves: each marker may have its own
 _MOST_WAITING = 2000  # markers, while no transform leads to their frames
