@@ -109,7 +109,7 @@ class JointPlotDisplay(Display[JointPlotSettings]):
         return [text] if self._is_full else []
 
     def layout(self) -> LayoutPart:
-        """Return the plots, but those that would stay empty."""
+        """Return the plots that would not stay empty."""
         plot, robot = self._settings, self.robot.description
         moves = robot is not None and any(joint.kind != "fixed" for joint in robot.joints)
         views = []

@@ -88,7 +88,7 @@ class TfDisplay(Display[AxesSettings]):
         self._draw(())
 
     def set_robot(self) -> None:
-        """Draw the axes of the links; hide those of links that are no more."""
+        """Draw the axes of the links; hide the axes of links that are gone."""
         old_links, self._links = self._links, set()
         for robot in self.stage.robots:
             if robot.description is not None:
