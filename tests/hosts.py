@@ -11,20 +11,12 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from types import TracebackType
-from typing import NamedTuple
 
 from onebot_description.errors import OneBotError
 
 PROGRAMS = {"ip": "iproute2", "nsenter": "util-linux", "unshare": "util-linux"}
 _READY = "ready"
 _HOLD = f"mount -t tmpfs tmpfs /dev/shm && ip link set lo up && echo {_READY} && exec cat"
-
-
-class Traffic(NamedTuple):
-    """What an interface has received."""
-
-    packets: int
-    bytes: int
 
 
 class Namespaces:
@@ -51,11 +43,9 @@ class Namespaces:
         enter = ["nsenter", "-t", str(self.pid), "--net", "--mount", "--uts", "--"]
         return [*enter, "env", "-C", str(Path.cwd()), *words]
 
-    def ip(self, *words: str, text: str = "") -> None:
-        """Run ``ip`` here, with ``text`` as its input."""
-        done = subprocess.run(
-            self.command(["ip", *words]), input=text, capture_output=True, text=True, check=False
-        )
+    def ip(self, *words: str) -> None:
+        """Run ``ip`` here."""
+        done = subprocess.run(self.command(["ip", *words]), capture_output=True, text=True)
         if done.returncode:
             raise OneBotError(f"ip {' '.join(words)}: {done.stderr.strip()}")
 
@@ -82,14 +72,12 @@ class Host:
     def __init__(self, spaces: Namespaces, switch: Namespaces, number: int) -> None:
         self.spaces, self._switch = spaces, switch
         self.address = f"10.77.0.{number}"
-        self.hardware_address = f"02:00:0a:4d:00:{number:02x}"
         self._port = f"port{number}"
         switch.ip(
             *("link", "add", self._port, "type", "veth"),
             *("peer", "name", "eth0", "netns", str(spaces.pid)),
         )
         switch.ip("link", "set", self._port, "master", "switch", "up")
-        spaces.ip("link", "set", "eth0", "address", self.hardware_address)
         spaces.ip("address", "add", f"{self.address}/24", "dev", "eth0")
         spaces.ip("link", "set", "eth0", "up")
 
@@ -100,27 +88,6 @@ class Host:
     def plug(self, connected: bool) -> None:
         """Connect or disconnect the cable."""
         self._switch.ip("link", "set", self._port, "up" if connected else "down")
-
-    def know(self, others: "Sequence[Host]") -> None:
-        """Have the hardware addresses of others: Linux looks up 1024 at most, for all hosts."""
-        lines = (
-            f"neighbour replace {other.address} lladdr {other.hardware_address} dev eth0 "
-            "nud permanent\n"
-            for other in others
-            if other is not self
-        )
-        self.spaces.ip("-batch", "-", text="".join(lines))
-
-    def received(self) -> Traffic:
-        """Return what eth0 has received so far."""
-        # As the host has it: /sys is that of the namespace it was mounted in, /proc is not.
-        line = next(
-            line
-            for line in Path(f"/proc/{self.spaces.pid}/net/dev").read_text().splitlines()
-            if line.strip().startswith("eth0:")
-        )
-        numbers = [int(word) for word in line.partition(":")[2].split()]
-        return Traffic(packets=numbers[1], bytes=numbers[0])
 
 
 def missing() -> str:

@@ -46,9 +46,10 @@ LIES = {
 def test_quick_run(capfd):
     """Every answer is right; there is no verdict on times, and no process is left."""
     before = set(psutil.Process().children(recursive=True))
-    assert main(["--quick"]) == 0
+    names = [name for name in BENCHMARKS if name != "state_publisher"]  # the README's test runs it
+    assert main([*names, "--quick"]) == 0
     printed = capfd.readouterr().out
-    assert "cores" in printed and ", ".join(BENCHMARKS) in printed and "goal" not in printed
+    assert "cores" in printed and ", ".join(names) in printed and "goal" not in printed
     assert set(psutil.Process().children(recursive=True)) <= before
 
 

@@ -126,7 +126,6 @@ def test_a_view_that_is_busy_does_not_stall_the_wheel(ros_domain, tmp_path):
             _read_the_note_on_a_shared_process(page, f"http://127.0.0.1:{own.port}/?{own.query}")
             for host in (
                 f"127.0.0.1:{own.port}",
-                f"localhost:{own.port}",
                 f"localhost:{tunnel.port}",
                 own.netloc,
             ):

@@ -30,35 +30,22 @@ ROBOTS = Path(__file__).resolve().parents[1] / "robots"
 FILES = {"diff_drive": str(ROBOTS / "diff_drive.urdf"), "onebot": ONEBOT}
 
 
-@pytest.fixture(scope="module")
-def results() -> dict[str, list[Result]]:
-    """All paths, driven by both robots."""
-    return {
-        name: measure(load_description(file), default_config(), PATHS)
-        for name, file in FILES.items()
-    }
-
-
 @pytest.mark.parametrize("robot", FILES)
-def test_goals_are_met(robot: str, results: dict[str, list[Result]]) -> None:
+def test_goals_are_met(robot: str) -> None:
     """Odometry within 0.05 % of truth, truth within 0.5 % of command, rest below 0.01 mm."""
-    drift = rest_drift(load_description(FILES[robot]), default_config())
-    assert missed(results[robot], drift) == []
-
-
-@pytest.mark.parametrize("robot", FILES)
-def test_errors_are_inside_the_ellipse(robot: str, results: dict[str, list[Result]]) -> None:
-    """At the end of each path odometry is off truth by less than its covariance says: of 99 %."""
-    for result in results[robot]:
+    description = load_description(FILES[robot])
+    results = measure(description, default_config(), PATHS)
+    assert missed(results, rest_drift(description, default_config())) == []
+    for result in results:  # at the end odometry is inside its ellipse of 99 %
         xx, xy, yy, xt, yt, tt = result.covariance
         covariance = np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]])
         off = np.array(result.odometry) - np.array(result.truth)
         assert off @ np.linalg.solve(covariance, off) < 11.34
+    _check_commands(*results)
 
 
-def test_commanded_paths_are_what_they_are_called(results: dict[str, list[Result]]) -> None:
+def _check_commands(two_metres: Result, full_turn: Result, square: Result, figure: Result) -> None:
     """By the integral of the limited command: 2 m, 360 degrees, a closed square, two circles."""
-    two_metres, full_turn, square, figure = results["diff_drive"]
     assert two_metres.length == pytest.approx(2.0)
     assert two_metres.commanded == pytest.approx((2.0, 0.0, 0.0))
     assert full_turn.turned == pytest.approx(2.0 * math.pi)

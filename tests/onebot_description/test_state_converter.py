@@ -196,7 +196,7 @@ def edits(draw, messages):
     return data[:place] + byte + draw(st.sampled_from([data[place + len(byte) :], b"", data]))
 
 
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=100)
 @given(robots(), st.data(), st.booleans(), st.sampled_from([0, 1, 10**8]))
 def test_any_bytes_give_what_ordinary_messages_give(urdf, data, ignore_timestamp, interval):
     model = _model(urdf)
