@@ -307,11 +307,7 @@ class ControlParameters:
     places: dict[str, str]  # file and line of each value from a file
 
     def __init__(self, node: "Node", arguments: "RosArguments") -> None:
-        """Declare them, with what the files and the command line have.
-
-        Raises:
-            ConfigError: something is wrong with them.
-        """
+        """Declare them, with what the files and the command line have."""
         namespace, name = node.get_namespace(), node.get_name()
         file = read_control_files(arguments.files, namespace, name)
         names = [n for to, n in arguments.names if to in ("", name)]
@@ -336,11 +332,7 @@ class ControlParameters:
         return [problem.message(self.places) for problem in self.config.surprises()]
 
     def changed(self, parameters: Sequence["Parameter"], simulated: bool) -> ControlConfig:
-        """Return the configuration with these parameters set.
-
-        Raises:
-            ConfigError: they cannot be set, and why.
-        """
+        """Return the configuration with these parameters set."""
         if problems := _clock_problems(parameters, simulated):
             raise ConfigError(problems)
         return read(ControlConfig, {**self.values, **_own(parameters)})

@@ -88,7 +88,7 @@ def _replay(source: Path, values: Mapping[str, str], interrupts: KeyboardInterru
                 server.stream.log_file_from_path(file)
             _Log().info(f"showing {source}")
         else:
-            from onebot_bringup.bags.replay import log_bag
+            from onebot_bringup.bags.shown_bag import log_bag
 
             def progress(text: str) -> None:
                 interrupts.check()
