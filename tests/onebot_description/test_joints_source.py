@@ -265,6 +265,7 @@ def test_a_new_robot_leaves_out_what_does_not_suit_it() -> None:
     with pytest.raises(ConfigError):
         JointStateSource(joints, config, previous=old)
     source = JointStateSource(joints, config, previous=old, tolerant=True)
+    assert source.config is config
     assert {report.key: report.text.partition(" (")[0] for report in source.reports} == {
         "motions.slide": 'joint "slide" is fixed',
         "motions.finger": 'joint "finger" follows "elbow"; move that one, or set use_mimic_tags'
@@ -307,6 +308,7 @@ def test_received_states_override_motions() -> None:
         [1.0, 2.0, 3.0, 4.0],
     )
     assert nothing is None
+    source.received.receive(["elbow"], [math.inf], [], [])
     positions, velocities = source.sample(1.0)
     assert positions == pytest.approx([0.5, 0.4, 0.0, 0.5, -0.45])
     assert velocities == pytest.approx([0.2, 0.0, 0.0, 0.1, -0.1])
