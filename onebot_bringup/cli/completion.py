@@ -123,7 +123,7 @@ def _launch_words(prefix: str, **_: object) -> dict[str, str]:
 
 
 def _discovered(names: Callable[[Session, Namespace], Iterable[str]]) -> Callable[..., list[str]]:
-    """A completer of what is running; ``names`` gets a session and the words before."""
+    """A completer of names in the ROS graph; ``names`` gets a session and the words before."""
 
     def completer(*, parsed_args: Namespace, **_: object) -> list[str]:
         with suppress(OneBotError), Session() as session:

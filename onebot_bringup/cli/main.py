@@ -28,8 +28,8 @@ PIPE_CLOSED = 128 + 13
 # One line for ``onebot --help``, and the exit code after Ctrl-C: 0 if that is its normal end.
 Verb = namedtuple("Verb", ["summary", "interrupted"], defaults=[INTERRUPTED])  # noqa: PYI024
 
-# Each verb is a module of this package, imported only when it is used. It has a table ``COMMANDS``
-# of subcommands, or ``run(argv) -> int``, where ``argv`` is what follows the verb.
+# Each verb is a module of this package, imported only when it is used. It has ``COMMANDS``, a table
+# whose values are ``Subcommand``, or ``run(argv) -> int``; ``argv`` are the words after the verb.
 PACKAGE = "onebot_bringup.cli"
 VERBS = {
     "check": Verb("check a URDF or xacro file and show its tree"),

@@ -47,7 +47,7 @@ def chosen_commands(session: Session, name: str, *, first: bool = False) -> str:
     if name.startswith("/"):
         return session.full_name(name)
     if not name:
-        session.discover()  # one that is found first may not be the only one
+        session.discover()  # the first robot found may not be the only one
         session.spin(lambda: commanded_robots(session), PATIENCE)
         return _only(commanded_robots(session), first) or session.full_name(_COMMANDS)
     topic = session.full_name(name)

@@ -137,11 +137,7 @@ class Session:
         ]
 
     def full_name(self, name: str) -> str:
-        """Return the absolute name of a topic or service.
-
-        Raises:
-            OneBotError: the name is not valid.
-        """
+        """Return the absolute name of a topic or service."""
         from rclpy.exceptions import InvalidTopicNameException
         from rclpy.expand_topic_name import expand_topic_name
         from rclpy.validate_full_topic_name import validate_full_topic_name

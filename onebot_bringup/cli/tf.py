@@ -165,7 +165,7 @@ class _Transforms:
         from onebot_description.wire.tf_message import TFMessage
 
         self.frames = FrameTree()
-        self.arrivals: dict[str, Intervals] = {}  # by child frame
+        self.arrivals: dict[str, Intervals] = {}  # keys: child frames
         self.session = session
         self._warned: set[str] = set()
         for topic in _TOPICS:

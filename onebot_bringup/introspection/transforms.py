@@ -253,7 +253,7 @@ class FrameTree:
         return pose
 
     def poses(self, frames: Iterable[str], fixed: str) -> dict[str, Floats]:
-        """Return the (4, 4) poses in ``fixed`` of those ``frames`` that are connected to it."""
+        """Return the poses (4, 4) in ``fixed`` of all ``frames`` that are connected to it."""
         poses = {frame: self.pose(frame, fixed) for frame in frames}
         return {frame: pose for frame, pose in poses.items() if pose is not None}
 

@@ -52,7 +52,7 @@ class Argument:
     type: ValueType = ValueType(str)  # its text must stand for such a value
     examples: tuple[str, ...] = ()  # other values, for tab completion
     node: str = ""  # the node that has it as a parameter; empty for none
-    parameter: str = ""  # that parameter's name
+    parameter: str = ""  # the name that the node has for it
 
     @property
     def choices(self) -> Sequence[str]:

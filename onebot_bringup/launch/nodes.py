@@ -50,7 +50,7 @@ class Launch:
         return [Path(self.values["params_file"]).absolute(), *filter(None, [robot_file])]
 
     def is_true(self, name: str) -> bool:
-        """Whether a switch is on; one that the command does not have is off."""
+        """Whether a switch is on; a switch that the command lacks is off."""
         return self.values.get(name) == "true"
 
     def nodes(self) -> list[NodeProcess]:
@@ -108,7 +108,7 @@ class NodeRow(NamedTuple):
 
     name: str
     module: str  # its last word is the node's name, unless the node is to be renamed
-    parameters: Callable[[Launch], Parameters]  # without those that are arguments
+    parameters: Callable[[Launch], Parameters]  # except its arguments
     starts: Callable[[Launch], bool] = lambda _: True
     on_exit: OnExit = "shutdown"
     nice: int = 0
@@ -266,7 +266,7 @@ class RosNodes:
         words: Sequence[str] = (),
         files: Sequence[Path] = (),
     ) -> NodeProcess:
-        """Return a node to start, and write its parameters, which override those of ``files``.
+        """Return a node to start, and write its parameters, which override ``files``.
 
         ``words`` come before its ROS arguments.
         """

@@ -64,7 +64,7 @@ def launch_description(script: ModuleType) -> Any:
 
 
 def words(command: Bringup, configurations: Mapping[str, str]) -> list[str]:
-    """Return the command line: of the launch configurations, those that are the bringup's.
+    """Return the command line: the launch configurations that the bringup knows.
 
     The others may be of the launch file that includes this one.
     """

@@ -38,7 +38,7 @@ class OutputStream(NamedTuple):
 
     @classmethod
     def of(cls, stream: TextIO | None) -> "OutputStream":
-        """Return that of ``stream``, None if it is closed."""
+        """Return an OutputStream for ``stream``, None if it is closed."""
         descriptor = -1 if stream is None else stream.fileno()
         return cls(descriptor, stream is not None and wants_colour(descriptor))
 

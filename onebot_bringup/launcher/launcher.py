@@ -59,7 +59,7 @@ class Restarts:
 
 
 class Launcher:
-    """Runs nodes until Ctrl-C, or until one that matters has ended.
+    """Runs nodes until Ctrl-C, or until a node that matters has ended.
 
     A context, to be used in the main thread; ``run`` may be called once.
     """

@@ -56,11 +56,7 @@ class RerunViewer(Node):
     """The node; see the module's docstring."""
 
     def __init__(self) -> None:
-        """Open the recording and the viewer, then subscribe.
-
-        Raises:
-            OneBotError: a parameter is wrong.
-        """
+        """Open the recording and the viewer, then subscribe."""
         super().__init__("rerun_viewer")
         parameters = read(ViewerParameters, declare(self, ViewerParameters))
         self._warn = Throttled(self.get_logger().warning)
@@ -107,7 +103,7 @@ class RerunViewer(Node):
         for warning in self._feed.tick():
             self.get_logger().warning(warning)
         robots = self._view.robots
-        new: dict[int, list[str]] = {}  # namespaces by description: those of a fleet share one
+        new: dict[int, list[str]] = {}  # namespaces by description, which a fleet may share
         for space, robot in robots.items():
             if robot is not self._robots.get(space):
                 new.setdefault(id(robot), []).append(space)

@@ -137,7 +137,7 @@ class RobotView:
         return self._selection.offered
 
     def offer(self, topics: Mapping[str, str]) -> list[str]:
-        """Show the topics of those there are now that have a display, and are not hidden.
+        """Show the topics, of all that exist now, that have a display and are not hidden.
 
         Args:
             topics: the type of each by its full name.
@@ -171,7 +171,7 @@ class RobotView:
         return problems + (self.inbox.set_takers(self._takers()) if changed else [])
 
     def _takers(self, *, of_messages: bool = True) -> Iterable[Taker]:
-        """Yield the topics that the view names or every robot has, and those of message types."""
+        """Yield the topics that the view names, that every robot has, and that have a display."""
         for number, robot in enumerate(self.stage.robots):
             name = robot.names.description
             yield robot.full_name(name), None, WantedTopic(name, (DESCRIPTION,), latched=True)
@@ -224,7 +224,7 @@ class RobotView:
 
     @property
     def _active(self) -> Sequence[Display[Any]]:
-        """The displays but those of message types without a topic, which are most."""
+        """The displays, without the many for message types that no topic has."""
         return [
             display
             for display in self._displays
@@ -232,7 +232,7 @@ class RobotView:
         ]
 
     def _flush(self, displays: Collection[Display[Any]]) -> None:
-        """Decode and log what has come for these displays; measure what that takes."""
+        """Decode and log the messages for these displays; measure the time that takes."""
         self.inbox.deliver(displays)
         for display in displays:
             began = time.perf_counter()
@@ -361,7 +361,7 @@ class WarningFilter:
         self._passed.clear()
 
     def once(self, sentences: Iterable[str]) -> list[str]:
-        """Return those of ``sentences`` not passed so far, cut if long, and none after very many.
+        """Return the new ones of ``sentences``, cut if long; none after very many.
 
         They may name what others publish.
         """

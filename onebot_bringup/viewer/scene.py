@@ -133,7 +133,7 @@ class Scene:
 
 
 def marker_size(robot: Description) -> float:
-    """Return the edge of the box in place of what is missing, m: in proportion to the links."""
+    """Return the edge, m, of the box that replaces a missing mesh: in proportion to the links."""
     lengths = [math.hypot(*joint.origin.xyz) for joint in robot.joints]
     offsets = [length for length in lengths if length > 0]
     return statistics.median(offsets) / 2 if offsets else _MISSING_SIZE

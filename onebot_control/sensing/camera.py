@@ -29,8 +29,8 @@ def focal_length(camera: Camera) -> float:
 
 def camera_rays(camera: Camera) -> Rays:
     """Return the rays of the pixels, row by row from the top, of length 1 along the axis (x)."""
-    # glibc gives free memory back once it is more than twice the largest block that was ever freed;
-    # to get it again for each picture would take a third of the time.
+    # glibc gives free memory back once it is more than twice the largest block that was ever freed.
+    # A block is freed here once, as fetching memory for each picture takes a third of the time.
     np.empty(_KEPT, np.uint8)
     focal = focal_length(camera)
     # Of the middle of each pixel by K, whose principal point is half the width and the height.

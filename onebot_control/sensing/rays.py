@@ -242,7 +242,7 @@ def _ground(upwards: Singles, height: float, reach: float) -> tuple[Singles, NDA
     if height <= 0.0:
         full = np.full(len(upwards), reach, np.float32)
         return full, np.full(len(upwards), NOTHING, np.int16)
-    # One over the distance: what is beyond the reach, or above, is less than that of the reach.
+    # One over the distance: a hit beyond the reach has less than one over the reach.
     inverse = upwards * np.float32(-1.0 / height)
     hit = inverse > np.float32(1.0 / reach)
     np.maximum(inverse, np.float32(1.0 / reach), out=inverse)
@@ -312,7 +312,7 @@ class Surface:
         distances: Singles,
         faces: Integers,
     ) -> None:
-        """Replace hits of the facets around round shapes by those of the shapes themselves."""
+        """Replace hits of the facets around round shapes by hits of the shapes themselves."""
         caster = self._caster
         assert caster is not None
         rows = np.flatnonzero(self._round_of[faces] >= 0)

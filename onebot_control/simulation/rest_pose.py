@@ -21,7 +21,7 @@ from onebot_description.errors import OneBotError, listing
 
 # Faster than this after the settling time, m/s and rad/s: a warning.
 _MAX_SPEED = 1e-3
-# A stable robot that is slower than this for so many seconds has come to rest.
+# A stable robot that is slower than this for so many seconds is at rest.
 _RESTING = 1e-6
 _RESTING_TIME = 0.05
 _MIN_SUPPORT = 1e-3  # m, half width of the area that supports a stable robot

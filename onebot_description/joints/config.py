@@ -32,7 +32,7 @@ _KEYS: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class MotionParameters:
-    """The parameters ``motions.<joint>``; None for those that are not given."""
+    """The parameters ``motions.<joint>``; None where one is not given."""
 
     type: str = parameter(REQUIRED, "the kind of motion", choices=(*_KEYS,))
     position: float | None = parameter(None, "constant: position to hold, rad or m")

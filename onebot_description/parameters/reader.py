@@ -196,7 +196,7 @@ class Leaf(NamedTuple):
 
 
 def leaves(kind: Any) -> list[Leaf]:
-    """Return the parameters of the dataclass ``kind``, those of groups and maps included.
+    """Return the parameters of the dataclass ``kind``, its groups and maps included.
 
     A map counts if its ``keys`` say what its names are.
     """
@@ -223,7 +223,7 @@ def _as_ros(leaf: ValueType, value: Any) -> Any:
 
 
 def _locate(kind: type, name: str) -> tuple[_Shape, str]:
-    """Return the innermost shape that ``name`` leads to, and what of ``name`` it does not have."""
+    """Return the innermost shape that ``name`` leads to, and the rest of ``name``."""
     shape: _Shape = _group(kind)
     while name and (step := _step(shape, name)):
         _, shape, name = step
@@ -565,7 +565,7 @@ class Row(NamedTuple):
 
 
 def rows(*kinds: type) -> list[Row]:
-    """Return a row for each parameter of dataclasses; those of the same meaning share one.
+    """Return a row for each parameter of dataclasses; alike ones share a row.
 
     Where some can be changed while the node runs, "start:" marks those that cannot.
     """

@@ -197,7 +197,7 @@ class PublishedTimes:
 
 
 def _of_another_clock(older_ns: int, warn: Warn) -> bool:
-    """Return whether a message is so much older than the last one that its stamp counts anew."""
+    """Return whether a message is so old that its clock must have been set back."""
     seconds = f"{older_ns / NANO:.3f} s"
     if older_ns < _OTHER_CLOCK_NS:
         text = f"joint state {seconds} older than the last one of its joints, ignored"

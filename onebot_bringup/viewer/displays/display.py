@@ -38,8 +38,8 @@ COLORS: tuple[Color, ...] = (
 # A server with a memory limit drops the oldest data. What is sent seldom is logged anew this often
 # (seconds), so that it is never the oldest.
 REPEAT_AFTER = 10.0
-# Nanoseconds between two calls into Rerun where it matters little: each costs a kilobyte of file,
-# as much of the server's memory, and work for a page that draws slowly.
+# Nanoseconds between two calls into Rerun where it matters little: each costs a kilobyte, in the
+# file and in the server's memory, and work for a page that draws slowly.
 SELDOM = 200_000_000
 LARGEST = 1e38  # drawable number: finite in 32 bits, and its square finite in 64
 
@@ -50,7 +50,7 @@ def is_old(logged_at: float) -> bool:
 
 
 def drawable(rows: NDArray[Any]) -> NDArray[Any]:
-    """Return those of ``rows`` (N, k) whose numbers are all finite and not enormous."""
+    """Return the ``rows`` (N, k) whose numbers are all finite and not enormous."""
     finite: NDArray[Any] = rows[(np.abs(rows) <= LARGEST).all(axis=1)]
     return finite
 
@@ -59,7 +59,7 @@ def drawable(rows: NDArray[Any]) -> NDArray[Any]:
 
 
 class SideView(Protocol):
-    """A view beside the robot's; those that are equal look the same."""
+    """A view beside the robot's; equal ones look the same."""
 
     def view(self) -> rrb.View:
         """Return the view for Rerun."""
@@ -127,7 +127,7 @@ class Display(ABC, Generic[S]):
     limit: LoadLimit | None = None  # drops messages where too many come
 
     def __init__(self, stage: "Stage", robot: "ShownRobot | None" = None) -> None:
-        """Draw nothing yet; ``robot`` is whose display it is, none for that of all."""
+        """Draw nothing yet; ``robot`` is the robot that it shows, None for all."""
         self.stage = stage
         self._robot = robot
         self._flushed_ns: tuple[int, ...] = ()
@@ -139,7 +139,7 @@ class Display(ABC, Generic[S]):
         return self._robot
 
     def entity(self, name: str) -> str:
-        """Return the path of an entity, below that of its robot."""
+        """Return the path of an entity, below its robot's."""
         return name if self._robot is None else below(self._robot.root, name)
 
     def full_name(self, topic: str) -> str:
@@ -178,7 +178,7 @@ class Display(ABC, Generic[S]):
 
     @abstractmethod
     def flush(self) -> None:
-        """Log what has come, in as few calls as possible."""
+        """Log the messages received so far, in as few calls as possible."""
 
     def set_robot(self) -> None:  # noqa: B027  most displays do not depend on the robot
         """Draw for the description that the robot now has."""

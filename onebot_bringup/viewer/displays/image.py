@@ -118,7 +118,7 @@ class ImageDrawing(Drawing[ImageSettings]):
         )
 
     def style(self) -> Sequence[rr.AsComponents]:
-        """Return the frame, which is that of a camera's picture if there is a CameraInfo."""
+        """Return the frame: of the camera's picture if there is a CameraInfo."""
         return [rr.CoordinateFrame(picture_frame(self.name))]
 
     def layout(self) -> LayoutPart:

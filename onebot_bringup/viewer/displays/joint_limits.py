@@ -44,7 +44,7 @@ class JointLimitsDisplay(Display[JointRangesSettings]):
         super().__init__(*arguments)
         self._settings = JointRangesSettings()
         self._made_of: tuple[object, ...] = ()
-        self._drawn: dict[str, object] = {}  # by entity
+        self._drawn: dict[str, object] = {}  # keys: entities
 
     def apply(self, settings: JointRangesSettings) -> None:
         self._settings = settings

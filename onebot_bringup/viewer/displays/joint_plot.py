@@ -51,7 +51,7 @@ class JointPlotDisplay(Display[JointPlotSettings]):
         self._limits: Limits = {}  # drawn limits
         self._sets: dict[tuple[str, ...], _JointSet] = {}
         self._count = 0  # number of sets so far
-        self._colors: dict[tuple[str, ...], dict[str, Color]] = {}  # of all sets so far
+        self._colors: dict[tuple[str, ...], dict[str, Color]] = {}  # keys: sets of joints so far
         # The names that came last: it takes long to look up many.
         self._last: tuple[object, _JointSet | None] = ((), None)
         self._has_velocities = False  # a velocity ever came
@@ -109,7 +109,7 @@ class JointPlotDisplay(Display[JointPlotSettings]):
         return [text] if self._is_full else []
 
     def layout(self) -> LayoutPart:
-        """Return the plots, but those that would stay empty."""
+        """Return the plots that would not stay empty."""
         plot, robot = self._settings, self.robot.description
         moves = robot is not None and any(joint.kind != "fixed" for joint in robot.joints)
         views = []

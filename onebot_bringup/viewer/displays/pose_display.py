@@ -248,7 +248,7 @@ class PoseWithCovarianceSettings(PoseSettings):
 
 
 class PoseWithCovarianceDrawing(PosesDrawing[PoseWithCovarianceSettings]):
-    """The pose of one topic, such as that of a localization, and its covariance if it is known."""
+    """The pose of one topic, such as a localization's, and its covariance if it is known."""
 
     key = "pose_with_covariance"
     message_types = ("geometry_msgs/msg/PoseWithCovarianceStamped",)

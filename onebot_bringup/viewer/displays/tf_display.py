@@ -88,13 +88,13 @@ class TfDisplay(Display[AxesSettings]):
         self._draw(())
 
     def set_robot(self) -> None:
-        """Draw the axes of the links; hide those of links that are no more."""
-        before, self._links = self._links, set()
+        """Draw the axes of the links; hide the axes of links that are gone."""
+        old_links, self._links = self._links, set()
         for robot in self.stage.robots:
             if robot.description is not None:
                 self._links.update(map(robot.frame_of, robot.description.link_names))
         self._show(self._links)
-        self._retired = (self._retired | before) - self._links
+        self._retired = (self._retired | old_links) - self._links
         self._retired_at = self.stage.clock()
         self._shown_of = None
         self.stage.transforms.forget(self._retired)
@@ -135,18 +135,18 @@ class TfDisplay(Display[AxesSettings]):
         if self._shown_of == (frames.version, fixed_frame):
             return
         self._shown_of = frames.version, fixed_frame
-        shown = set(frames.names)
+        connected = set(frames.names)
         if self._links:
             top = frames.top(fixed_frame)
-            shown = {frame for frame in shown if frames.top(frame) == top} | self._links
-        self._hide(self._drawn - shown)
-        self._show(shown - self._retired)
+            connected = {frame for frame in connected if frames.top(frame) == top} | self._links
+        self._hide(self._drawn - connected)
+        self._show(connected - self._retired)
 
     def _show(self, frames: Iterable[str]) -> None:
-        wanted = self._only.intersection(frames) if self._only else set(frames)
-        new = wanted - self._drawn
-        self._drawn |= new
-        self._draw(new)
+        chosen_frames = self._only.intersection(frames) if self._only else set(frames)
+        new_frames = chosen_frames - self._drawn
+        self._drawn |= new_frames
+        self._draw(new_frames)
 
     def _draw(self, frames: Collection[str]) -> None:
         """Draw axes in ``frames``; in all of them if their look has changed."""
