@@ -5,5 +5,5 @@ import os
 import onebot_description  # noqa: F401 - which explains a missing ROS
 
 # Rerun reads it when it is imported, so it is set here, before any module can import rerun.
-# A recording without a footer is our choice, of which Rerun would warn at every start.
+# We choose recordings without a footer; Rerun would warn of that at every start.
 os.environ.setdefault("RUST_LOG", "warn,re_log_encoding::rrd::file_sink=error")

@@ -30,9 +30,6 @@ class CommandLock:
 
     The last message counts, whoever has sent it, and it does not expire: if the node that locked
     dies, the robot stays locked. Where ~/cmd_vel is remapped, the lock is beside it.
-
-    Attributes:
-        locked: whether commands are ignored.
     """
 
     def __init__(self, node: Node, brake: Callable[[], None]) -> None:

@@ -23,7 +23,7 @@ T = TypeVar("T")
 
 # The system clock is followed when it is this far from the cycles' own count, ns.
 _DRIFT = 2_000_000
-_COMPARISONS = 10  # at the start, of which the most exact one counts
+_COMPARISONS = 10  # comparisons of clocks at the start; the most exact one counts
 _SET_BACK = NANO  # ns that the system clock goes back at least when somebody sets it
 _PATIENCE = 10.0  # s for the loop to answer
 _PAUSED_WAIT = 0.01  # s between polls of the inbox while simulated time is stopped

@@ -119,11 +119,7 @@ class DrivenSpawn(NamedTuple):
 
     @classmethod
     def of(cls, description: Description, config: ControlConfig, name: str = "") -> "DrivenSpawn":
-        """Return the robot that ``config`` drives, at its start; ``name`` is for errors.
-
-        Raises:
-            OneBotError: config and description do not suit each other.
-        """
+        """Return the robot that ``config`` drives, at its start; ``name`` is for errors."""
         wheels = wheels_of(description, config)
         wheels.geometry(config.wheel_separation, config.wheel_radius)
         simulated, held = drivable(wheels)
@@ -151,11 +147,7 @@ class DrivenRobot:
         plant: Robot,
         held: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
-        """Stand still, with odometry at zero.
-
-        Raises:
-            OneBotError: config and description do not suit each other.
-        """
+        """Stand still, with odometry at zero."""
         self.wheels, self.plant, self.held = wheels, plant, held
         self.description = wheels.description
         self.geometry, kinematics, self.broadcaster = self.fitted(config)
@@ -233,7 +225,7 @@ class DrivenRobot:
     def turn(self) -> None:
         """Set the wheels' velocities, as ``begin`` has decided, for the world's next step."""
         left, right = self._command.left, self._command.right
-        # The driven joints are those of ``Wheels.names``.
+        # ``Wheels.names`` are the driven joints.
         self.plant.turn([*self._left.velocities(left), *self._right.velocities(right)])
         self.ticks += 1
 
@@ -305,9 +297,5 @@ class DrivenRobot:
 
 
 def wheels_of(description: Description, config: ControlConfig) -> Wheels:
-    """Return the driven wheels: those that the parameters name, or else those that are found.
-
-    Raises:
-        OneBotError: one is missing, or none are found.
-    """
+    """Return the driven wheels: as the parameters name them, or else as found in the URDF."""
     return Wheels(description, config.left_wheel_names, config.right_wheel_names)

@@ -78,9 +78,6 @@ class Driving:
             nodes: velocity_controller, in the namespace of each robot.
             file: URDF or xacro file; None to use each node's parameter or topic.
             arguments: of each node.
-
-        Raises:
-            OneBotError: the parameters or a description cannot be used.
         """
         self.loop: ControlLoop | None = None
         self.sensing: Sensing | None = None
@@ -111,11 +108,7 @@ class Driving:
             self.sensing.stop()
 
     def start_described(self) -> None:
-        """Start the control loop, if all robots are described.
-
-        Raises:
-            OneBotError: they cannot be driven together.
-        """
+        """Start the control loop, if all robots are described."""
         members = [robot.member() for robot in self.robots if robot.description is not None]
         if len(members) < len(self.robots):
             return
@@ -331,7 +324,7 @@ class RobotDriving:
     def warnings(self) -> list[str]:
         """What is surprising about the description and the parameters."""
         assert self.description is not None
-        # Those of what robot_state_publisher has sent are in its log.
+        # robot_state_publisher has logged the notices of its description.
         notices = self.description.notices if self.description.files else ()
         return [*notices, *self._settings.warnings]
 
@@ -346,11 +339,7 @@ class RobotDriving:
             self._node.set_parameters([Parameter("real_time_factor", value=factor)])
 
     def _start(self, description: Description) -> None:
-        """Drive by a first description.
-
-        Raises:
-            OneBotError: it cannot be used.
-        """
+        """Drive by a first description."""
         self.description = description
         try:
             self._driving.start_described()
@@ -386,11 +375,7 @@ class RobotDriving:
             self.sense(self._driving.sensing, driven)
 
     def instruments(self, config: ControlConfig) -> list[Instrument]:
-        """Return the sensors of the description and of the file that ``config`` names.
-
-        Raises:
-            OneBotError: the file cannot be used.
-        """
+        """Return the sensors of the description and of the file that ``config`` names."""
         assert self.description is not None
         return self.sensors.update(self._row, self.description, config)
 

@@ -66,7 +66,7 @@ class PoseCovariance(NamedTuple):
         F is [[1, 0, -dy], [0, 1, dx], [0, 0, 1]].
         """
         xx, xy, yy, xt, yt, tt = self
-        # F P first, of which the last row is that of P.
+        # F P first; its last row is the last row of P.
         left_xt, left_yt = xt - dy * tt, yt + dx * tt
         return PoseCovariance(
             xx - dy * xt - dy * left_xt,
@@ -98,7 +98,7 @@ _EXACT = PoseCovariance()
 
 
 class RollingMean:
-    """The mean of the last few values; of those there are, while they are fewer."""
+    """The mean of the last few values, or of all while there are fewer."""
 
     def __init__(self, size: int) -> None:
         self._values: deque[float] = deque(maxlen=size)
@@ -163,7 +163,7 @@ class Odometry:
         self.forget_wheels()
 
     def rereference_wheels(self) -> None:
-        """Take the next wheel positions as those of the pose so far; the twist goes on."""
+        """Take the next wheel positions as the wheels' at the present pose; the twist goes on."""
         self._wheels = None
         self._since = 0.0
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -240,35 +241,29 @@ def read_control_files(files: Sequence[Path], namespace: str, controller: str) -
     """
     parameters = Parameters()
     for file in files:
-        parameters.update(_File(file, namespace).read(controller))
+        parameters.update(_read_control_file(file, namespace, controller))
     return parameters
 
 
-class _File:
-    def __init__(self, file: Path, namespace: str) -> None:
-        self._name, self._text = str(file), read_text(file)
-        self._namespace = namespace.rstrip("/")
+def _read_control_file(file: Path, namespace: str, controller: str) -> Parameters:
+    text, problems = read_text(file), list[Problem]()
 
-    def read(self, controller: str) -> Parameters:
-        types = {f"{controller}.type": CONTROLLER_TYPE, f"{BROADCASTER}.type": BROADCASTER_TYPE}
-        drive, problems = self._section(controller, lambda n: unknown_parameters(ControlConfig, n))
-        manager, more = self._section("controller_manager", _unknown_but("update_rate", *types))
-        problems += more + _wrong_types(manager.values, types)
-        broadcaster, more = self._section(
-            BROADCASTER, lambda n: unknown_parameters(BroadcasterConfig, n)
-        )
-        problems += more
-        if problems:
-            raise ConfigError(problems, {**broadcaster.places, **manager.places, **drive.places})
-        _add(drive, manager, {"update_rate": "update_rate"})
-        _add(drive, broadcaster, {name: f"{BROADCASTER}.{name}" for name in broadcaster.values})
-        return drive
+    def section(node: str, unknown: Unknown) -> Parameters:
+        parameters = read_parameters(text, str(file), f"{namespace.rstrip('/')}/{node}")
+        parameters.drop_shared(unknown)
+        problems.extend(unknown(parameters.values))
+        return parameters
 
-    def _section(self, node: str, unknown: Unknown) -> tuple[Parameters, list[Problem]]:
-        """Return the parameters of a node, and which of them it does not have."""
-        section = read_parameters(self._text, self._name, f"{self._namespace}/{node}")
-        section.drop_shared(unknown)
-        return section, unknown(section.values)
+    types = {f"{controller}.type": CONTROLLER_TYPE, f"{BROADCASTER}.type": BROADCASTER_TYPE}
+    drive = section(controller, partial(unknown_parameters, ControlConfig))
+    manager = section("controller_manager", _unknown_but("update_rate", *types))
+    problems += _wrong_types(manager.values, types)
+    broadcaster = section(BROADCASTER, partial(unknown_parameters, BroadcasterConfig))
+    if problems:
+        raise ConfigError(problems, {**broadcaster.places, **manager.places, **drive.places})
+    _add(drive, manager, {"update_rate": "update_rate"})
+    _add(drive, broadcaster, {name: f"{BROADCASTER}.{name}" for name in broadcaster.values})
+    return drive
 
 
 def _unknown_but(*names: str) -> Unknown:
@@ -312,11 +307,7 @@ class ControlParameters:
     places: dict[str, str]  # file and line of each value from a file
 
     def __init__(self, node: "Node", arguments: "RosArguments") -> None:
-        """Declare them, with what the files and the command line have.
-
-        Raises:
-            ConfigError: something is wrong with them.
-        """
+        """Declare them, with what the files and the command line have."""
         namespace, name = node.get_namespace(), node.get_name()
         file = read_control_files(arguments.files, namespace, name)
         names = [n for to, n in arguments.names if to in ("", name)]
@@ -341,11 +332,7 @@ class ControlParameters:
         return [problem.message(self.places) for problem in self.config.surprises()]
 
     def changed(self, parameters: Sequence["Parameter"], simulated: bool) -> ControlConfig:
-        """Return the configuration with these parameters set.
-
-        Raises:
-            ConfigError: they cannot be set, and why.
-        """
+        """Return the configuration with these parameters set."""
         if problems := _clock_problems(parameters, simulated):
             raise ConfigError(problems)
         return read(ControlConfig, {**self.values, **_own(parameters)})

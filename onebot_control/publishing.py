@@ -40,7 +40,7 @@ _TWO_CLOCKS = (
 
 
 class Frames(NamedTuple):
-    """The frames of a robot: those that its odometry connects, and its links'."""
+    """The frames of a robot: the two that its odometry connects, and its links'."""
 
     world: str  # "" if there is none
     odom: str
@@ -236,7 +236,7 @@ class ScenePublisher:
     """
 
     def __init__(self, node: Node, scene: SceneBodies, world_frame: str, rate: Divider) -> None:
-        """Announce the topics, and publish the description; ``rate`` is that of /tf."""
+        """Announce the topics, and publish the description; ``rate`` is the rate of /tf, Hz."""
         self._scene, self._world, self._rate = scene, world_frame, rate
         self._tf = node.create_publisher(TFMessage, "/tf", _DEPTH)
         self._tf_static = node.create_publisher(TFMessage, "/tf_static", LATCHED)

@@ -108,9 +108,6 @@ def velocity_controllers(
         robots: the ROS arguments of each; none for a single robot.
         file: URDF or xacro file.
         arguments: of all nodes.
-
-    Raises:
-        OneBotError: the parameters or a description cannot be used.
     """
     nodes = [VelocityController(words) for words in robots] or [VelocityController()]
     # Only now: this process and the others discover each other while it is imported.

@@ -1,4 +1,4 @@
-"""Warns of stamps by another clock than this computer's, as those of a host whose clock is off."""
+"""Warns of stamps by another clock, such as another computer's that is wrong."""
 
 from collections.abc import Callable
 

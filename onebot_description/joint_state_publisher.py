@@ -470,7 +470,7 @@ class JointStatePublisher(Node):
                 state.source.apply(state.plan)
             if state.source is not old.source:
                 assert state.description is not None
-                # robot_state_publisher logs those of what it publishes.
+                # robot_state_publisher logs the notices of what it publishes.
                 for notice in state.description.notices if state.description.files else ():
                     self.get_logger().warning(notice)
                 moved = listing(state.source.names) if state.source.names else ""

@@ -305,7 +305,7 @@ def use_writable_log_folder() -> None:
 class RosArguments(NamedTuple):
     """What rcl does not report of a command line: its parameter files and who is set by -p."""
 
-    files: tuple[Path, ...] = ()  # those of --params-file, in order
+    files: tuple[Path, ...] = ()  # given by --params-file, in order
     names: tuple[tuple[str, str], ...] = ()  # of the parameters set by -p: (node or "", parameter)
     others: tuple[str, ...] = ()  # arguments that are not for ROS, without the program's name
 
@@ -380,7 +380,7 @@ class DescriptionTopic:
     def __init__(
         self, node: Node, received: Callable[[str], None], has_one: Callable[[], bool]
     ) -> None:
-        """Call ``received`` with each URDF; ``has_one``: the node has one that it can use."""
+        """Call ``received`` with each URDF; ``has_one``: the node has a usable one already."""
         self._node, self._has_one = node, has_one
         node.create_subscription(
             String, _DESCRIPTION, lambda message: received(message.data), LATCHED

@@ -181,7 +181,7 @@ class RobotStatePublisher(Node):
 
 
 class FollowedFiles:
-    """Publishes the robot as its files are edited; those that cannot be used change nothing."""
+    """Publishes the robot again when its files are edited; unusable files change nothing."""
 
     def __init__(self, node: RobotStatePublisher, files: DescriptionFiles) -> None:
         self._node, self._files, self._log = node, files, node.get_logger()

@@ -16,7 +16,7 @@ _STOP = (signal.SIGINT, signal.SIGTERM)
 
 
 def stop_signals() -> tuple[signal.Signals, ...]:
-    """Return those that ask a command to stop: SIGHUP too, unless it is ignored as under nohup."""
+    """Return the signals that stop a command: SIGHUP too, unless ignored as under nohup."""
     nohup = signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
     return _STOP if nohup else (*_STOP, signal.SIGHUP)
 

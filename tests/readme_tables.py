@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 
 from onebot_bringup.bags.bag_recorder import RecorderParameters
+from onebot_bringup.cli.main import VERBS, subcommands
 from onebot_bringup.launch.arguments import (
     Argument,
     description_arguments,
@@ -36,6 +37,7 @@ _ROBOTS_OWN = "the robot's"  # default of a file that each bringup has of its ow
 def tables() -> dict[str, str]:
     """Return each table by the name in its marks."""
     by_name = {f"parameters of {name}": _parameters(*kinds) for name, kinds in PARAMETERS.items()}
+    by_name["commands"] = _table(("Command", "Purpose"), map(_verb, VERBS))
     by_name["arguments"] = _arguments(description_arguments(*[_ROBOTS_OWN] * 3))
     by_name["arguments of onebot_bringup"] = _arguments(simulation_arguments("`control.yaml`"))
     return by_name
@@ -52,6 +54,11 @@ def _parameters(*kinds: type) -> str:
 def _arguments(arguments: Iterable[Argument]) -> str:
     cells = ((f"`{one.name}`", _code(one.default), _plain(one.help)) for one in arguments)
     return _table(("Argument", "Default", "Meaning"), cells)
+
+
+def _verb(name: str) -> tuple[str, str]:
+    first, *others = [*subcommands(name)] or [""]
+    return _names([f"onebot {name} {first}".rstrip(), *others]), VERBS[name].summary
 
 
 def _names(names: Iterable[str]) -> str:

@@ -3,7 +3,6 @@
 An entry such as "each of `source_list`" stands for the topics that the test makes the node use.
 """
 
-import importlib
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -22,7 +21,6 @@ from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from std_msgs.msg import String
 
-from onebot_bringup.cli.main import VERBS
 from onebot_bringup.viewer.displays import MESSAGE_DRAWINGS
 from onebot_description.description import load_description
 from tests import readme_tables
@@ -356,18 +354,6 @@ def _call(peer: Peer, kind: Any, name: str, request: Any) -> Any:
     wait_for(future.done, name)
     peer.node.destroy_client(client)
     return future.result()
-
-
-def test_commands() -> None:
-    """Every command of onebot is in its table, and no other."""
-    text = (CHECKOUT / "onebot_bringup/README.md").read_text()
-    entries = [entry for entry, _ in _rows(_section(text, "## onebot"))]
-    assert {_names(entry)[0].split()[1] for entry in entries} == set(VERBS)
-    for name in VERBS:
-        words = " ".join(entry for entry in entries if f"`onebot {name} " in entry)
-        module = importlib.import_module(f"onebot_bringup.cli.{name}")
-        for command in getattr(module, "COMMANDS", ()):  # the second words, of some
-            assert re.search(rf"\b{command}\b", words), f"onebot {name} {command}"
 
 
 def test_displays() -> None:

@@ -31,7 +31,7 @@ from onebot_description.parameters import bounded_yaml
 MAX_SIZE = 256_000_000  # bytes
 _FILE_RATIO = 100  # a file that is compressed as a whole becomes larger by at most as much
 
-# rosbag2's own compression, of files or of each message, beside that of the chunks in an MCAP file.
+# rosbag2 compresses files or messages itself, beside the chunks of an MCAP file.
 _ZSTD = "zstd"
 _COMPRESSED = f".{_ZSTD}"
 _FRAME = b"\x28\xb5\x2f\xfd"  # how zstd's data begins, and no CDR does
@@ -60,7 +60,7 @@ class Bag(Contents):
         self.distro = ""
         try:
             self.files = self._find()
-        except OSError as error:  # a folder may not be listed, or a name cannot be that of a file
+        except OSError as error:  # a folder cannot be listed, or a file cannot have that name
             raise OneBotError(f"{source} cannot be read: {error.strerror}") from error
         self._readable = [self._decompressed(file) for file in self.files]
         self.storage = _STORAGES[self._readable[0].suffix]
@@ -157,7 +157,7 @@ class Bag(Contents):
         return [source]
 
     def _in_folder(self) -> list[Path]:
-        """The files that metadata.yaml names, or else those that are there."""
+        """The files that metadata.yaml names, or else the files in the folder."""
         paths = {path.name: path for path in self.source.iterdir()}
         information = self._metadata()
         if information is None:

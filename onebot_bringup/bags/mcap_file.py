@@ -140,7 +140,7 @@ class McapFile:
                 yield BagMessage(topic, kind, time, data)
 
     def _summary(self) -> _Declared | None:
-        """The summary; None without one that is whole, and for what writers may leave out of it."""
+        """The summary; None if it is missing or incomplete."""
         index = _Declared(self._max_size)
         try:
             self._file.seek(-_FOOTER.size, os.SEEK_END)

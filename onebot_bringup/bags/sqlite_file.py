@@ -36,7 +36,7 @@ _MESSAGES = """
 
 
 class SqliteFile:
-    """A SQLite file that is open, as ``McapFile``; ``max_size`` is that of a message."""
+    """An open SQLite file, as ``McapFile``; ``max_size`` is a message's."""
 
     def __init__(self, path: Path, max_size: int) -> None:
         self._path, self._max_size = path, max_size

@@ -134,7 +134,7 @@ class BagWriter:
         write_whole(self.folder / METADATA, _yaml(self._metadata()).encode())
 
     def _metadata(self) -> dict[str, Any]:
-        """Version 9 of rosbag2's metadata, which is that of Jazzy."""
+        """Version 9 of rosbag2's metadata, as Jazzy writes it."""
         name = self._file.path.name
         start = self._start if self.message_count else _INFINITE
         extent = {
@@ -215,7 +215,7 @@ class _McapFile:
 
     @property
     def pending(self) -> int:
-        """Bytes that only the next checkpoint will write; those of the open chunk come on top."""
+        """Bytes that only the next checkpoint will write, without the open chunk's."""
         return self._output.tell() - self._output.start
 
     def checkpoint(self) -> None:

@@ -17,16 +17,12 @@ from typing import Any, NoReturn
 
 from onebot_bringup.cli import main
 from onebot_bringup.cli.options import Parser, positional
-from onebot_bringup.cli.run import EXECUTABLES
+from onebot_bringup.cli.run import BRINGUPS, EXECUTABLES
 from onebot_bringup.cli.session import Session
 from onebot_bringup.launch.arguments import listed
 from onebot_description.errors import OneBotError
 
 _SHELLS = ("bash", "zsh", "fish")
-_SCRIPTS = {
-    "onebot_bringup": EXECUTABLES["onebot_bringup"]["onebot_bringup"],
-    "mrm_bringup": EXECUTABLES["mrm_description"]["mrm_bringup"],
-}
 
 
 def run(argv: Sequence[str]) -> int:
@@ -41,7 +37,7 @@ def run(argv: Sequence[str]) -> int:
         raise OneBotError(
             "tab completion needs argcomplete: pip install 'onebot-robots[completion]'"
         ) from None
-    print(shellcode(["onebot", *_SCRIPTS], shell=args.shell))
+    print(shellcode(["onebot", *BRINGUPS], shell=args.shell))
     return 0
 
 
@@ -51,7 +47,7 @@ def complete() -> NoReturn:
 
     _, _, _, words, _ = split_line(os.environ["COMP_LINE"], int(os.environ["COMP_POINT"]))
     program, *arguments = words
-    script = _SCRIPTS.get(PurePath(program).name)
+    script = BRINGUPS.get(PurePath(program).name)
     with suppress(OneBotError), redirect_stdout(io.StringIO()):  # there is no such command
         if script:
             from onebot_bringup.launch.bringup import bring_up

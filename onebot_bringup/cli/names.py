@@ -59,7 +59,7 @@ class Named:
         print("\n".join(self.find_types(session, getattr(args, self.word))[1]))
 
     def print_names_of_type(self, session: Session, args: Namespace) -> None:
-        """List those of a type."""
+        """List the names of one type."""
         from onebot_bringup.introspection.interfaces import full_name
 
         kind = full_name(args.type, self.interface)

@@ -11,13 +11,17 @@ from typing import TYPE_CHECKING
 from onebot_bringup.launch.arguments import (
     Argument,
     complete,
+    node_parameters,
     number,
-    port,
+    parameter_of,
+    parameters_of,
     split,
     table,
 )
+from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_description.description.packages import use_environment_prefix
 from onebot_description.errors import OneBotError, UsageError
+from onebot_description.parameters.reader import read
 from onebot_description.signals import KeyboardInterrupts
 
 if TYPE_CHECKING:
@@ -33,17 +37,16 @@ none: every topic that has a display is shown, and message types need not be ins
 below the robot plays, stops and goes to any time.
 """
 
+_VIEWER = "rerun_viewer"
 ARGUMENTS = (
-    Argument("viewer", "web", "how to show it", ("web", "native", "none")),
-    Argument("save", "", "write it to this .rrd file as well; with viewer:=none only that"),
-    Argument("view", "", "what is shown: .yaml, .rviz or .rbl; empty: the robot's own"),
+    *parameters_of(_VIEWER, ViewerParameters, "viewer"),
+    parameter_of(_VIEWER, ViewerParameters, "save", note="with viewer:=none only that"),
+    *parameters_of(_VIEWER, ViewerParameters, "view"),
     Argument("fixed_frame", "", "the frame that stands still; empty: the view's, else a root"),
     Argument("frame_prefix", "", "put before link names; empty: as the recorded frames are"),
     Argument("namespace", "", "of one robot, where several are recorded; empty: all"),
     number("max_size", "256", "MB of a message or chunk, unpacked; larger ones are not read", 0.0),
-    port("grpc_port", "9876", "of the recording's server on 127.0.0.1; 0: any"),
-    port("web_port", "9090", "of the page on 127.0.0.1; 0: any"),
-    Argument("open_browser", "true", "open the page, if there is a display", ("true", "false")),
+    *parameters_of(_VIEWER, ViewerParameters, "grpc_port", "web_port", "open_browser"),
 )
 _RRD = ".rrd"
 _ALL = "100%"  # memory limit: everything must be there for a page that is opened later
@@ -85,7 +88,7 @@ def _replay(source: Path, values: Mapping[str, str], interrupts: KeyboardInterru
                 server.stream.log_file_from_path(file)
             _Log().info(f"showing {source}")
         else:
-            from onebot_bringup.bags.replay import log_bag
+            from onebot_bringup.bags.shown_bag import log_bag
 
             def progress(text: str) -> None:
                 interrupts.check()
@@ -145,15 +148,15 @@ class _Log:
 def _server(values: Mapping[str, str]) -> "closing[DisplayServer]":
     from onebot_bringup.viewer.display_server import DisplayServer  # slower to import
 
-    save = Path(values["save"]).expanduser().absolute() if values["save"] else None
+    parameters = read(ViewerParameters, node_parameters(ARGUMENTS, values, _VIEWER))
     return closing(
         DisplayServer(
-            values["viewer"],
-            save,
-            grpc_port=int(values["grpc_port"]),
-            web_port=int(values["web_port"]),
+            parameters.viewer,
+            parameters.recording,
+            grpc_port=parameters.grpc_port,
+            web_port=parameters.web_port,
             memory_limit=_ALL,
-            open_browser=values["open_browser"] == "true",
+            open_browser=parameters.open_browser,
             log=_Log(),
         )
     )

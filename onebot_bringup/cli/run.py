@@ -4,24 +4,18 @@ import importlib
 import sys
 from collections.abc import Sequence
 
+from onebot_bringup.launch.nodes import NODES
 from onebot_description.discovery import use_local_discovery
 from onebot_description.errors import UsageError, did_you_mean
 
-# The executables that each package's CMakeLists.txt installs, and the modules that they are.
-EXECUTABLES = {
-    "onebot_description": {
-        "robot_state_publisher": "onebot_description.robot_state_publisher",
-        "joint_state_publisher": "onebot_description.joint_state_publisher",
-    },
-    "onebot_control": {"velocity_controller": "onebot_control.velocity_controller"},
-    "onebot_bringup": {
-        "rerun_viewer": "onebot_bringup.viewer.rerun_viewer",
-        "steering_page": "onebot_bringup.steering.steering_page",
-        "bag_recorder": "onebot_bringup.bags.bag_recorder",
-        "onebot_bringup": "onebot_bringup.launch.onebot_bringup",
-    },
-    "mrm_description": {"mrm_bringup": "mrm_description.launch.mrm_bringup"},
+BRINGUPS = {
+    "onebot_bringup": "onebot_bringup.launch.onebot_bringup",
+    "mrm_bringup": "mrm_description.launch.mrm_bringup",
 }
+# By package and name: what each package's CMakeLists.txt installs.
+EXECUTABLES: dict[str, dict[str, str]] = {}
+for module in (*(row.module for row in NODES), *BRINGUPS.values()):
+    EXECUTABLES.setdefault(module.partition(".")[0], {})[module.rpartition(".")[2]] = module
 
 
 def run(argv: Sequence[str]) -> int:

@@ -358,7 +358,7 @@ def _mesh_problems(description: Description) -> tuple[str, ...]:
 
 def _record_bag(args: Namespace, recording: "rr.RecordingStream") -> None:
     from onebot_bringup.bags.bag_reader import Bag
-    from onebot_bringup.bags.replay import log_bag
+    from onebot_bringup.bags.shown_bag import log_bag
 
     view = Path(args.view).expanduser().absolute() if args.view else None
     if view is not None and not view.is_file():

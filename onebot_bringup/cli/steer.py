@@ -9,6 +9,7 @@ from onebot_bringup.cli.running_robots import chosen_commands, description_topic
 from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.launch.arguments import (
     Argument,
+    choice,
     complete,
     node_parameters,
     parameter_of,
@@ -41,7 +42,7 @@ _ARGUMENTS = [
         PageParameters,
         *("odom_topic", "host", "port", "token", "rate", "max_linear", "max_angular"),
     ),
-    Argument(
+    choice(
         "viewer",
         "auto",
         "the 3D view; auto: the robot's viewer, or else start one",

@@ -15,7 +15,7 @@ from typing import Any
 from onebot_description.description.packages import use_environment_prefix
 from onebot_description.errors import OneBotError, did_you_mean
 
-_INDEX = "rosidl_interfaces"  # of ament: the packages with types
+_INDEX = "rosidl_interfaces"  # ament's list of the packages with types
 _TF_MESSAGE = "tf2_msgs/msg/TFMessage"
 _DELIMITER = "=" * 80  # rosbag2's, between the definitions of types
 _FIELD_TYPE = re.compile(r"^\s*([A-Za-z0-9_/]+)(?:<=\d+)?(?:\[[^]]*\])?\s", re.MULTILINE)
@@ -51,17 +51,17 @@ def full_name(name: str, kind: str) -> str:
     raise OneBotError(f'no {_KINDS[kind]} type "{name}"{_suggestion(full, names)}')
 
 
-def _suggestion(name: str, known: tuple[str, ...]) -> str:
+def _suggestion(name: str, types: tuple[str, ...]) -> str:
     """A hint on similar types, also with the same name in another package."""
     package, _, kind = name.rpartition("/")
     package = package.partition("/")[0]
-    namesakes = [full for full in known if full.rpartition("/")[2].lower() == kind.lower()]
+    namesakes = [full for full in types if full.rpartition("/")[2].lower() == kind.lower()]
     if namesakes:
         return f" (did you mean {' or '.join(namesakes)}?)"
-    siblings = [full for full in known if full.startswith(f"{package}/")]
+    siblings = [full for full in types if full.startswith(f"{package}/")]
     if siblings:
         return did_you_mean(name, siblings, f"in {package}")
-    return did_you_mean(name, known, "installed")
+    return did_you_mean(name, types, "installed")
 
 
 @cache

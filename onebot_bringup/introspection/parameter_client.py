@@ -64,7 +64,7 @@ class ParameterClient:
         raise OneBotError(f"the service {name} does not answer (waited {_ANSWER:g} s)")
 
     def names(self, prefixes: Sequence[str] = ()) -> list[str]:
-        """Return the names of all parameters, or of those below the prefixes."""
+        """Return the names of all parameters, or of the parameters below the prefixes."""
         return list(self._call("ListParameters", prefixes=list(prefixes)).result.names)
 
     def values(self, names: Sequence[str]) -> list[Any]:

@@ -57,7 +57,7 @@ def text_of(value: Any) -> str:
 
 
 def quoted(value: Any) -> str:
-    """Return a plain value, such as that of a file, as YAML that ``parse_value`` reads."""
+    """Return a plain value, for example from a file, as YAML that ``parse_value`` reads."""
     if isinstance(value, str):
         return json.dumps(value)
     text = yaml.safe_dump(value, default_flow_style=True, width=math.inf, allow_unicode=True)
@@ -156,7 +156,7 @@ def _int64(value: int) -> int:
 
 
 def dump(node: str, names: Sequence[str], values: Sequence[Any]) -> str:
-    """Return a node's parameters as a parameter file has them: those that have a value."""
+    """Return the node's parameters that have a value, in the form of a parameter file."""
     tree: dict[str, Any] = {}
     for name, value in zip(names, values, strict=True):
         if value.type == NOT_SET:

@@ -19,7 +19,7 @@ from onebot_description.discovery import ARGUMENT, LOCALHOST, WANTED
 from onebot_description.errors import UsageError, did_you_mean, printable
 from onebot_description.joints.config import JointsConfig
 from onebot_description.parameters.reader import leaves
-from onebot_description.parameters.values import MAX_PORT, Rule, ValueType
+from onebot_description.parameters.values import Rule, ValueType
 from onebot_description.state_parameters import StateParameters
 
 # What launch files of ROS call otherwise, and how it is written here.
@@ -48,12 +48,16 @@ class Argument:
 
     name: str  # the word before :=
     default: str  # the text after :=; if it is empty, the argument may be
-    description: str  # one line; for choices these are added to it
-    choices: tuple[str, ...] = ()  # the only values allowed; none means any
+    description: str  # one line
     type: ValueType = ValueType(str)  # its text must stand for such a value
     examples: tuple[str, ...] = ()  # other values, for tab completion
     node: str = ""  # the node that has it as a parameter; empty for none
     parameter: str = ""  # that parameter's name
+
+    @property
+    def choices(self) -> Sequence[str]:
+        """The only values allowed; none means any."""
+        return _SWITCH if self.type.base is bool else self.type.rule.choices
 
     @property
     def help(self) -> str:
@@ -99,7 +103,12 @@ class Argument:
 
 def switch(name: str, default: bool, description: str) -> Argument:
     """Return an argument that is true or false."""
-    return Argument(name, _text(default), description, _SWITCH, ValueType(bool))
+    return Argument(name, _text(default), description, ValueType(bool))
+
+
+def choice(name: str, default: str, description: str, choices: tuple[str, ...]) -> Argument:
+    """Return an argument that is one of these words."""
+    return Argument(name, default, description, ValueType(str, Rule(choices=choices)))
 
 
 def number(
@@ -112,12 +121,7 @@ def number(
 ) -> Argument:
     """Return an argument that is a finite number, or an integer."""
     value = ValueType(kind, Rule(at_least=at_least, at_most=at_most))
-    return Argument(name, default, description, type=value)
-
-
-def port(name: str, default: str, description: str) -> Argument:
-    """Return an argument that is a port, 0 for any."""
-    return number(name, default, description, 0, MAX_PORT, int)
+    return Argument(name, default, description, value)
 
 
 def parameters_of(node: str, kind: type, *names: str) -> list[Argument]:
@@ -152,7 +156,6 @@ def parameter_of(
         name or parameter,
         _text(leaf.default) if default is None else default,
         "; ".join(filter(None, (leaf.type.rule.description, joined, note))),
-        _SWITCH if leaf.type.base is bool else leaf.type.rule.choices,
         leaf.type,
         examples,
         node,
@@ -322,7 +325,7 @@ def ros_settings() -> list[Argument]:
     """Return the arguments about names and discovery."""
     words = "words of letters, digits and _ that do not start with a digit, joined by /"
     name = ValueType(str, Rule(pattern=_NAMESPACE, write=f"a ROS name: {words}"))
-    namespace = Argument("namespace", "", "the namespace of all nodes", type=name)
+    namespace = Argument("namespace", "", "the namespace of all nodes", name)
     return [namespace, *discovery_settings()]
 
 
@@ -335,7 +338,7 @@ def discovery_settings() -> list[Argument]:
             LOCALHOST,
             "which nodes are discovered; not given: as the environment has it; "
             "HOST:PORT of a discovery server, or (localhost, subnet)",
-            type=ValueType(str, Rule(pattern=ARGUMENT, write=WANTED)),
+            ValueType(str, Rule(pattern=ARGUMENT, write=WANTED)),
             examples=(LOCALHOST, "subnet"),
         ),
     ]
@@ -370,7 +373,7 @@ def description_arguments(model: str, joints: str, view: str) -> list[Argument]:
             "robot_state_publisher", StateParameters, "publish_frequency", "ignore_timestamp"
         ),
         switch("use_sim_time", False, "take the time from /clock"),
-        Argument("log_level", "info", "the least severe log messages shown", _LEVELS),
+        choice("log_level", "info", "the least severe log messages shown", _LEVELS),
         *discovery,
     ]
 

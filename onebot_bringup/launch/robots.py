@@ -36,12 +36,12 @@ _SAME = 1e-3  # m
 class PlacedRobot(NamedTuple):
     """One of several robots in one world."""
 
-    name: str  # its namespace within that of the bringup
+    name: str  # its namespace, below the bringup's
     x: float  # m, where it starts
     y: float  # m
     yaw: float  # rad
     description: Description
-    params_file: Path | None = None  # its controller's, overrides that of all
+    params_file: Path | None = None  # its controller's; overrides the fleet's
 
 
 @dataclass(frozen=True)

@@ -72,7 +72,7 @@ class Guard:
 
 
 def signal_group(group: int, number: int) -> None:
-    """Send a signal to each process of ``group``; one that is gone already is no error."""
+    """Send a signal to each process of ``group``; it is no error if one is gone already."""
     with contextlib.suppress(ProcessLookupError, PermissionError):
         os.killpg(group, number)
 

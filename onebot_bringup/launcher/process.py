@@ -1,4 +1,4 @@
-"""Nodes as processes: what to start, and one that runs."""
+"""Nodes as processes: how to start one, and one while it runs."""
 
 import asyncio
 import contextlib
@@ -86,7 +86,7 @@ class Lines:
         self._rest = b""
 
     def feed(self, data: bytes) -> None:
-        """Pass each line of what was read."""
+        """Pass on each line that was read."""
         *lines, self._rest = (self._rest + data).split(b"\n")
         for line in lines:
             self._sink(line)

@@ -19,7 +19,7 @@ def _resolve(host: str, port: int) -> tuple[socket.AddressFamily, tuple[Any, ...
     except (OSError, UnicodeError):
         raise _not_here(host) from None
     # IPv4 first: "localhost" is expected to be 127.0.0.1.
-    family, _, _, _, address = min(addresses, key=lambda one: one[0] != socket.AF_INET)
+    family, _, _, _, address = min(addresses, key=lambda address: address[0] != socket.AF_INET)
     return family, address
 
 
@@ -67,9 +67,9 @@ def listen(host: str, port: int, name: str = "port") -> socket.socket:
     raise OneBotError(f"there is no free port on {host}")
 
 
-def free_port(wanted: int, name: str = "port") -> int:
-    """Return ``wanted`` if it is free on loopback, else (or for 0) any free port."""
-    with listen(LOOPBACK, wanted, name) as probe:
+def free_port(port: int, name: str = "port") -> int:
+    """Return ``port`` if it is free on loopback, else (or for 0) any free port."""
+    with listen(LOOPBACK, port, name) as probe:
         return int(probe.getsockname()[1])
 
 

@@ -146,7 +146,7 @@ class RerunProxy:
 
 def data_url(host: str) -> str:
     """Return the ``url=`` parameter of a page that gets its data from ``host``, a Host header."""
-    # Without a port, Rerun's page would take that of its own servers.
+    # Without a port, Rerun's page would take its own server's.
     full = host if re.search(r":\d+$", host) else f"{host}:80"
     return f"url={quote(f'rerun+http://{full}/proxy', safe=':/[]')}"
 

@@ -78,8 +78,8 @@ class Access:
         return bool(self.token) and token is not None and _equal(token, self.token)
 
 
-def _equal(one: str, other: str) -> bool:
-    return hmac.compare_digest(_bytes(one), _bytes(other))
+def _equal(first: str, second: str) -> bool:
+    return hmac.compare_digest(_bytes(first), _bytes(second))
 
 
 def _bytes(text: str) -> bytes:

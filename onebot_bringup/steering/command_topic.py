@@ -165,7 +165,7 @@ class CommandTopic:
 
     @property
     def listeners(self) -> list[CommandSubscriber]:
-        """The subscribers without those that are known to observe only."""
+        """The subscribers, without nodes that are known to observe only."""
         return [end for end in self.subscribers if not end.observes]
 
     def publish(self, velocity: Velocity) -> None:

@@ -69,10 +69,10 @@ class Controllers:
         if controllers:
             self._set(tuple(controllers))
 
-    def _set(self, known: tuple[Controller, ...]) -> None:
+    def _set(self, controllers: tuple[Controller, ...]) -> None:
         # As text: a limit that is not given is NaN, which equals nothing.
-        if repr(known) != repr(self.known):
-            self.known = known
+        if repr(controllers) != repr(self.known):
+            self.known = controllers
             self._changed()
 
     def _on_event(self, event: ParameterEvent) -> None:

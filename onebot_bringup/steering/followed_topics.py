@@ -24,7 +24,7 @@ class FollowedTopics:
         self._subscriptions: dict[tuple[str, str], TopicSubscription] = {}
 
     def update(self, topics: Mapping[str, str]) -> set[str]:
-        """Follow these topics, by name with their types; return the types of those that are left.
+        """Follow these topics, by name with their types; return the types of the topics let go.
 
         To be called several times per second: publishers come and go.
         """

@@ -71,7 +71,7 @@ class Ground:
         self.grid: PublishedMap | None = None
 
     def update(self, namespace: str) -> None:
-        """Follow publishers of the robot's map, or that of all robots; to be called often."""
+        """Follow publishers of the robot's map, or of the common map; call this often."""
         topics: dict[str, str] = {}
         if time.monotonic() < self._used + _UNUSED:
             own_map = f"{namespace}/{_MAP}"

@@ -151,12 +151,12 @@ class Senses:
         clearance, when = self._seen
         return clearance if clearance < math.inf and time.monotonic() < when + _OLD else None
 
-    def update(self, namespace: str, others: Iterable[str], watched: bool) -> None:
+    def update(self, namespace: str, robots: Iterable[str], watched: bool) -> None:
         """Follow publishers that come and go; to be called several times per second.
 
-        ``others`` are the namespaces of other robots; ``watched``: there is a page.
+        ``robots`` are the namespaces of other robots; ``watched``: there is a page.
         """
-        spaces = tuple(f"{space}/" for space in others if space.startswith(f"{namespace}/"))
+        spaces = tuple(f"{space}/" for space in robots if space.startswith(f"{namespace}/"))
         names: dict[str, list[str]] = {kind: [] for kind in _TYPES}
         for name, kinds in self._node.get_topic_names_and_types():
             is_own = name.startswith(f"{namespace}/") and not name.startswith(spaces)

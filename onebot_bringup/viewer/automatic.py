@@ -1,4 +1,4 @@
-"""Chooses which of the available topics to show, beside those that the view names."""
+"""Chooses which of the available topics to show, beside the topics that the view names."""
 
 from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -36,7 +36,7 @@ class TopicSelection:
         self.stage = stage
 
     def choose(self, published: Mapping[str, str], drawn_otherwise: Collection[str]) -> list[str]:
-        """Choose topics; those that are shown stay so, whatever else is published later.
+        """Choose topics; a topic that is shown stays, whatever else is published later.
 
         Args:
             published: the type of each by its full name.

@@ -181,7 +181,7 @@ def make_blueprint(
 
 
 def _beside(parts: Iterable[LayoutPart]) -> rrb.Container | None:
-    """The views beside the robots' own: of several robots a tab each, of which one is drawn."""
+    """The views beside the robots' own; several robots have a tab each, and one is drawn."""
     columns = []
     for robot, of_robot in groupby(parts, key=lambda part: part.robot):
         views = [view.view() for part in of_robot for view in part.views]

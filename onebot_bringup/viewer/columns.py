@@ -127,7 +127,7 @@ def _one_row(batch: Any) -> ReadyColumn:
 def joinable(
     rows: Sequence[tuple[int, Sequence[ReadyColumn]]],
 ) -> list[list[tuple[int, Sequence[ReadyColumn]]]]:
-    """Split rows that follow one another into those of the same columns, which are not large."""
+    """Split consecutive rows into runs of the same columns, none of them large."""
     if len(rows) == 1:
         return [[*rows]]
     groups: list[list[tuple[int, Sequence[ReadyColumn]]]] = []

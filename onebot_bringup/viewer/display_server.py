@@ -306,9 +306,6 @@ def open_recording(
         save: a ``.rrd`` file, replaced if it exists.
         memory_limit: what the server keeps for viewers that join later, such as "256MB"; beyond
             it, the oldest moving data is dropped, but nothing static.
-
-    Raises:
-        OneBotError: the file cannot be written.
     """
     if port is None and save is None:
         raise OneBotError("nothing to log to: serve the recording or save it")

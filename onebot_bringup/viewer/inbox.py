@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 Report = Callable[[Exception], object]
 
-OTHER_CLOCK_NS = 10_000_000_000  # times further apart than this are those of different clocks
+OTHER_CLOCK_NS = 10_000_000_000  # times further apart than this come from different clocks
 WARN_AFTER = 3.0  # seconds that a link, a frame or a transform may be missing without a warning
 _TF = "tf2_msgs/msg/TFMessage"
 
@@ -177,7 +177,7 @@ class Inbox:
         return (topic, type_name) in self._queues
 
     def take(self, topic: str, type_name: str, data: bytes, time_ns: int) -> None:
-        """Keep a message; one that no display wants is ignored.
+        """Keep a message, unless no display wants it.
 
         Args:
             topic: its full name.
@@ -321,7 +321,7 @@ class LoadLimit:
         return self._left > 0.0
 
     def admit(self, messages: Sequence[T], sizes: Iterable[int]) -> Sequence[T]:
-        """Return the newest messages that there is time for, one at least."""
+        """Return the newest messages that there is time to draw, at least one."""
         cost = self._seconds / self._messages if self._messages else 0.0
         most = max(1, int(self._left / cost)) if cost else len(messages)
         self.dropped += max(0, len(messages) - most)

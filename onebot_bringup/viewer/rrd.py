@@ -12,7 +12,7 @@ _PROPERTIES = "/__properties"  # the recording's name and start
 
 
 def check_rrd(rrd: Path) -> None:
-    """Raise an OneBotError if the first bytes of the file are not those of a recording of Rerun."""
+    """Raise an OneBotError if the file does not begin as Rerun's recordings do."""
     try:
         with open_regular(rrd) as file:
             start = file.read(4)

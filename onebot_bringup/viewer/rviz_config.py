@@ -187,7 +187,7 @@ def _qos(topic: Properties, prefix: str) -> dict[str, Any]:
 
 
 def _flat(properties: Properties) -> Iterator[tuple[str, Any]]:
-    """Yield each property by our kind of name, those of a group by their own, with its switch."""
+    """Yield each property by our kind of name; a group's by its own names, with its switch."""
     for name, value in properties.items():
         if isinstance(value, Mapping):
             if "Value" in value:

@@ -101,7 +101,7 @@ def _asset(scene: trimesh.Scene, colored: bool, *, linear: bool = False) -> Shap
             # Colours of vertices, as Blender writes them into Collada, would become an attribute
             # "_color", and Rerun shows nothing of a glTF with attributes that it does not know.
             part.vertex_attributes.clear()
-    # glTF's colours are linear light, those of the other formats are what is seen.
+    # glTF's colours are linear light, the other formats' are sRGB.
     adjust = None if linear else _adjust_colors
     glb = scene.export(file_type="glb", include_normals=True, tree_postprocessor=adjust)
     return ShapeAsset(bytes(glb), np.asarray(scene.bounds, float), colored)

@@ -64,7 +64,7 @@ class ViewFeed:
             except TypeConflictError as error:
                 problems.append(f"the view's {error}")
             except OneBotError as error:
-                # A type that is not installed stays so; of what nobody has asked for, once.
+                # A type that is not installed stays so; warn once if the topic is optional.
                 if not topic.optional or str(error) not in self._reported:
                     problems.append(str(error))
                 self._reported.add(str(error))

@@ -36,9 +36,6 @@ class ViewSource:
             source: a view file (.yaml), RViz's own (.rviz), a layout saved in the viewer (.rbl),
                 "" for the view that belongs to the robot, or "none" for none.
             notice: called with what of an RViz file is not shown.
-
-        Raises:
-            OneBotError: there is no such file, or it is wrong.
         """
         self._notice = notice
         self.file: Path | None = None

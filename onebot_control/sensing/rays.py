@@ -58,12 +58,12 @@ class Cones(NamedTuple):
         sines = np.minimum(1.0, radii / outside)
         cosines = np.sqrt(1.0 - sines * sines)
         # Both within the angle a + b from the axis: a of the sphere, b of the cone.
-        least = (outside * cosines)[:, None] * self.cosines
-        least -= (outside * sines)[:, None] * self.sines
-        touched: NDArray[np.bool_] = centers @ self.axes.T >= least
-        touched |= self.wide
-        touched |= (apart <= radii)[:, None]
-        return touched
+        limits = (outside * cosines)[:, None] * self.cosines
+        limits -= (outside * sines)[:, None] * self.sines
+        overlaps: NDArray[np.bool_] = centers @ self.axes.T >= limits
+        overlaps |= self.wide
+        overlaps |= (apart <= radii)[:, None]
+        return overlaps
 
     def leaving(self, starts: Floats, turns: Floats, boxes: Floats) -> NDArray[np.bool_]:
         """Return which cones lead away (B, C) from boxes (B, 2, 3), beside which their point is.
@@ -104,14 +104,14 @@ class Rays:
     def turned(self, rotation: Floats) -> Singles:
         """Return the directions (N, 3), turned by ``rotation`` (3, 3)."""
         if self._grid is None:
-            turned: Singles = self.singles @ rotation.T.astype(np.float32)
+            directions: Singles = self.singles @ rotation.T.astype(np.float32)
         else:
             rows, columns = ((part @ rotation.T).astype(np.float32) for part in self._grid)
             # Sums of whole rows of a picture: of three numbers each they would take twice as long.
             sums = np.tile(rows, (1, len(columns)))
             sums += columns.ravel()
-            turned = sums.reshape(-1, 3)
-        return turned
+            directions = sums.reshape(-1, 3)
+        return directions
 
     def near(self, centers: Floats, radii: Floats, reach: float) -> NDArray[np.bool_]:
         """Return which bundles (B, bundles) may hit spheres within the reach.
@@ -121,14 +121,14 @@ class Rays:
         is_near = self.nearest(centers, radii) <= reach
         if not self._all.wide[0]:
             is_near &= self._all.touched(centers, radii)[:, 0]
-        touched = np.zeros((len(centers), len(self.bundles.axes)), bool)
-        touched[is_near] = self.bundles.touched(centers[is_near], radii[is_near])
-        return touched
+        overlaps = np.zeros((len(centers), len(self.bundles.axes)), bool)
+        overlaps[is_near] = self.bundles.touched(centers[is_near], radii[is_near])
+        return overlaps
 
     def nearest(self, centers: Floats, radii: Floats) -> Singles:
         """Return the least distances (B,) at which rays can hit spheres; see ``near``."""
-        least: Floats = np.sqrt((centers * centers).sum(axis=1)) - radii
-        return (least / self._longest).astype(np.float32)
+        distances: Floats = np.sqrt((centers * centers).sum(axis=1)) - radii
+        return (distances / self._longest).astype(np.float32)
 
     def pairs(self, bundles: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Return the rays (P,) of these bundles (B, bundles), and of which of the B each is."""
@@ -194,43 +194,43 @@ def cast(
     if not targets.surfaces:
         return hits
     centers = (targets.centers - position) @ rotation
-    touched = rays.near(centers, targets.radii, reach)
+    near_rays = rays.near(centers, targets.radii, reach)
     if skipped > 0:
-        touched[skipped - 1] = False
-    if not touched.any():
+        near_rays[skipped - 1] = False
+    if not near_rays.any():
         return hits
     nearest = rays.nearest(centers, targets.radii)
     back = targets.rotations.transpose(0, 2, 1)
     starts = np.einsum("bij,bj->bi", back, position - targets.positions)
     turns = back @ rotation
     around = np.flatnonzero(nearest < 0.0)  # the spheres that the sensor is in
-    touched[around] &= ~rays.bundles.leaving(starts[around], turns[around], targets.boxes[around])
-    is_near = np.any(touched, axis=1)
+    near_rays[around] &= ~rays.bundles.leaving(starts[around], turns[around], targets.boxes[around])
+    is_near = np.any(near_rays, axis=1)
     starts, turns = starts.astype(np.float32), turns.astype(np.float32)
     # All that look alike are one cast: of a fleet there may be hundreds.
-    for surface, alike in targets.alike.items():
-        kind = alike[is_near[alike]]
+    for surface, group in targets.alike.items():
+        kind = group[is_near[group]]
         if not len(kind):
             continue
-        rows, members = rays.pairs(touched[kind])
+        rows, members = rays.pairs(near_rays[kind])
         indices = kind[members]
         ahead = limit[rows] > nearest[indices]  # not what something nearer hides
         rows, indices = rows[ahead], indices[ahead]
         if not len(rows):
             continue
-        turned = rays.singles[rows]
+        directions_there = rays.singles[rows]
         if len(kind) == 1:
-            turned = turned @ turns[kind[0]].T
+            directions_there = directions_there @ turns[kind[0]].T
         else:
-            turned = np.einsum("pij,pj->pi", turns[indices], turned)
+            directions_there = np.einsum("pij,pj->pi", turns[indices], directions_there)
         distances = limit[rows]
-        target_faces = surface.cast(starts[indices], turned, distances)
+        target_faces = surface.cast(starts[indices], directions_there, distances)
         hit = np.flatnonzero(target_faces.faces >= 0)
         hit = hit[np.argsort(-distances[hit], kind="stable")]  # a ray's nearest hit counts
         rows = rows[hit]
         limit[rows], surfaces[rows] = distances[hit], indices[hit] + 1
-        for all_rays, some in zip((hits.faces, hits.second, hits.third), target_faces, strict=True):
-            all_rays[rows] = some[hit]
+        for values, new in zip((hits.faces, hits.second, hits.third), target_faces, strict=True):
+            values[rows] = new[hit]
     return hits
 
 
@@ -322,10 +322,10 @@ class Surface:
             exact = self._rounds.distances(
                 self._round_of[faces[rows]], origins[rows], directions[rows].astype(float)
             )
-            touched = np.isfinite(exact)
-            passed = rows[~touched]
+            reached = np.isfinite(exact)
+            passed = rows[~reached]
             starts = distances[passed] * np.float32(1 + 1e-6) + np.float32(_ASIDE)
-            distances[rows[touched]] = exact[touched]
+            distances[rows[reached]] = exact[reached]
             if not len(passed):
                 return
             onward = directions[passed]

@@ -165,7 +165,7 @@ _MESSAGES: Mapping[str, tuple[type, Callable[[SensorPublisher, Any], Any]]] = {
 
 
 class RobotSensors:
-    """The sensors of one robot: those of its description, and those of a file, live."""
+    """The sensors of one robot: from its description, and from a file that may change."""
 
     def __init__(self, node: Node, changed: Callable[[], None]) -> None:
         """Begin without sensors.

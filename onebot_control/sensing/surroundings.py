@@ -42,12 +42,7 @@ class LinkPose(NamedTuple):
 
 
 class Surroundings:
-    """What can be seen.
-
-    Attributes:
-        still: what does not move, in the world's frame.
-        kinds: the robots that can be seen, by their descriptions.
-    """
+    """What can be seen: ``still`` in the world's frame, and robots of several ``kinds``."""
 
     def __init__(self, world: Description | None, robots: Sequence[SensedRobot]) -> None:
         self._made: dict[tuple[Geometry, ...], Surface] = {}
@@ -65,7 +60,7 @@ class Surroundings:
         for row, robot in enumerate(robots):
             key = robot.description.urdf, tuple(robot.joints), tuple(robot.held.items())
             rows.setdefault(key, []).append(row)
-        self.kinds = [RobotKind(robots[few[0]], few, self._targets) for few in rows.values()]
+        self.kinds = [RobotKind(robots[group[0]], group, self._targets) for group in rows.values()]
         spheres = [surface.solid.sphere for surface in self._surfaces]
         self._centers = np.array([center for center, _ in spheres]).reshape(-1, 3)
         self._radii = np.array([radius for _, radius in spheres])
@@ -73,7 +68,7 @@ class Surroundings:
         indices: dict[Surface, list[int]] = {}
         for index, surface in enumerate(self._surfaces):
             indices.setdefault(surface, []).append(index)
-        self._alike = {surface: np.array(few, np.intp) for surface, few in indices.items()}
+        self._alike = {surface: np.array(group, np.intp) for surface, group in indices.items()}
 
     def _enter(self, robot: Description) -> dict[str, int]:
         """Add the surfaces of a robot's links; return the targets that they are, by name."""
@@ -95,15 +90,17 @@ class Surroundings:
         self, boxes: Sequence[Transform], links: Sequence[tuple[Floats, Floats]]
     ) -> Targets:
         """Return what moves, with its boxes at these poses, and the links of each of ``kinds``."""
-        turned, at = np.empty((len(self._surfaces), 3, 3)), np.empty((len(self._surfaces), 3))
+        turns, places = np.empty((len(self._surfaces), 3, 3)), np.empty((len(self._surfaces), 3))
         if boxes:
-            at[: len(boxes)] = [place for place, _ in boxes]
-            turned[: len(boxes)] = matrices(np.array([turn for _, turn in boxes]))
+            places[: len(boxes)] = [position for position, _ in boxes]
+            turns[: len(boxes)] = matrices(np.array([turn for _, turn in boxes]))
         for kind, (rotations, positions) in zip(self.kinds, links, strict=True):
-            turned[kind.targets] = rotations[:, kind.seen]
-            at[kind.targets] = positions[:, kind.seen]
-        centers = np.einsum("bij,bj->bi", turned, self._centers) + at
-        return Targets(self._surfaces, self._alike, turned, at, centers, self._radii, self._boxes)
+            turns[kind.targets] = rotations[:, kind.seen]
+            places[kind.targets] = positions[:, kind.seen]
+        centers = np.einsum("bij,bj->bi", turns, self._centers) + places
+        return Targets(
+            self._surfaces, self._alike, turns, places, centers, self._radii, self._boxes
+        )
 
 
 class Placed:

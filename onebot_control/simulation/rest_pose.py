@@ -103,14 +103,14 @@ def _check_size(robot: LoadedRobot, description: Description, lowest: float) -> 
 
 def _come_to_rest(robot: LoadedRobot, settings: Settings) -> None:
     """Simulate until the robot rests on the ground, for ``settings.settling`` seconds at most."""
-    needed, still = math.ceil(_RESTING_TIME * settings.rate), 0
+    needed, rested = math.ceil(_RESTING_TIME * settings.rate), 0
     for _ in range(round(settings.settling * settings.rate)):
         engine.stepSimulation(robot.client)
-        still = still + 1 if _fastest(robot) < _RESTING else 0
-        if still >= needed:
+        rested = rested + 1 if _fastest(robot) < _RESTING else 0
+        if rested >= needed:
             if _is_stable(robot):
                 return
-            still = 0
+            rested = 0
 
 
 def _base_speed(robot: LoadedRobot) -> float:

@@ -146,7 +146,7 @@ class SceneBodies:
             obstacles[part.body] = f'link "{link}"'
 
     def read(self) -> None:
-        """Read the poses of what can be pushed."""
+        """Read the poses of the bodies that can be pushed."""
         self.poses = [part.pose() for part in self._parts]
         self.finite = math.isfinite(sum(sum(at) + sum(turn) for at, turn in self.poses))
 

@@ -122,9 +122,6 @@ def load_robot(
 
     The ``driven`` joints have a motor, which holds them until they get a velocity. What PyBullet
     prints is logged.
-
-    Raises:
-        OneBotError: the robot cannot be loaded.
     """
     bodies = rigid_bodies(description)
     if not any(body.collisions for body in bodies.values()):
@@ -165,11 +162,7 @@ def load_robot(
 
 
 def load_fixed(client: int, description: Description, body: Body, settings: Settings) -> int:
-    """Load a body of a scene that stands still, at the origin; return its index.
-
-    Raises:
-        OneBotError: it cannot be loaded.
-    """
+    """Load a body of a scene that stands still, at the origin; return its index."""
     index = _load(client, description, {body.link: body}, fixed=True)
     set_contact(client, index, -1, body, description, settings)
     return index

@@ -233,7 +233,7 @@ class World:
             )
 
     def _check_overlaps(self, robot: Robot | None = None) -> None:
-        """Raise OneBotError if two robots overlap, of which one is ``robot`` if it is given."""
+        """Raise OneBotError if two robots overlap; with ``robot``, if it overlaps another."""
         if len(self.robots) == 1:
             return
         engine.performCollisionDetection(physicsClientId=self.client)

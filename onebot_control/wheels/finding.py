@@ -102,7 +102,7 @@ def find_wheels(description: Description, turning: Mapping[str, Axle], tyres: Ty
     wheels = [wheel for wheel in rolling if swivels[wheel.name] is None]
     sets = _sets(wheel for wheel in wheels if abs(wheel.y) > _MIDDLE)
     if len(sets) > 1:
-        sets = [alike for alike in sets if not any(map(_is_passive, alike))] or sets
+        sets = [group for group in sets if not any(map(_is_passive, group))] or sets
     if len(sets) != 1:
         raise _not_driven(description, turning, _why_not_one_set(sets, wheels, swivels))
     [drive] = sets
@@ -118,7 +118,7 @@ def _why_not_one_set(
     sets: Sequence[Sequence[_Wheel]], wheels: Sequence[_Wheel], swivels: Mapping[str, Joint | None]
 ) -> str:
     if sets:
-        names = " or ".join(", ".join(wheel.name for wheel in alike) for alike in sets)
+        names = " or ".join(", ".join(wheel.name for wheel in group) for group in sets)
         return f"it is not clear which of its wheels drive it: {names}"
     if swivels and not wheels:
         names = ", ".join(f'"{swivel.name}"' for swivel in swivels.values() if swivel)
@@ -208,7 +208,7 @@ def _sets(wheels: Iterable[_Wheel]) -> list[list[_Wheel]]:
             sets[-1].append(wheel)
         else:
             sets.append([wheel])
-    return [alike for alike in sets if sum(1 if wheel.y > 0.0 else -1 for wheel in alike) == 0]
+    return [group for group in sets if sum(1 if wheel.y > 0.0 else -1 for wheel in group) == 0]
 
 
 def _is_passive(wheel: _Wheel) -> bool:

@@ -32,12 +32,10 @@ class Wheels:
     """The wheels that drive a robot: read from the description once, for all who need them.
 
     Attributes:
-        description: of the robot.
         left: the driven joints on the left.
         right: those on the right.
         rigid: the first link of each link's rigid body, and the link's pose (4, 4) in its frame.
         axles: the joints that turn, by name.
-        tyres: the round shapes of the robot's links.
         directions: of each driven joint 1 if a positive velocity drives forward, -1 if backward.
     """
 

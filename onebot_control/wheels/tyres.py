@@ -95,7 +95,7 @@ def _round_mesh(mesh: Mesh, pose: Floats, axis: Floats) -> Tyre | None:
     outward = corners - np.outer(along, axis)
     side = np.cross(axis, [1.0, 0.0, 0.0] if abs(axis[0]) < 0.9 else [0.0, 1.0, 0.0])
     side /= np.linalg.norm(side)
-    extents = [outward @ turned for turned in (side, np.cross(axis, side))]
+    extents = [outward @ direction for direction in (side, np.cross(axis, side))]
     reaches = [reach for extent in extents for reach in (extent.max(), -extent.min())]
     radius = float(np.linalg.norm(outward, axis=1).max())
     if min(reaches) < radius * (1.0 - _ROUND):

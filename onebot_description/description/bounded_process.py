@@ -1,4 +1,4 @@
-"""A function in a process of its own, within bounds of memory, processor time and time.
+"""A function in a process of its own, within bounds of memory and processor time.
 
 Forking takes some milliseconds, but only a process without other threads may do it safely: what
 those hold, such as a lock of the loader, nobody would release in the child. A process with threads
@@ -12,7 +12,6 @@ import math
 import mmap
 import os
 import resource
-import select
 import signal
 import sys
 import time
@@ -32,7 +31,6 @@ class Bounds(NamedTuple):
 
     memory: int = 1_000_000_000  # bytes, beyond those of the process when it begins
     processor: int = 10  # s of processor time
-    wall: float = 100.0  # s; that other programs use the processor, too, is no fault
 
 
 class BoundMet(Exception):
@@ -114,36 +112,22 @@ def _fork(function: str, request: Any, bounds: Bounds) -> bytes:
     if not child:
         _in_child(function, request, bounds, place, out)
     os.close(out)
-    answer = None
     try:
-        answer = _read(answers, time.monotonic() + bounds.wall)
+        with open(answers, "rb") as file:
+            answer = file.read()
+    except BaseException:
+        os.kill(child, signal.SIGKILL)
+        raise
     finally:
-        os.close(answers)
-        if answer is None:
-            os.kill(child, signal.SIGKILL)
         code = _exit_code(child)
     if answer and code == 0:
         return answer
     met = {-signal.SIGXCPU: f"{bounds.processor} s of processor time"}
-    met[-signal.SIGKILL] = f"{bounds.wall:g} s" if answer is None else "the memory of this computer"
+    met[-signal.SIGKILL] = "the memory of this computer"
     if code in met:
         return json.dumps({"met": [met[code], place.read()]}).encode()
     text = f"the process of {place.read() or 'a bounded function'} ended with {code}"
     return json.dumps({"failed": text}).encode()
-
-
-def _read(file: int, deadline: float) -> bytes | None:
-    """All that comes until the other end is closed; None if it is not closed in time."""
-    poll = select.poll()
-    poll.register(file, select.POLLIN)
-    parts: list[bytes] = []
-    while (left := deadline - time.monotonic()) > 0:
-        if poll.poll(left * 1000):
-            part = os.read(file, 1 << 20)
-            if not part:
-                return b"".join(parts)
-            parts.append(part)
-    return None
 
 
 def _exit_code(child: int) -> int:
@@ -157,9 +141,8 @@ def _in_child(function: str, request: Any, bounds: Bounds, place: Place, out: in
     """Run the function, write its answer to the file ``out`` and end this process."""
     code = 1
     try:
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
+        for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_DFL)
-        signal.alarm(math.ceil(bounds.wall) + 1)  # should the process that waits be gone
         _limit(bounds)
         answer = _answer(function, request, bounds, place)
         with suppress(BrokenPipeError), open(out, "wb") as file:  # Ctrl-C has ended who waits

@@ -71,7 +71,7 @@ def check_tree(
     links: Mapping[str, Element],
     ends: Mapping[str, tuple[str, str]],
 ) -> str:
-    """Check that the links are one tree, of which ``ends`` has each joint's parent and child.
+    """Check that the links are one tree; ``ends`` has the parent and child of each joint.
 
     Returns the root link: the first one of a robot in parts, "" if there is none.
     """
@@ -226,7 +226,7 @@ def check_meshes(findings: Findings) -> None:
 
 
 def check_materials(findings: Findings, materials: Mapping[Element, Material]) -> None:
-    """Check the names and textures of the robot's materials, then of those of its visuals."""
+    """Check the names and textures of the robot's materials, then of its visuals'."""
     robots = dict.fromkeys(findings.document.root.iterfind("material"))
     visuals = [element for element in materials if element not in robots]
     definitions: dict[str, Material] = {}
@@ -280,7 +280,7 @@ def _check_texture(findings: Findings, element: Element, material: Material) -> 
         findings.warning(texture, f'there is no file "{material.texture}"')
 
 
-# Other programs' parts, of which nothing is known here; they may hold anything.
+# Other programs' elements; they may hold anything.
 EXTENSIONS = frozenset(
     "gazebo transmission ros2_control sensor mujoco drake plugin contact audio_source "
     "self_collision_checking verbose calibration safety_controller loop_joint model".split()
@@ -293,7 +293,7 @@ _XACRO_LEFT = re.compile(r"\$\{[^}]*\}?|\$\([^)]*\)?")
 
 
 def check_schema(findings: Findings) -> None:
-    """Warn of what is not part of URDF, and report xacro that is not expanded."""
+    """Warn of elements that URDF does not have, and report xacro that is not expanded."""
     leftovers: list[tuple[Element, str]] = []
     waiting = [findings.document.root]
     while waiting:

@@ -220,7 +220,7 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Description:
-    """A robot description of which everything can be published.
+    """A robot description; everything in it can be published.
 
     What is in its ``problems`` was left out or replaced, so that a node can use the rest.
     """
@@ -237,7 +237,7 @@ class Description:
     # Where each element of ``urdf`` was written, in document order.
     places: tuple[str, ...] = field(default=(), compare=False, repr=False)
     sensors: tuple[Sensor, ...] = ()
-    bad_sensors: tuple[str, ...] = ()  # names of those that could not be read
+    bad_sensors: tuple[str, ...] = ()  # names of unreadable sensors
 
     @property
     def notices(self) -> tuple[str, ...]:

@@ -326,7 +326,7 @@ def _names(frames: list[FrameType], table: str) -> list[str]:
 
 
 def _own_names(table: Any) -> Iterator[str]:
-    """The names defined in the files: those of ``table`` and its parents but xacro's globals."""
+    """The names defined in the files: in ``table`` and its parents, without xacro's globals."""
     root = getattr(table, "root", None)
     while table is not None and table is not root and hasattr(table, "parent"):
         yield from (name for name in dict.keys(table) if not name.startswith(("*", "__")))

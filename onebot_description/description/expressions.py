@@ -18,7 +18,7 @@ _PLAIN = (str, int, float, list, tuple, dict, set)
 
 
 class _AnyName(set[str]):
-    """The allowed attributes of what looks its own names up; simpleeval refuses underscores."""
+    """The allowed attributes of an object with its own names; simpleeval refuses underscores."""
 
     def __contains__(self, name: object) -> bool:
         return True
@@ -60,7 +60,7 @@ def _parsed(expression: str) -> ast.expr:
 
 
 def global_symbols() -> dict[str, Any]:
-    """Return the names that each xacro file can use, without those that reach further."""
+    """Return the names that every xacro file can use, without functions that reach further."""
     symbols: dict[str, Any] = xacro.create_global_symbols()
     python = symbols["python"]
     del python["vars"]

@@ -83,10 +83,10 @@ def _read(
 
 
 class SensorFile(NamedTuple):
-    """The sensors of a file that gives a robot those that its URDF lacks."""
+    """The sensors of a file, for a robot whose URDF lacks them."""
 
     sensors: tuple[Sensor, ...]
-    bad_sensors: tuple[str, ...]  # names of those that could not be read
+    bad_sensors: tuple[str, ...]  # names of unreadable sensors
     notices: tuple[str, ...]  # why, and warnings
     files: tuple[Path, ...]  # all files read
 

@@ -331,7 +331,7 @@ def _checkout_prefix() -> Path | None:
 
 def cache_folder() -> Path:
     """Return a folder for files that can be made again: below HOME, or beside temporary files."""
-    with contextlib.suppress(OSError, RuntimeError):  # no home, or one that cannot be written
+    with contextlib.suppress(OSError, RuntimeError):  # there is no home, or it is read-only
         home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
         folder = Path(home, "onebot")
         folder.mkdir(parents=True, exist_ok=True)

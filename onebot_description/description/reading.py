@@ -109,7 +109,7 @@ class Findings:
         return " ".join(map(_short, reversed(path or [element])))
 
     def _path(self, element: Element) -> Iterator[Element]:
-        """Yield ``element`` and those that it lies in, the root last."""
+        """Yield ``element`` and its ancestors, the root last."""
         current: Element | None = element
         while current is not None:
             yield current
@@ -242,7 +242,7 @@ ELEMENTS = {
     ),
     "dynamics": Content(numbers={"damping": Numbers(1, 0.0), "friction": Numbers(1, 0.0)}),
     "mimic": Content("", "joint", {"multiplier": Numbers(1, 1.0), "offset": Numbers(1, 0.0)}),
-    # Extensions, of which other attributes are not known here.
+    # Extensions; their other attributes are not known here.
     "safety_controller": Content(
         numbers={"soft_lower_limit": Numbers(), "soft_upper_limit": Numbers()}
     ),
@@ -454,7 +454,7 @@ def _visual_colors(root: Element, materials: Mapping[Element, Material]) -> dict
 
 
 def read_materials(findings: Findings) -> dict[Element, Material]:
-    """Read the materials of the visuals, then those of the robot."""
+    """Read the materials of the visuals, then the robot's."""
     root = findings.document.root
     elements = [*root.iterfind("link/visual/material"), *root.iterfind("material")]
     return {element: _read_material(findings, element) for element in elements}

@@ -99,7 +99,7 @@ _APART, _TURNED = 1e-3, 1e-2  # m, rad
 def read_sensors(
     findings: Findings, links: Collection[str], joints: Iterable[Joint]
 ) -> tuple[tuple[Sensor, ...], tuple[str, ...]]:
-    """Return the sensors of a document, and the names of those that could not be read."""
+    """Return the sensors of a document, and the names of unreadable ones."""
     root = findings.document.root
     parents = [root] if root.tag == "gazebo" else root.findall("gazebo")
     blocks = [

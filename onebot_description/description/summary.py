@@ -133,7 +133,7 @@ def _mass(link: Link) -> str:
 
 
 def _shapes(link: Link, sizes: Mapping[Shape, Triple]) -> str:
-    """The shapes seen, or, if there are none, those that collide."""
+    """The visible shapes or, if there are none, the collision shapes."""
     shapes = ", ".join(_shape(part.shape, sizes) for part in link.visuals or link.collisions)
     if link.visuals:
         return shapes + ("" if link.collisions else " (no collision)")

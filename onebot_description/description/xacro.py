@@ -77,7 +77,7 @@ class XacroArgument(NamedTuple):
 
 @dataclass(frozen=True)
 class XacroArguments:
-    """The arguments of a xacro file and of what it includes."""
+    """The arguments of a xacro file and of the files that it includes."""
 
     arguments: tuple[XacroArgument, ...] = ()  # declared ones, then those used without that
     complete: bool = True  # all includes could be followed; if not, there may be more
@@ -98,7 +98,7 @@ def xacro_arguments(source: str) -> XacroArguments:
 def arguments_in(
     files: Iterable[tuple[Path, Element]],
 ) -> tuple[dict[str, XacroArgument], dict[str, XacroArgument]]:
-    """Return, by name, the arguments that files declare and those that they use."""
+    """Return, by name, the arguments that files declare and the ones that they use."""
     declared: dict[str, XacroArgument] = {}
     used: dict[str, XacroArgument] = {}
     for file, root in files:
@@ -115,7 +115,7 @@ def arguments_in(
 
 
 def included_files(source: str) -> tuple[Path, ...]:
-    """Return the file itself and those it includes, also those that cannot be read now."""
+    """Return the file and the files that it includes, even if they cannot be read now."""
     return tuple(path for path, _ in _files(_path_of(source).absolute()))
 
 
@@ -128,7 +128,7 @@ def root_of(file: Path) -> Element:
 
 
 def _path_of(source: str) -> Path:
-    """Return the file that is meant; one that does not exist if there is no such package."""
+    """Return the path of the file; it does not exist if there is no such package."""
     if not source.startswith("package://"):
         return Path(source).expanduser()
     try:

@@ -67,7 +67,7 @@ def resolve(
         leave_out(name, text)
     for circle in _circles(mimics):
         names = " -> ".join([*circle, circle[0]])
-        # Without one of them the others can follow; rather one that the tags do not ask for.
+        # Without one of them the others can follow; prefer one that the parameters name.
         name = next((joint for joint in circle if joint in dependent), circle[0])
         leave_out(name, f"joints follow one another in a circle: {names}")
     while True:
@@ -122,7 +122,7 @@ def _reduced(joints: Sequence[Joint], mimics: Followers) -> Following:
 
 
 def _chain(name: str, mimics: Followers, known: dict[str, _Chain]) -> _Chain:
-    """Return the chain that starts at ``name``, and remember those that start inside it."""
+    """Return the chain that starts at ``name``, and remember the chains inside it."""
     followers = []
     while name in mimics and name not in known:
         followers.append(name)

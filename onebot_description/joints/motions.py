@@ -122,6 +122,10 @@ class Allowed:
         """Whether ``position`` is in range."""
         return self.lower - _TOLERANCE <= position <= self.upper + _TOLERANCE
 
+    def clamp(self, position: float) -> float:
+        """Return the nearest position in range."""
+        return min(max(position, self.lower), self.upper)
+
     @property
     def range(self) -> str:
         """The range as text."""
@@ -158,9 +162,8 @@ def _keyframes(motion: Keyframes, allowed: Allowed) -> Iterator[str]:
             name = f"keyframe {number} at" if len(positions) > 1 else "position"
             if motion.pose:
                 name = f'pose "{motion.pose}"'
-            nearest = min(max(position, allowed.lower), allowed.upper)
             text = f"{name} {position:.6g} {unit} is beyond {allowed.range}"
-            yield f"{text}: held at {nearest:.6g}"
+            yield f"{text}: held at {allowed.clamp(position):.6g}"
     factor = 1.0 if motion.blend == LINEAR else MINIMUM_JERK_PEAK
     for number in range(1, len(times)):
         seconds = times[number] - times[number - 1]

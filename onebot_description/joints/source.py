@@ -14,10 +14,15 @@ from numpy.typing import NDArray
 from onebot_description.description import Joint
 from onebot_description.errors import did_you_mean
 from onebot_description.joints import mimic
-from onebot_description.joints import motion_limits as _limits
 from onebot_description.joints.config import JointsConfig
 from onebot_description.joints.mimic import Following
-from onebot_description.joints.motion_limits import FloatArray, JointLimits, movable
+from onebot_description.joints.motion_limits import (
+    FloatArray,
+    JointLimits,
+    joint_limits,
+    movable,
+    zero_position,
+)
 from onebot_description.joints.motions import (
     TURN,
     Allowed,
@@ -51,8 +56,8 @@ class Plan:
 
 def make_plan(all_joints: Sequence[Joint], config: JointsConfig) -> Plan:
     """Return the motion of each joint, without the parameters that do not suit the robot."""
-    joints = _limits.movable(all_joints)
-    limits, problems = _limits.joint_limits(joints, soft=config.use_smallest_joint_limits)
+    joints = movable(all_joints)
+    limits, problems = joint_limits(joints, soft=config.use_smallest_joint_limits)
     following, narrowed, more = mimic.resolve(
         joints, all_joints, limits, config.dependent_joints, config.use_mimic_tags
     )
@@ -65,91 +70,79 @@ def make_plan(all_joints: Sequence[Joint], config: JointsConfig) -> Plan:
     endless = np.array([joint.kind == "continuous" for joint in joints], dtype=bool)
     endless[following.leader[following.follows]] = False
     endless &= ~following.follows
-    planner = _Planner(joints, narrowed, limits, endless, config, [*config.notes, *problems])
+    reports = [*config.notes, *problems, *_unknown_zeros(joints, config)]
+    planners = [
+        _JointPlanner(joint, _allowed(joint, narrowed, row), row / len(joints), config, reports)
+        for row, joint in enumerate(joints)
+    ]
+    zeros = [
+        planner.zero(zero_position(lower, upper))
+        for planner, lower, upper in zip(
+            planners, limits.lower.tolist(), limits.upper.tolist(), strict=True
+        )
+    ]
     motions = tuple(
-        Keyframes.hold(0.0) if follows else planner.motion(index)
-        for index, follows in enumerate(following.follows)
+        Keyframes.hold(0.0) if follows else planner.motion(zero, turns)
+        for planner, zero, turns, follows in zip(
+            planners, zeros, endless.tolist(), following.follows.tolist(), strict=True
+        )
     )
-    planner.report_poses(following)
+    _report_poses(planners, following, config)
     return Plan(
         config=config,
         following=following,
         limits=narrowed,
         endless=endless,
-        zeros=np.array([planner.zero(index) for index in range(len(joints))]),
+        zeros=np.array(zeros, np.float64),
         motions=motions,
         unsuitable=tuple(problem for problem in problems if problem.key),
-        reports=tuple(planner.reports),
+        reports=tuple(reports),
     )
 
 
-class _Planner:
-    """Chooses the motion of each joint and collects warnings."""
+def _allowed(joint: Joint, limits: JointLimits, row: int) -> Allowed:
+    ends = float(limits.lower[row]), float(limits.upper[row]), float(limits.velocity[row])
+    return Allowed(*ends, "m" if joint.kind == "prismatic" else "rad", joint.kind == "continuous")
 
-    def __init__(
-        self,
-        joints: Sequence[Joint],
-        limits: JointLimits,
-        own_limits: JointLimits,
-        endless: NDArray[np.bool_],
-        config: JointsConfig,
-        notes: list[Problem],
-    ) -> None:
-        self._joints = joints
-        self._limits = limits
-        self._own = own_limits
-        self._endless = endless
-        self._config = config
-        self.reports = notes
-        names = {joint.name for joint in joints}
-        for name in sorted(set(config.zeros) - names):
-            self._report(f"zeros.{name}", f"no joint of this name moves{did_you_mean(name, names)}")
 
-    def zero(self, index: int) -> float:
-        """Return the position of a joint that nothing moves, within its limits."""
-        default = _limits.zero_position(self._own.lower[index], self._own.upper[index])
-        position = self._config.zeros.get(self._joints[index].name, default)
-        return self._clamp(index, position)
+@dataclass(frozen=True)
+class _JointPlanner:
+    """Chooses the motion of one joint and collects warnings."""
 
-    def motion(self, index: int) -> Motion:
-        """Return the held pose, or else its motion, the sequence, the sweep, the swing or zero."""
-        config, name = self._config, self._joints[index].name
-        zero = self.zero(index)
+    joint: Joint
+    allowed: Allowed  # after mimic joints are taken into account
+    share: float  # of the joints before it, from 0 to 1
+    config: JointsConfig
+    reports: list[Problem]  # is extended
+
+    def zero(self, default: float) -> float:
+        """Return the position where nothing moves the joint, within its limits."""
+        return self.allowed.clamp(self.config.zeros.get(self.joint.name, default))
+
+    def motion(self, zero: float, endless: bool) -> Motion:
+        """Return the held pose, or else its motion, the sequence, the sweep, the swing or zero.
+
+        ``endless``: a loop of whole turns keeps turning.
+        """
+        config, name = self.config, self.joint.name
         if name in config.zeros:
-            self._check(index, Keyframes.hold(config.zeros[name]), f"zeros.{name}")
+            self.check(Keyframes.hold(config.zeros[name]), f"zeros.{name}")
         if config.pose and name in config.poses[config.pose]:
-            return Keyframes.hold(self._clamp(index, config.poses[config.pose][name]), config.pose)
-        if name in config.motions:
-            motion = self._check(index, config.motions[name], f"motions.{name}")
-            return self._turning(index, motion)
-        if config.sequence.complete and (steps := self._sequence(index, zero)) is not None:
-            return self._turning(index, self._check(index, steps, "sequence"))
+            position = self.allowed.clamp(config.poses[config.pose][name])
+            return Keyframes.hold(position, config.pose)
+        motion, key = config.motions.get(name), f"motions.{name}"
+        if motion is None and config.sequence.complete:
+            motion, key = self._sequence(zero), "sequence"
+        if motion is not None:
+            self.check(motion, key)
+            return motion.turning() if endless and isinstance(motion, Keyframes) else motion
         if config.delta:
-            return self._sweep(index, zero)
-        return self._swing(index) if config.swing else Keyframes.hold(zero)
+            return self._sweep(zero)
+        return self._swing() if config.swing else Keyframes.hold(zero)
 
-    def _turning(self, index: int, motion: Motion) -> Motion:
-        if self._endless[index] and isinstance(motion, Keyframes):
-            return motion.turning()
-        return motion
-
-    def report_poses(self, following: Following) -> None:
-        """Report poses beyond limits, and pose entries of joints that follow others."""
-        index = {joint.name: number for number, joint in enumerate(self._joints)}
-        for pose, positions in self._config.poses.items():
-            for name, position in positions.items():
-                key, number = f"poses.{pose}.{name}", index.get(name)
-                if number is None:
-                    continue  # reported already
-                if following.follows[number]:
-                    leader = self._joints[following.leader[number]].name
-                    self._report(key, f'not used: this joint follows "{leader}"')
-                else:
-                    self._check(number, Keyframes.hold(position), key)
-
-    def _sequence(self, index: int, zero: float) -> Keyframes | None:
-        sequence, name = self._config.sequence, self._joints[index].name
-        named = [self._config.poses[pose].get(name) for pose in sequence.poses]
+    def _sequence(self, zero: float) -> Keyframes | None:
+        sequence, name = self.config.sequence, self.joint.name
+        named = [self.config.poses[pose].get(name) for pose in sequence.poses]
         keyframes = [position for position in named if position is not None]
         if not keyframes:
             return None
@@ -158,68 +151,68 @@ class _Planner:
         positions = []
         for position in named:
             last = last if position is None else position
-            positions.append(self._clamp(index, last))
-        times = list(np.cumsum([0.0, *sequence.durations[1:]]))
+            positions.append(self.allowed.clamp(last))
+        times = np.cumsum([0.0, *sequence.durations[1:]]).tolist()
         if sequence.loop:
             times.append(times[-1] + sequence.durations[0])
             positions.append(positions[0])
-        return Keyframes(
-            times=tuple(float(time) for time in times),
-            positions=tuple(positions),
-            blend=sequence.blend,
-            loop=sequence.loop,
-            lead=sequence.durations[0],
-        )
+        lead = sequence.durations[0]
+        return Keyframes(tuple(times), tuple(positions), sequence.blend, sequence.loop, lead)
 
-    def _sweep(self, index: int, zero: float) -> Motion:
-        lower, upper = float(self._limits.lower[index]), float(self._limits.upper[index])
-        allowed, speed = self._allowed(index), self._config.delta * self._config.rate
+    def _sweep(self, zero: float) -> Motion:
+        allowed, speed = self.allowed, self.config.delta * self.config.rate
         if not allowed.reaches(speed):
             text = f"delta times rate is {speed:.4g} {allowed.unit}/s, over {allowed.speed}"
-            joint = self._joints[index].name
-            self._report(
-                "delta", f'joint "{joint}": {text}, which it keeps to: lower delta or rate'
-            )
-        return Keyframes.sweep(min(speed, allowed.velocity), zero, lower, upper)
+            remedy = "which it keeps to: lower delta or rate"
+            self.reports.append(Problem("delta", f'joint "{self.joint.name}": {text}, {remedy}'))
+        return Keyframes.sweep(min(speed, allowed.velocity), zero, allowed.lower, allowed.upper)
 
-    def _swing(self, index: int) -> Motion:
+    def _swing(self) -> Motion:
         """Swing through most of the range, at no more than a part of the speed allowed.
 
         The phases are spread over a turn, so that the robot does not move as one piece.
         """
-        lower, upper = float(self._limits.lower[index]), float(self._limits.upper[index])
+        lower, upper = self.allowed.lower, self.allowed.upper
         middle, amplitude = 0.0, _FREE_SWING
         if math.isfinite(upper - lower):
             middle, amplitude = (lower + upper) / 2, _SHARE_OF_RANGE * (upper - lower) / 2
-        frequency = 1.0 / self._config.swing
+        frequency = 1.0 / self.config.swing
         if amplitude > 0.0:
-            speed = _SHARE_OF_SPEED * float(self._limits.velocity[index])
+            speed = _SHARE_OF_SPEED * self.allowed.velocity
             frequency = min(frequency, speed / (TURN * amplitude))
-        return Sine(amplitude, frequency, TURN * index / len(self._joints), middle)
+        return Sine(amplitude, frequency, TURN * self.share, middle)
 
-    def _check(self, index: int, motion: Motion, key: str) -> Motion:
-        """Report where the motion exceeds the joint's limits, and return it."""
-        name = self._joints[index].name
+    def check(self, motion: Motion, key: str) -> None:
+        """Report where the motion of the parameter ``key`` exceeds the joint's limits."""
+        name = self.joint.name
         about = "" if key.endswith(f".{name}") else f'joint "{name}": '
-        for text in violations(motion, self._allowed(index)):
-            self._report(key, about + text)
-        return motion
+        texts = violations(motion, self.allowed)
+        self.reports.extend(Problem(key, about + text) for text in texts)
 
-    def _allowed(self, index: int) -> Allowed:
-        kind = self._joints[index].kind
-        return Allowed(
-            lower=float(self._limits.lower[index]),
-            upper=float(self._limits.upper[index]),
-            velocity=float(self._limits.velocity[index]),
-            unit="m" if kind == "prismatic" else "rad",
-            endless=kind == "continuous",
-        )
 
-    def _clamp(self, index: int, position: float) -> float:
-        return float(min(max(position, self._limits.lower[index]), self._limits.upper[index]))
+def _report_poses(
+    planners: Sequence[_JointPlanner], following: Following, config: JointsConfig
+) -> None:
+    """Report poses beyond limits, and pose entries of joints that follow others."""
+    rows = {planner.joint.name: row for row, planner in enumerate(planners)}
+    for pose, positions in config.poses.items():
+        for name, position in positions.items():
+            if name not in rows:
+                continue  # reported already
+            planner, key = planners[rows[name]], f"poses.{pose}.{name}"
+            if following.follows[rows[name]]:
+                leader = planners[following.leader[rows[name]]].joint.name
+                planner.reports.append(Problem(key, f'not used: this joint follows "{leader}"'))
+            else:
+                planner.check(Keyframes.hold(position), key)
 
-    def _report(self, key: str, text: str) -> None:
-        self.reports.append(Problem(key, text))
+
+def _unknown_zeros(joints: Sequence[Joint], config: JointsConfig) -> list[Problem]:
+    names = {joint.name for joint in joints}
+    return [
+        Problem(f"zeros.{name}", f"no joint of this name moves{did_you_mean(name, names)}")
+        for name in sorted(set(config.zeros) - names)
+    ]
 
 
 def _wrong_names(

@@ -64,7 +64,7 @@ def rotate(rotation: Floats, vector: Floats) -> Floats:
 
 
 def normalized(rotation: Floats) -> Floats:
-    """Unit quaternions (..., 4) in the direction of those of any length; 0 gives identity."""
+    """Unit quaternions (..., 4) from quaternions of any length; 0 gives identity."""
     length = np.linalg.norm(rotation, axis=-1, keepdims=True)
     unit = rotation / np.where(length > 0.0, length, 1.0)
     return np.where(length > 0.0, unit, (0.0, 0.0, 0.0, 1.0))

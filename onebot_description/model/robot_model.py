@@ -227,7 +227,7 @@ class RobotModel:
         return cls(description)
 
     def row(self, joint: str) -> int:
-        """Return the index of a moving joint; the error for another one lists those that move."""
+        """Return the index of a moving joint; the error for another joint lists them."""
         try:
             return self._rows[joint]
         except KeyError:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import yaml
 
@@ -75,7 +75,24 @@ def read_parameters(text: str, name: str, node: str) -> Parameters:
 @functools.lru_cache(maxsize=8)
 def _sections(text: str, name: str) -> dict[str, Parameters]:
     """Return a file's parameters by section; it is read for each of several nodes."""
-    return _File(name).read(text)
+    file = _YamlFile(text, name, aliases=False)
+    sections: dict[str, Parameters] = {}
+
+    def gather(node: yaml.Node, path: str) -> None:
+        for key, value in file.pairs(node):
+            if key.value == _MARK:
+                parameters = _section(file, value)
+                if path.rpartition("/")[2] in ("*", "**"):
+                    parameters.shared = set(parameters.values)
+                sections.setdefault(path or "/", Parameters()).update(parameters)
+            elif isinstance(value, yaml.MappingNode):
+                gather(value, f"{path}/{key.value.strip('/')}")
+            else:
+                file.fail(key, f'"{key.value}" must hold a map with "{_MARK}:" in it')
+
+    if file.root is not None:
+        gather(file.root, "")
+    return sections
 
 
 def section_matches(section: str, node: str) -> bool:
@@ -85,16 +102,13 @@ def section_matches(section: str, node: str) -> bool:
     return re.fullmatch(expression, node) is not None
 
 
-class _Yaml:
-    """A YAML text, whose errors name file and line."""
+class _YamlFile:
+    """The tree of a YAML file, None if it is empty; errors name file and line."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, text: str, name: str, *, aliases: bool) -> None:
         self._name = name
-
-    def _compose(self, text: str, *, aliases: bool) -> yaml.Node | None:
-        """Return the text's tree; None if it is empty."""
         try:
-            return bounded_yaml.compose(text, aliases=aliases)
+            self.root = bounded_yaml.compose(text, aliases=aliases)
         except yaml.YAMLError as error:
             if not isinstance(error, yaml.MarkedYAMLError):
                 raise self._error(None, f"invalid YAML: {error}") from None
@@ -104,96 +118,71 @@ class _Yaml:
             reason = " ".join(part for part in (error.context, error.problem) if part)
             raise self._error(line, f"invalid YAML: {reason}") from None
 
-    def _pairs(self, node: yaml.Node) -> list[tuple[yaml.ScalarNode, yaml.Node]]:
+    def pairs(self, node: yaml.Node) -> list[tuple[yaml.ScalarNode, yaml.Node]]:
+        """Return keys and values of a map, whose names must be plain and differ."""
         if not isinstance(node, yaml.MappingNode):
             what = f'"{shortened(node.value)}"' if isinstance(node, yaml.ScalarNode) else "a list"
-            self._fail(node, f"{what} stands where a map belongs")
+            self.fail(node, f"{what} stands where a map belongs")
         lines: dict[str, int] = {}
         for key, _ in node.value:
             if not isinstance(key, yaml.ScalarNode):
-                self._fail(key, "a name must be a plain word")
+                self.fail(key, "a name must be a plain word")
             if key.value in lines:
-                self._fail(key, f'"{key.value}" is here twice, first on line {lines[key.value]}')
+                self.fail(key, f'"{key.value}" is here twice, first on line {lines[key.value]}')
             lines[key.value] = key.start_mark.line + 1
         return list(node.value)
 
-    def _entries(
-        self, node: yaml.Node, prefix: str = ""
-    ) -> Iterator[tuple[str, yaml.ScalarNode, yaml.Node]]:
-        """Yield dotted name, key and value of each entry of a map and of the maps in it."""
-        for key, value in self._pairs(node):
+    def entries(self, node: yaml.Node, prefix: str = "") -> Iterator[tuple[str, str, yaml.Node]]:
+        """Yield dotted name, place and value of each entry of a map and of the maps in it."""
+        for key, value in self.pairs(node):
             name = prefix + key.value
             if isinstance(value, yaml.MappingNode) and value.value:
-                yield from self._entries(value, f"{name}.")
+                yield from self.entries(value, f"{name}.")
             else:
-                yield name, key, value
+                yield name, f"{self._name}:{key.start_mark.line + 1}", value
 
-    def _place(self, key: yaml.Node) -> str:
-        return f"{self._name}:{key.start_mark.line + 1}"
+    def fail(self, node: yaml.Node, text: str) -> NoReturn:
+        """Raise the error about what is wrong at ``node``."""
+        raise self._error(node.start_mark.line, text)
 
     def _error(self, line: int | None, text: str) -> ConfigError:
         place = self._name if line is None else f"{self._name}:{line + 1}"
         return ConfigError([Problem("", f"{place}: {text}")])
 
-    def _fail(self, at: Any, text: str) -> Any:
-        raise self._error(at.start_mark.line, text)
+
+def _section(file: _YamlFile, node: yaml.Node) -> Parameters:
+    parameters = Parameters()
+    for name, place, value in file.entries(node):
+        # rcl cannot infer the type of an empty list, and treats it as not given.
+        if value.value or isinstance(value, yaml.ScalarNode):
+            parameters.values[name] = _value(file, name, value)
+            parameters.places[name] = place
+    return parameters
 
 
-class _File(_Yaml):
-    """A ROS 2 parameter file."""
+def _value(file: _YamlFile, name: str, node: yaml.Node) -> Any:
+    if isinstance(node, yaml.ScalarNode):
+        return _scalar(file, name, node)
+    values = [_scalar(file, name, item) for item in node.value]
+    kinds = {type(value) for value in values}
+    if len(kinds) > 1:
+        remedy = (
+            "write all its numbers with a decimal point, as in 1.0"
+            if kinds == {int, float}
+            else "put quotes around its strings"
+        )
+        file.fail(node, f"{name}: a list holds values of one kind; {remedy}")
+    return values
 
-    def read(self, text: str) -> dict[str, Parameters]:
-        """Return the parameters of each section."""
-        root = self._compose(text, aliases=False)
-        sections: dict[str, Parameters] = {}
-        if root is not None:
-            self._sections(root, "", sections)
-        return sections
 
-    def _sections(self, node: yaml.Node, path: str, found: dict[str, Parameters]) -> None:
-        """Gather the parameters of each section; those of one name are put together."""
-        for key, value in self._pairs(node):
-            if key.value == _MARK:
-                parameters = self._parameters(value)
-                if path.rpartition("/")[2] in ("*", "**"):
-                    parameters.shared = set(parameters.values)
-                found.setdefault(path or "/", Parameters()).update(parameters)
-            elif isinstance(value, yaml.MappingNode):
-                self._sections(value, f"{path}/{key.value.strip('/')}", found)
-            else:
-                self._fail(key, f'"{key.value}" must hold a map with "{_MARK}:" in it')
-
-    def _parameters(self, node: yaml.Node) -> Parameters:
-        parameters = Parameters()
-        for name, key, value in self._entries(node):
-            # rcl cannot infer the type of an empty list, and treats it as not given.
-            if value.value or isinstance(value, yaml.ScalarNode):
-                parameters.values[name] = self._value(name, value)
-                parameters.places[name] = self._place(key)
-        return parameters
-
-    def _value(self, name: str, node: yaml.Node) -> Any:
-        if isinstance(node, yaml.ScalarNode):
-            return self._scalar(name, node)
-        values = [self._scalar(name, item) for item in node.value]
-        kinds = {type(value) for value in values}
-        if len(kinds) > 1:
-            remedy = (
-                "write all its numbers with a decimal point, as in 1.0"
-                if kinds == {int, float}
-                else "put quotes around its strings"
-            )
-            self._fail(node, f"{name}: a list holds values of one kind; {remedy}")
-        return values
-
-    def _scalar(self, name: str, node: Any) -> bool | int | float | str:
-        if not isinstance(node, yaml.ScalarNode):
-            self._fail(node, f"{name}: a list holds plain values only")
-        if node.style:  # quoted, or a block of text
-            return str(node.value)
-        if not node.value:
-            self._fail(node, f"{name}: has no value")
-        return plain_value(node.value)
+def _scalar(file: _YamlFile, name: str, node: Any) -> bool | int | float | str:
+    if not isinstance(node, yaml.ScalarNode):
+        file.fail(node, f"{name}: a list holds plain values only")
+    if node.style:  # quoted, or a block of text
+        return str(node.value)
+    if not node.value:
+        file.fail(node, f"{name}: has no value")
+    return plain_value(node.value)
 
 
 def plain_value(text: str) -> bool | int | float | str:
@@ -219,20 +208,15 @@ def read_map(text: str, name: str) -> Parameters:
     Unlike a parameter file, it may have aliases, null and lists of anything; an empty map is a
     value.
     """
-    return _Map(name).read(text)
-
-
-class _Map(_Yaml):
-    def read(self, text: str) -> Parameters:
-        content, loader = Parameters(), yaml.SafeLoader("")
-        root = self._compose(text, aliases=True)
-        for name, key, node in self._entries(root) if root is not None else ():
-            try:
-                content.values[name] = loader.construct_object(node, deep=True)
-            except Exception as error:  # any kind, if a value does not suit its tag
-                self._fail(node, f"invalid YAML: {' '.join(str(error).split())}")
-            content.places[name] = self._place(key)
-        return content
+    content, loader = Parameters(), yaml.SafeLoader("")
+    file = _YamlFile(text, name, aliases=True)
+    for entry, place, node in file.entries(file.root) if file.root is not None else ():
+        try:
+            content.values[entry] = loader.construct_object(node, deep=True)
+        except Exception as error:  # any kind, if a value does not suit its tag
+            file.fail(node, f"invalid YAML: {' '.join(str(error).split())}")
+        content.places[entry] = place
+    return content
 
 
 # The parameter files of one node, read as one --------------------------------------------------

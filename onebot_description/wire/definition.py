@@ -90,7 +90,7 @@ def fields(kind: str, text: str) -> Iterator[Field]:
 
 
 def _full(name: str, home: str) -> str:
-    """Return the name of a type with its package, which is that of ``home`` if none is given."""
+    """Return the name of a type with its package, ``home`` if it names none."""
     if name in NUMBERS or name in STRINGS:
         return name
     return name.replace("/msg/", "/") if "/" in name else f"{home.partition('/')[0]}/{name}"

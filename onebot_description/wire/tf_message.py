@@ -15,7 +15,7 @@ import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 from geometry_msgs.msg import TransformStamped
 from rosidl_parser.definition import NamespacedType, UnboundedSequence
@@ -51,12 +51,12 @@ class Metaclass_TFMessage(type):
         """Load the type support, once."""
         if cls._TYPE_SUPPORT is not None:
             return
-        support = load_type_support(_OWN)
-        cls._CREATE_ROS_MESSAGE = support.create_ros_message
-        cls._CONVERT_FROM_PY = support.convert_from_py
-        cls._CONVERT_TO_PY = support.convert_to_py
-        cls._DESTROY_ROS_MESSAGE = support.destroy_ros_message
-        cls._TYPE_SUPPORT = support.type_support
+        library = load_type_support(_OWN)
+        cls._CREATE_ROS_MESSAGE = _capsule(library.onebot_tf_create)
+        cls._CONVERT_FROM_PY = _capsule(library.onebot_tf_convert_from_py)
+        cls._CONVERT_TO_PY = _capsule(library.onebot_tf_convert_to_py)
+        cls._DESTROY_ROS_MESSAGE = _capsule(library.onebot_tf_destroy)
+        cls._TYPE_SUPPORT = _capsule(library.onebot_tf_handle)
 
 
 class TFMessage(metaclass=Metaclass_TFMessage):
@@ -130,35 +130,16 @@ def _restore(transforms: Sequence[Any], check_fields: bool) -> Any:
     return TFMessage(transforms=transforms, check_fields=check_fields)
 
 
-class TypeSupport(NamedTuple):
-    """What rclpy needs of a message class: capsules of C functions and of the handle."""
-
-    create_ros_message: Any
-    convert_from_py: Any
-    convert_to_py: Any
-    destroy_ros_message: Any
-    type_support: Any
-
-
-def load_type_support(message_class: type) -> TypeSupport:
+def load_type_support(message_class: type) -> ctypes.PyDLL:
     """Load the library and connect it to the type supports of geometry_msgs and std_msgs.
 
-    ``message_class`` is what received messages become, called without arguments.
-
-    Raises:
-        LibraryError: the compiled library is missing or outdated.
-        TypeSupportError: ROS is not ROS 2 Jazzy.
+    ``message_class`` is what received messages become, called without arguments. A library that is
+    missing or outdated is a LibraryError, a ROS that is not Jazzy a TypeSupportError.
     """
     _check_versions()
     library = load_library()
     _configure(library, message_class)
-    return TypeSupport(
-        create_ros_message=_capsule(library.onebot_tf_create),
-        convert_from_py=_capsule(library.onebot_tf_convert_from_py),
-        convert_to_py=_capsule(library.onebot_tf_convert_to_py),
-        destroy_ros_message=_capsule(library.onebot_tf_destroy),
-        type_support=_capsule(library.onebot_tf_handle),
-    )
+    return library
 
 
 def _check_versions() -> None:

@@ -1,16 +1,19 @@
 """MRM from the command that users type to transforms in another process, and back to nothing."""
 
-import sys
-import uuid
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 from onebot_description.description.packages import package_share
-from tests.onebot_bringup.bringup_support import MARK, Transforms, stop, wait_for_robot
+from tests.onebot_bringup.bringup_support import (
+    Transforms,
+    bringups,
+    left_behind,
+    stop,
+    wait_for_robot,
+)
 from tests.onebot_bringup.launcher_support import RunningCommand
-from tests.orphans import marked
 from tests.support import wait_for
 
 Start = Callable[..., RunningCommand]
@@ -24,14 +27,6 @@ JOINTS = """/**/joint_state_publisher:
 
 
 @pytest.fixture
-def mark(monkeypatch: pytest.MonkeyPatch) -> str:
-    """Mark all processes that the test starts, at whatever remove."""
-    text = f"{MARK}={uuid.uuid4()}"
-    monkeypatch.setenv(*text.split("="))
-    return text
-
-
-@pytest.fixture
 def transforms(ros_domain: int) -> Iterator[Transforms]:
     listener = Transforms(ros_domain)
     yield listener
@@ -39,19 +34,10 @@ def transforms(ros_domain: int) -> Iterator[Transforms]:
 
 
 @pytest.fixture
-def start(tmp_path: Path, ros_domain: int, mark: str) -> Iterator[Start]:
+def start(tmp_path: Path, ros_domain: int) -> Iterator[Start]:
     """Start ``mrm_bringup`` with arguments; without a viewer unless they say otherwise."""
-    started: list[RunningCommand] = []
-
-    def make(*arguments: str) -> RunningCommand:
-        command = [sys.executable, "-m", "mrm_description.launch.mrm_bringup", "viewer:=none"]
-        started.append(RunningCommand(tmp_path, [*command, *arguments]))
-        return started[-1]
-
-    yield make
-    for running in started:
-        running.close()
-    assert marked(mark) == []
+    with bringups(tmp_path, "mrm_description.launch.mrm_bringup", "viewer:=none") as make:
+        yield make
 
 
 def write_joints(folder: Path, position: float) -> str:
@@ -124,7 +110,6 @@ def test_editing_the_xacro_changes_the_robot(
 def test_a_killed_command_leaves_nothing(
     start: Start,
     transforms: Transforms,
-    mark: str,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -135,5 +120,5 @@ def test_a_killed_command_leaves_nothing(
     (parameters,) = tmp_path.glob("onebot-*")
     assert (parameters / "robot_state_publisher.yaml").is_file()
     running.process.kill()
-    wait_for(lambda: not marked(mark), "the end of all nodes")
+    wait_for(lambda: not left_behind(), "the end of all nodes")
     assert not parameters.exists()

@@ -77,6 +77,10 @@ EQUIVALENT: dict[str, set[str]] = {
         # Every stamp is after 1970.
         "SystemStamps.__init__: self._last_due, self._last = 0, -(2*63)",
     },
+    "onebot_control/driven_robot.py": {
+        # There are as many wheels on either side.
+        "DrivenRobot.__init__: self.drift = DriftCheck(skids=len(wheels.names) > 3)",
+    },
     "onebot_control/odometry.py": {
         # The wheels' first positions only begin: the time before them counts for nothing.
         "Odometry.__init__: self._since = -1.0",
@@ -89,10 +93,10 @@ EQUIVALENT: dict[str, set[str]] = {
         # What diverges turns and moves without end at once.
         "_check_rest: if not math.isfinite(sum(position) / sum(rotation)):",
         # One step more of a robot at rest.
-        "_come_to_rest: needed, still = math.ceil(_RESTING_TIME * settings.rate), -1",
-        "_come_to_rest: still = -1",
+        "_come_to_rest: needed, rested = math.ceil(_RESTING_TIME * settings.rate), -1",
+        "_come_to_rest: rested = -1",
         # It counts in steps of one, and from 0 when it was reached.
-        "_come_to_rest: if still == needed:",
+        "_come_to_rest: if rested == needed:",
         # Every robot is then placed where it starts.
         "settle: robot.place(rest_pose.at(0.0, 1.0, 0.0), [0.0] * len(robot.joints))",
         # The ground is level and has no end.
@@ -101,14 +105,18 @@ EQUIVALENT: dict[str, set[str]] = {
     "onebot_control/wheels/finding.py": {
         # There are as many poses as links.
         "link_places: for link, pose in zip(model.links, model.link_poses({}), strict=False):",
+        # The axis is that of a wheel, and so has no z but for a degree.
+        "_is_steered: x, y, _ = np.cross(axle.axis, (0.0, -1.0, 1.0))",
         # A sum of 0 is 0 with the other sign.
-        "_sets: return [alike for alike in sets if sum(1 if not wheel.y > 0.0 else -1 for wheel in alike) == 0]",  # noqa: E501
+        "_sets: return [group for group in sets if sum(1 if not wheel.y > 0.0 else -1 for wheel in group) == 0]",  # noqa: E501
     },
     "onebot_description/description/checks.py": {
         # There are no more ends than joints.
         'check_tree: if len(roots) > 1 and len(ends) >= len(findings.document.root.findall("joint")):',  # noqa: E501
     },
     "onebot_description/description/expansion.py": {
+        # What is not found from there on is searched for from the beginning.
+        "_Children.index: self._last = super().index(node, max(self._last - 2, 1))",
         # There is at least one place.
         'written_at: calls = f" (called at {\', from \'.join(places[1:])})" if len(places) != 1 else ""',  # noqa: E501
     },

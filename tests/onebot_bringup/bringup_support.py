@@ -3,9 +3,13 @@
 import math
 import os
 import signal
-from collections.abc import Callable
+import sys
+import uuid
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
+import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -13,6 +17,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from onebot_description.description.packages import use_environment_prefix
 from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_bringup.launcher_support import RunningCommand, alive
+from tests.orphans import marked
 from tests.support import wait_for
 
 MARK = "ONEBOT_TEST_MARK"
@@ -57,6 +62,28 @@ class Transforms:
         self._executor.shutdown()
         self._node.destroy_node()
         rclpy.try_shutdown(context=self._context)
+
+
+@contextmanager
+def bringups(folder: Path, *command: str) -> Iterator[Callable[..., RunningCommand]]:
+    """Start a command with arguments, in ``folder``; nothing may be left of it afterwards."""
+    started: list[RunningCommand] = []
+
+    def start(*arguments: str) -> RunningCommand:
+        started.append(RunningCommand(folder, [sys.executable, "-m", *command, *arguments]))
+        return started[-1]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(MARK, str(uuid.uuid4()))
+        yield start
+        for running in started:
+            running.close()
+        assert left_behind() == []
+
+
+def left_behind() -> list[int]:
+    """Return the processes that the bringups of a test have started, at whatever remove."""
+    return marked(f"{MARK}={os.environ[MARK]}")
 
 
 def wait_for_robot(

@@ -1,17 +1,14 @@
 """Bringing up any robot with ``onebot view``."""
 
 import os
-import sys
-import uuid
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 from onebot_bringup.launch.bringup import environment
-from tests.onebot_bringup.bringup_support import MARK, Transforms, stop, wait_for_robot
+from tests.onebot_bringup.bringup_support import Transforms, bringups, stop, wait_for_robot
 from tests.onebot_bringup.launcher_support import RunningCommand
-from tests.orphans import marked
 from tests.support import wait_for
 
 ARM = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
@@ -52,23 +49,10 @@ def transforms(ros_domain: int) -> Iterator[Transforms]:
 
 
 @pytest.fixture
-def start(
-    tmp_path: Path, ros_domain: int, arm: Path, monkeypatch: pytest.MonkeyPatch
-) -> Iterator[Start]:
-    """Start ``onebot view`` on the arm; nothing may be left of it after the test."""
-    started: list[RunningCommand] = []
-    mark = str(uuid.uuid4())
-    monkeypatch.setenv(MARK, mark)
-
-    def make(*arguments: str) -> RunningCommand:
-        command = [sys.executable, "-m", "onebot_bringup.cli.main", "view", arm.name]
-        started.append(RunningCommand(tmp_path, [*command, "viewer:=none", *arguments]))
-        return started[-1]
-
-    yield make
-    for running in started:
-        running.close()
-    assert marked(f"{MARK}={mark}") == []
+def start(tmp_path: Path, ros_domain: int, arm: Path) -> Iterator[Start]:
+    """Start ``onebot view`` on the arm."""
+    with bringups(tmp_path, "onebot_bringup.cli.main", "view", arm.name, "viewer:=none") as make:
+        yield make
 
 
 def test_any_robot_moves_within_its_limits(start: Start, transforms: Transforms, arm: Path) -> None:

@@ -83,6 +83,10 @@ def names(launch: Launch) -> list[str]:
     return [node.name for node in launch.nodes()]
 
 
+def given_by(words: str) -> dict[str, str]:
+    return dict(word.split(":=") for word in words.split())
+
+
 def process_of(launch: Launch, name: str) -> NodeProcess:
     """One of the nodes, whether it is to start or not."""
     [row] = [row for row in NODES if row.name == name]
@@ -135,28 +139,24 @@ def test_every_argument_is_read_and_every_parameter_declared(make: Make) -> None
 
 
 @pytest.mark.parametrize(
-    ("sim", "given", "wanted"),
+    ("sim", "words", "nodes"),
     [
-        (True, {}, "velocity_controller robot_state_publisher rerun_viewer"),
-        (True, {"sim": "false"}, "robot_state_publisher joint_state_publisher rerun_viewer"),
-        (False, {}, "robot_state_publisher joint_state_publisher rerun_viewer"),
-        (False, {"joint_states": "false", "reload": "false"}, "robot_state_publisher rerun_viewer"),
-        (False, {"viewer": "none", "reload": "0"}, "robot_state_publisher joint_state_publisher"),
-        (
-            False,
-            {"viewer": "none", "save": "x.rrd", "reload": "false"},
-            "robot_state_publisher joint_state_publisher rerun_viewer",
-        ),
+        (True, "", "velocity_controller robot_state_publisher rerun_viewer"),
+        (True, "sim:=false", "robot_state_publisher joint_state_publisher rerun_viewer"),
+        (False, "", "robot_state_publisher joint_state_publisher rerun_viewer"),
+        (False, "joint_states:=false", "robot_state_publisher rerun_viewer"),
+        (False, "viewer:=none", "robot_state_publisher joint_state_publisher"),
+        (False, "viewer:=none joint_states:=0 save:=x.rrd", "robot_state_publisher rerun_viewer"),
         (
             True,
-            {"record": "bag", "viewer": "none", "steer": "true", "port": "0"},
+            "record:=bag viewer:=none steer:=true port:=0",
             "bag_recorder velocity_controller robot_state_publisher steering_page",
         ),
     ],
 )
-def test_which_nodes_are_started(make: Make, sim: bool, given: dict[str, str], wanted: str) -> None:
+def test_which_nodes_are_started(make: Make, sim: bool, words: str, nodes: str) -> None:
     """The recorder comes first; one node moves the joints, the simulation or the publisher."""
-    assert names(make(sim, **given)) == wanted.split()
+    assert names(make(sim, **given_by(words))) == nodes.split()
 
 
 def test_what_each_node_is(make: Make) -> None:
@@ -318,27 +318,9 @@ def test_several_robots_are_two_processes(make: Make, arm: Path) -> None:
         assert drives["/yard/a"]["world_frame_id"] == frame
 
 
-@pytest.mark.parametrize(
-    ("given", "said"),
-    [
-        ({"x": "1"}, "x:=1 does not go together with robots:=3: robots:= places them"),
-        ({"frame_prefix": "a/"}, "frame_prefix:=a/ does not .*begin with its namespace"),
-        ({"joints": "j.yaml"}, "joints:=j.yaml does not .*the simulation moves"),
-        ({"reload": "true"}, "reload:=true does not .*edits of the model"),
-        ({"sim": "false"}, "robots:=3 are simulated, which sim:=false is not"),
-    ],
-)
-def test_what_does_not_go_together_with_several_robots(
-    make: Make, given: dict[str, str], said: str
-) -> None:
-    with pytest.raises(UsageError, match=said):
-        make(robots="3", **given)
-    assert make(robots="3", reload="false", namespace="a").values["robots"] == "3"
-
-
 def test_the_summary_of_several_robots(make: Make) -> None:
     """How many, and how one of them is driven."""
-    nodes = make(robots="3", namespace="yard")
+    nodes = make(robots="3", namespace="yard", reload="false")
     robots = [PlacedRobot(name, 0.0, 0.0, 0.0, nodes.description) for name in ("a", "b", "c")]
     text = summary_text(nodes.description, nodes.values, robots)
     assert text.startswith("3 robots in one world, a to c\n")
@@ -513,55 +495,36 @@ def test_files_are_checked_before_anything_starts(
     assert said in refused(driven, *words, "model:=absent.xacro")
 
 
-FOR_OTHERS = {
-    "joint_state_publisher": JOINTS.replace("/**", "joint_state_publisher"),
-    "velocity_controller": (
-        "velocity_controller:\n  ros__parameters: {linear.x.max_velocity: 0.15}\n"
-    ),
-}
+OF_JOINTS = JOINTS.replace("/**", "joint_state_publisher")
+OF_CONTROL = "velocity_controller: {ros__parameters: {linear.x.max_velocity: 0.15}}"
 
 
 @pytest.mark.parametrize(
-    ("node", "words", "possible"),
+    ("text", "words", "spaces"),
     [
-        (
-            "joint_state_publisher",
-            ("joints:=file.yaml",),
-            "/**/joint_state_publisher, /r1/joint_state_publisher",
-        ),
-        (
-            "velocity_controller",
-            ("params_file:=file.yaml",),
-            "/**/velocity_controller, /r1/velocity_controller",
-        ),
-        (
-            "velocity_controller",
-            ("params_file:=file.yaml", "robots:=2"),
-            "/**/velocity_controller, /r1/robot1/velocity_controller, "
-            "/r1/robot2/velocity_controller",
-        ),
-        (
-            "velocity_controller",
-            ("robots:=fleet.yaml",),
-            "/**/velocity_controller, /r1/a/velocity_controller",
-        ),
+        (OF_JOINTS, "joints:=file.yaml", ["r1"]),
+        (OF_CONTROL, "params_file:=file.yaml", ["r1"]),
+        (OF_CONTROL, "params_file:=file.yaml robots:=2", ["r1/robot1", "r1/robot2"]),
+        (OF_CONTROL, "robots:=fleet.yaml", ["r1/a"]),
     ],
 )
 def test_parameters_for_no_node_are_refused(
     driven: Bringup,
     arm: Path,
     monkeypatch: pytest.MonkeyPatch,
-    node: str,
-    words: tuple[str, ...],
-    possible: str,
+    text: str,
+    words: str,
+    spaces: list[str],
 ) -> None:
     """A limit would be none; the error has the sections that would do."""
     monkeypatch.chdir(arm.parent)
-    Path("file.yaml").write_text(FOR_OTHERS[node])
+    Path("file.yaml").write_text(text)
     Path("fleet.yaml").write_text("robots: {a: {x: 0.0, y: 0.0, params_file: file.yaml}}\n")
-    said = refused(driven, *words, "namespace:=r1")
+    said = refused(driven, *words.split(), "namespace:=r1")
+    node = text.partition(":")[0]
     assert f'file.yaml: section "/{node}" is for no node' in said
-    assert said.endswith(f"that it is given to: {possible}")
+    sections = ", ".join(f"/{space}/{node}" for space in ("**", *spaces))
+    assert said.endswith(f"that it is given to: {sections}")
 
 
 @pytest.mark.parametrize("word", ["--help", "-s"])
@@ -619,26 +582,30 @@ Robot "arm": 3 links, 1 of 2 joints can move
 )
 def test_the_summary_says_what_runs(make: Make, sim: bool, given: str, text: str) -> None:
     """One line for each thing, and no line for what is not there."""
-    launch = make(sim, **dict(word.split(":=") for word in given.split()))
+    launch = make(sim, **given_by(given))
     model = launch.values["model"]
     assert summary_text(launch.description, launch.values) == text.replace("MODEL", model)
 
 
 @pytest.mark.parametrize(
-    ("sim", "given", "said"),
+    ("words", "said"),
     [
-        (False, {"publish_frequency": "1001"}, "a number from 0 to 1000"),
-        (True, {"frame_prefix": "left"}, "frame_prefix:=left/"),
-        (True, {"port": "8081"}, "add steer:=true"),
-        (True, {"world": "maze", "sim": "false"}, "world:=maze is for the simulation"),
-        (True, {"left_wheel": "a"}, "name both, or neither"),
-        (True, {"rate": "0"}, "rate:=0 is not possible; write a number from 0.001 to 1000"),
+        ("publish_frequency:=1001", "a number from 0 to 1000"),
+        ("frame_prefix:=left", "frame_prefix:=left/"),
+        ("port:=8081", "add steer:=true"),
+        ("world:=maze sim:=false", "world:=maze is for the simulation"),
+        ("left_wheel:=a", "name both, or neither"),
+        ("rate:=0", "rate:=0 is not possible; write a number from 0.001 to 1000"),
+        ("robots:=3 x:=1", "x:=1 does not go together with robots:=3: robots:= places them"),
+        ("robots:=3 frame_prefix:=a/", "frame_prefix:=a/ does not .*begin with its namespace"),
+        ("robots:=3 joints:=j.yaml", "joints:=j.yaml does not .*the simulation moves"),
+        ("robots:=3 reload:=true", "reload:=true does not .*edits of the model"),
+        ("robots:=3 sim:=false", "robots:=3 are simulated, which sim:=false is not"),
     ],
 )
-def test_values_that_are_not_possible(make: Make, sim: bool, given: Any, said: str) -> None:
-    with pytest.raises(UsageError) as caught:
-        make(sim, **given)
-    assert said in str(caught.value)
+def test_values_that_are_not_possible(make: Make, words: str, said: str) -> None:
+    with pytest.raises(UsageError, match=said):
+        make(**given_by(words))
 
 
 def test_the_model_is_expanded_in_a_fork(tmp_path: Path) -> None:

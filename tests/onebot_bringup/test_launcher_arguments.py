@@ -6,9 +6,9 @@ from hypothesis import strategies as st
 
 from onebot_bringup.launch.arguments import (
     Argument,
+    choice,
     complete,
     number,
-    port,
     refuse_positional,
     ros_settings,
     split,
@@ -18,7 +18,7 @@ from onebot_bringup.launch.arguments import (
 from onebot_description.errors import UsageError
 
 DECLARED = [
-    Argument("viewer", "web", "where to see it", ("web", "none")),
+    choice("viewer", "web", "where to see it", ("web", "none")),
     Argument("save", "", "a file"),
     switch("reload", True, "take up edits"),
 ]
@@ -26,7 +26,7 @@ NUMBERS = [
     number("rate", "20.0", "Hz", 5.0, 100.0),
     number("x", "0.0", "m"),
     number("count", "", "how many", 1, 99, int),
-    port("port", "8080", "of the page"),
+    number("port", "8080", "of the page", 0, 65535, int),
     *ros_settings(),
 ]
 

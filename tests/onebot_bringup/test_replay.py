@@ -12,7 +12,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from onebot_bringup.bags.bag_reader import Bag
-from onebot_bringup.bags.replay import frame_prefix_of, log_bag
+from onebot_bringup.bags.shown_bag import frame_prefix_of, log_bag
 from onebot_bringup.bags.writer import BagWriter
 from onebot_bringup.cli.main import main
 from onebot_bringup.cli.snapshot import kind_of

@@ -23,9 +23,9 @@ from rosbags.typesys import Stores
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
-from onebot_bringup.bags import replay
+from onebot_bringup.bags import shown_bag
 from onebot_bringup.bags.bag_reader import Bag
-from onebot_bringup.bags.replay import log_bag
+from onebot_bringup.bags.shown_bag import log_bag
 from onebot_bringup.cli.main import main
 from onebot_bringup.introspection.interfaces import full_definition
 from onebot_bringup.viewer.display_server import open_recording
@@ -319,7 +319,7 @@ def test_markers_are_placed_by_the_transforms_of_their_time(tmp_path):
 
 def test_waits_for_the_file_to_be_written(tmp_path, monkeypatch):
     """Else all of a large recording is in memory, where it is read faster than it is written."""
-    monkeypatch.setattr(replay, "_MOST_WAITING", 100_000)
+    monkeypatch.setattr(shown_bag, "_MOST_WAITING", 100_000)
     with OtherRobot(tmp_path / "bag") as robot:
         for step in range(20):
             picture = image("rgb8", np.zeros((100, 300, 3), np.uint8))

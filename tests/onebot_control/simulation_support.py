@@ -69,7 +69,7 @@ def wheels(linear: float, angular: float) -> list[float]:
     return [(linear - half) / RADIUS, (linear + half) / RADIUS]
 
 
-def planar(simulation: Simulation) -> tuple[float, float, float]:
+def planar(simulation: Simulation | Robot) -> tuple[float, float, float]:
     """Where the robot is: x, y in m, heading in rad."""
     pose = simulation.base_pose()
     return float(pose.translation[0]), float(pose.translation[1]), yaw_of(*pose.rotation.tolist())

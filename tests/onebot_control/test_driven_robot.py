@@ -13,6 +13,7 @@ from onebot_description.description import parse_description
 from onebot_description.errors import OneBotError
 from tests.onebot_control.control_support import (
     CASTER,
+    RADIUS,
     IdealPlant,
     alone,
     config,
@@ -219,6 +220,13 @@ def test_velocities_are_by_the_clock_that_stamps_them() -> None:
     assert half.joints.velocities == pytest.approx(full.joints.velocities / 2.0)
     assert half.velocity.linear == pytest.approx([0.3, 0.0, 0.0])
     assert half.velocity.angular == pytest.approx([0.0, 0.0, 0.15])
+
+
+@pytest.mark.parametrize("rate", [5.0, 100.0])
+def test_drift_is_found_at_any_rate(rate: float) -> None:
+    drive = ideal_drive(wheel_radius=2.0 * RADIUS, update_rate=rate, cmd_vel_timeout=0.0)
+    run(drive, 0.5, 0.0, round(2.5 * rate))
+    assert "by its wheels the robot drove 1." in drive.drift.warning
 
 
 def test_covariance_is_of_the_way_since_the_odometry_was_set() -> None:

@@ -73,6 +73,14 @@ def swivel(x: float, y: float = 0.0, name: str = "") -> str:
 
 
 SWIVEL = swivel(-0.2)
+
+
+def rolling_on(uri: str) -> tuple[str, ...]:
+    """Four wheels whose visuals are this mesh."""
+    mesh = f'<visual><geometry><mesh filename="{uri}"/></geometry></visual><collision>'
+    return tuple(wheel.replace("<collision>", mesh) for wheel in FOUR)
+
+
 ROLLERS = tuple(
     wheel(f"caster_{side}", -0.2, y, radius=0.05) for side, y in (("l", 0.1), ("r", -0.1))
 )
@@ -96,6 +104,7 @@ def found(description: Description) -> tuple[tuple[str, ...], tuple[str, ...]]:
         ((*TWO, *ROLLERS), ["l"], ["r"]),
         ((*TWO, ARM), ["l"], ["r"]),
         (FOUR, ["front_l", "rear_l"], ["front_r", "rear_r"]),
+        (rolling_on("file:///omni/a/b/c.stl"), ["front_l", "rear_l"], ["front_r", "rear_r"]),
         ((wheel("a", 0.0, -0.2, "0 -1 0"), wheel("b", 0.0, 0.2)), ["b"], ["a"]),
     ],
 )
@@ -127,6 +136,7 @@ def test_wheels_are_found(parts: tuple[str, ...], left: list[str], right: list[s
             ),
             "by their names, its wheels are omnidirectional",
         ),
+        (rolling_on("file:///a/omni/b/c.stl"), "its wheels are omnidirectional, with rollers"),
     ],
 )
 def test_what_cannot_be_driven(parts: tuple[str, ...], said: str) -> None:

@@ -21,10 +21,6 @@ def geometry_of(description: Description, config: ControlConfig) -> WheelGeometr
     return wheels.geometry(config.wheel_separation, config.wheel_radius)
 
 
-def test_separation_and_radius_are_read() -> None:
-    assert Wheels(robot(), LEFT, RIGHT).geometry() == pytest.approx((0.3, 0.06))
-
-
 def test_several_wheels_a_side_are_averaged() -> None:
     """The separation is between the means of the sides."""
     sides = {"left": 0.2, "right": -0.2, "left2": 0.3, "right2": -0.3}

@@ -430,6 +430,8 @@ def test_sizes_of_zero_are_a_warning(shape, count):
     tag = shape[1:].split()[0]
     assert len(found) == count
     assert all(text.startswith(f'3: link "a" <visual> <geometry> <{tag}>: ') for text in found)
+    [read] = parse_description(visual(shape)).links
+    assert len(read.visuals) == 1
 
 
 @pytest.mark.parametrize(

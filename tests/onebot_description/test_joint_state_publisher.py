@@ -379,10 +379,6 @@ def test_limits_exceeded_are_told_once(start: Start, mrm: str, tmp_path: Path) -
     ("arguments", "words"),
     [
         (["-p", "rate:=0"], "rate: 0 is below 0.001; write a number from 0.001 to 1000"),
-        (
-            ["-p", "motions.elbow.type:=constant", "-p", "motions.elbow.position:=0.1"],
-            f'no joint "elbow" (joints that move: {JOINT})',
-        ),
         (["--params-file", "none.yaml"], "none.yaml: cannot be read"),
         (["-p", "source_list:=[joint_states]"], "the topic this node publishes"),
         (["-p", "source_list:=['no good']"], "source_list: Invalid topic name"),

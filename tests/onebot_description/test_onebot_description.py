@@ -1,4 +1,4 @@
-"""OneBot's description under every combination of its arguments, in every reader of ours."""
+"""OneBot's description: every combination of its arguments, and every reader of ours."""
 
 import functools
 import io
@@ -34,6 +34,9 @@ COMBINATIONS = [
     *((mesh, None, None) for mesh in MESHES),
     *itertools.product(("false",), NAMESPACES, ("", "left_")),
 ]
+READ = pytest.mark.parametrize(
+    "combination", [("true", "", "left_"), ("false", "/fleet/robot1/", "")], ids=["mesh", "plain"]
+)
 
 
 @functools.cache
@@ -46,12 +49,7 @@ def _identify(combination) -> str:
     return "-".join("default" if value is None else value or "empty" for value in combination)
 
 
-# Of the module: all the tests of a combination come after one another, and load it once.
-@pytest.fixture(params=COMBINATIONS, ids=_identify, scope="module")
-def combination(request):
-    return request.param
-
-
+@pytest.mark.parametrize("combination", COMBINATIONS, ids=_identify)
 def test_every_combination_is_clean(combination):
     mesh, namespace, prefix = combination
     description = _load(*combination)
@@ -70,7 +68,8 @@ def test_every_file_is_watched():
     assert names >= {"wheel.urdf.xacro", "caster.urdf.xacro", "materials.urdf.xacro"}
 
 
-def test_yourdfpy_reads_every_combination(combination):
+@READ
+def test_yourdfpy_reads_the_robot(combination):
     description = _load(*combination)
     robot = yourdfpy.URDF.load(io.BytesIO(description.urdf.encode()), load_meshes=True)
     assert robot.validate(), robot.errors
@@ -87,7 +86,8 @@ def world():
     pybullet.disconnect(client)
 
 
-def test_pybullet_reads_every_combination(combination, tmp_path, world):
+@READ
+def test_pybullet_reads_the_robot(combination, tmp_path, world):
     description = _load(*combination)
     path = tmp_path / "onebot.urdf"
     path.write_text(description.urdf)
@@ -133,7 +133,8 @@ def test_pybullet_reads_the_meshes_in_metres(tmp_path, world, name):
     )
 
 
-def test_rerun_shows_every_combination_without_complaint(combination):
+@READ
+def test_rerun_shows_the_robot_without_complaint(combination):
     """The viewer finds nothing that it cannot draw, and every mesh in colours of its own."""
     robot = parse_description(_load(*combination).urdf, "robot_description")
     assert robot.notices == ()

@@ -201,7 +201,6 @@ def test_bad_messages_leave_it_running(ros_domain, arm):
             ["publish_frequency: ", "write a number from 0 to"],
         ),
         (ros_args(use_sim_time=5), ["use_sim_time", "expecting type 'BOOL'"]),
-        (ros_args(publish_frequency="2000.0"), ["publish_frequency: 2000 is above 1000"]),
     ],
 )
 def test_user_mistakes_give_one_clear_error(ros_domain, args, fragments):

@@ -57,18 +57,13 @@ def log_bag(
     Args:
         bag: the recording.
         stream: where to log.
-        view: a .yaml, .rviz or .rbl file; None for the view of the robot's description, if that is
-            installed.
-        fixed_frame: the frame to show everything in; "" for the view's, else the one above the
-            robot, or above the frames of most topics.
+        view: a .yaml, .rviz or .rbl file; None for that of the description, if it is installed.
+        fixed_frame: "" for the view's, else the one above the robot, or above most topics' frames.
         frame_prefix: put before link names to get their frames; "" to find it out.
         namespace: of the robot to show; "" for all.
         from_start: the viewer plays it from its beginning; False: it shows its end.
         progress: called with how far it is, when that takes over two seconds.
-        warn: called with what cannot be shown, and with damage of the recording.
-
-    Raises:
-        OneBotError: there is nothing to show in it or in the namespace, or the view is wrong.
+        warn: called with what cannot be shown, and with damage; nothing at all is an OneBotError.
     """
     robots = robots_of(bag, namespace)
     first = robots[0]
