@@ -202,7 +202,7 @@ def test_steering_page(start_node: Callable[..., Node]) -> None:
     node._poll_graph()
 
     def shown() -> None:
-        json.dumps(node._robot().odometry, allow_nan=False)
+        json.dumps(dict(node._robot()), allow_nan=False)
         if node._viewer.view is not None:
             addresses = node._viewer.view.addresses("127.0.0.1:8080")
             assert all(URL(each).path.startswith("/view/") for each in addresses)
