@@ -214,7 +214,7 @@ def missing() -> list[str]:
 @functools.cache
 def _definitions(module: str) -> set[str]:
     """Return the names of a module's functions and classes, such as "Class.method", and ""."""
-    found = {""}
+    names = {""}
     nodes: list[tuple[str, ast.AST]] = [("", ast.parse((CHECKOUT / module).read_text("utf-8")))]
     while nodes:
         prefix, node = nodes.pop()
@@ -222,6 +222,6 @@ def _definitions(module: str) -> set[str]:
             name = prefix
             if isinstance(child, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
                 name = f"{prefix}.{child.name}".removeprefix(".")
-                found.add(name)
+                names.add(name)
             nodes.append((name, child))
-    return found
+    return names
