@@ -60,7 +60,10 @@ TESTS: dict[str, tuple[str, ...]] = {
     "onebot_description/description/xacro.py": _description("xacro_arguments", *_CHECKS),
     "onebot_description/model/quaternions.py": _description("robot_model"),
     "onebot_description/model/robot_model.py": _description("robot_model"),
-    "onebot_description/parameters/reader.py": _description(*_READER),
+    "onebot_description/parameters/reader.py": (
+        *_description(*_READER),
+        "tests/test_readme_tables.py",
+    ),
     "onebot_description/parameters/values.py": _description(*_READER),
     "onebot_bringup/launch/arguments.py": _tests(
         "onebot_bringup", "launcher_arguments", "bringup_nodes"
