@@ -2,6 +2,7 @@
 
 import argparse
 import importlib
+import os
 import sys
 import time
 from pathlib import Path
@@ -55,6 +56,8 @@ def main(argv: list[str]) -> int:
             )
     if arguments.quick and arguments.write:
         raise OneBotError("the times of --quick mean nothing, so they are not written")
+    # As a bringup has it, before a benchmark imports numpy: threads that spin are no work of ours.
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"
     with KeyboardInterrupts():  # whatever a benchmark has started is stopped
         _run(arguments.names or [*BENCHMARKS], arguments.quick, arguments.write)
     return 0
