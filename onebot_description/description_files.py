@@ -1,4 +1,4 @@
-"""A description's files: whoever edits one has the robot loaded again, while its node works on."""
+"""A description's files: an edit loads the robot again, while its node works on."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class DescriptionFiles:
     def poll(self) -> Description | None:
         """Return the edited robot once it is loaded; to be called several times a second.
 
-        An OneBotError says why the files as they are now cannot be used.
+        Raises OneBotError if the files as they are now cannot be used.
         """
         saved, removed = self._watch.poll()
         self._edited += [*saved, *removed]

@@ -74,20 +74,17 @@ def configure_discovery(*, whole_graph: bool = False) -> None:
 
     On one computer, nodes listen on loopback only: the range limits whom they look for, but another
     computer that looks for this one (ROS_STATIC_PEERS) would find them. They announce themselves
-    often. Fast DDS 2.14 announces a participant before
-    it listens, so that about every other first answer is lost, and the next announcement is 3 s
-    away; there, five small packets a second cost nothing.
+    five times a second. Fast DDS 2.14 announces a participant before it listens, so that about
+    every other first answer is lost, and by default the next announcement is 3 s away.
 
     On a network, a node that sends to a computer that is not reached must not wait: while Linux
     looks for that computer, for 3 s each time, packets fill the socket's buffer, and the control
     loop would stand still. What is dropped and was reliable is sent again.
 
-    A profile or transports of the user's own are left as they are. Ports that would stop the start
-    are removed.
+    A profile or transports that the user has set stay. Ports that would stop the start are removed.
 
-    Args:
-        whole_graph: with a discovery server, discover also what has no topic in common with this
-            process: for introspection. In a large fleet it is much.
+    ``whole_graph``: with a discovery server, discover also what has no topic in common with this
+    process, as introspection needs it; in a large fleet that is much.
     """
     remove_broken_ports()
     if whole_graph and server():

@@ -159,7 +159,7 @@ class JointParameters:
 
 @dataclass(frozen=True)
 class JointsState:
-    """What follows from parameters and description; replaced whole: a refusal changes nothing."""
+    """Parameters and description; replaced as a whole, so that a refusal changes nothing."""
 
     values: Mapping[str, Any]  # the parameters, by name
     config: JointsConfig  # the same, checked
@@ -170,7 +170,7 @@ class JointsState:
     def describing(self, description: Description, *, tolerant: bool) -> "JointsState":
         """Return the state with another robot, whose joints go on from where they are.
 
-        Parameters that do not suit it are a ConfigError; ``tolerant`` leaves them out instead.
+        Raises ConfigError for parameters that do not suit it; ``tolerant`` leaves them out instead.
         """
         source = JointStateSource(
             description.joints, self.config, previous=self.source, tolerant=tolerant
@@ -444,7 +444,7 @@ class JointStatePublisher(Node):
     # Applying parameters and descriptions ----------------------------------------------------
 
     def _use(self, description: Description) -> None:
-        """Start with ``description``; parameters that do not suit it are a ConfigError."""
+        """Start with ``description``; raises ConfigError for parameters that do not suit it."""
         try:
             self._apply(self.state.describing(description, tolerant=False))
         except ConfigError as error:

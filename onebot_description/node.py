@@ -303,7 +303,7 @@ def use_writable_log_folder() -> None:
 
 
 class RosArguments(NamedTuple):
-    """What rcl does not report of a command line: its parameter files and who is set by -p."""
+    """Parts of a command line that rcl does not report: parameter files, and names set by -p."""
 
     files: tuple[Path, ...] = ()  # given by --params-file, in order
     names: tuple[tuple[str, str], ...] = ()  # of the parameters set by -p: (node or "", parameter)

@@ -23,7 +23,7 @@ class StateParameters:
     frame_prefix: str = parameter("", "prepended to every frame as it is")
 
     def check(self) -> Iterator[Problem]:
-        """Report an interval that is longer than time."""
+        """Reject rates below 0.001 Hz, whose interval would be too long for a stamp."""
         if 0.0 < self.publish_frequency < _LEAST_HERTZ:
             text = f"{self.publish_frequency:g} is below {_LEAST_HERTZ:g}"
             yield Problem("publish_frequency", f"{text}; write 0 for every message, or more")

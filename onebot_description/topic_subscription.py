@@ -124,7 +124,7 @@ class TopicSubscription:
     def update(self, kind: str, qos: QoSProfile) -> None:
         """Make the subscription, or change it; to be called several times a second.
 
-        While the node holds the topic as another type it is a TypeConflictError.
+        Raises TypeConflictError while the node holds the topic as another type.
         """
         if (kind, qos) == (self.type, self.qos):
             return

@@ -6,13 +6,15 @@ import time
 from argparse import Namespace
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
@@ -85,13 +87,14 @@ def draw(args: Namespace, scene: Path) -> None:
 
 def _render(args: Namespace, source: Path | str, not_before_ns: int = 0) -> None:
     eye, target = args.camera or (None, None)
+    # A viewer at work goes on: only the time panel shows it.
+    framing = Framing(args.dashboard, eye, target, time_panel=isinstance(source, Path))
     render(
         source,
         args.file,
         args.width,
         args.height,
-        # A viewer at work goes on: only the time panel shows it.
-        framing=Framing(args.dashboard, eye, target, time_panel=isinstance(source, Path)),
+        framing=framing,
         not_before_ns=not_before_ns,
         progress=_progress,
     )
@@ -126,9 +129,8 @@ def _record_running(args: Namespace, recording: "rr.RecordingStream") -> "Runnin
                     "Without --dashboard, none is needed"
                 )
             return viewer
-        robots = RunningRobots(
-            session, args.view, recording, running_robots(session, args.frame_prefix)
-        )
+        names = running_robots(session, args.frame_prefix)
+        robots = RunningRobots(session, args.view, recording, names)
         robots.await_descriptions()
         viewer = None if args.view or args.frame_prefix else running_viewer(session)
         if viewer is None:
@@ -162,25 +164,22 @@ class RunningRobots:
         )
         self._feed = ViewFeed(session.node, self._view)
         self._broken: OneBotError | None = None  # a broken description
-        self._next_tick = 0.0
+        steady = Clock(clock_type=ClockType.STEADY_TIME)  # ROS time may stand still
+        self._timer = session.node.create_timer(_TICK, self._tick, clock=steady)
 
     def _report(self, _: str, error: Exception) -> None:
         if isinstance(error, OneBotError):
             self._broken = error  # another bad message is no reason to give up
 
+    def _tick(self) -> None:
+        """Show what has come."""
+        self._warnings += self._feed.update()
+        warnings = self._feed.tick()
+        self._warnings += warnings if self._view.robot is not None else []
+
     def _wait(self, done: Callable[[], bool], timeout: float) -> bool:
-        """Show what comes until ``done()``."""
-
-        def is_done() -> bool:
-            # It is called with every message, of which many robots have thousands a second.
-            if time.monotonic() >= self._next_tick:
-                self._warnings += self._feed.update()
-                warnings = self._feed.tick()
-                self._warnings += warnings if self._view.robot is not None else []
-                self._next_tick = time.monotonic() + _TICK
-            return done()
-
-        return bool(self._session.spin(is_done, timeout))
+        self._tick()
+        return bool(self._session.spin(done, timeout))
 
     def await_descriptions(self) -> Description:
         """Return the first robot's description, once those of all have come."""
@@ -200,51 +199,47 @@ class RunningRobots:
         robot = self.await_descriptions()
         if self._source.set_robot(robot.robot_name):
             self._warnings += self._view.set_view(self._source.view)
-        self._next_tick = 0.0  # it is laid out anew, also where nothing is missing any more
-        self._await_frames(robot)
-        # Not for long: some topics are published once in a while.
-        self._wait(
-            lambda: self._feed.received.issuperset(
-                topic.topic for topic in self._view.offered if topic.visible
-            ),
-            _MESSAGES,
-        )
-        return [*dict.fromkeys(self._warnings), *self._view.finish()]
+        view, feed = self._view, self._feed
 
-    def _await_frames(self, robot: Description) -> None:
-        def complete() -> bool:
+        def is_complete() -> bool:
             world = self._session.node.count_publishers(WORLD_DESCRIPTION)
-            lacking = world and WORLD_DESCRIPTION not in self._feed.received
-            return not (lacking or self._view.stage.missing) and self._view.stage.has_fixed_frame
+            lacks_world = world and WORLD_DESCRIPTION not in feed.received
+            return not (lacks_world or view.stage.missing) and view.stage.has_fixed_frame
 
-        if not self._wait(complete, PATIENCE):
-            missing = self._view.stage.missing or [self._source.view.fixed_frame]
+        if not self._wait(is_complete, PATIENCE):
+            missing = view.stage.missing or [view.stage.view.fixed_frame]
             _progress(f"waiting for the frames of {listing(missing, _LISTED)} ...")
-            self._wait(complete, _FRAMES - PATIENCE)
-        if self._view.stage.missing:
-            raise OneBotError(self._hint(robot, self._view.stage.missing))
+            self._wait(is_complete, _FRAMES - PATIENCE)
+        if view.stage.missing:
+            raise OneBotError(self._hint(robot, view.stage.missing))
+
+        def has_all() -> bool:
+            return feed.received.issuperset(item.topic for item in view.offered if item.visible)
+
+        self._wait(has_all, _MESSAGES)  # not for long: some topics are published once in a while
+        self._timer.cancel()
+        return [*dict.fromkeys(self._warnings), *view.finish()]
 
     def _hint(self, robot: Description, missing: Sequence[str]) -> str:
         text = f"no transform of {listing(missing, _LISTED)} within {_FRAMES:.0f} s"
-        frames = self._view.stage.frames.names
-        if len(self._robots) > 1:
-            return f"{text} (frames received: {listing(frames)})"
-        [names] = self._robots
+        frames, first = self._view.stage.frames.names, self._robots[0]
         if not frames:
             return (
                 f"{text}: nothing on /tf and /tf_static; robot_state_publisher publishes them, "
                 "or the simulation is paused"
             )
-        prefixes = {
-            name[: -len(robot.root_link)]
-            for name in frames
-            if name.endswith(robot.root_link) and name != names.frame_prefix + robot.root_link
-        }
-        if prefixes and len(missing) >= len(robot.link_names) - 1:
-            return f"{text}; try --frame-prefix {listing(prefixes)}"
-        joints = self._session.full_name(names.topic("joint_states"))
-        if joints not in self._feed.received:
-            return f"{text}: nothing on {joints}, so the joints' positions are not known"
+        if len(self._robots) == 1:
+            root = robot.root_link
+            prefixes = {
+                name.removesuffix(root)
+                for name in frames
+                if name.endswith(root) and name != first.frame_prefix + root
+            }
+            if prefixes and len(missing) >= len(robot.link_names) - 1:
+                return f"{text}; try --frame-prefix {listing(prefixes)}"
+            joints = self._session.full_name(first.topic("joint_states"))
+            if joints not in self._feed.received:
+                return f"{text}: nothing on {joints}, so the joints' positions are not known"
         return f"{text} (frames received: {listing(frames)})"
 
 
@@ -254,17 +249,21 @@ def running_robots(session: Session, prefix: str = "") -> list[RobotToShow]:
     topic = session.full_name(ROBOT_DESCRIPTION)
     topics = session.look_for(lambda: description_topics(session, namespace), f"a robot on {topic}")
     if not topics:
+        others = description_topics(session)
+        there = [
+            f" (there: {listing(others)}; --ros-args -r __ns:={space} goes there)"
+            for space in _namespaces(others[:1])
+        ]
         raise OneBotError(
-            f"no robot is running: nothing on {topic}{_elsewhere(session)}; start one "
+            f"no robot is running: nothing on {topic}{''.join(there)}; start one "
             "(onebot_bringup), or name its URDF or xacro file"
         )
     session.discover()
     topics = description_topics(session, namespace) or topics
     if prefix and len(topics) > 1:
-        spaces = [topic.rpartition("/")[0] or "/" for topic in topics]
         raise OneBotError(
-            f"--frame-prefix is one robot's, and several run, in {listing(spaces)}: choose one by "
-            "--ros-args -r __ns:=NAMESPACE"
+            f"--frame-prefix is one robot's, and several run, in {listing(_namespaces(topics))}: "
+            "choose one by --ros-args -r __ns:=NAMESPACE"
         )
     robots = []
     for topic in topics:
@@ -277,13 +276,8 @@ def running_robots(session: Session, prefix: str = "") -> list[RobotToShow]:
     return robots
 
 
-def _elsewhere(session: Session) -> str:
-    """Where descriptions are published, if in other namespaces."""
-    topics = description_topics(session)
-    if not topics:
-        return ""
-    space = topics[0].rpartition("/")[0] or "/"
-    return f" (there: {listing(topics)}; --ros-args -r __ns:={space} goes there)"
+def _namespaces(topics: Sequence[str]) -> list[str]:
+    return [topic.rpartition("/")[0] or "/" for topic in topics]
 
 
 # --- a description at given joint positions -----------------------------------------------------
@@ -297,14 +291,10 @@ _NOW_NS = 1_700_000_000_000_000_000
 def record_pose(
     description: Description, positions: Floats, view: str, recording: "rr.RecordingStream"
 ) -> list[str]:
-    """Log a robot at ``positions``.
+    """Log a robot at ``positions``: (M,) of the moving joints in the model's order, rad or m.
 
-    Args:
-        description: the robot.
-        positions: (M,) of the moving joints in the model's order, rad or m.
-        view: as for ``ViewSource``. A fixed frame that only a running robot has, such as odom, is
-            replaced by the robot's root link.
-        recording: where to log.
+    A fixed frame of the view that only a running robot has, such as odom, is replaced by the
+    robot's root link.
     """
     model = RobotModel.from_description(description)
     notices: list[str] = []
@@ -388,8 +378,7 @@ def server_of(page: str) -> str:
     return match.group() if match else ""
 
 
-@dataclass(frozen=True)
-class RunningViewer:
+class RunningViewer(NamedTuple):
     """A viewer that is running."""
 
     server: str  # the address of its recording

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 from onebot_bringup.viewer.displays.display import Display, LayoutPart, below
 from onebot_bringup.viewer.displays.tf_display import axes_entity
-from onebot_bringup.viewer.frames import FrameResolution
 from onebot_bringup.viewer.scene import COLLISION_ENTITY, Scene
 from onebot_bringup.viewer.settings import Color
 from onebot_description.description import Description, parse_description
+from onebot_description.errors import listing
 
 if TYPE_CHECKING:
     from onebot_bringup.viewer.stage import Stage
@@ -49,7 +49,8 @@ class ShownRobot:
         """Show nothing yet. ``root`` is the entity above all of it; "" for the only robot."""
         self.stage, self.names, self.root = stage, names, root
         self.scene = Scene(stage.recording, names.frame_prefix, root)
-        self.resolution = FrameResolution(stage.frames, self.frame_of)
+        self._missing: list[str] = []
+        self._missing_of: tuple[object, ...] = ()  # the robot, frame and tree that it is for
         self.displays: list[Display[Any]] = []
         self.description: Description | None = None
         self.urdf = ""  # the text of the description
@@ -85,11 +86,67 @@ class ShownRobot:
             display.set_robot()
         return warnings
 
-    def is_complete(self, fixed_frame: str) -> bool:
+    # --- frames -----------------------------------------------------------------------------------
+
+    @property
+    def top_frame(self) -> str:
+        """The frame above its root link; "" without a description."""
+        return self.stage.frames.top(self.home) if self.home else ""
+
+    def known_as(self, wanted: str) -> str:
+        """Return the name by which a frame is known, also with the prefix; "" if it is not.
+
+        Another robot's frame may have the name without the prefix. The frame that is connected with
+        this robot counts; if both are, the name without the prefix.
+        """
+        if not wanted or self.description is None:
+            return ""
+        frames, links = self.stage.frames, self.description.link_names
+        prefixed = self.frame_of(wanted)
+        names = [prefixed] if prefixed in frames.names or wanted in links else []
+        if wanted in frames.names or wanted in map(self.frame_of, links):
+            names.insert(0, wanted)
+        connected = [name for name in names if frames.top(name) == self.top_frame]
+        return next(iter(connected + names), "")
+
+    def fixed_frame(self, wanted: str) -> str:
+        """Return the frame to show it in: ``wanted``, or else the one above its root."""
+        return self.known_as(wanted) or self.top_frame
+
+    def missing(self, fixed_frame: str) -> list[str]:
+        """Return the frames of links that no transform connects with ``fixed_frame``."""
+        robot, frames = self.description, self.stage.frames
+        what = (frames.version, robot, fixed_frame)
+        if what != self._missing_of:
+            top, links = frames.top(fixed_frame), robot.link_names if robot is not None else ()
+            self._missing = [
+                frame for frame in map(self.frame_of, links) if frames.top(frame) != top
+            ]
+            self._missing_of = what
+        return self._missing
+
+    def is_complete(self, wanted: str) -> bool:
         """Whether its links are known, and each has a transform to this frame ("": any)."""
-        return self.description is not None and self.resolution.is_complete(
-            self.description, fixed_frame
-        )
+        if self.description is None or (wanted and not self.known_as(wanted)):
+            return False
+        return not self.missing(self.fixed_frame(wanted))
+
+    def late(self, wanted: str) -> list[str]:
+        """Return the links without a transform, and a missing fixed frame, a sentence each."""
+        if self.description is None:
+            return []
+        warnings, fixed_frame = [], self.fixed_frame(wanted)
+        missing = self.missing(fixed_frame)
+        if missing:
+            warnings.append(
+                f'no transform yet from "{fixed_frame}" to {listing(missing, 5)}: '
+                "not shown until /tf or /tf_static brings it"
+            )
+        if wanted and not self.known_as(wanted):
+            warnings.append(self.stage.unknown_frame(wanted, fixed_frame))
+        return warnings
+
+    # --- its part of the layout -------------------------------------------------------------------
 
     def entity_of(self, link: str) -> str:
         """Return the entity that moves with a link: its first visual, or else its axes."""

@@ -11,7 +11,6 @@ from onebot_bringup.introspection.interfaces import full_definition
 from onebot_bringup.introspection.transforms import FrameTree
 from onebot_bringup.viewer.columns import ReadyColumn, joinable, joined, one_row, time_column
 from onebot_bringup.viewer.displays.tf_display import TransformStream
-from onebot_bringup.viewer.frames import unknown_frame
 from onebot_bringup.viewer.inbox import MessageType, message_type
 from onebot_bringup.viewer.shown_robot import WORLD_DESCRIPTION, RobotToShow, ShownRobot
 from onebot_bringup.viewer.view_config import ViewConfig
@@ -118,17 +117,24 @@ class Stage:
         frame = self.wanted_frame
         if not self.descriptions:
             fixed, frame = self.fixed_frame, self.view.fixed_frame
-            return [] if frame in ("", fixed) else [unknown_frame(self.frames, frame, fixed)]
+            return [] if frame in ("", fixed) else [self.unknown_frame(frame, fixed)]
         sentences = []
         for robot in (*self.robots, self.world):
-            if robot.description is not None:
-                sentences += robot.resolution.warnings(robot.description, frame)
+            sentences += robot.late(frame)
         lacking = [str(robot.names) for robot in self.robots if robot.description is None]
         if lacking:
             sentences.append(f"no description yet of the robots in {listing(lacking, _LISTED)}")
         return sentences
 
     # --- frames -----------------------------------------------------------------------------------
+
+    def unknown_frame(self, wanted: str, fixed_frame: str) -> str:
+        """Return a warning that ``wanted`` has not been received, and what is shown instead."""
+        hint = did_you_mean(wanted, self.frames.names, "frames received")
+        return (
+            f'the fixed frame "{wanted}" is not on /tf or /tf_static{hint}; '
+            f'shown in "{fixed_frame}" until it is'
+        )
 
     def connected(self, frame: str) -> bool:
         """Whether transforms lead from ``frame`` to the fixed one.
@@ -147,7 +153,7 @@ class Stage:
         """
         for robot in self.robots:
             if robot.description is not None:
-                return robot.resolution.fixed_frame(robot.description, self.wanted_frame)
+                return robot.fixed_frame(self.wanted_frame)
         view_frame = self.view.fixed_frame
         if view_frame and (view_frame in self.frames.names or view_frame in self._message_frames):
             return view_frame
@@ -187,19 +193,10 @@ class Stage:
     def missing(self) -> list[str]:
         """The frames of links that no transform connects with the fixed frame, the world's, too."""
         fixed = self.fixed_frame
-        return [
-            frame
-            for robot in (*self.robots, self.world)
-            if robot.description is not None
-            for frame in robot.resolution.missing(robot.description, fixed)
-        ]
+        return [frame for robot in (*self.robots, self.world) for frame in robot.missing(fixed)]
 
     @property
     def has_fixed_frame(self) -> bool:
         """The frame that the view names, if any, is known."""
-        wanted_frame = self.wanted_frame
-        return not wanted_frame or any(
-            robot.description is not None
-            and bool(robot.resolution.known_as(robot.description, wanted_frame))
-            for robot in self.robots
-        )
+        wanted = self.wanted_frame
+        return not wanted or any(robot.known_as(wanted) for robot in self.robots)

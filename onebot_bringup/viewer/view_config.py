@@ -44,7 +44,7 @@ from onebot_bringup.viewer.displays.odometry_display import (
     TrailSettings,
 )
 from onebot_bringup.viewer.displays.points import PointCloud2Settings, PointsSettings
-from onebot_bringup.viewer.displays.poses import (
+from onebot_bringup.viewer.displays.pose_display import (
     PoseArraySettings,
     PoseSettings,
     PoseWithCovarianceSettings,

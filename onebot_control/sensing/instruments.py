@@ -77,7 +77,7 @@ class SensedWorld(NamedTuple):
 
 
 def measuring_rate(sensor: Sensor, cycles: float) -> float:
-    """Return how often a sensor measures, Hz; without a rate of its own in each of the cycles."""
+    """Return how often a sensor measures, Hz; one without a rate does in each control cycle."""
     return min(sensor.rate or cycles, cycles)
 
 
@@ -263,7 +263,7 @@ class Sensing:
     ) -> None:
         """Get ready; ``start`` starts the thread, and ``failed`` gets the error that ends it.
 
-        ``world`` is what stands around the robots, in Hz and m/s^2 are ``cycles`` and ``gravity``.
+        ``world`` is what stands around the robots; ``cycles`` is in Hz, ``gravity`` in m/s^2.
         """
         self._world, self._cycles, self._gravity = world, cycles, gravity
         self._warn, self._failed = warn, failed

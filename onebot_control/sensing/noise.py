@@ -14,7 +14,7 @@ _NONE = Noise()
 
 
 def noise_of(sensor: str, tick: int) -> np.random.Generator:
-    """Return the generator of a sensor's noise in a control cycle, from 0; -1: of what lasts.
+    """Return the generator of a sensor's noise in a control cycle; -1 is for what is drawn once.
 
     Each measurement has its own, so that it does not matter which ones were made.
     """

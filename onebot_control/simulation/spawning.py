@@ -201,7 +201,7 @@ def _file(text: str) -> Iterator[str]:
 
 @contextmanager
 def converted_meshes(bodies: Iterable[Body], *, convex: bool = True) -> Iterator[Mapping[str, str]]:
-    """Yield files of the collision meshes by URI; ``convex``: of their hulls, as bodies move.
+    """Yield a file of each collision mesh by URI; ``convex``: of its hull, for bodies that move.
 
     Raises:
         OneBotError: meshes cannot be read; each is named with its links.

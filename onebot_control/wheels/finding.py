@@ -91,7 +91,7 @@ def axles(description: Description, places: Mapping[str, Floats]) -> dict[str, A
 
 
 def find_wheels(description: Description, turning: Mapping[str, Axle], tyres: Tyres) -> DriveWheels:
-    """Return the wheels that drive the robot, of which ``turning`` are the ``axles``.
+    """Return the wheels that drive the robot; ``turning`` are its ``axles``.
 
     Raises:
         OneBotError: there are none, or several sets of them; with the joints that there are.

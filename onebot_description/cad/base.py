@@ -116,8 +116,8 @@ def _section() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 def solve_ballast(dimensions: Dimensions, rest: MassProperties, room: Manifold) -> MassProperties:
     """Return the ballast that, with the ``rest``, has the wanted mass and centre of mass.
 
-    One that would weigh less than nothing, be denser than steel, or stick out of the ``room``
-    inside the hull is an OneBotError.
+    Raises OneBotError if its mass would be negative, it would be denser than steel, or stick out of
+    the ``room`` inside the hull.
     """
     mass = dimensions.base_mass - rest.mass
     if mass <= 0:

@@ -27,7 +27,7 @@ _START = (
 
 
 class Bounds(NamedTuple):
-    """What a function may take."""
+    """Memory and processor time that a function may take."""
 
     memory: int = 1_000_000_000  # bytes, beyond those of the process when it begins
     processor: int = 10  # s of processor time

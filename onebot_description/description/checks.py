@@ -38,7 +38,7 @@ def check_root(findings: Findings) -> None:
 
 
 def _wrong_root(root: Element) -> str:
-    """What to write instead of a document that holds no robot."""
+    """The message about a document that holds no robot."""
     form = _FORMATS.get(local_name(root))
     if form is not None:
         return f"is a robot in {form}, which is not read; convert it to URDF"

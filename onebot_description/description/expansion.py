@@ -306,7 +306,7 @@ def _node(frame: FrameType) -> Any:
 
 
 def _recursing(frames: list[FrameType]) -> str:
-    """What goes on without end."""
+    """The message about a recursion without end."""
     calls = [frame for frame in frames if frame.f_code.co_name == "handle_macro_call"]
     macros = [frame.f_locals["m"] for frame in calls if "m" in frame.f_locals]
     if len(macros) > _DEEP:

@@ -36,8 +36,7 @@ _OPERATORS = {**simpleeval.DEFAULT_OPERATORS, ast.Pow: operator.pow}  # 1e7**2 i
 def evaluate(expression: str, names: Mapping[str, Any]) -> Any:
     """Return the value of an expression, which looks ``names`` up as it needs them.
 
-    simpleeval.InvalidExpression is raised for what is refused; functions and operators raise
-    others.
+    Raises simpleeval.InvalidExpression for what is refused, and what functions and operators raise.
     """
     return _Evaluator(names).eval(expression, _parsed(expression.strip()))
 

@@ -94,7 +94,7 @@ class SensorFile(NamedTuple):
 def load_sensors(source: str | Path, robot: Description) -> SensorFile:
     """Read a URDF or xacro file whose root holds ``<gazebo reference="LINK">`` blocks.
 
-    One that cannot be read or expanded, or holds no sensor, is a DescriptionError.
+    Raises DescriptionError if it cannot be read or expanded, or holds no sensor.
     """
     path = _locate(source)
     document, files, warnings = _read(path, {})

@@ -63,7 +63,7 @@ def _unsuitable(path: Path) -> str:
 def mesh_scene(mesh: Mesh, *, materials: bool = True) -> "trimesh.Scene":
     """Return the surfaces of a mesh file, in metres, unscaled.
 
-    One that cannot be read, or holds no triangles, is an OneBotError.
+    Raises OneBotError if it cannot be read, or holds no triangles.
     """
     import trimesh
 

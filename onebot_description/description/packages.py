@@ -56,7 +56,7 @@ class Resources:
     def locate(self, uri: str) -> Resource:
         """Return the file that ``package://name/path``, ``file:///path`` or a path names.
 
-        An OneBotError about what names no file says what to write.
+        Raises OneBotError, which says what to write, if it names no file.
         """
         scheme = _scheme(uri)
         try:
@@ -92,7 +92,7 @@ class Resources:
     def package(self, name: str) -> Path:
         """Return the folder of a ROS package, installed or being worked on.
 
-        An OneBotError about a missing one says where it was looked for.
+        Raises OneBotError, which says where it was looked for, if there is none.
         """
         if name not in self._packages:
             if len(self._packages) >= _MOST_PACKAGES:
@@ -270,7 +270,7 @@ _NAME = re.compile(rb"<name>\s*([\w.-]+)\s*</name>")
 
 
 def _package_name(folder: Path) -> str:
-    """What the package.xml in ``folder`` calls the package; "" if there is none."""
+    """The package's name in the package.xml in ``folder``; "" if there is none."""
     file = folder / "package.xml"
     try:
         if not file.is_file():

@@ -52,10 +52,10 @@ Severity = Literal["error", "problem", "warning"]
 
 
 class Findings:
-    """What is wrong with one document.
+    """All faults of one document.
 
-    Of an error nothing can be published. A problem is left out or replaced: nodes warn of it and go
-    on, and ``onebot check`` refuses it. A warning is of what works but is probably not meant.
+    After an error nothing can be published. A problem is left out or replaced: nodes warn of it and
+    go on, and ``onebot check`` refuses it. A warning is about what works but is probably not meant.
     """
 
     def __init__(self, document: Document) -> None:
@@ -83,7 +83,7 @@ class Findings:
     ) -> str:
         """Return ``did_you_mean``, which takes time, unless it was asked for very often.
 
-        The candidate ``without`` is not meant.
+        The candidate ``without`` is not proposed.
         """
         self._hints += 1
         if self._hints > _MOST_HINTS:

@@ -8,7 +8,7 @@ import math
 import operator
 import re
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import fields
 
 from onebot_description.description.description import (
@@ -248,12 +248,9 @@ class _Block:
         return name
 
     def _model(self) -> Lidar | Camera | Imu:
-        readers: dict[str, Callable[[], Lidar | Camera | Imu]] = {
-            LIDAR: self._lidar,
-            IMU: self._imu,
-        }
-        readers |= dict.fromkeys((CAMERA, DEPTH, RGBD), self._camera)
-        return readers[self.kind]()
+        if self.kind == LIDAR:
+            return self._lidar()
+        return self._imu() if self.kind == IMU else self._camera()
 
     def _lidar(self) -> Lidar:
         ray = self._inside("ray", "lidar")

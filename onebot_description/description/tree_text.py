@@ -38,7 +38,7 @@ def cell(text: str) -> str:
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
     """Return the rows as lines with their columns aligned.
 
-    Of the columns after the first, those that are empty below the heading are left out.
+    Columns after the first that are empty below the heading are left out.
     """
     first, *later_columns = zip(*rows, strict=True)
     columns = [first, *(column for column in later_columns if any(column[1:]))]

@@ -114,8 +114,8 @@ def parse(
 ) -> Document:
     """Parse XML without DOCTYPE; see ``Document`` for the name ``shown`` and the ``folder``.
 
-    ``encoding`` overrides the one that the document declares. A DescriptionError has line and
-    column.
+    ``encoding`` overrides the one that the document declares. Raises DescriptionError, with line
+    and column.
     """
     if not data.strip():
         raise DescriptionError([f'{shown}: is empty; it should hold <robot name="...">'])

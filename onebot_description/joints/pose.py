@@ -19,7 +19,7 @@ def pose_of(model: RobotModel, description: Description, given: Mapping[str, flo
     """Return the positions of all moving joints, (M,) in the model's order, rad or m.
 
     A joint that is not in ``given`` is at 0, or in the middle of its range if 0 is not in it; mimic
-    joints follow. An OneBotError names a joint that does not move, follows another one, or would
+    joints follow. Raises OneBotError for a joint that does not move, follows another one, or would
     exceed a limit.
     """
     mimics = {joint.name: joint.mimic for joint in description.joints if joint.mimic is not None}

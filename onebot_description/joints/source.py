@@ -366,7 +366,7 @@ class JointStateSource:
     def prepare(self, config: JointsConfig) -> Plan:
         """Return the plan for new parameters, without applying it.
 
-        Those that do not suit the joints are a ConfigError; what is wrong already is tolerated.
+        Raises ConfigError for those that do not suit the joints, unless they are in force already.
         """
         plan = make_plan(self._all_joints, config)
         tolerated = self._plan.unsuitable

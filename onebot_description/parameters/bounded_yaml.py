@@ -21,7 +21,7 @@ _MOST_VALUES = 500_000  # 10,000 joints with a motion each are 120,000
 
 
 def read_text(file: Path) -> str:
-    """Return the text of a regular file; errors are OSError, and UnicodeDecodeError."""
+    """Return the text of a regular file; raises OSError or UnicodeDecodeError."""
     with open_regular(file) as opened:
         data = opened.read(_MOST_BYTES + 1)
     if len(data) > _MOST_BYTES:
@@ -30,7 +30,7 @@ def read_text(file: Path) -> str:
 
 
 def open_regular(file: Path) -> IO[bytes]:
-    """Open a file; another than a regular one, which may never end, is an OSError."""
+    """Open a file; raises OSError if it is not a regular one, which may never end."""
     # Without waiting: to open a pipe takes until somebody writes to it.
     opened = open(os.open(file, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb")
     if not stat.S_ISREG(os.fstat(opened.fileno()).st_mode):
@@ -42,7 +42,7 @@ def open_regular(file: Path) -> IO[bytes]:
 def load(text: str, loader: Any = SafeLoader) -> Any:
     """Return what YAML stands for, as ``yaml.load`` does.
 
-    A text that is no YAML, or too much of it, is a yaml.YAMLError.
+    Raises yaml.YAMLError if it is no YAML, or too much of it.
     """
     _check(text, loader, aliases=True)
     try:
@@ -53,7 +53,7 @@ def load(text: str, loader: Any = SafeLoader) -> Any:
 
 
 def compose(text: str, *, aliases: bool = True) -> yaml.Node | None:
-    """Return the tree of a text; None if it is empty. Errors are those of ``load``."""
+    """Return the tree of a text, None if it is empty; raises as ``load`` does."""
     _check(text, SafeLoader, aliases)
     return yaml.compose(text, Loader=SafeLoader)
 

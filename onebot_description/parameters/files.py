@@ -61,8 +61,8 @@ class Parameters:
 def read_parameters(text: str, name: str, node: str) -> Parameters:
     """Read the parameters that the YAML ``text`` of the file ``name`` holds for one node.
 
-    ``node`` is its full name, such as ``/joint_state_publisher``. YAML that is broken, or not that
-    of ROS 2 parameters, is a ConfigError.
+    ``node`` is its full name, such as ``/joint_state_publisher``. Raises ConfigError if the YAML is
+    broken, or not that of ROS 2 parameters.
     """
     merged = Parameters()
     for section, parameters in _sections(text, name).items():
@@ -225,8 +225,8 @@ def read_map(text: str, name: str) -> Parameters:
 def read_files(files: Iterable[Path], node: str, kind: type) -> Parameters:
     """Read the parameters that ``files`` hold for ``node``; later files override.
 
-    Unknown parameters in a section shared by several nodes are taken to be for another one. A file
-    that cannot be read, or is not ROS 2 parameter YAML, is a ConfigError.
+    Unknown parameters in a section shared by several nodes are taken to be for another one. Raises
+    ConfigError if a file cannot be read, or is not ROS 2 parameter YAML.
     """
     merged = Parameters()
     for file in files:

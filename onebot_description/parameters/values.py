@@ -1,4 +1,4 @@
-"""What one value may be: its type and rules, and the errors of a value that breaks them."""
+"""The type and rules of one value, and the errors of a value that breaks them."""
 
 import math
 import re
@@ -133,7 +133,7 @@ class ValueType:
             raise ValueError(f'"{shortened(value)}" is not possible; write {self.wanted(value)}')
 
     def wanted(self, value: Any = None) -> str:
-        """What would be right, such as "a number from 0 to 1", in place of ``value``."""
+        """The remedy, such as "a number from 0 to 1", in place of ``value``."""
         if self.rule.write:
             return self.rule.write
         if self.many:

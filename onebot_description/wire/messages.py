@@ -20,7 +20,7 @@ from onebot_description.wire.tf_message import TFMessage
 
 BAD_MESSAGE = (ValueError, IndexError)  # raised for bytes that are no such message
 
-# Bytes. Nothing is kept of a larger message: how large they are is up to whoever publishes.
+# Bytes; nothing of a larger message is cached, as publishers decide how large they are.
 LARGEST_KEPT = 2**19
 
 _COVARIANCE = 36

@@ -508,15 +508,15 @@ class Schema:
     def of(name: str, definition: str) -> "Schema":
         """Return the schema of a type such as ``sensor_msgs/msg/LaserScan``.
 
-        ``definition`` is its text as rosbag2 and MCAP store it, with those of the types in it. A
-        DefinitionError has the type and the line.
+        ``definition`` is its text as rosbag2 and MCAP store it, with those of the types in it.
+        Raises DefinitionError, with the type and the line.
         """
         return Schema(name, definition)
 
     def read(self, data: bytes) -> Message:
         """Read a message; its arrays are views into ``data``.
 
-        Bytes that are no such message, or not plain little-endian CDR, are a WireError.
+        Raises WireError for bytes that are no such message, or not plain little-endian CDR.
         """
         if not data.startswith(_PLAIN):
             raise WireError("not plain little-endian CDR")

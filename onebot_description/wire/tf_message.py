@@ -133,8 +133,8 @@ def _restore(transforms: Sequence[Any], check_fields: bool) -> Any:
 def load_type_support(message_class: type) -> ctypes.PyDLL:
     """Load the library and connect it to the type supports of geometry_msgs and std_msgs.
 
-    ``message_class`` is what received messages become, called without arguments. A library that is
-    missing or outdated is a LibraryError, a ROS that is not Jazzy a TypeSupportError.
+    ``message_class`` is what received messages become, called without arguments. Raises
+    LibraryError if the library is missing or outdated, TypeSupportError if ROS is not Jazzy.
     """
     _check_versions()
     library = load_library()

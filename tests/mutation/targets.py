@@ -146,7 +146,7 @@ EQUIVALENT: dict[str, set[str]] = {
     },
     "onebot_description/joints/source.py": {
         # A range is never below 0.
-        "_Planner._swing: if amplitude != 0.0:",
+        "_JointPlanner._swing: if amplitude != 0.0:",
         # The position is the same either way but for rounding.
         "JointStateSource._toward: near = np.abs(way) < reach * (1.0 + _ROUNDING)",
     },

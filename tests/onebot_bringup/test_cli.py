@@ -207,18 +207,6 @@ def test_check_works_without_a_home_or_a_locale(tmp_path: Path, home: str | None
     assert b"shoulder" in done.stdout
 
 
-def test_check_starts_quickly(arm: str) -> None:
-    """It needs neither ROS nor the viewer, and so must not spend a second importing them."""
-    code = (
-        "import sys; from onebot_bringup.cli.main import main; main(['check', sys.argv[1]]);"
-        "print([m for m in ('rclpy', 'rerun', 'pybullet', 'yourdfpy') if m in sys.modules])"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code, arm], capture_output=True, text=True, timeout=180
-    )
-    assert done.stdout.splitlines()[-1] == "[]"
-
-
 def test_a_reader_that_leaves_is_no_error(arm: str) -> None:
     """``onebot check x | head -0`` prints no traceback."""
     read, write = os.pipe()

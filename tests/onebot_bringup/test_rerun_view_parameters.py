@@ -97,20 +97,6 @@ def test_a_parameter_given_at_the_start_goes_before_the_file(ros_domain, tmp_pat
             assert node.process.poll() is None
 
 
-def test_wrong_settings_are_one_clear_error(ros_domain, tmp_path):
-    """At the start as in the file, and all of them at once."""
-    wrong = {"axes.length": -1.0, "camera.eye": "[1.0]", "panels.top": "open"}
-    with viewer_node(tmp_path, None, check=False, **wrong) as node:
-        assert node.wait() == 1
-        assert node.output.count("error:") == 1 and "Traceback" not in node.output
-        for said in (
-            "axes.length: -1 is below 0; write a number from 0",
-            "camera.eye: 1 numbers; write three metres",
-            'panels.top: no "open" (known: collapsed, expanded, hidden)',
-        ):
-            assert said in node.output
-
-
 def test_a_view_that_cannot_be_saved_says_why(ros_domain, tmp_path):
     """Without a file, until one is named."""
     with viewer_node(tmp_path, None, view="none") as node, Peer(ros_domain) as peer:

@@ -1,7 +1,6 @@
 """Joints with their limits: in the plot, and in the robot."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,33 +8,23 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from trimesh.transformations import euler_matrix, rotation_matrix
 
-from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.displays.joint_limits import (
     limited_joints,
     needle_strips,
     scale_strips,
 )
-from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.shown_robot import RobotToShow
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.description import load_description, parse_description
-from tests.onebot_bringup.drive_support import chunks, column
+from tests.onebot_bringup.drive_support import column
 from tests.onebot_bringup.viewer_support import (
     ARM,
     START_NS,
     Shown,
     describe,
     take_joints,
-    take_tf,
-    transforms,
 )
 
-VIEW = """
-axes: {visible: false}
-grid: {visible: false}
-joint_plot: {velocities: false, limits: true, window: 0}
-joint_ranges: {visible: true, radius: 0.8}
-"""
 FRAME = "CoordinateFrame:frame"
 TURNING = ARM.replace('type="prismatic"', 'type="revolute"').replace('"0 1 0"', '"0 0 1"')
 
@@ -215,31 +204,16 @@ def test_limits_are_level_lines_under_the_joint_s_own_name_and_colour(tmp_path):
     np.testing.assert_allclose(column(file, "/joints/velocity/0", "Scalars:scalars"), 0.0)
 
 
-def _recorded(tmp_path: Path, urdfs, view=VIEW) -> Path:
-    recording = open_recording(save=tmp_path / "x.rrd")
-    live = RobotView(recording.stream, parse_view(view))
-    step = 0
-    for urdf in urdfs:
-        describe(live, urdf)
-        for _ in range(20):
-            stamp = START_NS + step * 10**8
-            step += 1
-            take_tf(live, transforms("base", "tip", 0.5, stamp))
-            take_joints(live, stamp, ("slide",), np.array([0.5]), np.empty(0))
-            live.tick(stamp)
-    live.finish()
-    recording.close()
-    return tmp_path / "x.rrd"
-
-
 def test_a_new_description_has_its_own_limits_at_once(tmp_path):
     """The plot's lines move, and go where a joint has lost its limits."""
     wider = TURNING.replace('upper="2"', 'upper="3"')
     free = TURNING.replace('type="revolute"', 'type="continuous"')
-    file = _recorded(tmp_path, [TURNING, wider, free])
-    rows = [
-        [tuple(row) for row in chunk.to_record_batch().column("Scalars:scalars").to_pylist()]
-        for number in range(3)
-        for chunk in chunks(file, f"/joints/position/{number}")[1:]
-    ]
-    assert {row for chunk in rows for row in chunk} == {(0.5, 0, 2), (0.5, 0, 3), (0.5,)}
+    shown = Shown(tmp_path, "joint_plot: {limits: true}")
+    for number, urdf in enumerate((TURNING, wider, free)):
+        describe(shown.view, urdf)
+        shown.tick(START_NS + number * 10**9)
+        take_joints(shown.view, START_NS + number, ("slide",), (0.5,))
+        shown.tick(START_NS + number * 10**9 + 5 * 10**8)
+    file = shown.end()
+    rows = [column(file, f"/joints/position/{number}", "Scalars:scalars") for number in range(3)]
+    assert rows == [[[0.5, 0, 2]], [[0.5, 0, 3]], [[0.5]]]

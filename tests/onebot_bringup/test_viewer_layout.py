@@ -2,15 +2,12 @@
 
 import numpy as np
 
-from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import parse_view
 from tests.onebot_bringup.drive_support import column, odometry
 from tests.onebot_bringup.viewer_support import (
-    ARM,
     START_NS,
     Shown,
-    describe,
     take_odometry,
     take_tf,
     transforms,
@@ -46,12 +43,11 @@ def _sent(live: RobotView, sent: list, view: str, start: int) -> int:
 
 def test_only_what_is_in_a_layout_sends_another(tmp_path, monkeypatch):
     """Colours, lengths and topics do not: a camera turned by hand stays."""
-    recording = open_recording(save=tmp_path / "x.rrd")
-    sent: list[object] = []
-    monkeypatch.setattr(recording.stream, "send_blueprint", lambda item, **_: sent.append(item))
     view = VIEW + "joint_ranges: {visible: true}\nspeeds: {lines: {v: {topic: odom}}}\n"
-    live = RobotView(recording.stream, parse_view(view))
-    describe(live, ARM)
+    live = Shown(tmp_path, view).view
+    sent: list[object] = []
+    stream = live.stage.recording
+    monkeypatch.setattr(stream, "send_blueprint", lambda item, **_: sent.append(item))
     _drive(live, 0)
     assert len(sent) == 1
     for number, (old, new) in enumerate(
@@ -81,7 +77,6 @@ def test_only_what_is_in_a_layout_sends_another(tmp_path, monkeypatch):
     ):
         view = view.replace(old, new)
         assert _sent(live, sent, view, 20 * (20 + number)) == 1, new
-    recording.close()
 
 
 def test_axes_change_their_length_without_another_layout(tmp_path):

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
 
 from onebot_bringup.viewer.displays.odometry_display import JUMP, SPACING
-from onebot_bringup.viewer.displays.poses import (
+from onebot_bringup.viewer.displays.pose_display import (
     Ellipse,
     ellipse_outline,
     heading_deviation,

@@ -59,9 +59,13 @@ def shown(tmp_path, view, *messages):
     return points(file, ENTITY), colors(file, ENTITY), said
 
 
-@pytest.mark.parametrize("kind", ["<f4", "<f8", ">f4", ">f8", "<i2", ">i4"])
-@pytest.mark.parametrize("gap", [0, 3])
-@pytest.mark.parametrize(("height", "padding"), [(1, 0), (2, 0), (2, 5)])
+@pytest.mark.parametrize(
+    ("kind", "gap", "height", "padding"),
+    [
+        *[("<f4", 0, 1, 0), ("<f8", 3, 1, 0), (">f4", 0, 2, 0), (">f8", 3, 2, 0)],
+        *[("<i2", 0, 2, 5), (">i4", 3, 2, 5), ("<f4", 3, 2, 5), ("<f8", 0, 2, 0)],
+    ],
+)
 def test_points_of_any_layout(kind, gap, height, padding, tmp_path):
     """Types, either byte order, gaps between fields, in rows with bytes after each."""
     message = cloud(packed("x", "y", "z", kind=kind, gap=gap), height, padding, **xyz())

@@ -88,14 +88,14 @@ class Shown:
 
 
 def viewer_node(
-    folder: Path, view: str | None = VIEW, *words: str, check: bool = True, **parameters: object
+    folder: Path, text: str | None = VIEW, /, *words: str, check: bool = True, **parameters: object
 ) -> NodeProcess:
     """The node, with this text as its view and any free ports; by default it writes x.rrd only."""
     usual = {"viewer": "none", "save": folder / "x.rrd", "grpc_port": 0, "web_port": 0}
     usual["open_browser"] = "false"
-    if view is not None:
+    if text is not None:
         usual["view"] = folder / "view.yaml"
-        usual["view"].write_text(view)
+        usual["view"].write_text(text)
     arguments = ros_args(**{**usual, **parameters})
     return NodeProcess("onebot_bringup.viewer.rerun_viewer", *arguments, *words, check=check)
 

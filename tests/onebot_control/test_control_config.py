@@ -35,6 +35,7 @@ def test_defaults_are_those_of_diff_drive_controller() -> None:
     given |= {f"{kind}_covariance_diagonal": [0.0] * 6 for kind in ("pose", "twist")}
     given |= dict.fromkeys(("enable_odom_tf", "position_feedback", "tf_frame_prefix_enable"), True)
     given |= dict.fromkeys(("open_loop", "publish_limited_velocity"), False)
+    given |= {"left_wheel_noise": 0.005, "right_wheel_noise": 0.005, "sensor_noise": True}
     given |= dict.fromkeys(("wheel_separation", "wheel_radius", "x", "y", "yaw"), 0.0)
     factors = "wheel_separation", "left_wheel_radius", "right_wheel_radius"
     given |= {f"{name}_multiplier": 1.0 for name in factors}

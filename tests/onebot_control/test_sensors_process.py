@@ -294,14 +294,3 @@ def test_blocks_are_edited_while_the_robot_drives(ros_domain: int, tmp_path: Pat
         (result,) = peer.set_parameters(NODE, sensors="")
         assert result.successful
         wait_for(lambda: not peer.node.get_publishers_info_by_topic("/imu/raw"), "it to be gone")
-
-
-def test_a_file_that_is_not_there_is_one_error(ros_domain: int, tmp_path: Path) -> None:
-    (tmp_path / "bot.urdf").write_text(bot())
-    missing = tmp_path / "missing.urdf"
-    node = NodeProcess(
-        MODULE, str(tmp_path / "bot.urdf"), *ros_args(sensors=str(missing)), check=False
-    )
-    with node:
-        assert node.wait() == 1
-        assert "Traceback" not in node.output and "no such file" in node.output

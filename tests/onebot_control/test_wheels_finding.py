@@ -88,6 +88,10 @@ ARM = part("arm", "0.1 0 0.3", '<box size="0.2 0.02 0.02"/>', kind="revolute") +
     "hand", "0.2 0.1 0", '<cylinder radius="0.1" length="0.1"/>', parent="arm"
 )
 
+TURNTABLES = tuple(
+    part(f"table_{y}", f"0.1 {y} 0", '<sphere radius="0.1"/>', axis="0 0 1") for y in (-0.1, 0.1)
+)
+
 
 def found(description: Description) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The joints on the left and on the right."""
@@ -103,6 +107,7 @@ def found(description: Description) -> tuple[tuple[str, ...], tuple[str, ...]]:
         ((*TWO, SWIVEL), ["l"], ["r"]),
         ((*TWO, *ROLLERS), ["l"], ["r"]),
         ((*TWO, ARM), ["l"], ["r"]),
+        ((*TWO, *TURNTABLES), ["l"], ["r"]),
         (FOUR, ["front_l", "rear_l"], ["front_r", "rear_r"]),
         (rolling_on("file:///omni/a/b/c.stl"), ["front_l", "rear_l"], ["front_r", "rear_r"]),
         ((wheel("a", 0.0, -0.2, "0 -1 0"), wheel("b", 0.0, 0.2)), ["b"], ["a"]),

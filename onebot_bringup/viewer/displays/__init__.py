@@ -21,7 +21,7 @@ from onebot_bringup.viewer.displays.odometry_display import (
     TrailDisplay,
 )
 from onebot_bringup.viewer.displays.points import LaserScanDrawing, PointCloud2Drawing
-from onebot_bringup.viewer.displays.poses import (
+from onebot_bringup.viewer.displays.pose_display import (
     PoseArrayDrawing,
     PoseDrawing,
     PoseWithCovarianceDrawing,

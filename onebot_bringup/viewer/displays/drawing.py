@@ -19,6 +19,7 @@ type need not be installed. In a view file the settings are under the key, for a
 
 import time
 from abc import abstractmethod
+from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -222,6 +223,21 @@ class Drawing(Generic[S]):
         self.frame = self._frame_before = before.frame
         self._pending.extend([before._last] if before._last is not None else [])
         self._pending.extend(before._pending)
+
+
+class History(deque[Floats]):
+    """The last places or poses of one frame."""
+
+    frame = ""
+
+    def __init__(self, most: int) -> None:
+        super().__init__(maxlen=most)
+
+    def begin(self, frame: str) -> None:
+        """Go on in a frame: what is in another one is forgotten."""
+        if frame != self.frame:
+            self.frame = frame
+            self.clear()
 
 
 @lru_cache(maxsize=128)

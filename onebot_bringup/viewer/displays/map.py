@@ -84,35 +84,24 @@ class MapDrawing(Drawing[MapSettings]):
         return [rr.GridMap.from_fields(colormap=colors, opacity=alpha, draw_order=layer)]
 
     def add(self, stamp_ns: int, message: Any) -> None:
-        if not hasattr(message, "info"):
-            self._update(stamp_ns, message)
-            return
-        try:
-            grid = _grid(message)
-        except ValueError as error:
-            self.problems.setdefault("", str(error))
-            return
-        self._own, self._whole_ns = False, stamp_ns
-        self._take(stamp_ns, grid)
-
-    def _update(self, stamp_ns: int, message: Any) -> None:
-        """Add an update, which is ignored before there is a map.
+        """Add a map, or an update of it, which is ignored before there is a map.
 
         Or if it is older than one that came at about the same time, on its own topic. Of others,
         as in RViz, the stamps do not matter: the clock may have been set back.
         """
-        if self._grid is None or stamp_ns < self._whole_ns:
-            return
         try:
-            grid = self._updated(self._grid, message)
+            if hasattr(message, "info"):
+                grid = _grid(message)
+                self._own, self._whole_ns = False, stamp_ns
+            elif self._grid is None or stamp_ns < self._whole_ns:
+                return
+            else:
+                grid = self._updated(self._grid, message)
         except ValueError as error:
             self.problems.setdefault("", str(error))
             return
         if self._pending and self._pending[-1][1].cells is grid.cells:
             self._pending.pop()  # it has the same cells, before this update
-        self._take(stamp_ns, grid)
-
-    def _take(self, stamp_ns: int, grid: CurrentMap) -> None:
         self._grid = grid
         super().add(stamp_ns, grid)
 

@@ -1,15 +1,15 @@
 """Markers (visualization_msgs/Marker and MarkerArray), as RViz shows them.
 
 All markers of a namespace and type are one entity, a layer: a thousand cubes are one call into
-Rerun, with arrays that come straight from the message. The previous message's plan, of what goes
-where, is kept, so that an identical set of markers costs nothing per marker.
+Rerun, with arrays that come straight from the message. The plan of which rows go where is kept, so
+that a message of the same markers as the one before costs no work a marker.
 
 A marker that is locked to its frame lies in that frame and moves with it; any other one lies in
 the fixed frame, where its frame was at its own stamp. One whose lifetime is over is removed.
 """
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -56,6 +56,7 @@ _MOST_WAITING = 2000  # markers, while no transform leads to their frames
 
 Integers = NDArray[np.integer[Any]]
 MarkerId = tuple[str, int]  # namespace and number
+Rows = NDArray[np.intp] | slice
 
 
 @dataclass(frozen=True)
@@ -178,10 +179,21 @@ class Layer:
         self._stamp_ns = 0
         self.whole_at = 0.0  # the time of the last row with all columns
 
-    def set(self, ids: list[MarkerId], batch: Batch | None) -> None:
-        """Take these markers in place of those before."""
+    def update(self, ids: list[MarkerId], batch: Batch) -> None:
+        """Add markers, or change those that it has."""
+        if self.batch is not None and ids != self.ids:
+            slots = {marker: slot for slot, marker in enumerate(self.ids)}
+            slots |= {marker: slot for slot, marker in enumerate(ids, len(self.ids))}
+            ids, batch = [*slots], self.batch.joined(batch).at(np.array([*slots.values()]))
         self.ids, self.batch = ids, batch
-        self.first_end = int(batch.ends.min()) if batch is not None and ids else _NEVER
+        self.first_end = int(batch.ends.min()) if ids else _NEVER
+
+    def keep(self, slots: Sequence[int]) -> None:
+        """Remove the markers that are not in these slots."""
+        if self.batch is not None:
+            self.ids = [self.ids[slot] for slot in slots]
+            self.batch = self.batch.at(np.array(slots, np.intp))
+            self.first_end = int(self.batch.ends.min()) if self.ids else _NEVER
 
     def log(self, stamp_ns: int, *, hidden: bool) -> None:
         """Log what has changed since the last row; from time to time, all."""
@@ -224,34 +236,12 @@ def _column(piece: Piece) -> Any:
     return piece
 
 
-class Change(NamedTuple):
-    """What a message does to a layer."""
-
-    layer: Layer
-    ids: list[MarkerId]
-    rows: NDArray[np.intp]  # the message's rows, by markers; -1 for those that stay
-    slots: NDArray[np.intp]  # the previous slots; -1 for new markers
-    is_all: bool  # these are all rows, in their order
-
-    def apply(self, came: Batch) -> None:
-        layer, rows = self.layer, self.rows
-        if self.is_all:
-            layer.set(self.ids, came)
-        elif layer.batch is None or (rows >= 0).all():
-            layer.set(self.ids, came.at(rows))
-        else:
-            union = layer.batch.joined(came.at(rows[rows >= 0]))
-            new = np.cumsum(rows >= 0) - 1 + len(layer.batch.ends)
-            layer.set(self.ids, union.at(np.where(rows < 0, self.slots, new)))
-
-
-class MarkerUpdate(NamedTuple):
-    """What a message does, and each that is alike."""
+class Plan(NamedTuple):
+    """Where the markers of a message go, and of each message that is alike."""
 
     signature: tuple[object, ...]  # all that it depends on
-    changes: list[Change]
+    members: list[tuple[Layer, list[MarkerId], Rows]]
     moved: dict[str, list[int]]  # rows that lie in the fixed frame, by their own frames
-    where: dict[MarkerId, LayerKey]  # all markers after it
 
 
 class MarkerDrawing(Drawing[MarkerSettings]):
@@ -270,7 +260,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         self._used: set[str] = set()  # their entities
         self._where: dict[MarkerId, LayerKey] = {}
         self._changed: dict[str, Layer] = {}  # layers to log, by entity
-        self._plan: MarkerUpdate | None = None
+        self._plan: Plan | None = None
         self._stamp_ns = 0  # stamp of the last row
         self._now_ns = 0  # time of the last flush
         self._lag_ns = _NEVER  # the shortest time from the stamp of a message to when it came
@@ -358,14 +348,11 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         kinds = self._kinds(incoming)
         plan = self._plan_of(stamp_ns, incoming, kinds)
         batch = self._batch(stamp_ns, came_ns, incoming, kinds, plan.moved)
-        if plan is not self._plan:
-            same = all(change.ids == change.layer.ids for change in plan.changes)
-            keeps_plan = same and plan.where == self._where and not self._waiting
-            self._plan = plan if keeps_plan else None
-            self._where = plan.where
-        for change in plan.changes:
-            change.apply(batch)
-            self._changed[change.layer.entity] = change.layer
+        for layer, ids, rows in plan.members:
+            layer.update(ids, batch.at(rows))
+            self._changed[layer.entity] = layer
+        is_all = all(layer.ids == ids for layer, ids, _ in plan.members)
+        self._plan = plan if is_all and not self._waiting else None
         self._log(stamp_ns)
 
     def _kinds(self, incoming: Incoming) -> Integers:
@@ -385,38 +372,55 @@ class MarkerDrawing(Drawing[MarkerSettings]):
             incoming.report(self.problems, ~sound & drawn, "its numbers are not finite: not drawn")
         return kinds
 
-    def _plan_of(self, stamp_ns: int, incoming: Incoming, kinds: Integers) -> MarkerUpdate:
-        """Return what becomes of the markers; the plan of the message before if it is alike."""
-        fixed, version = self._fixed, self.stage.frames.version
+    def _plan_of(self, stamp_ns: int, incoming: Incoming, kinds: Integers) -> Plan:
+        """Return where markers go, once those that are deleted or go elsewhere are removed.
+
+        It is the plan of the message before if that is alike: then nothing is left to remove.
+        """
         variants = _variants(incoming, kinds)
         columns = incoming.ids, incoming.actions, kinds, incoming.locked
         numbers = [column.tobytes() for column in columns]
-        signature = (incoming.spaces, incoming.frames, numbers, variants, fixed, version)
+        tree = self._fixed, self.stage.frames.version
+        signature = (incoming.spaces, incoming.frames, numbers, variants, tree)
         if self._plan is not None and self._plan.signature == signature:
             return self._plan
         _check(incoming, kinds, self.problems)
-        where = dict(self._where)
-        source: dict[MarkerId, int] = {}
-        moved: dict[str, list[int]] = {}
         newest, cleared = _newest_rows(incoming)
-        for places in (where, self._waiting):
-            for marker in [marker for marker in places if "" in cleared or marker[0] in cleared]:
-                del places[marker]
+        for marker in [m for m in self._waiting if "" in cleared or m[0] in cleared]:
+            del self._waiting[marker]
+        gone = {m for m in self._where if "" in cleared or m[0] in cleared}
+        keys: dict[MarkerId, LayerKey] = {}
+        members: dict[LayerKey, list[MarkerId]] = {}
+        moved: dict[str, list[int]] = {}
         for marker, row in newest.items():
             if incoming.actions[row] == DELETE:
-                where.pop(marker, None)
+                gone.add(marker)
                 self._waiting.pop(marker, None)
                 continue
             key = self._key(stamp_ns, incoming, row, kinds[row], variants.get(row))
             if key is None:
                 continue
-            if where.get(marker) != key:
-                where.pop(marker, None)
-            where[marker], source[marker] = key, row
+            if self._where.get(marker) != key:
+                gone.add(marker)
+            keys[marker] = key
+            members.setdefault(key, []).append(marker)
             frame = incoming.frames[row].lstrip("/")
             if frame != key.frame:
                 moved.setdefault(frame, []).append(row)
-        return MarkerUpdate(signature, self._changes(where, source, len(kinds)), moved, where)
+        self._remove(gone)
+        self._where |= keys
+        rows = {key: [newest[marker] for marker in ids] for key, ids in members.items()}
+        return Plan(
+            signature,
+            [(self._layers[key], ids, _selection(rows[key])) for key, ids in members.items()],
+            moved,
+        )
+
+    def _remove(self, markers: Collection[MarkerId]) -> None:
+        layers = {self._where.pop(marker) for marker in markers if marker in self._where}
+        for layer in map(self._layers.__getitem__, layers):
+            layer.keep([slot for slot, marker in enumerate(layer.ids) if marker not in markers])
+            self._changed[layer.entity] = layer
 
     def _key(
         self, stamp_ns: int, incoming: Incoming, row: int, kind: int, variant: object
@@ -451,25 +455,6 @@ class MarkerDrawing(Drawing[MarkerSettings]):
             if entity not in self._used:
                 return entity
         raise AssertionError
-
-    def _changes(
-        self, where: Mapping[MarkerId, LayerKey], source: Mapping[MarkerId, int], rows: int
-    ) -> list[Change]:
-        """Return how each layer changes, if the rows in ``source`` come to lie as ``where`` has."""
-        members: dict[LayerKey, list[MarkerId]] = {key: [] for key in self._layers}
-        for marker, key in where.items():
-            members[key].append(marker)
-        changes = []
-        for key, ids in members.items():
-            layer = self._layers[key]
-            from_rows = np.array([source.get(marker, -1) for marker in ids], np.intp)
-            if ids == layer.ids and (from_rows < 0).all():
-                continue
-            previous_slots = {marker: slot for slot, marker in enumerate(layer.ids)}
-            slots = np.array([previous_slots.get(marker, -1) for marker in ids], np.intp)
-            is_all = len(ids) == rows and np.array_equal(from_rows, np.arange(rows))
-            changes.append(Change(layer, ids, from_rows, slots, is_all))
-        return changes
 
     def _batch(
         self,
@@ -541,13 +526,8 @@ class MarkerDrawing(Drawing[MarkerSettings]):
             at = min(until_ns, first + _TOGETHER_NS)
             for layer in self._layers.values():
                 if layer.first_end <= at and layer.batch is not None:
-                    kept = np.flatnonzero(layer.batch.ends > at)
-                    stays = set(kept.tolist())
-                    for slot, marker in enumerate(layer.ids):
-                        if slot not in stays:
-                            self._where.pop(marker, None)
-                    layer.set([layer.ids[slot] for slot in kept], layer.batch.at(kept))
-                    self._changed[layer.entity] = layer
+                    over = np.flatnonzero(layer.batch.ends <= at).tolist()
+                    self._remove({layer.ids[slot] for slot in over})
             self._plan = None
             self._log(max(first - lag_ns, self._stamp_ns))  # not before they were drawn
 
@@ -604,6 +584,12 @@ def _make_unit(incoming: Incoming, lengths: Floats, problems: dict[str, str]) ->
     incoming.report(problems, none, "its quaternion is zero: taken as no turn")
     odd = (np.abs(lengths - 1.0) > _UNIT) & ~none
     incoming.report(problems, odd, "its quaternion is not of unit length")
+
+
+def _selection(rows: list[int]) -> Rows:
+    """Return rows as an index; those that follow one another need not be copied."""
+    first, end = rows[0], rows[0] + len(rows)
+    return slice(first, end) if rows == [*range(first, end)] else np.array(rows, np.intp)
 
 
 def _frame(marker: Any) -> str:

@@ -53,7 +53,7 @@ class Batch(NamedTuple):
     ends: NDArray[np.int64]  # when its lifetime is over, nanoseconds
     parts: NDArray[np.object_]  # a MarkerContent of those that have points or text, else None
 
-    def at(self, rows: NDArray[np.intp]) -> "Batch":
+    def at(self, rows: NDArray[np.intp] | slice) -> "Batch":
         """Return some of them."""
         poses, scales, colors, ends, parts = self
         return Batch(poses[rows], scales[rows], colors[rows], ends[rows], parts[rows])

@@ -5,7 +5,6 @@ that the view names, which get no arrows by themselves.
 """
 
 import time
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
@@ -18,13 +17,13 @@ from onebot_bringup.viewer.displays.drawing import (
     Archetypes,
     Drawing,
     Floats,
+    History,
     NamedDisplay,
 )
-from onebot_bringup.viewer.displays.poses import (
-    FILL_ALPHA,
+from onebot_bringup.viewer.displays.pose_display import (
     PosesDrawing,
     PoseSettings,
-    fan,
+    covariance_shapes,
     one_pose,
     outlines,
     yaw_only,
@@ -62,16 +61,12 @@ class OdometryDrawing(PosesDrawing[OdometrySettings]):
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
-        keep = min(self.settings.keep or _MOST_KEPT, _MOST_KEPT)
-        self._history: deque[Floats] = deque(maxlen=keep)
-        self._history_frame = ""
+        self._history = History(min(self.settings.keep or _MOST_KEPT, _MOST_KEPT))
 
     def draw(self, message: Any) -> Archetypes:
         """Return the last poses, if this one is far enough from the one before."""
         [pose] = one_pose(message.pose.pose)
-        if self._history_frame != self.frame:
-            self._history_frame = self.frame
-            self._history.clear()
+        self._history.begin(self.frame)
         if self._history and self._is_near(self._history[-1], pose):
             return () if self.is_fitted else self.shapes(np.array(self._history))
         self._history.append(pose)
@@ -88,8 +83,8 @@ class OdometryDrawing(PosesDrawing[OdometrySettings]):
     def replace(self, before: Drawing[OdometrySettings]) -> None:
         super().replace(before)
         assert isinstance(before, OdometryDrawing)
+        self._history.begin(before._history.frame)
         self._history.extend(before._history)
-        self._history_frame = before._history_frame
 
 
 # --- what a view names ----------------------------------------------------------------------------
@@ -256,13 +251,8 @@ class CovarianceDrawing(SampleDrawing[CovarianceSettings]):
             )
             if before is not None and not is_old(logged_at) and _are_alike(outline, before):
                 return
-            lines = rr.LineStrips3D([outline], colors=[self.color], radii=[self.settings.width / 2])
-            shape = rr.Mesh3D(
-                vertex_positions=outline,
-                triangle_indices=fan(),
-                albedo_factor=(*self.color, FILL_ALPHA),
-            )
-            self.stage.log_row(entity, self.stamp_ns, rr.CoordinateFrame(entity), lines, shape)
+            shapes = covariance_shapes([outline], self.color, [self.settings.width / 2])
+            self.stage.log_row(entity, self.stamp_ns, rr.CoordinateFrame(entity), *shapes)
         elif before is not None:
             self.stage.clear(entity, self.stamp_ns, entity)
         self._shapes[part] = outline, time.monotonic()

@@ -4,7 +4,6 @@ Each is its settings and a drawing; see ``drawing``.
 """
 
 import math
-from collections import deque
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +15,7 @@ from onebot_bringup.viewer.displays.drawing import (
     Archetypes,
     Drawing,
     Floats,
+    History,
     TopicSettings,
 )
 from onebot_bringup.viewer.settings import Color, color, fraction, height, setting
@@ -100,8 +100,7 @@ class PointStampedDrawing(Drawing[PointStampedSettings]):
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
-        self._history: deque[Any] = deque(maxlen=self.settings.history_length)
-        self._history_frame = ""
+        self._history = History(self.settings.history_length)
 
     def style(self) -> list[rr.AsComponents]:
         return [rr.Points3D.from_fields(colors=[self.color], radii=[self.settings.radius])]
@@ -110,9 +109,7 @@ class PointStampedDrawing(Drawing[PointStampedSettings]):
         place = message.point.array()
         if not (np.abs(place) <= LARGEST).all():
             raise ValueError("its point is not finite")
-        if self._history_frame != self.frame:
-            self._history_frame = self.frame
-            self._history.clear()
+        self._history.begin(self.frame)
         if self._last is None or message is not self._last[1]:  # not logged again
             self._history.append(place)
         return [rr.Points3D.from_fields(positions=np.array(self._history))]
@@ -120,8 +117,9 @@ class PointStampedDrawing(Drawing[PointStampedSettings]):
     def replace(self, before: Drawing[PointStampedSettings]) -> None:
         super().replace(before)
         assert isinstance(before, PointStampedDrawing)
+        self._history.begin(before._history.frame)
         self._history.extend(before._history)
-        self._history_frame, self._last = before._history_frame, before._last
+        self._last = before._last
 
 
 # --- ranges ---------------------------------------------------------------------------------------

@@ -5,12 +5,12 @@ sector around the heading.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 
 from onebot_bringup.viewer.displays.display import drawable
 from onebot_bringup.viewer.displays.drawing import (
@@ -137,7 +137,7 @@ CORNERS = 48
 # An eigenvalue this much below zero, of the largest one, is rounding; more is no covariance.
 _ROUNDING = 1e-9
 _LARGEST_AXIS = 100.0  # half an axis beyond this (metres) means "unknown", as 1e6 in a covariance
-FILL_ALPHA = 45
+_FILL_ALPHA = 45
 
 
 class Ellipse(NamedTuple):
@@ -216,9 +216,18 @@ def outlines(
     )
 
 
-def fan() -> NDArray[np.int64]:
-    """Return the triangles of the surface that an outline encloses."""
-    return np.array([(0, i, i + 1) for i in range(1, CORNERS)])
+def covariance_shapes(lines: Sequence[Floats], color: Color, radii: Any) -> list[rr.AsComponents]:
+    """Return outlines (49, 3) each, and the surfaces that they enclose, half transparent."""
+    fan = np.array([(0, i, i + 1) for i in range(1, CORNERS)])
+    triangles = [fan + (CORNERS + 1) * number for number in range(len(lines))]
+    return [
+        rr.LineStrips3D(lines, colors=[color], radii=radii),
+        rr.Mesh3D(
+            vertex_positions=np.concatenate([np.empty((0, 3)), *lines]),
+            triangle_indices=np.concatenate([np.empty((0, 3), int), *triangles]),
+            albedo_factor=(*color, _FILL_ALPHA),
+        ),
+    ]
 
 
 def yaw_only(rotation: Floats) -> Floats:
@@ -248,16 +257,7 @@ class PoseWithCovarianceDrawing(PosesDrawing[PoseWithCovarianceSettings]):
     def draw(self, message: Any) -> Archetypes:
         poses = one_pose(message.pose.pose)
         lines = self._outlines(poses[0], message.pose.covariance)
-        triangles = [fan() + sum(map(len, lines[:row])) for row in range(len(lines))]
-        return [
-            *self.shapes(poses),
-            rr.LineStrips3D(lines, colors=[self.color], radii=_WIDTH),
-            rr.Mesh3D(
-                vertex_positions=np.concatenate(lines) if lines else np.empty((0, 3)),
-                triangle_indices=np.concatenate(triangles) if lines else np.empty((0, 3), int),
-                albedo_factor=(*self.color, FILL_ALPHA),
-            ),
-        ]
+        return [*self.shapes(poses), *covariance_shapes(lines, self.color, _WIDTH)]
 
     def _outlines(self, pose: Floats, covariance: Floats) -> list[Floats]:
         """Return the outlines at a pose (7,)."""
