@@ -165,7 +165,6 @@ class Odometry:
     def rereference_wheels(self) -> None:
         """Take the next wheel positions as the wheels' at the present pose; the twist goes on."""
         self._wheels = None
-        self._since = 0.0
 
     def forget_wheels(self) -> None:
         """Re-reference the wheel positions and begin the twist anew, e.g. after a teleport."""

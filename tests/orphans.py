@@ -36,17 +36,17 @@ def end_with_this_process() -> None:
 
 def marked(mark: str, word: str = "") -> list[int]:
     """Return the running processes with the mark, and ``word`` in their command line."""
-    found = []
+    pids = []
     for folder in Path("/proc").glob("[0-9]*"):
         try:
             # A zombie has an empty command line.
             command = (folder / "cmdline").read_bytes()
             if command and word.encode() in command:
                 if mark.encode() in (folder / "environ").read_bytes():
-                    found.append(int(folder.name))
+                    pids.append(int(folder.name))
         except OSError:
             continue
-    return [pid for pid in found if pid != os.getpid()]
+    return [pid for pid in pids if pid != os.getpid()]
 
 
 def _main(process: int, mark: str) -> None:

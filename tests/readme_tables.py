@@ -36,11 +36,11 @@ _ROBOTS_OWN = "the robot's"  # default of a file that each bringup has of its ow
 
 def tables() -> dict[str, str]:
     """Return each table by the name in its marks."""
-    found = {f"parameters of {name}": _parameters(*kinds) for name, kinds in PARAMETERS.items()}
-    found["commands"] = _table(("Command", "Purpose"), map(_verb, VERBS))
-    found["arguments"] = _arguments(description_arguments(*[_ROBOTS_OWN] * 3))
-    found["arguments of onebot_bringup"] = _arguments(simulation_arguments("`control.yaml`"))
-    return found
+    by_name = {f"parameters of {name}": _parameters(*kinds) for name, kinds in PARAMETERS.items()}
+    by_name["commands"] = _table(("Command", "Purpose"), map(_verb, VERBS))
+    by_name["arguments"] = _arguments(description_arguments(*[_ROBOTS_OWN] * 3))
+    by_name["arguments of onebot_bringup"] = _arguments(simulation_arguments("`control.yaml`"))
+    return by_name
 
 
 def _parameters(*kinds: type) -> str:

@@ -1,6 +1,5 @@
 """A peer on the wire and nodes in processes of their own, for tests on real DDS."""
 
-import os
 import signal
 import subprocess
 import sys
@@ -8,7 +7,7 @@ import tempfile
 import threading
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import rclpy
 from rcl_interfaces.srv import SetParameters
@@ -17,6 +16,8 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from tests.support import PATIENCE, wait_for
+
+P = TypeVar("P", bound="RunningProcess")
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -79,18 +80,18 @@ class Peer:
         return list(answer.results)
 
 
-class NodeProcess:
-    """``python -m MODULE ARGS`` with its output kept; stopped with Ctrl-C at the end."""
+class RunningProcess:
+    """A process with its output kept; stopped with Ctrl-C at the end."""
 
-    def __init__(self, module: str, *args: str, check: bool = True) -> None:
+    def __init__(self, words: Sequence[str], folder: Path | None = None, check: bool = True):
         self._log = Path(tempfile.mkstemp(suffix=".log")[1])
         self._check = check
         with self._log.open("w") as log:
             self.process = subprocess.Popen(
-                [sys.executable, "-u", "-m", module, *args],
+                words,
                 stdout=log,
                 stderr=subprocess.STDOUT,
-                env=dict(os.environ),
+                cwd=folder,
                 start_new_session=True,
             )
 
@@ -109,7 +110,7 @@ class NodeProcess:
             self.process.send_signal(signal.SIGINT)
         return self.process.wait(timeout)
 
-    def __enter__(self) -> "NodeProcess":
+    def __enter__(self: P) -> P:
         return self
 
     def __exit__(self, kind: object, *_: object) -> None:
@@ -119,11 +120,18 @@ class NodeProcess:
             if self.process.poll() is None:
                 self.process.kill()
         if kind is not None:
-            print(f"--- output of the node:\n{self.output}")
+            print(f"--- output of the process:\n{self.output}")
         elif self._check:
             assert code == 0, self.output
             assert "Traceback" not in self.output, self.output
         self._log.unlink()
+
+
+class NodeProcess(RunningProcess):
+    """``python -m MODULE ARGS``."""
+
+    def __init__(self, module: str, *args: str, check: bool = True) -> None:
+        super().__init__([sys.executable, "-u", "-m", module, *args], check=check)
 
 
 def ros_args(**parameters: object) -> list[str]:

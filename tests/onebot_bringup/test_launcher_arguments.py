@@ -56,6 +56,15 @@ def test_wrong_forms_are_explained(word: str, words: str) -> None:
         split([word])
 
 
+def test_help_has_the_choices_or_the_range() -> None:
+    texts = [argument.help for argument in (*DECLARED, *NUMBERS[:3])]
+    choices, ranges = (
+        "where to see it (web, none)",
+        ("Hz; from 5 to 100", "m", "how many; from 1 to 99"),
+    )
+    assert texts == [choices, "a file", "take up edits", *ranges]
+
+
 def test_defaults_fill_up() -> None:
     assert complete(DECLARED, {"save": "x"}) == {"viewer": "web", "save": "x", "reload": "true"}
 

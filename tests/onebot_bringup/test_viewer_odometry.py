@@ -292,7 +292,8 @@ def _scattered(tmp_path, covariances, settings="heading: 0.5"):
     for step, covariance in enumerate(covariances):
         stamp = START_NS + step * 10**8
         take_tf(shown.view, transforms("odom", "base", 0.0, stamp))
-        sample = odometry(0.5, -1.0 + step)._replace(covariance=covariance)
+        turn = np.array([0.0, 0.0, 0.5**0.5, 0.5**0.5])  # to the left
+        sample = odometry(0.5, -1.0 + step)._replace(covariance=covariance, rotation=turn)
         take_odometry(shown.view, "odom", stamp, sample)
         shown.tick(stamp)
     return shown.end()
@@ -307,6 +308,9 @@ def test_a_steady_covariance_is_logged_once_however_far_the_robot_drives(tmp_pat
         assert frames(file, entity) == [entity[1:]]
         children = column(file, f"/placed{entity}", "Transform3D:child_frame")
         assert children == [[entity[1:]]] * 50
+    [matrix] = column(file, "/placed/covariance/pose/heading", "Transform3D:mat3x3")[0]
+    by_columns = [0, 1, 0, -1, 0, 0, 0, 0, 1]
+    np.testing.assert_allclose(matrix, by_columns, atol=1e-6)
 
 
 def test_it_goes_when_it_is_unknown(tmp_path):

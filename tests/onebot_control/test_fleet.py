@@ -7,6 +7,7 @@ import pytest
 from onebot_control.driven_robot import Snapshot
 from onebot_control.fleet import Fleet, Member
 from onebot_control.poses import PlanarPose
+from onebot_control.simulation import World
 from onebot_description.description import Description, parse_description
 from onebot_description.description.loading import load_world
 from onebot_description.errors import OneBotError
@@ -128,6 +129,17 @@ def test_a_description_without_room_changes_nothing() -> None:
             fleet.replace(1, larger(0.8))
         assert fleet.world is world and fleet.robots == drives
         assert run(fleet, 1, 0.3, 0.0, 10)[1].twist[0] > 0.1
+
+
+def test_a_refused_description_leaves_no_world(monkeypatch: pytest.MonkeyPatch) -> None:
+    worlds, close = [], World.close
+    monkeypatch.setattr(World, "close", lambda world: (worlds.append(world), close(world)))
+    third = robot(wheel("left", 0.15), wheel("right", -0.15), CASTER, wheel("third", 0.0))
+    chosen = config(**{"joint_state_broadcaster.joints": ["third_wheel_joint"]})
+    with Fleet.of([Member(third, chosen)]) as fleet:
+        with pytest.raises(OneBotError, match='no joint "third_wheel_joint"'):
+            fleet.replace(0, robot())
+        assert len(worlds) == 1 and worlds[0] is not fleet.world
 
 
 def nosed(length: float) -> Description:

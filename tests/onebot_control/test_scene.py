@@ -41,13 +41,13 @@ _SECOND = part("second", xyz="0.37 0 0.1", kind="floating", mass=1.0)
 BOX = part("box", xyz="0.5 0 0.1", kind="floating", mass=1.0, friction=0.5)
 
 
-def ramp(*others):
+def ramp(*others, friction=None):
     """A ramp that begins 0.3 m before the robot; its surface goes through x = 0.3, z = 0."""
     x, z = math.cos(_SLOPE), math.sin(_SLOPE)
     below = 0.1 * np.array([z, -x])
     at = np.array([0.3, 0.0]) + np.array([x, z]) + below
     place = f"{at[0]} 0 {at[1]}", f"0 {-_SLOPE} 0"
-    return scene(part("ramp", "2 2 0.2", *place), *others)
+    return scene(part("ramp", "2 2 0.2", *place, friction=friction), *others)
 
 
 def among(description, **place):
@@ -143,6 +143,11 @@ def test_it_cannot_start_in_a_wall_or_a_box(place, text):
     box = part("box", xyz="-0.5 0.8 0.1", kind="floating", mass=1.0)
     with pytest.raises(OneBotError, match=text):
         among(scene(part("pillar", xyz="9 9 0.1"), WALL, box), **place)
+
+
+def test_it_cannot_start_where_it_slides_away():
+    with pytest.raises(OneBotError, match="cannot stand there, inside or on link ramp"):
+        among(ramp(friction=0.01), x=0.6)
 
 
 def test_teleport_into_a_wall_is_refused_and_onto_a_ramp_tilts():

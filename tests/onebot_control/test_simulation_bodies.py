@@ -158,6 +158,12 @@ def test_a_friction_below_zero_is_refused():
     assert str(caught.value) == 'r.urdf:1: link "l1" <lateral_friction>: -0.1 must be 0 or more'
 
 
+def test_a_link_that_hangs_on_no_joint_is_refused():
+    with pytest.raises(OneBotError) as caught:
+        rigid_bodies(_robot(_SOLID, extra='<link name="lost"/>'))
+    assert str(caught.value) == 'r.urdf:1: link "lost" is not connected with "l0" by any joint'
+
+
 @pytest.mark.parametrize("kind", ["floating", "planar"])
 def test_joints_that_are_not_simulated_are_refused(kind):
     with pytest.raises(OneBotError) as caught:

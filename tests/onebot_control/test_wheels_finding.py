@@ -125,7 +125,10 @@ def test_wheels_are_found(parts: tuple[str, ...], left: list[str], right: list[s
     [
         ((), "no wheel on the left that has its like on the right was found"),
         ((TWO[0],), "no wheel on the left that has its like on the right was found"),
-        ((wheel("a", 0.2, 0.0, "1 0 0"), wheel("b", -0.2, 0.0, "1 0 0")), "at 0.2 0 0, axis 1 0 0"),
+        (
+            (wheel("a", 0.2, -1e-4, "1 -1e-4 0"), wheel("b", -0.2, 0.0, "1 0 0")),
+            "at 0.2 0 0, axis 1 0 0",
+        ),
         (
             (*TWO, wheel("m", 0.2, 0.1, radius=0.05), wheel("n", 0.2, -0.1, radius=0.05)),
             "it is not clear which of its wheels drive it: m_joint, n_joint or l_joint, r_joint",

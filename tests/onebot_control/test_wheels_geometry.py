@@ -219,6 +219,7 @@ def test_several_axles_skid() -> None:
     four = np.array([0.2, -0.2, 0.2, -0.2])
     assert skid_separation(0.5, four, 0.0) == pytest.approx(0.5 + 0.4**2 / 0.5)
     assert skid_separation(0.5, four + 3.0, 3.0) == pytest.approx(0.5 + 0.4**2 / 0.5)
+    assert skid_separation(0.5, four / 4e5, 0.0) == 0.5
     assert skid_separation(0.5, four / 400.0, 0.0) == pytest.approx(0.5 + 1e-6 / 0.5, rel=1e-9)
     # On the rear axle alone it turns as on two wheels.
     assert skid_separation(0.5, four, -0.2) == pytest.approx(0.5, abs=1e-6)

@@ -409,6 +409,7 @@ def test_a_sequence_too_fast_for_a_joint_is_reported_with_the_joint() -> None:
     )
     assert {report.key for report in source.reports} == {"sequence"}
     assert all(report.text.startswith('joint "elbow": from keyframe') for report in source.reports)
+    assert all("rad/s, over its limit 0.5 rad/s" in report.text for report in source.reports)
 
 
 def test_a_sweep_too_fast_for_a_joint_is_reported_and_slower() -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from onebot_description.parameters.values import LARGEST, Rule, ValueType, plain, shown
+from onebot_description.parameters.values import LARGEST, Rule, ValueType, plain, shown, yaml_text
 
 SMALL = 5e-324
 BELOW_ONE, ABOVE_ONE = math.nextafter(1.0, 0.0), math.nextafter(1.0, 2.0)
@@ -188,3 +188,10 @@ def test_arrays_of_parameters_are_lists() -> None:
     """However rclpy gives them."""
     assert plain(array("d", [1.0])) == plain((1.0,)) == [1.0]
     assert (plain("ab"), plain(None), plain(b"a")) == ("ab", None, b"a")
+
+
+def test_values_as_yaml() -> None:
+    values = ["", "a b", None, True, 1.5, 2, math.nan, [1.0, math.nan]]
+    assert [yaml_text(value) for value in values] == [
+        *('""', "a b", "", "true", "1.5", "2", ".nan", "[1.0, .nan]")
+    ]

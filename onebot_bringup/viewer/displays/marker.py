@@ -236,7 +236,7 @@ def _column(piece: Piece) -> Any:
     return piece
 
 
-class Plan(NamedTuple):
+class MarkerPlan(NamedTuple):
     """Where the markers of a message go, and of each message that is alike."""
 
     signature: tuple[object, ...]  # all that it depends on
@@ -260,7 +260,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         self._used: set[str] = set()  # their entities
         self._where: dict[MarkerId, LayerKey] = {}
         self._changed: dict[str, Layer] = {}  # layers to log, by entity
-        self._plan: Plan | None = None
+        self._plan: MarkerPlan | None = None
         self._stamp_ns = 0  # stamp of the last row
         self._now_ns = 0  # time of the last flush
         self._lag_ns = _NEVER  # the shortest time from the stamp of a message to when it came
@@ -372,7 +372,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
             incoming.report(self.problems, ~sound & drawn, "its numbers are not finite: not drawn")
         return kinds
 
-    def _plan_of(self, stamp_ns: int, incoming: Incoming, kinds: Integers) -> Plan:
+    def _plan_of(self, stamp_ns: int, incoming: Incoming, kinds: Integers) -> MarkerPlan:
         """Return where markers go, once those that are deleted or go elsewhere are removed.
 
         It is the plan of the message before if that is alike: then nothing is left to remove.
@@ -410,7 +410,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         self._remove(gone)
         self._where |= keys
         rows = {key: [newest[marker] for marker in ids] for key, ids in members.items()}
-        return Plan(
+        return MarkerPlan(
             signature,
             [(self._layers[key], ids, _selection(rows[key])) for key, ids in members.items()],
             moved,
