@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from onebot_control.driven_robot import wheels_of
 from onebot_control.fleet import Fleet, Member
 from onebot_control.odometry import Odometry, PoseCovariance
 from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
@@ -29,9 +28,7 @@ _REST = 1.0  # s, long enough for OneBot's limiter to stop
 ODOMETRY_GOAL, TRUTH_GOAL, REST_GOAL = 0.0005, 0.005, 1e-5
 
 _HEAD = "Path | Odometry to truth | Truth to command"
-_ROBOTS_HEAD = (
-    "Robot | Wheels; separation, radius | 2 m straight: truth | 360° turn: odometry; truth"
-)
+_ROBOTS_HEAD = "Robot | 2 m straight: truth | 360° turn: odometry; truth"
 
 
 class Segment(NamedTuple):
@@ -197,7 +194,7 @@ def table(results: Iterable[Result], drift: float) -> str:
 def robots_table(files: Iterable[str], config: ControlConfig) -> str:
     """Drive 2 m and turn once with each robot, and return the results as Markdown.
 
-    Robots that are refused for the same reason share a row.
+    Robots of the same result share a row.
     """
     names: dict[tuple[str, ...], list[str]] = {}
     for file in files:
@@ -239,15 +236,13 @@ def _row(result: Result) -> Sequence[str]:
 def _robot(file: str, config: ControlConfig) -> tuple[str, ...]:
     description = load_description(file)
     try:
-        wheels = wheels_of(description, config)
         ahead, turned = measure(description, config, PATHS[:2])
     except OneBotError as error:
         reason = str(error).splitlines()[0].split(". ")[0].split("cannot be driven: ")[-1]
-        return description.robot_name, f"refused: {reason}", "", ""
+        return description.robot_name, f"refused: {reason}", ""
     x, y, yaw = ahead.truth
     return (
         description.robot_name,
-        f"{len(wheels.names)}; {wheels.separation:.3f} m, {wheels.radius:.3f} m",
         # Adding 0 turns -0.0 into 0.0.
         f"{x:.4f} m, {round(1e3 * y, 1) + 0.0:.1f} mm aside, "
         f"{round(math.degrees(yaw), 2) + 0.0:.2f}°",

@@ -182,7 +182,7 @@ class RunningRobots:
         return bool(self._session.spin(done, timeout))
 
     def await_descriptions(self) -> Description:
-        """Return the first robot's description, once those of all have come."""
+        """Return the first robot's description, once every robot has one."""
         count = len(self._robots)
         self._wait(lambda: len(self._view.robots) >= count or self._broken is not None, _FRAMES)
         lacking = [str(robot) for robot in self._robots if str(robot) not in self._view.robots]
@@ -373,7 +373,7 @@ _SERVER = re.compile(r"rerun\+http://127\.0\.0\.1:\d{1,5}/proxy(?![\w/.])")
 
 
 def server_of(page: str) -> str:
-    """Return the address of the recording's server from that of a viewer's page; "" for none."""
+    """Return the address of the recording's server, read from a page's address; "" for none."""
     match = _SERVER.search(unquote(page))
     return match.group() if match else ""
 

@@ -29,7 +29,7 @@ class RobotToShow:
     plotted: bool = True  # its curves are shown, too
 
     def topic(self, name: str) -> str:
-        """Return the name of a topic of the robot; one that is absolute stays as it is."""
+        """Return the name of a topic of the robot; an absolute name stays as it is."""
         relative = self.namespace and not name.startswith("/")
         return f"{self.namespace.rstrip('/')}/{name}" if relative else name
 
@@ -56,7 +56,7 @@ class ShownRobot:
         self.urdf = ""  # the text of the description
         self.fitting_length = 0.0  # axes and arcs, metres, by the robot's size; 0: not known yet
         self.axes_lengths: Mapping[str, float] = {}  # metres, keyed by frames of links
-        self.joint_colors: dict[str, Color] = {}  # every joint whose state has come
+        self.joint_colors: dict[str, Color] = {}  # every joint with a state so far
 
     def frame_of(self, link: str) -> str:
         """Return the TF frame of ``link``."""

@@ -174,7 +174,7 @@ class _Dumper(yaml.SafeDumper):
 
 
 def changed_settings(before: ViewConfig, after: ViewConfig) -> dict[str, Any]:
-    """Return the settings of ``after`` that differ from those of ``before``, by dotted names."""
+    """Return the settings of ``after`` that differ from ``before``, by dotted names."""
     old = values_of(before)
     return {name: value for name, value in values_of(after).items() if old[name] != value}
 

@@ -132,7 +132,7 @@ def _check_steering(
     swivels: Mapping[str, Joint | None],
     turning: Mapping[str, Axle],
 ) -> None:
-    """Raise OneBotError if a wheel is steered, as those of a car."""
+    """Raise OneBotError if a wheel is steered, as a car's are."""
     for wheel in wheels:
         swivel = swivels[wheel.name]
         if swivel and _is_steered(wheel, turning[wheel.name], turning[swivel.name]):

@@ -29,7 +29,7 @@ _START = (
 class Bounds(NamedTuple):
     """Memory and processor time that a function may take."""
 
-    memory: int = 1_000_000_000  # bytes, beyond those of the process when it begins
+    memory: int = 1_000_000_000  # bytes, beyond the process's own at the start
     processor: int = 10  # s of processor time
 
 

@@ -49,7 +49,7 @@ class Plan:
     limits: JointLimits  # after mimic joints are taken into account
     endless: NDArray[np.bool_]  # (N,) True for continuous joints without followers
     zeros: FloatArray  # (N,) positions of joints that nothing moves
-    motions: tuple[Motion, ...]  # N; those of followers are not used
+    motions: tuple[Motion, ...]  # N; followers' are not used
     unsuitable: tuple[Problem, ...]  # parameters that do not suit the joints, and are left out
     reports: tuple[Problem, ...]  # warnings: these, and such as motions beyond limits
 
@@ -442,7 +442,7 @@ class JointStateSource:
         return np.asarray(leading[following.leader] * following.factor + following.offset)
 
     def _reported(self) -> tuple[FloatArray, FloatArray]:
-        """Return positions and velocities; received ones replace those of the motions."""
+        """Return positions and velocities; received ones override the motions."""
         endless = self._plan.endless
         position = np.where(endless, wrapped(self._position), self._position)
         received, velocity = self.received.position, self._velocity.copy()

@@ -263,7 +263,7 @@ def refuse_other_sections(file: Path, nodes: Sequence[str]) -> None:
 
 
 def read_text(file: Path) -> str:
-    """Return a file's text; one that cannot be read is a ConfigError."""
+    """Return a file's text; a ConfigError says why it cannot be read."""
     try:
         return bounded_yaml.read_text(file)
     except (OSError, UnicodeDecodeError) as error:
@@ -285,7 +285,7 @@ class LiveParameters:
     """
 
     def __init__(self, files: Sequence[Path], node: str, kind: type) -> None:
-        """Read the files, of which later ones override; raises as ``read_files``."""
+        """Read the files; later ones override earlier ones. Raises as ``read_files``."""
         self._given = self.files = tuple(files)
         self._node, self._kind = node, kind
         self._pinned: dict[str, Any] = {}
@@ -330,7 +330,7 @@ class LiveParameters:
         return [name for name in self._pinned if file.values.get(name) != last.get(name)]
 
     def places(self, values: Mapping[str, Any]) -> dict[str, str]:
-        """Return where those of ``values`` were written that the files decided."""
+        """Return where the files have the ``values`` that they decided."""
         written, places = self.file.values, self.file.places
         return {key: at for key, at in places.items() if _same(values.get(key), written[key])}
 

@@ -94,8 +94,8 @@ def test_robots_are_compared_in_one_table() -> None:
     arm = str(ROBOTS / "good_mimic_chain.urdf")
     files = [FILES["diff_drive"], arm, arm]
     head, _, drives, stands = robots_table(files, default_config()).splitlines()
-    assert head.startswith("| Robot | Wheels")
-    assert "| 2; 0.300 m, 0.060 m | 2.0000 m, 0.0 mm aside, " in drives
+    assert head.startswith("| Robot | 2 m straight")
+    assert "| 2.0000 m, 0.0 mm aside, " in drives
     assert stands.startswith("| good_mimic_chain, good_mimic_chain | ")
     assert drives.endswith("| 360.00°; 360.00° |")
     assert "refused: no wheel on the left that has its like on the right was found" in stands

@@ -99,7 +99,7 @@ class Drawing(Generic[S]):
         """
         self.stage, self.name, self.entity, self.settings = stage, name, entity, settings
         self.color: Color = getattr(settings, "color", None) or color
-        self.frame = ""  # of the newest message, or of the one that is drawn; "" if in none
+        self.frame = ""  # the drawn message's, or the newest one's; "" for none
         self.home = ""  # the frame that the entity is in
         self.stamp_ns = 0  # stamp of the message that is drawn
         self.problems: dict[str, str] = {}  # the first problem of each kind
@@ -164,7 +164,7 @@ class Drawing(Generic[S]):
             pending = [self._last]
         rows: list[tuple[int, Archetypes]] = []
         for stamp_ns, message in pending[-1:] if self.latest else pending:
-            # Without a frame, as of an empty path, it is in that of the last.
+            # A message without a frame, such as an empty path, keeps the last one's.
             frame = self._frame_before = self.frame_of(message) or self._frame_before
             if not self._is_due(frame, stamp_ns):
                 self._pending.append((stamp_ns, message))

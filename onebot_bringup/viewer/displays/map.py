@@ -72,7 +72,7 @@ class MapDrawing(Drawing[MapSettings]):
     live, repeated = False, True
     period_ns = SELDOM
     _grid: CurrentMap | None = None
-    _whole_ns = 0  # the time of a map that has come since the last flush
+    _whole_ns = 0  # the time of a map received since the last flush
     _own = False  # the cells are a copy, to write to
 
     def style(self) -> Sequence[rr.AsComponents]:
@@ -129,7 +129,7 @@ class MapDrawing(Drawing[MapSettings]):
         self._grid = before._grid
 
     def flush(self) -> None:
-        """Log what has come; an update that comes later is of this map, or of a later one."""
+        """Log the maps received so far; a later update is of this map, or of a later one."""
         super().flush()
         self._whole_ns = 0
 

@@ -276,7 +276,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
             self.frame = next((_frame(marker) for marker in markers if _frame(marker)), "")
 
     def flush(self) -> None:
-        """Log what has come, and remove what is no longer to be seen."""
+        """Log the messages received so far, and remove markers whose time is over."""
         self._fixed, now_ns = self.stage.fixed_frame, self.stage.now_ns
         if now_ns < self._now_ns - _STEP_NS:
             self._expire(_NEVER - 1)  # markers of the time before would stay for ever
@@ -532,7 +532,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
             self._log(max(first - lag_ns, self._stamp_ns))  # not before they were drawn
 
     def _log(self, stamp_ns: int) -> None:
-        """Log the layers that have changed, and forget those that are empty."""
+        """Log the layers that have changed, and forget empty ones."""
         changed, self._changed = self._changed, {}
         self._stamp_ns = stamp_ns
         for layer in changed.values():
@@ -597,7 +597,7 @@ def _frame(marker: Any) -> str:
 
 
 def _by_stamp(rows: list[int], stamps: Integers) -> Iterator[tuple[int, Any]]:
-    """Yield rows that have the same stamp, about, with that of their first."""
+    """Yield rows of about the same stamp, together with the stamp of the first."""
     parts = stamps // _SAME_NS
     if (parts == parts[0]).all():
         yield int(stamps[0]), rows

@@ -51,7 +51,7 @@ class Batch(NamedTuple):
     scales: Floats
     colors: Floats
     ends: NDArray[np.int64]  # when its lifetime is over, nanoseconds
-    parts: NDArray[np.object_]  # a MarkerContent of those that have points or text, else None
+    parts: NDArray[np.object_]  # a MarkerContent where a marker has points or text, else None
 
     def at(self, rows: NDArray[np.intp] | slice) -> "Batch":
         """Return some of them."""
@@ -248,7 +248,7 @@ def _texts(batch: Batch) -> list[Piece]:
 
 
 def _triangles(batch: Batch) -> list[Piece]:
-    """Draw triangles; of one opacity, since Rerun ignores that of vertices."""
+    """Draw triangles with one opacity, since Rerun ignores the opacity of vertices."""
     corners = batch.vertices(scaled=True)
     opaque = corners.colors.copy()
     opaque[:, 3] = 1.0

@@ -97,7 +97,7 @@ class OdometryDisplay(NamedDisplay):
         return [WantedTopic(item.topic, (ODOMETRY,))]
 
     def layout(self) -> LayoutPart:
-        """Return its drawings, without those that an earlier view had."""
+        """Return its drawings, without the drawings of an earlier view."""
         entities = tuple(drawing.entity for drawing in self.items.values())
         return replace(super().layout(), hidden=(self.entity(self.key),), shown=entities)
 
