@@ -15,7 +15,7 @@ from typing import Any
 from onebot_description.description.packages import use_environment_prefix
 from onebot_description.errors import OneBotError, did_you_mean
 
-_INDEX = "rosidl_interfaces"  # ament's list of the packages with types
+_INDEX = "share/ament_index/resource_index/rosidl_interfaces"  # below a prefix
 _TF_MESSAGE = "tf2_msgs/msg/TFMessage"
 _DELIMITER = "=" * 80  # rosbag2's, between the definitions of types
 _FIELD_TYPE = re.compile(r"^\s*([A-Za-z0-9_/]+)(?:<=\d+)?(?:\[[^]]*\])?\s", re.MULTILINE)
@@ -80,10 +80,14 @@ def installed(kind: str) -> tuple[str, ...]:
 
 def _index() -> list[tuple[str, str]]:
     """Return (package, its index entry) of all packages with interfaces."""
-    from ament_index_python import get_resource, get_resources
-
     use_environment_prefix()
-    return [(name, get_resource(_INDEX, name)[0]) for name in sorted(get_resources(_INDEX))]
+    entries: dict[str, str] = {}
+    for prefix in os.environ["AMENT_PREFIX_PATH"].split(os.pathsep):
+        folder = Path(prefix) / _INDEX
+        if folder.is_dir():
+            for entry in folder.iterdir():
+                entries.setdefault(entry.name, entry.read_text(encoding="utf-8"))
+    return sorted(entries.items())
 
 
 def definition(name: str) -> str:
