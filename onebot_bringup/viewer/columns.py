@@ -1,4 +1,4 @@
-"""Columns for Rerun's ``send_columns``, made of arrays without the checks of its own makers.
+"""Entities' paths, and columns for Rerun's ``send_columns``: arrays without its makers' checks.
 
 One ``send_columns`` costs about as much for fifty messages as one ``rr.log`` for a single joint.
 Times are those of the messages, on the timeline ``ros_time``.
@@ -18,6 +18,11 @@ TIMELINE = "ros_time"
 
 _MANY = 65_536  # bytes: copying them takes longer than letting go of Python's memory
 _STAMPS = pa.timestamp("ns")
+
+
+def entity_path(*names: str) -> str:
+    """Return the path of an entity, of any names."""
+    return rr.new_entity_path(list(names)).lstrip("/")
 
 
 class ReadyColumn(rr.ComponentColumn):

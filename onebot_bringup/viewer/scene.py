@@ -14,7 +14,7 @@ from typing import Any
 
 import rerun as rr
 
-from onebot_bringup.viewer.displays.display import entity_path
+from onebot_bringup.viewer.columns import entity_path
 from onebot_bringup.viewer.shapes import file_state, load_shape
 from onebot_description.description.description import Description, Geometry, Mesh, Rgba
 from onebot_description.errors import OneBotError, condensed, listing

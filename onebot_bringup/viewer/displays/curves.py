@@ -16,15 +16,8 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.columns import ColumnMaker, time_column
-from onebot_bringup.viewer.displays.display import (
-    LARGEST,
-    SELDOM,
-    LayoutPart,
-    Plot,
-    below,
-    entity_path,
-)
+from onebot_bringup.viewer.columns import ColumnMaker, entity_path, time_column
+from onebot_bringup.viewer.displays.display import LARGEST, SELDOM, LayoutPart, Plot, below
 from onebot_bringup.viewer.displays.drawing import Drawing, NamedDisplay
 from onebot_bringup.viewer.displays.odometry_display import ODOMETRY
 from onebot_bringup.viewer.inbox import MessageType, WantedTopic, one_by_one

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 import numpy as np
-import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
@@ -92,11 +91,6 @@ class LayoutPart:
     windows: tuple[tuple[str, float], ...] = ()  # entity, and how many seconds of it are shown
     robot: str = ""  # the views' owner, where there are several robots
     wide: tuple[SideView, ...] = ()  # below the robot's
-
-
-def entity_path(*names: str) -> str:
-    """Return the path of an entity, of any names."""
-    return rr.new_entity_path(list(names)).lstrip("/")
 
 
 def below(root: str, entity: str) -> str:

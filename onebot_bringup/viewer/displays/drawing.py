@@ -29,15 +29,8 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.columns import ReadyColumn, one_row
-from onebot_bringup.viewer.displays.display import (
-    COLORS,
-    Display,
-    LayoutPart,
-    S,
-    entity_path,
-    is_old,
-)
+from onebot_bringup.viewer.columns import ReadyColumn, entity_path, one_row
+from onebot_bringup.viewer.displays.display import COLORS, Display, LayoutPart, S, is_old
 from onebot_bringup.viewer.inbox import WARN_AFTER, MessageType, WantedTopic
 from onebot_bringup.viewer.settings import Color, one_of, setting
 from onebot_description.parameters.reader import Same

@@ -13,7 +13,8 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.displays.display import Display, entity_path
+from onebot_bringup.viewer.columns import entity_path
+from onebot_bringup.viewer.displays.display import Display
 from onebot_bringup.viewer.settings import Color, setting
 from onebot_description.description.description import Description, Joint, Triple
 from onebot_description.model.quaternions import from_rpy, to_matrix

@@ -18,8 +18,8 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.columns import one_row, time_column
-from onebot_bringup.viewer.displays.display import LARGEST, below, entity_path, is_old
+from onebot_bringup.viewer.columns import entity_path, one_row, time_column
+from onebot_bringup.viewer.displays.display import LARGEST, below, is_old
 from onebot_bringup.viewer.displays.drawing import Drawing, TopicSettings
 from onebot_bringup.viewer.displays.marker_shapes import (
     ARROW,

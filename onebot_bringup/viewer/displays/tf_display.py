@@ -12,14 +12,8 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from onebot_bringup.introspection.transforms import FrameTree
-from onebot_bringup.viewer.columns import ColumnMaker, ReadyColumn, ready, time_column
-from onebot_bringup.viewer.displays.display import (
-    LARGEST,
-    Display,
-    LayoutPart,
-    entity_path,
-    is_old,
-)
+from onebot_bringup.viewer.columns import ColumnMaker, ReadyColumn, entity_path, ready, time_column
+from onebot_bringup.viewer.displays.display import LARGEST, Display, LayoutPart, is_old
 from onebot_bringup.viewer.inbox import OTHER_CLOCK_NS, MessageType, WantedTopic, one_by_one
 from onebot_bringup.viewer.settings import name_list, setting
 from onebot_description.wire.messages import TfArrays, tf_arrays
