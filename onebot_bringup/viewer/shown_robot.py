@@ -156,4 +156,4 @@ class ShownRobot:
         """Return its part of the layout; ``collision`` shows its collision shapes."""
         shapes = LayoutPart(visible=((below(self.root, COLLISION_ENTITY), collision),))
         parts = [shapes, *(display.layout() for display in self.displays)]
-        return [replace(part, robot=self.root) for part in parts]
+        return [replace(part, robot=self.root) for part in parts] if self.root else parts
