@@ -1,5 +1,6 @@
 """What sensors measure, against formulas and a ray caster of ten lines; no ROS."""
 
+import itertools
 import math
 import threading
 from collections.abc import Mapping
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from onebot_control.driven_robot import Snapshot
 from onebot_control.fleet import Fleet, Member
 from onebot_control.parameters import ControlConfig
 from onebot_control.sensing import camera, imu, instruments, lidar, noise, rays
@@ -20,8 +22,9 @@ from onebot_control.sensing.surroundings import (
     RobotState,
     SensedRobot,
     Surroundings,
+    matrices,
 )
-from onebot_description.description import parse_description
+from onebot_description.description import load_description, parse_description
 from onebot_description.description.description import (
     Camera,
     Fan,
@@ -30,6 +33,7 @@ from onebot_description.description.description import (
     Origin,
     Sensor,
 )
+from onebot_description.description.loading import load_world
 from onebot_description.model import quaternions
 from tests.onebot_control.control_support import WHEELS, robot
 from tests.support import wait_for
@@ -239,6 +243,30 @@ def test_a_picture_shows_a_box_where_it_is_with_its_colour_and_depth():
     assert camera.depths(near, hits)[v, u] == -np.inf
 
 
+def test_the_picture_is_that_of_the_ray_caster():
+    """Every pixel's depth, of a cylinder that moves and a box that stands."""
+    body = link("post", shape('<cylinder radius="0.3" length="1"/>'), kind="floating")
+    scene = Surroundings(world(link("box", shape('<box size="1 1 1"/>', "4 1 0.5")), body), [])
+    sensor = Camera(1.2, 160, 120, 0.1, 20.0, 0.1, 20.0)
+    pixels, at = camera.camera_rays(sensor), np.array([0.0, 0.0, 0.8])
+    turn = quaternions.to_matrix(quaternions.from_rpy((0.05, 0.2, 0.1)))
+    placed = Placed(scene, [((2.5, -0.5, 0.5), (0.0, 0.0, 0.0, 1.0))], [])
+    hits = cast(pixels, turn, at, scene.still, placed.targets, 20.0)
+    d = pixels.singles.astype(float) @ turn.T
+    o = np.broadcast_to(at, d.shape)
+    true = np.minimum.reduce(
+        [
+            to_ground(o, d),
+            to_box(o - (4, 1, 0.5), d, np.full(3, 0.5)),
+            to_round(o - (2.5, -0.5, 0.5), d, 0.3, 0.5),
+        ]
+    )
+    true[true > 20] = np.inf
+    found = camera.depths(sensor, hits).ravel()
+    same = (found == true) | np.isclose(found, true, rtol=0, atol=2e-3)
+    assert same.mean() > 0.999, same.mean()  # others are at edges
+
+
 def test_a_texture_of_a_mesh_is_seen(tmp_path: Path):
     """A square of 1 m, 2 m ahead, its picture red above and green below."""
     colors = np.zeros((2, 1, 3), np.uint8)
@@ -280,7 +308,7 @@ def test_noise_depends_on_sensor_and_time_only():
     assert 0.4 < (np.array(offsets) > 0).mean() < 0.6
 
 
-# Inertial measurements ---------------------------------------------------------------------------
+# Inertial measurements, of the real simulation too ------------------------------------------------
 
 MOUNT = (
     quaternions.to_matrix(quaternions.from_rpy((0.0, 0.0, math.pi / 2))),
@@ -322,6 +350,54 @@ def test_an_imu_measures_the_derivatives_of_any_motion():
         angular, linear = imu.measure(before, resting, dt, MOUNT, 9.81)
         assert not angular.any()
         np.testing.assert_allclose(linear, MOUNT[0].T @ pose(t)[1].T @ (0, 0, 9.81), atol=1e-12)
+
+
+GRAVITY = np.array([0.0, 0.0, 9.81])
+SLOPE = math.radians(5)
+
+
+def derivatives(before: Snapshot, now: Snapshot, period: float):
+    """The rate and the acceleration of the sensor in its axes, by two true poses and velocities."""
+    first, last = (matrices(each.pose.rotation[None])[0] for each in (before, now))
+    velocities = [
+        turn @ (each.velocity.linear + np.cross(each.velocity.angular, MOUNT[1]))
+        for turn, each in ((first, before), (last, now))
+    ]
+    turned = (first.T @ last - last.T @ first) / 2.0 / period  # of a small angle
+    rate = np.array([turned[2, 1], turned[0, 2], turned[1, 0]])
+    middle = quaternions.to_matrix(before.pose.rotation + now.pose.rotation)
+    acceleration = middle.T @ (velocities[1] - velocities[0]) / period
+    return MOUNT[0].T @ rate, MOUNT[0].T @ (acceleration + last.T @ GRAVITY)
+
+
+@pytest.mark.parametrize(
+    ("scene", "command", "expected"),
+    [
+        ("", (0.0, 0.0), GRAVITY),
+        ("ramp", (0.0, 0.0), (9.81 * math.sin(SLOPE), 0.0, 9.81 * math.cos(SLOPE))),
+        ("", (0.5, 1.0), (-0.1, 0.5, 9.81)),  # x is -w^2 r, y is v w
+    ],
+    ids=["at rest", "on a ramp", "in a turn"],
+)
+def test_an_imu_measures_the_truth_s_derivatives(scene, command, expected):
+    """In each cycle, also while it speeds up; the rate where that is steady."""
+    onebot = load_description("package://onebot_description/urdf/onebot.urdf.xacro")
+    config = ControlConfig.from_parameters({"x": 1.0, "cmd_vel_timeout": 9.0})
+    with Fleet.of([Member(onebot, config)], scene=load_world(scene) if scene else None) as fleet:
+        fleet.robots[0].accept(*command)
+        snapshots = [fleet.cycle()[0] for _ in range(300)]
+        period = fleet.period
+    for cycle, (before, now) in enumerate(itertools.pairwise(snapshots)):
+        motions = [
+            imu.Motion(*each.velocity, matrices(each.pose.rotation[None])[0])
+            for each in (before, now)
+        ]
+        angular, linear = imu.measure(*motions, period, MOUNT, 9.81)
+        rate, acceleration = derivatives(before, now, period)
+        np.testing.assert_allclose(linear, acceleration, atol=1e-3, err_msg=str(cycle))
+        if cycle > 200:
+            np.testing.assert_allclose(angular, rate, atol=1e-4, err_msg=str(cycle))
+            np.testing.assert_allclose(linear, MOUNT[0].T @ expected, atol=0.05)
 
 
 # The thread -------------------------------------------------------------------------------------

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from nav_msgs.msg import Odometry
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import CameraInfo, Image, Imu, LaserScan, PointCloud2
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
@@ -251,6 +252,40 @@ def test_robots_of_a_fleet_sense_each_other_in_their_namespaces(
         assert seen["a"][90] == pytest.approx(1.5 - 0.1 - 0.25, abs=1e-3)
         walls = in_room(angles_of(scans["b"][-1]), 0.6)
         np.testing.assert_allclose(seen["b"], walls, atol=1e-3)
+
+
+@pytest.mark.slow
+def test_two_runs_give_the_same_bytes(ros_domain: int, tmp_path: Path) -> None:
+    """With noise, of all messages that both runs have."""
+    (tmp_path / "bot.urdf").write_text(bot(laser(), IMU, CAMERA))
+    kinds = {"/scan": LaserScan, "/imu/data": Imu, "/camera/points": PointCloud2}
+    arguments = ros_args(world=room(tmp_path), use_sim_time=True)
+
+    def run() -> dict[str, dict[int, bytes]]:
+        found: dict[str, dict[int, bytes]] = {topic: {} for topic in kinds}
+
+        def keep(topic: str, data: bytes) -> None:
+            found[topic][nanoseconds(deserialize_message(data, kinds[topic]).header.stamp)] = data
+
+        with Peer(ros_domain) as peer, NodeProcess(MODULE, str(tmp_path / "bot.urdf"), *arguments):
+            for topic, kind in kinds.items():
+                peer.node.create_subscription(
+                    kind, topic, lambda data, topic=topic: keep(topic, bytes(data)), 100, raw=True
+                )
+            wait_for(
+                lambda: all(each and max(each) > 6_000_000_000 for each in found.values()), "6 s"
+            )
+        return found
+
+    first, second = run(), run()
+    for topic, messages in first.items():
+        both = messages.keys() & second[topic].keys()
+        assert len(both) >= 5, topic
+        assert all(messages[stamp] == second[topic][stamp] for stamp in both), topic
+    ranges = [
+        np.array(deserialize_message(data, LaserScan).ranges) for data in first["/scan"].values()
+    ]
+    assert 0.002 < np.abs(ranges[0] - ranges[1]).mean() < 0.05
 
 
 @pytest.mark.slow
