@@ -256,7 +256,7 @@ def shared_memory(folder: Path, clean: bool) -> Verdict:
 
 
 def _renderer() -> Verdict:
-    code = "from onebot_bringup.viewer import rendering; print(pictures.renderer_problem())"
+    code = "from onebot_bringup.viewer import rendering; print(rendering.renderer_problem())"
     environment = {n: v for n, v in os.environ.items() if n != "RMW_IMPLEMENTATION"}
     done = _python("-c", code, environment=environment)
     problem = _last_line(done) if done.returncode else done.stdout.strip()

@@ -19,6 +19,7 @@ from onebot_bringup.cli.doctor import (
     multicast,
     shared_memory,
 )
+from onebot_bringup.viewer.rendering import renderer_problem
 from onebot_description.shared_memory import (
     FOLDER,
     find_segments,
@@ -139,4 +140,6 @@ def test_broken_environment(ros_domain: int, monkeypatch: pytest.MonkeyPatch) ->
         in done.stdout
     )
     assert "\nproblem  messages: none from another process: " in done.stdout
-    assert "renderer: " in done.stdout
+    problem = renderer_problem()
+    verdict = f"onebot snapshot does not work: {problem}" if problem else "draws pictures"
+    assert f"renderer: {verdict}\n" in done.stdout
