@@ -6,22 +6,17 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from onebot_control.diff_drive import DiffDriveController, DriveCommand, WheelStates
 from onebot_control.drift import DriftCheck
 from onebot_control.odometry import DiffDriveKinematics, PoseCovariance
 from onebot_control.parameters import BROADCASTER, INTERFACES, BroadcasterConfig, ControlConfig
-from onebot_control.poses import PlanarPose, yaw_of
+from onebot_control.poses import PlanarPose, scaled, yaw_of
 from onebot_control.simulation import JointStates, Pose, Robot, RobotSpawn, Twist
 from onebot_control.simulation.drivable import drivable
 from onebot_control.wheels.geometry import WheelGeometry, Wheels
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.parameters.reader import ConfigError, Problem
-
-Floats = NDArray[np.float64]
 
 _DRIFT_PERIOD = 0.1  # s between comparisons of odometry and truth
 
@@ -79,9 +74,8 @@ class JointStateBroadcaster:
 
     def values(self, states: JointStates) -> list[list[float]]:
         """Return positions, velocities and efforts of ``names``; NaN where not asked for."""
-        # For a handful of joints lists are quicker than arrays.
         return [
-            self._chosen(field.tolist() + held) if published else self._hidden
+            self._chosen([*field, *held]) if published else self._hidden
             for field, held, published in zip(states, self._held, self._published, strict=True)
         ]
 
@@ -97,12 +91,11 @@ class Side:
     ) -> None:
         self._rows = [(joints.index(name), directions[name]) for name in names]
 
-    def mean(self, values: Floats) -> float:
+    def mean(self, values: Sequence[float]) -> float:
         """Return the mean of the wheels' positions or velocities."""
-        # For a few wheels a loop is quicker than arrays.
         total = 0.0
         for row, direction in self._rows:
-            total += direction * values.item(row)
+            total += direction * values[row]
         return total / len(self._rows)
 
     def velocities(self, speed: float) -> list[float]:
@@ -170,7 +163,7 @@ class DrivenRobot:
     @property
     def true_pose(self) -> PlanarPose:
         """Where the robot is in the world, seen from above."""
-        (x, y, _), rotation = self._pose.translation.tolist(), self._pose.rotation.tolist()
+        (x, y, _), rotation = self._pose
         return PlanarPose(x, y, yaw_of(*rotation))
 
     def fitted(
@@ -234,8 +227,10 @@ class DrivenRobot:
         odometry, pace = self.controller.odometry, self.controller.pace
         joints, velocity = self._joints, self._twist
         if pace != 1.0:
-            joints = joints._replace(velocities=joints.velocities * pace)
-            velocity = Twist(velocity.linear * pace, velocity.angular * pace)
+            joints = joints._replace(
+                velocities=tuple([speed * pace for speed in joints.velocities])
+            )
+            velocity = Twist(*(scaled(part, pace) for part in velocity))
         return Snapshot(
             self.ticks,
             joints,

@@ -61,6 +61,12 @@ def cross(first: Triple, second: Triple) -> Triple:
     return b * z - c * y, c * x - a * z, a * y - b * x
 
 
+def scaled(vector: Triple, factor: float) -> Triple:
+    """Return ``factor`` times a vector."""
+    x, y, z = vector
+    return factor * x, factor * y, factor * z
+
+
 def about_z(yaw: float) -> Quaternion:
     """Rotation by ``yaw``, rad, about the vertical."""
     return 0.0, 0.0, math.sin(yaw / 2.0), math.cos(yaw / 2.0)
@@ -83,6 +89,11 @@ class PlanarPose(NamedTuple):
     x: float = 0.0
     y: float = 0.0
     yaw: float = 0.0
+
+    @property
+    def transform(self) -> Transform:
+        """The same pose in space."""
+        return (self.x, self.y, 0.0), about_z(self.yaw)
 
     def compose(self, other: "PlanarPose") -> "PlanarPose":
         """Return ``other``, given relative to this pose, in the frame this pose is given in."""

@@ -3,13 +3,13 @@
 The messages are made once and filled anew each cycle: rclpy has read them when ``publish`` returns.
 """
 
-import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Pose, Transform, TransformStamped, TwistStamped
+from geometry_msgs.msg import Pose, TransformStamped, TwistStamped
+from geometry_msgs.msg import Transform as TransformMessage
 from geometry_msgs.msg import Twist as TwistMessage
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
@@ -21,10 +21,9 @@ from std_msgs.msg import String
 from onebot_control.control_loop import Divider
 from onebot_control.driven_robot import DrivenRobot, Snapshot
 from onebot_control.parameters import ControlConfig
-from onebot_control.poses import PlanarPose, about_z, compose, inverse, prefixed
+from onebot_control.poses import PlanarPose, Transform, compose, inverse, prefixed
 from onebot_control.simulation import SceneBodies, Twist
 from onebot_description.description import Description
-from onebot_description.model import quaternions
 from onebot_description.model.robot_model import JointArrays
 from onebot_description.node import LATCHED, OnlyPublisher
 from onebot_description.parameters.reader import Problem
@@ -171,37 +170,32 @@ class Publishers:
             self._limited.publish(self._limited_message)
         due = self._due.due()
         if due or sensed:
-            pose = _transform_values(snapshot.odometry)
+            pose = snapshot.odometry.transform
             self._publish_transforms(snapshot, pose)
             if due:
                 self._publish_odometry(snapshot, pose)
         if not self._in_scene and robot.odom_in_world != self._origin:
             self._publish_origin(stamp_ns)
 
-    def _publish_transforms(self, snapshot: Snapshot, pose: Sequence[float]) -> None:
+    def _publish_transforms(self, snapshot: Snapshot, pose: Transform) -> None:
         if self._robot.config.enable_odom_tf:
             _fill_transform(self._transform.transform, pose)
             self._tf.publish(self._tf_message)
         if self._in_scene:
             self._publish_true_origin(snapshot)
 
-    def _publish_odometry(self, snapshot: Snapshot, pose: Sequence[float]) -> None:
+    def _publish_odometry(self, snapshot: Snapshot, pose: Transform) -> None:
         _fill_pose(self._odom_message.pose.pose, pose)
         if not self._constant:
             snapshot.covariance.fill(self._odom_message.pose.covariance)
         _fill_planar(self._odom_message.twist.twist, *snapshot.twist)
         self._odom.publish(self._odom_message)
-        _fill_pose(self._truth_message.pose.pose, self._true_pose(snapshot))
+        truth: Transform = snapshot.pose
+        if not self._world:
+            truth = compose(self._robot.odom_in_world.inverse().transform, truth)
+        _fill_pose(self._truth_message.pose.pose, truth)
         _fill_twist(self._truth_message.twist.twist, snapshot.velocity)
         self._truth.publish(self._truth_message)
-
-    def _true_pose(self, snapshot: Snapshot) -> Sequence[float]:
-        translation, rotation = snapshot.pose
-        if not self._world:
-            back = np.array(_transform_values(self._robot.odom_in_world.inverse()))
-            translation = back[:3] + quaternions.rotate(back[3:], translation)
-            rotation = quaternions.multiply(back[3:], rotation)
-        return (*translation.tolist(), *rotation.tolist())
 
     def _publish_origin(self, stamp_ns: int) -> None:
         """Publish where the odometry's zero is in the world."""
@@ -210,7 +204,7 @@ class Publishers:
             message = TransformStamped(child_frame_id=self.odom_frame)
             message.header.frame_id = self._world
             message.header.stamp = time_message(stamp_ns)
-            _fill_transform(message.transform, _transform_values(self._origin))
+            _fill_transform(message.transform, self._origin.transform)
             self._tf_static.publish(TFMessage(transforms=[message]))
 
     def _publish_true_origin(self, snapshot: Snapshot) -> None:
@@ -218,14 +212,8 @@ class Publishers:
 
         At a wall wheels slip, and a ramp tilts the robot: neither is in its odometry.
         """
-        (x, y, z), (a, b, c, d) = (
-            snapshot.pose.translation.tolist(),
-            snapshot.pose.rotation.tolist(),
-        )
-        odometry = snapshot.odometry
-        back = inverse(((odometry.x, odometry.y, 0.0), about_z(odometry.yaw)))
-        at, turn = compose(((x, y, z), (a, b, c, d)), back)
-        _fill_transform(self._origin_transform.transform, (*at, *turn))
+        origin = compose(snapshot.pose, inverse(snapshot.odometry.transform))
+        _fill_transform(self._origin_transform.transform, origin)
         self._tf.publish(self._origin_message)
 
 
@@ -257,8 +245,8 @@ class ScenePublisher:
         if not self._rate.due() or not self._transforms:
             return
         self._stamp.sec, self._stamp.nanosec = divmod(stamp_ns, NANO)
-        for transform, (at, turn) in zip(self._transforms, self._scene.poses, strict=True):
-            _fill_transform(transform.transform, (*at, *turn))
+        for transform, pose in zip(self._transforms, self._scene.poses, strict=True):
+            _fill_transform(transform.transform, pose)
         self._tf.publish(self._message)
 
     def _static(self, stamp_ns: int) -> TFMessage:
@@ -268,30 +256,24 @@ class ScenePublisher:
         if description.root_link != self._world:
             parents.append(self._world)
             children.append(description.root_link)
-            values = np.vstack([values, _transform_values(PlanarPose())])
+            values = np.vstack([values, np.hstack(PlanarPose().transform)])
         return transforms_message(time_message(stamp_ns), parents, children, values)
 
 
-def _transform_values(pose: PlanarPose) -> tuple[float, ...]:
-    """Return a planar pose as translation x y z, rotation x y z w."""
-    half = pose.yaw / 2.0
-    return (pose.x, pose.y, 0.0, 0.0, 0.0, math.sin(half), math.cos(half))
-
-
-def _fill_transform(message: Transform, values: Sequence[float]) -> None:
+def _fill_transform(message: TransformMessage, pose: Transform) -> None:
     shift, turn = message.translation, message.rotation
-    shift.x, shift.y, shift.z, turn.x, turn.y, turn.z, turn.w = values
+    (shift.x, shift.y, shift.z), (turn.x, turn.y, turn.z, turn.w) = pose
 
 
-def _fill_pose(message: Pose, values: Sequence[float]) -> None:
+def _fill_pose(message: Pose, pose: Transform) -> None:
     place, turn = message.position, message.orientation
-    place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w = values
+    (place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w) = pose
 
 
 def _fill_twist(message: TwistMessage, twist: Twist) -> None:
     linear, angular = message.linear, message.angular
-    linear.x, linear.y, linear.z = twist.linear.tolist()
-    angular.x, angular.y, angular.z = twist.angular.tolist()
+    linear.x, linear.y, linear.z = twist.linear
+    angular.x, angular.y, angular.z = twist.angular
 
 
 def _fill_planar(message: TwistMessage, linear: float, angular: float) -> None:

@@ -153,9 +153,9 @@ def _follow(fleet: Fleet, path: DrivenPath) -> Result:
         else:
             robot.accept(*command)
             [snapshot] = fleet.cycle()
-        x, y, _ = snapshot.pose.translation.tolist()
+        x, y, _ = snapshot.pose.translation
         # Headings are unwrapped.
-        yaw = yaw_of(*snapshot.pose.rotation.tolist())
+        yaw = yaw_of(*snapshot.pose.rotation)
         heading += math.remainder(yaw - heading, 2.0 * math.pi)
         truth = start.inverse().compose(PlanarPose(x, y, heading))
         odometry = snapshot.odometry

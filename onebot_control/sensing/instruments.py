@@ -4,6 +4,7 @@ The control loop gives a snapshot when a measurement is due that somebody subscr
 waits. What is due while a sensor still has enough to do is dropped, the newest first.
 """
 
+import math
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -26,7 +27,6 @@ from onebot_control.sensing.surroundings import (
     RobotState,
     SensedRobot,
     Surroundings,
-    matrices,
 )
 from onebot_control.simulation.bodies import matrix
 from onebot_description.description import Description
@@ -228,7 +228,7 @@ class Instrument:
             previous = None
         motion = _motion(now)
         body = motion.rotation
-        mount = body.T @ pose.rotation, body.T @ (pose.position - now.pose.translation)
+        mount = body.T @ pose.rotation, body.T @ (pose.position - np.array(now.pose.translation))
         values = np.concatenate(
             imu.measure(previous and _motion(previous), motion, world.period, mount, world.gravity)
         )
@@ -240,14 +240,15 @@ class Instrument:
 
 
 def _motion(snapshot: Snapshot) -> imu.Motion:
-    return imu.Motion(*snapshot.velocity, matrices(snapshot.pose.rotation[None])[0])
+    linear, angular = map(np.array, snapshot.velocity)
+    return imu.Motion(linear, angular, quaternions.to_matrix(snapshot.pose.rotation))
 
 
 def _was_put(before: Snapshot, now: Snapshot, period: float) -> bool:
     """Whether a robot did not drive from one pose to the next; then it does not feel it."""
-    shift = now.pose.translation - before.pose.translation
-    speed = max(float(np.linalg.norm(snapshot.velocity.linear)) for snapshot in (before, now))
-    return float(np.linalg.norm(shift)) > 2.0 * speed * period + _LEAP
+    shift = math.dist(now.pose.translation, before.pose.translation)
+    speed = max(math.hypot(*snapshot.velocity.linear) for snapshot in (before, now))
+    return shift > 2.0 * speed * period + _LEAP
 
 
 class Sensing:

@@ -7,12 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from onebot_control.poses import Transform
+from onebot_control.poses import Quaternion, Transform, Triple
 from onebot_control.sensing.rays import NOTHING, Surface, Targets
 from onebot_control.sensing.solids import solid_of
 from onebot_control.simulation.bodies import link_poses
 from onebot_description.description import Description
 from onebot_description.description.description import Geometry
+from onebot_description.model.quaternions import to_matrix
 from onebot_description.model.robot_model import RobotModel
 
 Floats = NDArray[np.float64]
@@ -29,9 +30,9 @@ class SensedRobot(NamedTuple):
 class RobotState(NamedTuple):
     """Where a robot is."""
 
-    translation: Floats  # (3,) of the root link in the world
-    rotation: Floats  # (4,), likewise, x y z w
-    positions: Floats  # positions of ``SensedRobot.joints``
+    translation: Triple  # of the root link in the world
+    rotation: Quaternion  # likewise, x y z w
+    positions: Sequence[float]  # of ``SensedRobot.joints``
 
 
 class LinkPose(NamedTuple):
@@ -93,7 +94,7 @@ class Surroundings:
         turns, places = np.empty((len(self._surfaces), 3, 3)), np.empty((len(self._surfaces), 3))
         if boxes:
             places[: len(boxes)] = [position for position, _ in boxes]
-            turns[: len(boxes)] = matrices(np.array([turn for _, turn in boxes]))
+            turns[: len(boxes)] = to_matrix([turn for _, turn in boxes])
         for kind, (rotations, positions) in zip(self.kinds, links, strict=True):
             turns[kind.targets] = rotations[:, kind.seen]
             places[kind.targets] = positions[:, kind.seen]
@@ -157,23 +158,8 @@ class RobotKind:
         positions = np.tile(self._positions, (len(states), 1))
         positions[:, self._joints] = [state.positions for state in states]
         poses = self._model.link_poses(positions)
-        bases = matrices(np.array([state.rotation for state in states]))
-        turns = matrices(poses[..., 3:].reshape(-1, 4)).reshape(*poses.shape[:2], 3, 3)
+        bases = to_matrix([state.rotation for state in states])
+        turns = to_matrix(poses[..., 3:])
         places = poses[..., :3] @ bases.transpose(0, 2, 1)
         places += np.array([state.translation for state in states])[:, None]
         return bases[:, None] @ turns, places
-
-
-def matrices(rotations: Floats) -> Floats:
-    """Rotation matrices (N, 3, 3) of unit quaternions (N, 4), x y z w."""
-    x, y, z, w = rotations.T
-    xx, yy, zz = 2 * x * x, 2 * y * y, 2 * z * z
-    xy, xz, yz = 2 * x * y, 2 * x * z, 2 * y * z
-    wx, wy, wz = 2 * w * x, 2 * w * y, 2 * w * z
-    rows = (
-        (1 - yy - zz, xy - wz, xz + wy),
-        (xy + wz, 1 - xx - zz, yz - wx),
-        (xz - wy, yz + wx, 1 - xx - yy),
-    )
-    result: Floats = np.array(rows).transpose(2, 0, 1)
-    return result

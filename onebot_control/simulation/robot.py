@@ -5,10 +5,7 @@ from collections.abc import Iterable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from onebot_control.poses import Transform, Triple, conjugate, cross, rotate
+from onebot_control.poses import Quaternion, Transform, Triple, conjugate, cross, rotate
 from onebot_control.simulation.engine import engine
 from onebot_control.simulation.rest_pose import RestPose
 from onebot_control.simulation.spawning import (
@@ -23,8 +20,6 @@ from onebot_description.errors import OneBotError, did_you_mean
 if TYPE_CHECKING:
     from onebot_control.simulation.world import World
 
-Floats = NDArray[np.float64]
-
 # Columns of getJointStates.
 _POSITION, _VELOCITY, _EFFORT = 0, 1, 3
 
@@ -32,23 +27,23 @@ _POSITION, _VELOCITY, _EFFORT = 0, 1, 3
 class JointStates(NamedTuple):
     """State of all joints that move, in the description's order."""
 
-    positions: Floats  # (M,), rad (never wrapped), m for prismatic joints
-    velocities: Floats  # (M,), rad/s or m/s
-    efforts: Floats  # (M,), mean motor effort during the last ``step``, Nm or N; 0 without a motor
+    positions: tuple[float, ...]  # rad (never wrapped), m for prismatic joints
+    velocities: tuple[float, ...]  # rad/s or m/s
+    efforts: tuple[float, ...]  # a motor's mean during the last ``step``, Nm or N; 0 without one
 
 
 class Pose(NamedTuple):
     """Pose of the root link's frame (not of its centre of mass) in the world."""
 
-    translation: Floats  # (3,), m
-    rotation: Floats  # (4,), unit quaternion x y z w
+    translation: Triple  # m
+    rotation: Quaternion  # unit, x y z w
 
 
 class Twist(NamedTuple):
     """Velocity of the root link's frame in its own axes, as in nav_msgs/Odometry."""
 
-    linear: Floats  # (3,), of the frame's origin, m/s
-    angular: Floats  # (3,), rad/s
+    linear: Triple  # of the frame's origin, m/s
+    angular: Triple  # rad/s
 
 
 class Robot:
@@ -65,7 +60,7 @@ class Robot:
     rest_pose: RestPose  # height and tilt at rest on level ground
     parts: LoadedRobot
     pose: Transform  # the root link's frame, as last read
-    positions: list[float]  # the joints', by row of ``joints``, as last read
+    positions: tuple[float, ...]  # the joints', by row of ``joints``, as last read
     finite: bool  # whether the last state was finite
 
     def __init__(self, world: "World", spawn: RobotSpawn) -> None:
@@ -98,7 +93,7 @@ class Robot:
         self._read_motors = partial(engine.getJointStates, body, self._driven_indices, client)
         self._read_velocity = partial(engine.getBaseVelocity, body, client)
         self._targets = [0.0] * len(self.driven)
-        self._efforts = [0.0] * len(self.joints)  # the motors'
+        self._efforts = (0.0,) * len(self.joints)  # the motors'
         self._recorded: list[float] = []  # the same of each physics step
         self._update(self._read_joints())
 
@@ -143,15 +138,12 @@ class Robot:
     def joint_states(self) -> JointStates:
         """Return positions, velocities and motor efforts, in the order of ``joints``."""
         self.check()
-        return JointStates(
-            np.array(self.positions), np.array(self._velocities), np.array(self._efforts)
-        )
+        return JointStates(self.positions, self._velocities, self._efforts)
 
     def base_pose(self) -> Pose:
         """Return the true pose of the root link's frame in the world."""
         self.check()
-        position, rotation = self.pose
-        return Pose(np.array(position), np.array(rotation))
+        return Pose(*self.pose)
 
     def base_twist(self) -> Twist:
         """Return the true velocity of the root link's frame, in its own axes."""
@@ -162,7 +154,7 @@ class Robot:
         turning = rotate(back, angular)
         # PyBullet returns the velocity of the centre of mass.
         a, b, c = cross(turning, self.parts.mass_frame[0])
-        return Twist(np.array((x - a, y - b, z - c)), np.array(turning))
+        return Twist((x - a, y - b, z - c), turning)
 
     def reset(self) -> None:
         """Move the robot back to its start, joints at 0, and the scene's boxes; time continues.
@@ -197,7 +189,7 @@ class Robot:
         self.parts.place(pose, positions or [0.0] * len(self.joints))
         # A saved state contains neither targets nor efforts of motors.
         self._drive([0.0] * len(self.driven))
-        self._efforts = [0.0] * len(self.joints)
+        self._efforts = (0.0,) * len(self.joints)
         self._update(self._read_joints())
 
     def continue_from(self, other: "Robot") -> None:
@@ -230,13 +222,14 @@ class Robot:
     def read(self, steps: int) -> None:
         """Read the state after ``steps`` physics steps."""
         states = self._read_joints()
+        efforts = [0.0] * len(states)
         for number, row in enumerate(self._driven_rows):
             total = 0.0
             # Not sum(), which rounds differently from Python 3.12 on.
             for effort in self._recorded[number :: len(self._driven_rows)]:
                 total += effort
-            self._efforts[row] = (total + states[row][_EFFORT]) / steps
-        self._recorded = []
+            efforts[row] = (total + states[row][_EFFORT]) / steps
+        self._efforts, self._recorded = tuple(efforts), []
         self._update(states)
 
     def _drive(self, targets: list[float]) -> None:
@@ -252,8 +245,8 @@ class Robot:
 
     def _update(self, states: Sequence[Sequence[float]]) -> None:
         """Store the joints' state, read the base's, and check that all values are finite."""
-        self.positions = [state[_POSITION] for state in states]
-        self._velocities = [state[_VELOCITY] for state in states]
+        self.positions = tuple([state[_POSITION] for state in states])
+        self._velocities = tuple([state[_VELOCITY] for state in states])
         self.pose = self.parts.pose()
         self._velocity: tuple[Triple, Triple] = self._read_velocity()
         (x, y, z), (a, b, c, d) = self.pose

@@ -70,11 +70,18 @@ def normalized(rotation: Floats) -> Floats:
     return np.where(length > 0.0, unit, (0.0, 0.0, 0.0, 1.0))
 
 
-def to_matrix(rotation: Floats) -> Floats:
+def to_matrix(rotation: ArrayLike) -> Floats:
     """Rotation matrices (..., 3, 3) of quaternions (..., 4) of any length; 0 gives identity."""
-    rotation = normalized(rotation)
-    columns = [rotate(rotation, unit) for unit in np.eye(3)]
-    return np.stack(columns, axis=-1)
+    x, y, z, w = np.moveaxis(normalized(np.asarray(rotation, float)), -1, 0)
+    xx, yy, zz = 2.0 * x * x, 2.0 * y * y, 2.0 * z * z
+    xy, xz, yz = 2.0 * x * y, 2.0 * x * z, 2.0 * y * z
+    wx, wy, wz = 2.0 * w * x, 2.0 * w * y, 2.0 * w * z
+    rows = (
+        (1.0 - yy - zz, xy - wz, xz + wy),
+        (xy + wz, 1.0 - xx - zz, yz - wx),
+        (xz - wy, yz + wx, 1.0 - xx - yy),
+    )
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
 def to_rpy(matrix: Floats) -> tuple[float, float, float]:

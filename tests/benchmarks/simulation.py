@@ -122,7 +122,7 @@ def _check_odometry(fleet: Fleet) -> None:
 
 
 def _check(snapshot: Snapshot, expected: PlanarPose, which: str, scale: float = 1.0) -> None:
-    (x, y, _), rotation = snapshot.pose.translation.tolist(), snapshot.pose.rotation.tolist()
+    (x, y, _), rotation = snapshot.pose
     distance = math.hypot(x - expected.x, y - expected.y)
     turn = abs(math.remainder(yaw_of(*rotation) - expected.yaw, math.tau))
     # Unlike >, this lets no NaN pass.

@@ -4,8 +4,6 @@ import math
 from collections.abc import Sequence
 from typing import Any, cast
 
-import numpy as np
-
 from onebot_control.driven_robot import DrivenRobot, Snapshot, wheels_of
 from onebot_control.fleet import Fleet, Member
 from onebot_control.odometry import DiffDriveKinematics, Odometry
@@ -98,17 +96,16 @@ class IdealPlant:
         self._truth.update_from_velocities(left, right, duration)
 
     def joint_states(self) -> JointStates:
-        positions = np.array([self.left, self.right])
-        return JointStates(positions, np.array(self.speeds), np.zeros(2))
+        return JointStates((self.left, self.right), tuple(self.speeds), (0.0, 0.0))
 
     def base_pose(self) -> Pose:
         half = self._truth.heading / 2.0
-        rotation = np.array([0.0, 0.0, math.sin(half), math.cos(half)])
-        return Pose(np.array([self._truth.x, self._truth.y, RADIUS]), rotation)
+        rotation = (0.0, 0.0, math.sin(half), math.cos(half))
+        return Pose((self._truth.x, self._truth.y, RADIUS), rotation)
 
     def base_twist(self) -> Twist:
         linear, angular = self._truth.kinematics.body_motion(*self.speeds)
-        return Twist(np.array([linear, 0.0, 0.0]), np.array([0.0, 0.0, angular]))
+        return Twist((linear, 0.0, 0.0), (0.0, 0.0, angular))
 
     def reset(self) -> None:
         self._truth = Odometry(DiffDriveKinematics(SEPARATION, RADIUS, RADIUS))

@@ -72,10 +72,10 @@ def wheels(linear: float, angular: float) -> list[float]:
 def planar(simulation: Simulation | Robot) -> tuple[float, float, float]:
     """Where the robot is: x, y in m, heading in rad."""
     pose = simulation.base_pose()
-    return float(pose.translation[0]), float(pose.translation[1]), yaw_of(*pose.rotation.tolist())
+    return (*pose.translation[:2], yaw_of(*pose.rotation))
 
 
 def bits(simulation: Simulation | Robot) -> bytes:
     """The state of a robot, every bit of it."""
-    arrays = (*simulation.joint_states(), *simulation.base_pose(), *simulation.base_twist())
-    return b"".join(array.tobytes() for array in arrays)
+    parts = (*simulation.joint_states(), *simulation.base_pose(), *simulation.base_twist())
+    return np.concatenate(parts).tobytes()

@@ -144,7 +144,7 @@ def test_reset_leaves_nothing_but_time_and_parameters() -> None:
     snapshot = drive.snapshot()
     assert (drive.true_pose, drive.odom_in_world) == (PlanarPose(), PlanarPose())
     assert (snapshot.odometry, snapshot.twist) == (PlanarPose(), (0.0, 0.0))
-    assert (snapshot.joints.velocities == 0.0).all()
+    assert not any(snapshot.joints.velocities)
     assert (drive.ticks, drive.config) == (120, chosen)
     for _ in range(3):
         mine, fresh = cycle(drive), cycle(new)
@@ -202,8 +202,8 @@ def test_a_cycle_is_seen_as_it_begins() -> None:
     drive.accept(0.6, 0.0)
     first, second = cycle(drive), cycle(drive)
     assert (first.tick, second.tick, drive.ticks) == (0, 1, 2)
-    assert (first.joints.positions == 0.0).all() and first.command.left == pytest.approx(10.0)
-    assert second.joints.positions == pytest.approx(0.1)
+    assert not any(first.joints.positions) and first.command.left == pytest.approx(10.0)
+    assert second.joints.positions == pytest.approx([0.1, 0.1])
     assert second.pose.translation[0] == pytest.approx(0.006)
     assert drive.true_pose.x == pytest.approx(0.006)
     assert drive.begin().tick == drive.ticks == 2
@@ -217,7 +217,9 @@ def test_velocities_are_by_the_clock_that_stamps_them() -> None:
     drive.controller.stalled(drive.period)
     half = drive.begin()
     assert (full.twist, half.twist) == (pytest.approx((0.6, 0.3)), pytest.approx((0.3, 0.15)))
-    assert half.joints.velocities == pytest.approx(full.joints.velocities / 2.0)
+    assert half.joints.velocities == pytest.approx(
+        [speed / 2.0 for speed in full.joints.velocities]
+    )
     assert half.velocity.linear == pytest.approx([0.3, 0.0, 0.0])
     assert half.velocity.angular == pytest.approx([0.0, 0.0, 0.15])
 

@@ -127,7 +127,7 @@ def driven(**parameters: Any) -> tuple[DrivenRobot, Snapshot]:
     for _ in range(5):
         drive.accept(0.3, 0.8)
         cycle(drive)
-    velocity = Twist(np.array([0.3, 1e-5, -2e-7]), np.array([1e-3, math.inf, 0.8]))
+    velocity = Twist((0.3, 1e-5, -2e-7), (1e-3, math.inf, 0.8))
     return drive, drive.begin()._replace(velocity=velocity)
 
 
@@ -147,8 +147,8 @@ def test_all_is_received_as_it_is(subscriptions: Subscriptions) -> None:
     expected.twist.covariance = np.diag(VARIANCES[::-1]).ravel()
     assert same(received["peer/odom"], expected)
     assert same(received["/tf"], transform(STAMP, "odom", "base_link", pose))
-    true = [*snapshot.pose.translation.tolist(), *snapshot.pose.rotation.tolist()]
-    velocity = [*snapshot.velocity.linear.tolist(), *snapshot.velocity.angular.tolist()]
+    true = [*snapshot.pose.translation, *snapshot.pose.rotation]
+    velocity = [*snapshot.velocity.linear, *snapshot.velocity.angular]
     truth = odometry(STAMP, "world", "base_link", true, velocity)
     assert same(received["peer/ground_truth"], truth)
     told = snapshot.command

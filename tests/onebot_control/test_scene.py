@@ -72,7 +72,7 @@ def test_a_wall_stops_the_robot_while_its_wheels_slip():
         assert x == pytest.approx(0.6 - _FRONT, abs=0.01)
         assert abs(y) < 0.01
         turned = simulation.joint_states().positions[:2]
-        assert turned.min() * 0.06 > 1.2
+        assert min(turned) * 0.06 > 1.2
 
 
 def test_a_box_is_pushed_and_comes_to_rest():

@@ -22,7 +22,6 @@ from onebot_control.sensing.surroundings import (
     RobotState,
     SensedRobot,
     Surroundings,
-    matrices,
 )
 from onebot_description.description import load_description, parse_description
 from onebot_description.description.description import (
@@ -358,14 +357,14 @@ SLOPE = math.radians(5)
 
 def derivatives(before: Snapshot, now: Snapshot, period: float):
     """The rate and the acceleration of the sensor in its axes, by two true poses and velocities."""
-    first, last = (matrices(each.pose.rotation[None])[0] for each in (before, now))
+    first, last = (quaternions.to_matrix(each.pose.rotation) for each in (before, now))
     velocities = [
-        turn @ (each.velocity.linear + np.cross(each.velocity.angular, MOUNT[1]))
+        turn @ (np.add(each.velocity.linear, np.cross(each.velocity.angular, MOUNT[1])))
         for turn, each in ((first, before), (last, now))
     ]
     turned = (first.T @ last - last.T @ first) / 2.0 / period  # of a small angle
     rate = np.array([turned[2, 1], turned[0, 2], turned[1, 0]])
-    middle = quaternions.to_matrix(before.pose.rotation + now.pose.rotation)
+    middle = quaternions.to_matrix(np.add(before.pose.rotation, now.pose.rotation))
     acceleration = middle.T @ (velocities[1] - velocities[0]) / period
     return MOUNT[0].T @ rate, MOUNT[0].T @ (acceleration + last.T @ GRAVITY)
 
@@ -389,7 +388,7 @@ def test_an_imu_measures_the_truth_s_derivatives(scene, command, expected):
         period = fleet.period
     for cycle, (before, now) in enumerate(itertools.pairwise(snapshots)):
         motions = [
-            imu.Motion(*each.velocity, matrices(each.pose.rotation[None])[0])
+            imu.Motion(*map(np.array, each.velocity), quaternions.to_matrix(each.pose.rotation))
             for each in (before, now)
         ]
         angular, linear = imu.measure(*motions, period, MOUNT, 9.81)

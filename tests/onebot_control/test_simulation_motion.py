@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterator
 
-import numpy as np
 import pytest
 
 from tests.onebot_control.simulation_support import (
@@ -38,8 +37,7 @@ def test_starts_exactly_where_it_is_told_and_at_rest():
         assert pose.translation[2] == pytest.approx(RADIUS, abs=2e-5)
         upright = [0, 0, math.sin(1.0), math.cos(1.0)]
         assert pose.rotation == pytest.approx(upright, abs=1e-9)
-        for array in (*twist, *joints):
-            assert not array.any()
+        assert not any(map(any, (*twist, *joints)))
 
 
 def test_turns_by_the_frame_of_the_axle_not_the_centre_of_mass(simulation):
@@ -78,15 +76,15 @@ def test_joint_states_are_in_the_descriptions_order(simulation):
     assert simulation.joints == (LEFT, RIGHT, "caster_swivel_joint", "caster_wheel_joint")
     simulation.step([0.5, 1.0], 0.2)
     assert simulation.joint_states().velocities[:2] == pytest.approx([0.5, 1.0], abs=1e-3)
-    assert (simulation.joint_states().efforts[2:] == 0.0).all()
+    assert not any(simulation.joint_states().efforts[2:])
 
 
 def test_motor_is_no_stronger_than_its_effort():
     with simulate(robot(r'effort="3"', 'effort="0.01"')) as weak:
         weak.step([10.0, 10.0], 0.1)
         states = weak.joint_states()
-        assert (np.abs(states.efforts[:2]) <= 0.01 + 1e-12).all()
-        assert (states.velocities[:2] < 1.0).all()
+        assert max(map(abs, states.efforts[:2])) <= 0.01 + 1e-12
+        assert max(states.velocities[:2]) < 1.0
 
 
 def test_joint_friction_holds():

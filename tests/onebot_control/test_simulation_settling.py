@@ -122,7 +122,7 @@ def test_a_robot_still_in_motion_is_logged(caplog):
         caplog.at_level(logging.WARNING),
         _stand(description, Settings(settling=0.1)) as simulation,
     ):
-        assert not simulation.joint_states().velocities.any()
+        assert not any(simulation.joint_states().velocities)
     texts = [record.getMessage() for record in caplog.records]
     assert texts.count("block.urdf: the robot has not come to rest within 0.1 s on the ground") == 1
 
@@ -146,7 +146,7 @@ def test_joints_stand_at_zero_whatever_they_did_while_settling(monkeypatch):
     """
     description = robot('<origin xyz="-0.22 0 0"/>', '<origin xyz="-0.22 0.02 0.01"/>')
     with simulate(description) as one:
-        assert one.joint_states().positions.tolist() == [0.0] * 4
+        assert one.joint_states().positions == (0.0,) * 4
     assert 40 < _steps_to_settle(description, monkeypatch, DRIVEN) < 300
 
 
