@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from onebot_control.poses import PlanarPose
+from onebot_control.poses import PlanarPose, Triple
 
 # Below this turn (rad) the exact arc divides by nearly zero, and is a straight line to all digits.
 _STRAIGHT = 1e-6
@@ -77,12 +77,23 @@ class PoseCovariance(NamedTuple):
             tt,
         )
 
-    def plus(self, x: float, y: float, yaw: float, variance: float) -> "PoseCovariance":
-        """Return P + g q g', of an error with this ``variance`` q that acts by g = (x, y, yaw)."""
+    def plus(
+        self, errors: tuple[Triple, Triple], variances: tuple[float, float]
+    ) -> "PoseCovariance":
+        """Return P + G Q G', of two independent errors with these variances (the diagonal of Q).
+
+        The columns of G are how each error acts on x, y and yaw.
+        """
         xx, xy, yy, xt, yt, tt = self
-        qx, qy, qt = variance * x, variance * y, variance * yaw
+        (ax, ay, at), (bx, by, bt) = errors
+        p, q = variances
         return PoseCovariance(
-            xx + qx * x, xy + qx * y, yy + qy * y, xt + qx * yaw, yt + qy * yaw, tt + qt * yaw
+            xx + p * ax * ax + q * bx * bx,
+            xy + p * ax * ay + q * bx * by,
+            yy + p * ay * ay + q * by * by,
+            xt + p * ax * at + q * bx * bt,
+            yt + p * ay * at + q * by * bt,
+            tt + p * at * at + q * bt * bt,
         )
 
     def fill(self, values: NDArray[np.float64]) -> None:
@@ -235,13 +246,12 @@ class Odometry:
         across, (left, right) = turn * separation / 2.0, self.noise
         lever = way / (2.0 * separation)
         x, y = lever * sin, lever * cos
-        covariance = self.covariance.moved(dx, dy)
-        covariance = covariance.plus(
-            cos / 2.0 + x, sin / 2.0 - y, -1.0 / separation, left * abs(way - across)
+        errors = (
+            (cos / 2.0 + x, sin / 2.0 - y, -1.0 / separation),
+            (cos / 2.0 - x, sin / 2.0 + y, 1.0 / separation),
         )
-        covariance = covariance.plus(
-            cos / 2.0 - x, sin / 2.0 + y, 1.0 / separation, right * abs(way + across)
-        )
+        variances = left * abs(way - across), right * abs(way + across)
+        covariance = self.covariance.moved(dx, dy).plus(errors, variances)
         # Else nothing is known of the pose, and the covariance stays as it is.
         if math.isfinite(sum(covariance)):
             self.covariance = covariance

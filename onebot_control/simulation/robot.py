@@ -117,11 +117,10 @@ class Robot:
             ValueError: they are too few or too many, or one is not finite; then nothing has
                 changed.
         """
-        targets = self.targets(velocities)
         self.world.check_open()
         # PyBullet keeps the targets, and setting them takes as long as reading the joints.
-        if targets != self._targets:
-            self._drive(targets)
+        if list(velocities) != self._targets:
+            self._drive(self.targets(velocities))
 
     def targets(self, velocities: Sequence[float]) -> list[float]:
         """Return velocities within the joints' limits; see ``turn``."""
