@@ -15,6 +15,7 @@ from sensor_msgs.msg import Image, JointState, LaserScan, PointCloud2, PointFiel
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
+from onebot_bringup.viewer.displays.display import SELDOM
 from onebot_bringup.viewer.displays.joint_plot import POSITION_ENTITY
 from onebot_bringup.viewer.displays.tf_display import TF_ENTITY
 from onebot_description.wire.messages import transforms_message
@@ -44,7 +45,8 @@ class Case(NamedTuple):
     drawn: tuple[Drawn, ...]
     # Returns messages, and what is drawn of each, by a number.
     sample: Callable[[int], tuple[list[Any], list[Arrays]]]
-    per_tick: int = 1  # of the viewer, which logs 20 times a second
+    per_tick: int = 1
+    tick_ns: int = 50_000_000  # the viewer logs 20 times a second
     goal: float = 2.0
     urdf: str = f'<robot name="robot"><link name="{FIXED}"/></robot>'
 
@@ -240,8 +242,9 @@ def _display(
     sample: Callable[[int], tuple[list[Any], list[Arrays]]],
     columns: Callable[[Arrays, int], Any],
     per_tick: int = 1,
+    tick_ns: int = 50_000_000,
 ) -> Case:
-    return Case(name, {topic: kind}, (Drawn(entity, columns),), sample, per_tick)
+    return Case(name, {topic: kind}, (Drawn(entity, columns),), sample, per_tick, tick_ns)
 
 
 CASES = (
@@ -279,6 +282,7 @@ CASES = (
         "map/map",
         occupancy_grid,
         map_columns,
+        tick_ns=SELDOM,
     ),
     _display(
         "MarkerArray, 1000 cubes",

@@ -27,7 +27,6 @@ from std_msgs.msg import String
 
 from onebot_bringup.viewer.columns import TIMELINE
 from onebot_bringup.viewer.display_server import Recording, open_recording
-from onebot_bringup.viewer.displays.display import SELDOM
 from onebot_bringup.viewer.displays.tf_display import TF
 from onebot_bringup.viewer.inbox import DESCRIPTION
 from onebot_bringup.viewer.robot_view import RobotView
@@ -46,10 +45,7 @@ _MARK = serialize_message(STAMP)[4:]
 
 
 class Logger:
-    """Logs the messages of a case, some over and over with other stamps.
-
-    Ticks are so far apart that every display logs at each.
-    """
+    """Logs the messages of a case, some over and over with other stamps."""
 
     def __init__(self, case: Case, recording: Recording) -> None:
         self.case, self.recording = case, recording
@@ -62,7 +58,7 @@ class Logger:
 
     def stamp(self, number: int) -> int:
         """When a message is, nanoseconds."""
-        return _START_NS + number * (SELDOM // self.case.per_tick)
+        return _START_NS + number * (self.case.tick_ns // self.case.per_tick)
 
     def log(self, ticks: int) -> float:
         """Log so many ticks' messages; return the processor time of each, of all threads, us."""

@@ -145,10 +145,14 @@ def _moved(positions: Floats32, pose: Floats32) -> Floats32:
     By columns: a product of matrices would wake the threads of BLAS, which take more time.
     """
     moved: Floats32 = empty(positions.shape, np.float32)
-    x, y, z = positions.T
+    x, y, z = np.ascontiguousarray(positions.T)
     with np.errstate(over="ignore", invalid="ignore"):
         for axis, (along_x, along_y, along_z, shift) in enumerate(pose[:3]):
-            moved[:, axis] = x * along_x + y * along_y + z * along_z + shift
+            column = x * along_x
+            column += y * along_y
+            column += z * along_z
+            column += shift
+            moved[:, axis] = column
     return moved
 
 
