@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onebot_bringup.viewer.scene import marker_size
-from onebot_bringup.viewer.shapes import load_shape
 from onebot_description.description.description import Description, Geometry, Link, Triple
 from onebot_description.errors import OneBotError
 from onebot_description.model.quaternions import from_rpy, to_matrix
@@ -17,6 +16,8 @@ Floats = NDArray[np.float64]
 
 def corners(geometry: Geometry) -> Floats:
     """Return the (8, 3) corners of the box around ``geometry``, metres, in its link's frame."""
+    from onebot_bringup.viewer.shapes import load_shape  # imports trimesh
+
     low, high = load_shape(geometry.shape).bounds
     grid = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
     local = np.where(grid == 1, high, low)

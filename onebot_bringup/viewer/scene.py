@@ -15,7 +15,6 @@ from typing import Any
 import rerun as rr
 
 from onebot_bringup.viewer.columns import entity_path
-from onebot_bringup.viewer.shapes import file_state, load_shape
 from onebot_description.description.description import Description, Geometry, Mesh, Rgba
 from onebot_description.errors import OneBotError, condensed, listing
 from onebot_description.model.quaternions import from_rpy
@@ -84,6 +83,8 @@ class Scene:
 
     def _draw(self, path: str, link: str, geometry: Geometry, color: Bytes | None) -> None:
         """Draw ``geometry`` in its own colour, or else all of it in ``color``."""
+        from onebot_bringup.viewer.shapes import file_state, load_shape  # imports trimesh
+
         what = (link, geometry, file_state(geometry.shape))
         if self._drawn.get(path) == what:
             return

@@ -6,6 +6,8 @@ leaves out is added here:
 - capsules, and spheres and cylinders that are round at any size on the screen
 - round faces and sharp edges where a file has no normals
 - which files have colours of their own, and these in glTF's linear light
+
+yourdfpy and trimesh take a second to import: modules import this one where a shape is drawn.
 """
 
 import functools

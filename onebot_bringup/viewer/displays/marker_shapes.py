@@ -14,7 +14,6 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from onebot_bringup.viewer.columns import ColumnMaker, ReadyColumn, one_row, ready
-from onebot_bringup.viewer.shapes import load_shape
 from onebot_description.description.meshes import locate_mesh
 from onebot_description.description.packages import Resources
 from onebot_description.model.quaternions import rotate
@@ -273,6 +272,8 @@ class MeshVariant(NamedTuple):
 
     def pieces(self) -> list[Piece]:
         """Return the columns of the mesh itself."""
+        from onebot_bringup.viewer.shapes import load_shape  # imports trimesh
+
         asset = load_shape(locate_mesh(Resources(None), self.uri))
         color = self.color if self.color is not None or asset.colored else 0xFFFFFFFF
         return _ready(
