@@ -14,20 +14,29 @@ import psutil
 import pytest
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Transform, TransformStamped, Vector3
+from rcl_interfaces.srv import GetParameters
+from rclpy.node import Node
+from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
+from std_srvs.srv import Trigger
 
+from onebot_bringup.viewer.live_view import LiveView
 from onebot_bringup.viewer.rendering import headless_viewer, still
+from onebot_bringup.viewer.rerun_viewer import RerunViewer
 from onebot_bringup.viewer.rrd import has_content
+from onebot_bringup.viewer.view_config import load_view
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
-from onebot_description.parameters.reader import ConfigError, read
+from onebot_description.parameters.reader import ConfigError, declare, read
 from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_bringup.drive_support import chunks, stamps, while_written
-from tests.onebot_bringup.viewer_support import ARM, BLUE, ORANGE, viewer_node
+from tests.onebot_bringup.viewer_support import ARM, BLUE, ORANGE, VIEW, viewer_node
 from tests.ros_support import LATCHED, NodeProcess, Peer
 from tests.support import lines_of_ours, used_domain, wait_for
 from tests.support_rendering import center, colored, pixels, require_renderer
+
+NODE = "/rerun_viewer"
 
 
 def _edge(parent: str, child: str, y: float, seconds: int) -> TFMessage:
@@ -64,7 +73,7 @@ class Robot:
 
 def viewer_uri(peer: Peer) -> str:
     """Where native viewers connect, as the node publishes it."""
-    pages = peer.hear(String, "/rerun_viewer/page", LATCHED)
+    pages = peer.hear(String, f"{NODE}/page", LATCHED)
     page = wait_for(lambda: [page.data for page in pages if page.data], "the page's address")[-1]
     return re.search(r"[?&]url=([^&]+)", unquote(page))[1]
 
@@ -104,11 +113,12 @@ def test_late_viewers_and_the_file_show_the_robot(ros_domain, tmp_path):
 
 
 class Shown(NamedTuple):
-    """A viewer that writes a file, and the robot that it shows."""
+    """A viewer with a page, that writes a file, too, and the robot that it shows."""
 
     node: NodeProcess
+    peer: Peer
     robot: Robot
-    file: Path
+    folder: Path  # of x.rrd and view.yaml
 
     def describe(self, urdf: str, text: str) -> None:
         """Publish a description, and wait for what it logs of that."""
@@ -121,13 +131,12 @@ class Shown(NamedTuple):
 def shown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shown]:
     """One viewer for the tests that leave it as it was: showing the arm."""
     folder = tmp_path_factory.mktemp("shown")
-    file = folder / "x.rrd"
-    with used_domain() as domain, viewer_node(folder) as node:
+    with used_domain() as domain, viewer_node(folder, viewer="web") as node:
         wait_for(lambda: "waiting for the robot's description" in node.output, "the hint")
         with Peer(domain) as peer:
             robot = Robot(peer)
             wait_for(lambda: 'showing "arm"' in node.output, "the robot")
-            yield Shown(node, robot, file)
+            yield Shown(node, peer, robot, folder)
 
 
 def test_an_edited_description_is_shown_live_and_a_broken_one_is_not(shown):
@@ -138,17 +147,19 @@ def test_an_edited_description_is_shown_live_and_a_broken_one_is_not(shown):
 
 
 def test_robots_of_several_namespaces_are_shown(ros_domain, tmp_path):
-    """Those that the parameter names, each under its namespace; one that is not there is named."""
+    """Those that the parameter names, below the node's own; one that is not there is named."""
     file = tmp_path / "x.rrd"
-    robots = "[left, /right, later]"
-    with viewer_node(tmp_path, robots=robots) as node, Peer(ros_domain) as it:
-        alike, other = Robot(it, space="left/"), Robot(it, ARM.replace("arm", "leg"), "right/")
-        wait_for(lambda: 'showing "arm" (2 links) in /left' in node.output, "one robot")
+    words = {"robots": "[left, /right, later]"}
+    with viewer_node(tmp_path, VIEW, "-r", "__ns:=/r1", **words) as node, Peer(ros_domain) as it:
+        alike, other = Robot(it, space="r1/left/"), Robot(it, ARM.replace("arm", "leg"), "right/")
+        wait_for(lambda: 'showing "arm" (2 links) in /r1/left' in node.output, "one robot")
         wait_for(lambda: 'showing "leg" (2 links) in /right' in node.output, "the other")
-        wait_for(lambda: "no description yet of the robots in /later" in node.output, "the third")
+        wait_for(
+            lambda: "no description yet of the robots in /r1/later" in node.output, "the third"
+        )
         alike.move()
         other.move()
-        for entity in ("/left/joints/position/0", "/right/joints/position/0"):
+        for entity in ("/r1/left/joints/position/0", "/right/joints/position/0"):
             wait_for(lambda: while_written(chunks, file, entity), entity)  # noqa: B023
         assert node.interrupt() == 0
 
@@ -165,45 +176,25 @@ def test_no_process_outlives_the_node(ros_domain, tmp_path, end):
         wait_for(lambda: not any(child.is_running() for child in children), "its children's end")
 
 
-def test_a_port_in_use_is_said_and_replaced(ros_domain, tmp_path):
-    """Two viewers can run at once."""
-    with viewer_node(tmp_path, viewer="web") as first:
-        port = int(_page(first).rpartition(":")[2])
-        with viewer_node(tmp_path, viewer="web", web_port=port) as second:
-            assert int(_page(second).rpartition(":")[2]) != port
-            assert f"web_port {port} is in use; using" in second.output
-
-
-@pytest.mark.parametrize(
-    ("parameters", "said"),
-    [
-        ({"viewer": "rviz"}, ['viewer: no "rviz" (known: native, none, web)']),
-        ({"view": "/nowhere/view.yaml"}, ["/nowhere/view.yaml: cannot be read: No such file"]),
-        ({"view": "/nowhere/view.rbl"}, ["/nowhere/view.rbl: there is no such file"]),
-        (
-            {"view": "none", "axes.length": -1.0, "camera.eye": "[1.0]", "panels.top": "open"},
-            [
-                "axes.length: -1 is below 0; write a number from 0",
-                "camera.eye: 1 numbers; write three metres",
-                'panels.top: no "open" (known: collapsed, expanded, hidden)',
-            ],
-        ),
-    ],
-)
-def test_wrong_parameters_are_one_clear_error(ros_domain, tmp_path, parameters, said):
+def test_wrong_parameters_are_one_clear_error(ros_domain, tmp_path):
     """With all that is wrong, exit code 1, no traceback."""
-    with viewer_node(tmp_path, check=False, **parameters) as node:
+    wrong = {"axes.length": -1.0, "camera.eye": "[1.0]", "panels.top": "open"}
+    with viewer_node(tmp_path, check=False, view="none", **wrong) as node:
         assert node.wait() == 1
         assert node.output.count("error:") == 1 and "Traceback" not in node.output
-        for sentence in said:
+        for sentence in (
+            "axes.length: -1 is below 0; write a number from 0",
+            "camera.eye: 1 numbers; write three metres",
+            'panels.top: no "open" (known: collapsed, expanded, hidden)',
+        ):
             assert sentence in node.output
 
 
 def test_a_full_disk_is_one_clear_error(ros_domain, tmp_path):
-    """Without a traceback, Rerun's or Python's."""
-    file = tmp_path / "x.rrd"
-    with viewer_node(tmp_path, check=False) as node, Peer(ros_domain) as peer:
-        robot = Robot(peer)
+    """Without a traceback, Rerun's or Python's; of a robot in the node's namespace."""
+    file, words = tmp_path / "x.rrd", ("-r", "__ns:=/r1")
+    with viewer_node(tmp_path, VIEW, *words, check=False) as node, Peer(ros_domain) as peer:
+        robot = Robot(peer, space="r1/")
         wait_for(lambda: 'showing "arm"' in node.output, "the robot")
         size = file.stat().st_size
         resource.prlimit(node.process.pid, resource.RLIMIT_FSIZE, (size, size))
@@ -218,6 +209,7 @@ def test_a_full_disk_is_one_clear_error(ros_domain, tmp_path):
 @pytest.mark.parametrize(
     ("parameters", "said"),
     [
+        ({"viewer": "rviz"}, 'viewer: no "rviz" (known: native, none, web)'),
         ({"memory_limit": "lots"}, '"lots" is not possible; write a size such as 256MB'),
         ({"memory_limit": "10 MB"}, None),
         ({"web_port": 65536}, "65536 is above 65535; write a number from 0 to 65535"),
@@ -232,10 +224,10 @@ def test_values_of_parameters(parameters, said):
         read(ViewerParameters, parameters)
 
 
-def test_nothing_to_show_is_said(ros_domain, tmp_path):
+def test_nothing_to_show_is_said(start_node, capfd):
     """With viewer:=none and no file the node lives on, so that a launch file need not differ."""
-    with viewer_node(tmp_path, save='""') as node:
-        wait_for(lambda: "nothing will be shown" in node.output, "the warning")
+    start_node(RerunViewer, viewer="none")
+    assert "nothing will be shown" in capfd.readouterr().err
 
 
 def test_bytes_that_are_no_message_are_warned_of_by_topic(shown):
@@ -253,5 +245,91 @@ def test_bytes_that_are_no_message_are_warned_of_by_topic(shown):
     wait_for(warned, "the warnings")
     last = robot.seconds * 10**9
     wait_for(
-        lambda: last in while_written(stamps, shown.file, "/tf"), "the good messages in the file"
+        lambda: last in while_written(stamps, shown.folder / "x.rrd", "/tf"),
+        "the good messages in the file",
     )
+
+
+def test_the_page_s_address_is_published(shown):
+    """Latched, once the page is up: it names the page and the recording's server."""
+    for _ in range(2):  # the second subscriber comes later
+        pages = shown.peer.hear(String, f"{NODE}/page", LATCHED)
+        address = wait_for(lambda: pages and pages[-1].data, "the address")  # noqa: B023
+        assert address.startswith("http://127.0.0.1:") and "url=rerun%2Bhttp" in address
+    assert f"open {address.partition('/?')[0]}" in shown.node.output
+
+
+# --- the view: switched, edited and saved while it runs -------------------------------------------
+
+
+def _value(peer: Peer, name: str) -> object:
+    [value] = peer.call(GetParameters, f"{NODE}/get_parameters", names=[name]).values
+    return parameter_value_to_python(value)
+
+
+def test_a_switch_is_saved(shown):
+    """RViz's check boxes; what cannot be is refused with what would be right."""
+    view, peer = shown.folder / "view.yaml", shown.peer
+    [refused] = peer.set_parameters(NODE, **{"camera.eye": [1.0]})
+    assert not refused.successful
+    assert "camera.eye: 1 numbers; write three metres" in refused.reason
+    for collision in (True, False):
+        results = peer.set_parameters(NODE, collision=collision, **{"camera.eye": [4, 0, 0]})
+        assert all(result.successful for result in results)
+        answer = peer.call(Trigger, f"{NODE}/save_view")
+        assert answer.success and str(view) in answer.message
+        saved = load_view(view)
+        assert saved.collision is collision and saved.camera.eye == (4.0, 0.0, 0.0)
+
+
+def test_an_edit_of_the_file_is_shown_and_a_mistake_is_said_once(shown):
+    """The last good view stays; the parameters follow; new topics are heard."""
+    view, node, peer = shown.folder / "view.yaml", shown.node, shown.peer
+    view.write_text(VIEW)
+    wait_for(lambda: list(_value(peer, "camera.eye")) == [2.6, 0.5, 0.0], "the view at first")
+    before = len(node.output)
+    view.write_text(VIEW + "collision: maybe\n")
+    wait_for(lambda: "keeping the view shown so far" in node.output[before:], "the warning")
+    assert _value(peer, "collision") is False
+    view.write_text("".join(f"{' ' * level}a:\n" for level in range(3000)))
+    wait_for(lambda: "nested more than 64 deep" in node.output, "the second warning")
+    view.write_text(VIEW)
+    wait_for(lambda: f"{view} is right again: it is in use" in node.output, "the mended file")
+    assert "was edited" not in node.output[before:]
+    view.write_text(VIEW + "collision: true\ntrails: {way: {topic: way}}\n")
+    wait_for(lambda: "the view is up to date" in node.output[before:], "the edit")
+    assert _value(peer, "collision") is True
+    wait_for(lambda: peer.node.count_subscribers("/way") == 1, "the new topic")
+    view.write_text(VIEW + "trails: {way: {topic: other}}\n")
+    wait_for(lambda: peer.node.count_subscribers("/other") == 1, "the other topic")
+    wait_for(lambda: peer.node.count_subscribers("/way") == 0, "the end of the first")
+    assert node.output[before:].count("keeping the view") == 2
+
+
+def test_without_a_file_the_view_is_the_robot_s_own(ros_domain, tmp_path):
+    """Found by its name; before, there is none to save into until one is named."""
+    with viewer_node(tmp_path, None) as node, Peer(ros_domain) as peer:
+        answer = peer.call(Trigger, f"{NODE}/save_view")
+        assert not answer.success and "save_view_to" in answer.message
+        results = peer.set_parameters(NODE, save_view_to=str(tmp_path / "new.yaml"), collision=True)
+        assert all(result.successful for result in results)
+        assert peer.call(Trigger, f"{NODE}/save_view").success
+        assert load_view(tmp_path / "new.yaml").collision
+        Robot(peer, ARM.replace('name="arm"', 'name="mrm"'))
+        wait_for(lambda: "mrm_description/config/view.yaml" in node.output, "MRM's view")
+        assert _value(peer, "joint_plot.limits") is True
+
+
+def test_a_parameter_given_at_the_start_overrides_the_file(start_node, tmp_path):
+    """But not the empty fixed_frame that a launch file passes on."""
+    file = tmp_path / "view.yaml"
+    file.write_text(VIEW)
+    given = {"view": file, "axes.visible": True, "fixed_frame": '""'}
+    node = start_node(lambda: Node("rerun_viewer"), **given)
+    own = read(ViewerParameters, declare(node, ViewerParameters))
+    live = LiveView(node, own, apply=lambda: None, use_blueprint=print)
+    assert node.get_parameter("axes.visible").value is True
+    assert node.get_parameter("fixed_frame").value == "base"
+    assert list(node.get_parameter("camera.eye").value) == [2.6, 0.5, 0.0]
+    live.source.save()
+    assert load_view(file).axes.visible

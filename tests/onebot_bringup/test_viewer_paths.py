@@ -194,25 +194,22 @@ def test_a_hidden_path_is_erased_and_no_longer_subscribed(tmp_path, change):
     assert column(end(), "/path/plan", "Clear:is_recursive")
 
 
-@pytest.mark.parametrize("qos", [10, LATCHED])
-def test_the_viewer_shows_a_path_that_is_published(ros_domain, tmp_path, qos):
+def test_the_viewer_shows_a_path_that_is_published(ros_domain, tmp_path):
     """Also one that was latched before the viewer has subscribed, until a parameter hides it."""
     file = tmp_path / "x.rrd"
     with Peer(ros_domain) as peer:
-        plan = peer.node.create_publisher(Path, "plan", qos)
-        if qos is LATCHED:
-            plan.publish(path(LINE, "odom"))
+        plan = peer.node.create_publisher(Path, "plan", 10)
+        peer.node.create_publisher(Path, "latched", LATCHED).publish(path(LINE, "odom"))
         with viewer_node(tmp_path, "") as node:
             driver = Driver(peer)
 
             def recorded() -> bool:
                 driver.step()
-                if qos is not LATCHED:
-                    plan.publish(path(LINE, "odom"))
-                return bool(while_written(_lines, file))
+                plan.publish(path(LINE, "odom"))
+                return all(while_written(_lines, file, name) for name in ("plan", "latched"))
 
             displays = peer.hear(String, "/rerun_viewer/displays", LATCHED)
-            wait_for(recorded, "the path in the file")
+            wait_for(recorded, "the paths in the file")
             offered = {"topic": "/plan", "type": PATH, "visible": True}
 
             def shown(topic):

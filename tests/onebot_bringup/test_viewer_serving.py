@@ -10,6 +10,7 @@ import subprocess
 import sys
 import urllib.error
 import urllib.request
+from types import SimpleNamespace
 
 import psutil
 import pytest
@@ -19,6 +20,7 @@ from onebot_bringup.serving.ports import answers, free_port
 from onebot_bringup.serving.rerun_proxy import SERVICE
 from onebot_bringup.viewer.display_server import (
     Child,
+    DisplayServer,
     WebPage,
     native_window,
     open_recording,
@@ -76,6 +78,20 @@ def test_a_port_in_use_is_replaced_by_a_free_one():
     assert free_port(taken) == taken
     with pytest.raises(OneBotError, match="70000 is no port"):
         free_port(70000)
+
+
+def test_a_port_in_use_is_said_and_replaced():
+    """Two viewers can run at once."""
+    said: list[str] = []
+    log = SimpleNamespace(info=said.append, warning=said.append)
+    with socket.socket() as busy:
+        busy.bind(("127.0.0.1", 0))
+        busy.listen()
+        port = busy.getsockname()[1]
+        ports = {"grpc_port": 0, "web_port": port}
+        DisplayServer("web", None, **ports, memory_limit="1MB", open_browser=False, log=log).close()
+    [warning] = said
+    assert warning.startswith(f"web_port {port} is in use; using ")
 
 
 def _get(url: str) -> urllib.request.addinfourl:
