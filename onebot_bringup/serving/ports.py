@@ -1,10 +1,13 @@
-"""Addresses and ports of this computer that servers listen on."""
+"""Addresses and ports of this computer that servers listen on, and its display and browser."""
 
 import contextlib
 import errno
 import ipaddress
+import os
 import secrets
 import socket
+import threading
+import webbrowser
 from typing import Any
 
 from onebot_description.errors import OneBotError
@@ -92,6 +95,17 @@ def answers(port: int) -> bool:
             return True
     except OSError:
         return False
+
+
+def has_display() -> bool:
+    """Return whether a window could be opened here."""
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def open_in_browser(url: str) -> None:
+    """Open a page if there is a display, in the background: some browsers block until they end."""
+    if has_display():
+        threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
 
 
 def reachable_as(listener: socket.socket) -> str:

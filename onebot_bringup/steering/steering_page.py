@@ -31,8 +31,6 @@ Calls:
 """
 
 import sys
-import threading
-import webbrowser
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import Any
@@ -42,7 +40,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from onebot_bringup.serving.http_server import ServerThread
-from onebot_bringup.serving.ports import is_loopback, listen, reachable_as
+from onebot_bringup.serving.ports import is_loopback, listen, open_in_browser, reachable_as
 from onebot_bringup.steering.access import Access, choose_bind_address
 from onebot_bringup.steering.arbiter import Arbiter
 from onebot_bringup.steering.command_limits import (
@@ -70,7 +68,6 @@ from onebot_bringup.steering.server import ServerContext, SteeringServer
 from onebot_bringup.steering.tool_requests import OtherThread, ToolRequests
 from onebot_bringup.steering.tools import ToolPublishers
 from onebot_bringup.steering.view_proxy import Viewer, ViewProxy
-from onebot_bringup.viewer.display_server import has_display
 from onebot_description.errors import OneBotError
 from onebot_description.node import run_node
 from onebot_description.parameters.reader import declare, read, refuse_undeclared
@@ -173,8 +170,8 @@ class SteeringPage(Node):
             return
         # Not by the logger, which publishes on /rosout: the token must not get there.
         print(f"open {url}", flush=True)
-        if self._settings.open_browser and has_display():
-            threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
+        if self._settings.open_browser:
+            open_in_browser(url)
 
     def _warn_of_access(self) -> None:
         if 0 < len(self._settings.token) < _SHORT_TOKEN:

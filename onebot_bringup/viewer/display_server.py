@@ -9,7 +9,6 @@ import subprocess
 import tempfile
 import threading
 import time
-import webbrowser
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
@@ -22,7 +21,15 @@ import rerun as rr
 import rerun_cli  # type: ignore[import-untyped]
 
 from onebot_bringup.serving.grpc_gate import GrpcGate
-from onebot_bringup.serving.ports import LOOPBACK, answers, free_port, hidden_address, listen
+from onebot_bringup.serving.ports import (
+    LOOPBACK,
+    answers,
+    free_port,
+    has_display,
+    hidden_address,
+    listen,
+    open_in_browser,
+)
 from onebot_description.errors import OneBotError
 
 # Rerun's own program as a child process that can never outlive us, whatever ends us.
@@ -114,11 +121,6 @@ def _die_with(parent: int) -> Callable[[], None]:
 # What the user looks at: the page in a browser, or the native window.
 
 
-def has_display() -> bool:
-    """Return whether a window could be opened here."""
-    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
-
-
 class WebPage:
     """Rerun's page, hosted on loopback: Rerun's server, and a proxy that keeps it private.
 
@@ -169,10 +171,6 @@ class WebPage:
         self._child.stop()
         self._child = self._start()
         return reason
-
-    def open_in_browser(self) -> None:
-        """Open it in the user's browser, in the background; some browsers block until they end."""
-        threading.Thread(target=webbrowser.open, args=(self.url,), daemon=True).start()
 
     def stop(self) -> None:
         """Stop hosting."""
@@ -430,8 +428,8 @@ class DisplayServer:
             if self._embedded:
                 return
             self._log.info(f"open {page.url}")
-            if self._open_browser and has_display():
-                page.open_in_browser()
+            if self._open_browser:
+                open_in_browser(page.url)
         elif not self._announced and now >= self._next_reminder:
             self._next_reminder = now + _REMIND_AFTER
             self._log.info(f"waiting for the page's server on port {page.port}")

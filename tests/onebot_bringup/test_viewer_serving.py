@@ -257,9 +257,13 @@ def test_browsers_that_hold_connections_do_not_keep_the_page_from_stopping(capfd
     assert capfd.readouterr().err == ""
 
 
-def test_a_web_server_is_imported_only_for_a_page():
-    """A viewer with a window or a file alone starts without aiohttp."""
-    code = "import sys, onebot_bringup.viewer.display_server; sys.exit('aiohttp' in sys.modules)"
+@pytest.mark.parametrize(
+    ("module", "library"),
+    [("viewer.display_server", "aiohttp"), ("steering.steering_page", "rerun")],
+)
+def test_a_large_library_is_imported_only_where_it_is_used(module, library):
+    """A viewer with a window or a file alone needs no web server, the steering page no Rerun."""
+    code = f"import sys, onebot_bringup.{module}; sys.exit('{library}' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], timeout=PATIENCE).returncode == 0
 
 
