@@ -120,10 +120,10 @@ def _found(
         topic = chosen_commands(session, values["topic"], first=True)
         if values["viewer"] == "none" or values["viewer"] == "auto" and _finds_viewer(session):
             return topic, None
-        return topic, _robots(session, namespace)
+        return topic, robot_parameters(session, namespace)
 
 
-def _robots(session: Session, namespace: str) -> dict[str, object]:
+def robot_parameters(session: Session, namespace: str) -> dict[str, object]:
     """Return the viewer's parameters for the robots that run.
 
     The frames of one that is started later are named as a bringup names them.
@@ -149,7 +149,7 @@ def _finds_viewer(session: Session) -> bool:
     pages: list[String] = []
     session.node.create_subscription(String, "rerun_viewer/page", pages.append, LATCHED)
     is_there = session.look_for(
-        lambda: any(_answers(page.data) for page in pages),
+        lambda: any(page_answers(page.data) for page in pages),
         "the robot's view, a rerun_viewer with a page",
     )
     if not is_there:
@@ -157,7 +157,7 @@ def _finds_viewer(session: Session) -> bool:
     return bool(is_there)
 
 
-def _answers(address: str) -> bool:
+def page_answers(address: str) -> bool:
     """Whether the page still responds; its address stays on the latched topic."""
     from onebot_bringup.serving.ports import answers
     from onebot_bringup.steering.view_proxy import View

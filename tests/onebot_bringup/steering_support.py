@@ -10,6 +10,7 @@ from collections.abc import Coroutine, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
 from urllib.parse import urlsplit
+from urllib.request import urlopen
 
 import aiohttp
 from geometry_msgs.msg import Twist
@@ -249,6 +250,19 @@ def steered(pages: int = 1, /, **parameters: object) -> Iterator[tuple[Any, ...]
     with steering(**parameters) as node, ExitStack() as opened:
         address = address_of(node)
         yield node, *(opened.enter_context(PageClient(address)) for _ in range(pages))
+
+
+@contextmanager
+def visited(domain: int, node: Steering, pages: int = 1) -> Iterator[tuple[Any, ...]]:
+    """A peer of a node that tests share, and the node's pages, once they are told of the robot."""
+    with Peer(domain) as peer, ExitStack() as opened:
+        yield peer, *(opened.enter_context(PageClient(node.address)) for _ in range(pages))
+
+
+def cookie_of(address: str) -> str:
+    """The cookie that a page gets at an address with its token."""
+    with urlopen(address, timeout=PATIENCE) as answer:
+        return str(answer.headers["Set-Cookie"])
 
 
 def address_of(node: NodeProcess) -> str:

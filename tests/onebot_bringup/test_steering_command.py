@@ -1,20 +1,23 @@
 """``onebot steer``, as a user starts it."""
 
 import re
-import signal
 import socket
 from urllib.parse import urlsplit
 
 import pytest
 from geometry_msgs.msg import Twist
+from rcl_interfaces.srv import GetParameters
 from std_msgs.msg import String
 
+from onebot_bringup.cli.session import Session
+from onebot_bringup.cli.steer import page_answers, robot_parameters, run
+from onebot_description.errors import OneBotError, UsageError
 from tests.onebot_bringup.bringup_support import MARK
-from tests.onebot_bringup.cli_support import Running, onebot, output_of, running
-from tests.onebot_bringup.steering_support import PageClient
+from tests.onebot_bringup.cli_support import Running, onebot, running
+from tests.onebot_bringup.steering_support import PageClient, cookie_of
 from tests.orphans import marked
 from tests.ros_support import LATCHED, Peer
-from tests.support import PATIENCE, wait_for
+from tests.support import wait_for
 
 QUIET = ("port:=0", "open_browser:=false")
 
@@ -38,15 +41,25 @@ def test_help_says_how_to_use_it():
 
 
 @pytest.mark.parametrize(
+    ("words", "error", "message"),
+    [
+        (["hots:=0.0.0.0"], UsageError, 'no argument "hots" .did you mean "host"'),
+        (["/a", "topic:=/b"], UsageError, "write the topic or topic:=, not both"),
+        (["viewer:=none", "view:=none"], UsageError, "leave out view:="),
+        (["view:=nowhere.yaml"], OneBotError, "^view:=nowhere.yaml: no such file"),
+        (["host:=192.0.2.77"], OneBotError, "^host:=192.0.2.77 is not an address of this computer"),
+    ],
+)
+def test_mistakes_are_found_before_anything_starts(words, error, message):
+    with pytest.raises(error, match=message):
+        run(words)
+
+
+@pytest.mark.parametrize(
     ("words", "code", "message"),
     [
         (["rate:=1"], 2, "rate:=1 is not possible; write a number from 5 to 100"),
-        (["hots:=0.0.0.0"], 2, 'no argument "hots" (did you mean "host"?'),
-        (["/a", "topic:=/b"], 2, "write the topic or topic:=, not both"),
-        (["viewer:=none", "view:=none"], 2, "leave out view:="),
-        (["view:=nowhere.yaml"], 1, "error: view:=nowhere.yaml: no such file"),
         (["a//b", "viewer:=none"], 1, 'error: "a//b" is no name'),
-        (["host:=192.0.2.77"], 1, "error: host:=192.0.2.77 is not an address of this computer"),
     ],
 )
 def test_mistakes(ros_domain, words, code, message):
@@ -58,12 +71,20 @@ def test_mistakes(ros_domain, words, code, message):
 
 
 def test_it_steers_the_topic_named_and_ends_with_ctrl_c(ros_domain, tmp_path, monkeypatch):
-    """The page drives; Ctrl-C stops the robot, ends with 0 and leaves no process."""
+    """The page drives; Ctrl-C stops the robot, ends with 0 and leaves no process.
+
+    Other computers need the token that it prints, at which the page comes back when it restarts.
+    """
     monkeypatch.setenv(MARK, str(tmp_path))
-    words = ("steer", "viewer:=none", "/cmd_vel", "max_linear:=0.4", *QUIET)
+    words = ("steer", "viewer:=none", "/cmd_vel", "max_linear:=0.4", "host:=0.0.0.0", *QUIET)
     with Peer(ros_domain) as peer, running(tmp_path, *words) as command:
         heard = peer.hear(Twist, "/cmd_vel")
-        with PageClient(_address(command)) as page:
+        address = _address(command)
+        command.says("other computers can reach the page")
+        token = urlsplit(address).query.removeprefix("token=")
+        assert len(token) > 20 and _parameter(peer, "/steering_page", "token") == token
+        cookie = cookie_of(address).partition(";")[0]
+        with PageClient(address, Cookie=cookie) as page:
             wait_for(lambda: page.state["listeners"], "the robot")
             page.hold(1.0)
             wait_for(lambda: heard, "commands")
@@ -73,44 +94,45 @@ def test_it_steers_the_topic_named_and_ends_with_ctrl_c(ros_domain, tmp_path, mo
         assert marked(str(tmp_path)) == []
 
 
-def test_without_a_viewer_it_starts_one(ros_domain, tmp_path, monkeypatch):
-    """The page gets a view, though the robot came without."""
-    monkeypatch.setenv(MARK, str(tmp_path))
-    with running(tmp_path, "steer", *QUIET) as command:
-        with PageClient(_address(command)) as page:
-            wait_for(lambda: page.state["view"], "the view")
-        assert "looking for the robot's view" in command.err and "starting one" in command.out
-        command.process.send_signal(signal.SIGINT)
-        assert command.process.wait(PATIENCE) == 0
-        assert marked(str(tmp_path)) == []
+def _parameter(peer: Peer, node: str, name: str) -> str:
+    [value] = peer.call(GetParameters, f"{node}/get_parameters", names=[name]).values
+    return str(value.string_value)
 
 
 def _page(port: int) -> str:
     return f"http://127.0.0.1:{port}/?url=rerun%2Bhttp://127.0.0.1:9876/proxy"
 
 
-@pytest.mark.parametrize("elsewhere", [False, True])
-def test_a_viewer_that_does_not_answer_is_none(ros_domain, tmp_path, elsewhere):
-    """Its last word may outlive it, and it may be another computer's: one is started."""
+def test_a_viewer_answers_at_a_port_of_this_computer():
+    """The address may outlive it, be another computer's, or no address."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
-        page = _page(port).replace("127.0.0.1", "192.0.2.7") if elsewhere else _page(port)
-        if not elsewhere:
-            server.close()
-        with Peer(ros_domain) as peer:
-            viewer = peer.node.create_publisher(String, "/left/rerun_viewer/page", LATCHED)
-            viewer.publish(String(data=page))
-            peer.node.declare_parameter("frame_prefix", "a/")
-            if elsewhere:
-                peer.node.create_publisher(String, "/left/robot_description", LATCHED)
-            with running(tmp_path, "steer", "namespace:=left", *QUIET) as command:
-                wait_for(lambda: "starting one" in command.out, "a viewer of its own")
-                _address(command)
-                wait_for(lambda: "steering_viewer" in peer.node.get_node_names(), "its node")
-                # As the node that publishes the robot has it, or as a bringup would.
-                prefix = output_of("param", "get", "/left/steering_viewer", "frame_prefix")
-                assert prefix.split()[-1] == ("a/" if elsewhere else "left/")
-                assert command.interrupt() == 0
+        assert page_answers(_page(port))
+        assert not page_answers(_page(port).replace("127.0.0.1", "192.0.2.7"))
+    assert not page_answers(_page(port)) and not page_answers("")
+
+
+def test_where_no_viewer_answers_it_starts_one(ros_domain, tmp_path, monkeypatch):
+    """The page gets a view, whose frames are named as by the node that publishes the robot."""
+    monkeypatch.setenv(MARK, str(tmp_path))
+    with Peer(ros_domain) as peer:
+        viewer = peer.node.create_publisher(String, "/left/rerun_viewer/page", LATCHED)
+        viewer.publish(String(data=_page(9090).replace("127.0.0.1", "192.0.2.7")))
+        peer.node.declare_parameter("frame_prefix", "a/")
+        peer.node.create_publisher(String, "/left/robot_description", LATCHED)
+        with running(tmp_path, "steer", "namespace:=left", *QUIET) as command:
+            with PageClient(_address(command)) as page:
+                wait_for(lambda: page.state["view"], "the view")
+            assert "looking for the robot's view" in command.err and "starting one" in command.out
+            assert _parameter(peer, "/left/steering_viewer", "frame_prefix") == "a/"
+            assert command.interrupt() == 0
+        assert marked(str(tmp_path)) == []
+
+
+def test_frames_of_a_robot_yet_to_come_are_named_as_by_a_bringup(ros_domain):
+    with Session() as session:
+        assert robot_parameters(session, "left") == {"frame_prefix": "left/"}
+        assert robot_parameters(session, "") == {"frame_prefix": ""}
 
 
 def test_with_a_viewer_it_starts_none(ros_domain, tmp_path):
@@ -124,15 +146,3 @@ def test_with_a_viewer_it_starts_none(ros_domain, tmp_path):
                 assert page.state["topic"] == "/left/velocity_controller/cmd_vel"
             assert "steering_viewer" not in command.out
             assert command.interrupt() == 0
-
-
-def test_other_computers_need_the_token_that_it_prints(ros_domain, tmp_path):
-    """host:=0.0.0.0 is warned of, and its address holds a token."""
-    words = ("steer", "host:=0.0.0.0", "viewer:=none", *QUIET)
-    with running(tmp_path, *words) as command:
-        assert len(urlsplit(_address(command)).query) > len("token=") + 20
-        command.says("other computers can reach the page")
-        # A page that is started again has to come back at the same address.
-        token = output_of("param", "get", "/steering_page", "token").split()[-1]
-        assert urlsplit(_address(command)).query == f"token={token}"
-        assert command.interrupt() == 0

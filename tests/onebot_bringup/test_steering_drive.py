@@ -2,7 +2,6 @@
 
 import signal
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -12,20 +11,26 @@ from nav_msgs.msg import Odometry
 from tests.onebot_bringup.steering_support import PageClient, steering
 from tests.onebot_control.control_support import urdf
 from tests.ros_support import NodeProcess, Peer, ros_args
-from tests.support import wait_for
+from tests.support import used_domain, wait_for
 
 WHEELS = {"left_wheel_names": "[left_wheel_joint]", "right_wheel_names": "[right_wheel_joint]"}
 LIMITS = {"linear.x.max_velocity": 0.5}  # the others are those of control.yaml
 SPEED = 0.3  # m/s
 
 
-@pytest.fixture
-def odometry(ros_domain: int, tmp_path: Path) -> Iterator[list[Any]]:
-    """What a robot says that stops by itself after half a second without a command."""
-    model = tmp_path / "bot.urdf"
+@pytest.fixture(scope="module")
+def domain() -> Iterator[int]:
+    with used_domain() as domain:
+        yield domain
+
+
+@pytest.fixture(scope="module")
+def odometry(domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[Any]]:
+    """What a robot publishes that stops by itself after half a second without a command."""
+    model = tmp_path_factory.mktemp("robot") / "bot.urdf"
     model.write_text(urdf())
     args = [str(model), *ros_args(cmd_vel_timeout=0.5, **WHEELS, **LIMITS)]
-    with NodeProcess("onebot_control.velocity_controller", *args), Peer(ros_domain) as peer:
+    with NodeProcess("onebot_control.velocity_controller", *args), Peer(domain) as peer:
         heard = peer.hear(Odometry, "/velocity_controller/odom")
         wait_for(lambda: heard, "odometry")
         yield heard
@@ -45,11 +50,11 @@ def _come_to_rest(odometry: list[Any]) -> None:
     wait_for(lambda: abs(_speed(odometry)) < 1e-3, "the robot to stop")
 
 
-def test_stop_stops_the_robot_whoever_drives_it(odometry, ros_domain):
+def test_stop_stops_the_robot_whoever_drives_it(odometry, domain):
     """Beside a script that drives on; also when the server dies, until a page drives again."""
     command = Twist()
     command.linear.x = SPEED
-    with Peer(ros_domain, "script") as script:
+    with Peer(domain, "script") as script:
         publisher = script.publisher(Twist, "/velocity_controller/cmd_vel")
         timer = script.node.create_timer(0.05, lambda: publisher.publish(command))
         with steering(check=False) as node:

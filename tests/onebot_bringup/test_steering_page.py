@@ -17,17 +17,26 @@ from tests.onebot_bringup.steering_support import (
     PageClient,
     Way,
     address_of,
+    cookie_of,
     raw_page,
     steered,
     steering,
+    visited,
 )
 from tests.ros_support import LATCHED, NodeProcess, ros_args
-from tests.support import PATIENCE, wait_for
+from tests.support import PATIENCE, used_domain, wait_for
 
 
-def test_commands_go_out_while_held_and_stop_when_let_go(peer):
+@pytest.fixture(scope="module")
+def shared():
+    """The domain of a node that several tests share, and the node; each has pages of its own."""
+    with used_domain() as domain, steering() as node:
+        yield domain, node
+
+
+def test_commands_go_out_while_held_and_stop_when_let_go(shared):
     """At the fixed rate and as held, within the limits; then three zeros, and nothing more."""
-    with steered(rate=20.0) as (_, page):
+    with visited(*shared) as (peer, page):
         robot = Commands(peer, page)
         assert robot.speeds == [] and page.state["driver"] is None
         page.hold(0.25, -0.5)
@@ -50,9 +59,9 @@ def test_commands_go_out_while_held_and_stop_when_let_go(peer):
         robot.come_to_rest()
 
 
-def test_a_page_that_goes_stops_the_robot(peer):
+def test_a_page_that_goes_stops_the_robot(shared):
     """Closed, its connection lost, or still there but silent: three zeros, and then silence."""
-    with steered(3) as (_, closed, lost, silent):
+    with visited(*shared, 3) as (peer, closed, lost, silent):
         robot = Commands(peer, silent)
         for speed, page, leave in (
             (0.1, closed, closed.close),
@@ -65,13 +74,13 @@ def test_a_page_that_goes_stops_the_robot(peer):
             robot.come_to_rest()
 
 
-def test_a_slow_way_to_the_server_stops_the_robot(peer):
+def test_a_slow_way_to_the_server_stops_the_robot(shared):
     """At once, not after the delay; it drives again when the way is fast. A late stop counts."""
+    node = shared[1]
     with (
-        steering() as node,
-        Way(address_of(node)) as way,
+        visited(*shared) as (peer, other),
+        Way(node.address) as way,
         PageClient(way.address) as page,
-        PageClient(address_of(node)) as other,
     ):
         robot = Commands(peer, page)
         page.hold(0.3)
@@ -99,14 +108,14 @@ def test_a_slow_way_to_the_server_stops_the_robot(peer):
         robot.come_to_rest()
 
 
-def test_nonsense_is_refused_and_stops_the_robot(peer):
+def test_nonsense_is_refused_and_stops_the_robot(shared):
     """It is answered with a sentence, never reaches the robot, and costs control."""
     nonsense = (
         '{"type":"drive","stamp":1e12,"linear":NaN,"angular":0}',
         '{"type":"drive","stamp":1e12,"linear":0.9,"angular":0,"more":1}',
         b'{"type":"release"}',
     )
-    with steered() as (_, page):
+    with visited(*shared) as (peer, page):
         robot, speeds = Commands(peer, page), {0.0}
         for count, data in enumerate(nonsense, 1):
             speeds.add(speed := 0.1 * count)
@@ -120,10 +129,13 @@ def test_nonsense_is_refused_and_stops_the_robot(peer):
             page.let_go()
 
 
-def test_the_log_says_how_a_page_was_lost(peer):
-    """Closed, broken off, not responding or refused: four things; and whether it drove."""
+def test_the_log_says_how_a_page_was_lost_and_ctrl_c_stops_the_robot(peer):
+    """Refused, closed, broken off, not responding: four things; and whether it drove.
+
+    Zeros go out before the node ends, and pages are told that it goes.
+    """
     stopped = "; it drove, so the robot is stopped"
-    with steered(3) as (node, refused, closed, broken):
+    with steered(4) as (node, refused, closed, broken, driving), raw_page(node.address):
         robot = Commands(peer, refused)
         for page, end, words in (
             (refused, lambda: refused.say("{}"), "rejected a message of a page (1 so far): the ty"),
@@ -136,16 +148,20 @@ def test_the_log_says_how_a_page_was_lost(peer):
             end()
             wait_for(lambda words=words: words in node.output, words)
             page.silence()
-        with raw_page(address_of(node)):
-            lost = "to a page: it does not respond\n"
-            wait_for(lambda: lost in node.output, "the lost heartbeat")
+        lost = "to a page: it does not respond\n"
+        wait_for(lambda: lost in node.output, "the lost heartbeat")
         assert node.output.count("rejected a message") == 1
         assert f"topic, limits{stopped}" in node.output
+        driving.hold(0.25)
+        robot.reach(0.25)
+        assert node.interrupt() == 0
+        robot.come_to_rest()
+        wait_for(lambda: driving.closed, "the end of the connection")
 
 
-def test_a_huge_message_ends_the_connection(peer):
+def test_a_huge_message_ends_the_connection(shared):
     """Nobody fills the memory; the robot is stopped, and other pages go on."""
-    with steered(2) as (_, page, other):
+    with visited(*shared, 2) as (peer, page, other):
         robot = Commands(peer, page)
         page.hold(0.3)
         robot.reach(0.3)
@@ -156,9 +172,9 @@ def test_a_huge_message_ends_the_connection(peer):
         wait_for(lambda: other.state["pages"] == 1, "the other page to see so")
 
 
-def test_a_flood_of_messages_does_not_keep_the_robot_moving(peer):
+def test_a_flood_of_messages_does_not_keep_the_robot_moving(shared):
     """While one page sends as fast as it can, another one's stop still counts."""
-    with steered(2) as (_, page, other):
+    with visited(*shared, 2) as (peer, page, other):
         robot = Commands(peer, page)
         page.hold(0.3)
         robot.reach(0.3)
@@ -176,17 +192,6 @@ def test_a_flood_of_messages_does_not_keep_the_robot_moving(peer):
             flooding.result(PATIENCE)
 
 
-def test_ctrl_c_stops_the_robot_and_the_node(peer):
-    """Zeros go out before it ends, and pages are told that it goes."""
-    with steered() as (node, page):
-        robot = Commands(peer, page)
-        page.hold(0.3)
-        robot.reach(0.3)
-        assert node.interrupt() == 0
-        robot.come_to_rest()
-        wait_for(lambda: page.closed, "the end of the connection")
-
-
 def _status(address: str, path: str, **headers: str) -> tuple[int, str]:
     """The status of a request, and what the answer says."""
     parts = urlsplit(address)
@@ -198,43 +203,40 @@ def _status(address: str, path: str, **headers: str) -> tuple[int, str]:
         return error.code, error.read().decode()
 
 
-def test_page_is_served_with_a_strict_policy(ros_domain):
+def test_page_is_served_with_a_strict_policy(shared):
     """The page and its parts are there; nothing may be loaded from elsewhere, or frame it."""
-    with steering() as node:
-        address = address_of(node)
-        assert "127.0.0.1" in address and "token" not in address
-        with urlopen(address, timeout=PATIENCE) as answer:
-            policy = answer.headers["Content-Security-Policy"]
-            assert "<html" in answer.read().decode()
-            assert answer.headers["X-Content-Type-Options"] == "nosniff"
-        assert "default-src 'self'" in policy and "frame-ancestors 'self'" in policy
-        assert "unsafe" not in policy
-        port = urlsplit(address).port  # of the view, at loopback's other name
-        assert set(re.findall(r"http:[^ ;]*", policy)) == {f"http://localhost:{port}"}
-        assert _status(address, "/static/page.js")[0] == 200
-        assert _status(address, "/static/../steering_page.py")[0] in (403, 404)
-        assert _status(address, "/view/none/")[0] == 404
+    address = shared[1].address
+    assert "127.0.0.1" in address and "token" not in address
+    with urlopen(address, timeout=PATIENCE) as answer:
+        policy = answer.headers["Content-Security-Policy"]
+        assert "<html" in answer.read().decode()
+        assert answer.headers["X-Content-Type-Options"] == "nosniff"
+    assert "default-src 'self'" in policy and "frame-ancestors 'self'" in policy
+    assert "unsafe" not in policy
+    port = urlsplit(address).port  # of the view, at loopback's other name
+    assert set(re.findall(r"http:[^ ;]*", policy)) == {f"http://localhost:{port}"}
+    assert _status(address, "/static/page.js")[0] == 200
+    assert _status(address, "/static/../steering_page.py")[0] in (403, 404)
+    assert _status(address, "/view/none/")[0] == 404
 
 
-def test_foreign_hosts_and_origins_are_refused(ros_domain):
+def test_foreign_hosts_and_origins_are_refused(shared):
     """Neither a page of another site nor a name that somebody else made lead here can talk."""
-    with steering() as node:
-        address = address_of(node)
-        assert _status(address, "/", Host="evil.example")[0] == 403
-        assert _status(address, "/", Origin="http://evil.example")[0] == 403
-        link = {"Sec-Fetch-Mode": "navigate", "Sec-Fetch-Dest": "document"}
-        for site, status in {"cross-site": 403, "same-site": 403, "same-origin": 200}.items():
-            for path in ("/", "/tools/nodes", "/static/page.js"):
-                found = _status(address, path, **{"Sec-Fetch-Site": site})
-                assert found[0] == status, (site, path)
-            assert _status(address, "/", **{"Sec-Fetch-Site": site}, **link)[0] == 200
-        for headers in ({"Origin": "http://evil.example"}, {"Host": "evil.example"}):
-            with pytest.raises(aiohttp.WSServerHandshakeError) as caught:
-                PageClient(address, **headers)
-            assert caught.value.status == 403
-        own = address.partition("/?")[0]
-        with PageClient(address, Origin=own) as page:
-            assert page.state["pages"] == 1
+    address = shared[1].address
+    assert _status(address, "/", Host="evil.example")[0] == 403
+    assert _status(address, "/", Origin="http://evil.example")[0] == 403
+    link = {"Sec-Fetch-Mode": "navigate", "Sec-Fetch-Dest": "document"}
+    for site, status in {"cross-site": 403, "same-site": 403, "same-origin": 200}.items():
+        for path in ("/", "/tools/nodes", "/static/page.js"):
+            found = _status(address, path, **{"Sec-Fetch-Site": site})
+            assert found[0] == status, (site, path)
+        assert _status(address, "/", **{"Sec-Fetch-Site": site}, **link)[0] == 200
+    for headers in ({"Origin": "http://evil.example"}, {"Host": "evil.example"}):
+        with pytest.raises(aiohttp.WSServerHandshakeError) as caught:
+            PageClient(address, **headers)
+        assert caught.value.status == 403
+    with PageClient(address, Origin=address.partition("/?")[0]) as page:
+        assert page.id
 
 
 def test_other_computers_need_a_token(ros_domain):
@@ -254,35 +256,18 @@ def test_other_computers_need_a_token(ros_domain):
             with pytest.raises(aiohttp.WSServerHandshakeError) as caught:
                 PageClient(base)
             assert caught.value.status == 403
-            with urlopen(f"{base.partition('/?')[0]}/?token={token}", timeout=PATIENCE) as answer:
-                cookie = answer.headers["Set-Cookie"]
+            cookie = cookie_of(f"{base.partition('/?')[0]}/?token={token}")
             assert "HttpOnly" in cookie and "SameSite=Strict" in cookie and token not in cookie
             with PageClient(base, Cookie=cookie.partition(";")[0]) as page:
                 assert page.state["pages"] == 1
 
 
-def test_a_token_of_ones_own_is_kept_and_asked_for(ros_domain):
-    """Also on loopback, and with characters that an address has to write otherwise."""
-    with steering(token="a b&c/+") as node:
-        address = address_of(node)
-        assert address.endswith("/?token=a%20b%26c%2F%2B")
-        assert _status(address, "/")[0] == 403
-        assert _status(address, "/?token=a%20b%26c%2F%2B")[0] == 200
-
-
-@pytest.mark.parametrize(
-    "parameters, complaint",
-    [
-        ({"host": "192.0.2.77"}, "error: host:=192.0.2.77 is not an address of this computer"),
-        ({"topic": "a//b"}, "error: topic: a//b is not a valid topic name"),
-    ],
-)
-def test_a_wrong_parameter_is_one_clear_error(ros_domain, parameters, complaint):
+def test_a_wrong_parameter_is_one_clear_error(ros_domain):
     """One line and exit code 1."""
-    args = ros_args(open_browser="false", **parameters)
-    with NodeProcess(MODULE, *args, check=False) as node:
+    with NodeProcess(MODULE, *ros_args(topic="a//b"), check=False) as node:
         assert node.wait() == 1
-        assert complaint in node.output and "Traceback" not in node.output
+        assert "error: topic: a//b is not a valid topic name" in node.output
+        assert "Traceback" not in node.output
 
 
 def test_the_address_is_printed_when_the_view_is_there(peer):

@@ -5,7 +5,7 @@ import json
 import math
 import threading
 from array import array
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import Any
 from urllib.error import HTTPError
@@ -42,7 +42,7 @@ from onebot_description.errors import OneBotError
 from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_bringup.steering_support import address_of, steering
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
-from tests.support import PATIENCE, wait_for
+from tests.support import PATIENCE, used_domain, wait_for
 
 CLICK = {
     "tool": "goal", "frame": "map", "x": 1.5, "y": -2, "yaw": math.pi / 2,
@@ -251,13 +251,20 @@ def test_the_ground_is_shown_when_transforms_had_time_to_come(peer: Peer) -> Non
     assert found == {"frame": "", "base": "", "robot": None, "map": None}
 
 
-def test_a_page_sees_the_robot_on_the_map_and_clicks_there(peer: Peer) -> None:
+@pytest.fixture(scope="module")
+def shared() -> Iterator[tuple[int, Requests]]:
+    """The domain of a node that several tests share, and what is requested of it."""
+    with used_domain() as domain, steering(topic="/robot1/cmd_vel") as node:
+        yield domain, Requests(node.address)
+
+
+def test_a_page_sees_the_robot_on_the_map_and_clicks_there(shared: tuple[int, Requests]) -> None:
     """The frame is the map's; messages go to the robot that is steered; strangers are refused."""
-    goals = peer.hear(PoseStamped, "/robot1/goal_pose")
-    peer.hear(Twist, "/robot1/cmd_vel")
-    move = be_localised(peer)
-    with steering(topic="/robot1/cmd_vel") as node:
-        request = Requests(address_of(node))
+    domain, request = shared
+    with Peer(domain) as peer:
+        goals = peer.hear(PoseStamped, "/robot1/goal_pose")
+        peer.hear(Twist, "/robot1/cmd_vel")
+        move = be_localised(peer)
         assert peer.node.count_subscribers("/map") == 0
 
         def localised() -> Mapping[str, Any] | None:
@@ -294,22 +301,22 @@ def test_a_page_sees_the_robot_on_the_map_and_clicks_there(peer: Peer) -> None:
         assert len(goals) == count
 
 
-def test_a_page_sees_and_sets_the_parameters_of_a_node(peer: Peer) -> None:
+def test_a_page_sees_and_sets_the_parameters_of_a_node(shared: tuple[int, Requests]) -> None:
     """Those that can be set, with their ranges; and why the node refuses a value."""
-    fine = FloatingPointRange(from_value=0.0, to_value=2.0)
-    declare = peer.node.declare_parameter
-    declare("speed", 0.5, ParameterDescriptor(description="m/s", floating_point_range=[fine]))
-    declare("fixed", 1, ParameterDescriptor(read_only=True))
-    declare("long", 2000 * "x")
-    declare("lights", False)
+    domain, request = shared
+    with Peer(domain) as peer:
+        fine = FloatingPointRange(from_value=0.0, to_value=2.0)
+        declare = peer.node.declare_parameter
+        declare("speed", 0.5, ParameterDescriptor(description="m/s", floating_point_range=[fine]))
+        declare("fixed", 1, ParameterDescriptor(read_only=True))
+        declare("long", 2000 * "x")
+        declare("lights", False)
 
-    def check(parameters: Any) -> SetParametersResult:
-        refused = any(one.name == "lights" for one in parameters)
-        return SetParametersResult(successful=not refused, reason="no lights" * refused)
+        def check(parameters: Any) -> SetParametersResult:
+            refused = any(one.name == "lights" for one in parameters)
+            return SetParametersResult(successful=not refused, reason="no lights" * refused)
 
-    peer.node.add_on_set_parameters_callback(check)
-    with steering() as node:
-        request = Requests(address_of(node))
+        peer.node.add_on_set_parameters_callback(check)
         wait_for(lambda: "/peer" in request("nodes").get("nodes", ()), "the peer")
         assert request("nodes")["viewer"] == ""
         rows = {row["name"]: row for row in request("parameters?node=/peer")["parameters"]}

@@ -2,6 +2,7 @@
 
 import math
 import threading
+from contextlib import contextmanager
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -26,12 +27,34 @@ from tests.onebot_bringup.steering_support import (
     PageClient,
     address_of,
     steered,
+    steering,
+    visited,
 )
 from tests.ros_support import LATCHED, Peer
-from tests.support import PATIENCE, wait_for
+from tests.support import PATIENCE, used_domain, wait_for
 
 STAMPED = "geometry_msgs/msg/TwistStamped"
+ONLOOKED = "/base/cmd_vel"
 LATEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+@pytest.fixture(scope="module")
+def shared():
+    """The domain of a node that several tests share, and the node."""
+    with used_domain() as domain, steering() as node:
+        yield domain, node
+
+
+@contextmanager
+def _afresh(shared, pages=1):
+    """The node's pages as if it had just been started, with their peer."""
+    with visited(*shared, pages) as opened:
+        opened[1].send("limits", linear=None, angular=None)
+        for topic in ("/nobody/here", TOPIC):  # whose robots and limits are forgotten
+            opened[1].send("topic", topic=topic)
+            _waited(opened[1], "topic", topic)
+        _waited(opened[1], "listeners", 0)
+        yield opened
 
 
 def _waited(page: PageClient, key: str, value: Any) -> None:
@@ -52,25 +75,21 @@ def test_robots_are_named_by_their_namespaces(topics, names):
     assert [robot.name for robot in named_robots(topics)] == names
 
 
-def test_the_type_is_followed_live(peer, ros_domain):
-    """A robot that comes back with the other type is driven again; the stamp is now."""
-    with steered() as (node, page):
-        first: list[Any] = []
-        subscription = peer.node.create_subscription(Twist, TOPIC, first.append, 10)
-        _waited(page, "listeners", 1)
-        page.hold(0.3)
-        wait_for(lambda: first, "a Twist")
-        page.let_go()
-        peer.node.destroy_subscription(subscription)
-        _waited(page, "listeners", 0)
-    with steered() as (node, page):
-        wait_for(lambda: not peer.node.get_publishers_info_by_topic(TOPIC), "the node to be gone")
-        with Peer(ros_domain, "rerun_viewer") as viewer:
-            # A viewer that hears Twist is no robot: it must not hold the type.
-            viewer.hear(Twist, TOPIC, LATEST)
+def test_the_type_is_followed_live(shared):
+    """A robot of the other type is driven, though a viewer has the first; the stamp is now."""
+    domain = shared[0]
+    with _afresh(shared) as (peer, page), Peer(domain, "rerun_viewer") as viewer:
+        with Peer(domain, "robot") as robot:
+            first = Commands(robot, page, kind=Twist)
+            _waited(page, "topic_type", "geometry_msgs/msg/Twist")
             page.hold(0.3)
-            wait_for(lambda: peer.node.count_publishers(TOPIC), "a publisher")
+            first.reach(0.3)
             page.let_go()
+        _waited(page, "listeners", 0)
+        viewer.hear(Twist, TOPIC, LATEST)  # a viewer is no robot
+        page.hold(0.3)
+        wait_for(lambda: peer.node.count_subscribers(TOPIC), "the viewer")
+        page.let_go()
         robot = Commands(peer, page, kind=TwistStamped)
         _waited(page, "topic_type", STAMPED)
         page.hold(0.2)
@@ -80,9 +99,9 @@ def test_the_type_is_followed_live(peer, ros_domain):
         assert abs(now - (stamp.sec + stamp.nanosec * 1e-9)) < 60.0
 
 
-def test_another_topic_is_steered_after_the_old_robot_was_stopped(peer):
+def test_another_topic_is_steered_after_the_old_robot_was_stopped(shared):
     """The old one gets zeros, the new one nothing before somebody takes hold anew."""
-    with steered() as (_, page):
+    with _afresh(shared) as (peer, page):
         first = Commands(peer, page)
         second = peer.hear(TwistStamped, "/other/cmd_vel")
         wait_for(
@@ -112,10 +131,10 @@ def _holds_twist(peer: Peer, topic: str) -> bool:
     return any(end.topic_type.startswith("geometry_msgs/msg/Twist") for end in ends)
 
 
-def test_a_topic_of_another_type_is_refused(peer):
+def test_a_topic_of_another_type_is_refused(shared):
     """With a sentence, to the page that wanted it only; what is steered goes on."""
-    texts = peer.hear(String, "/texts")
-    with steered(2) as (_, page, other):
+    with _afresh(shared, 2) as (peer, page, other):
+        texts = peer.hear(String, "/texts")
         robot = Commands(peer, page)
         page.hold(0.3)
         robot.reach(0.3)
@@ -134,10 +153,13 @@ def test_a_topic_of_another_type_is_refused(peer):
         robot.come_to_rest()
 
 
-def test_nothing_is_sent_on_a_topic_of_another_type(peer):
-    """Not either when it was given at the start."""
+def test_topics_can_be_named_at_the_start(peer):
+    """odom_topic goes before what would be found; on a topic of another type nothing is sent."""
     texts = peer.hear(String, "/texts")
-    with steered(topic="/texts") as (node, page):
+    peer.node.create_publisher(Odometry, "/odom", 10)
+    with steered(topic="/texts", odom_topic="/mine") as (node, page):
+        shown = _shown(page, peer.publisher(Odometry, "/mine"), _odometry(2.0, 0.0))
+        assert (shown["topic"], shown["x"]) == ("/mine", 2.0)
         wait_for(lambda: page.state["topic"] == "/texts", "the topic")
         page.hold(0.3)
         wait_for(lambda: "/texts has the type std_msgs/msg/String" in node.output, "a warning")
@@ -146,12 +168,12 @@ def test_nothing_is_sent_on_a_topic_of_another_type(peer):
         page.let_go()
 
 
-def test_topics_with_a_listener_are_offered_first(peer):
+def test_topics_with_a_listener_are_offered_first(shared):
     """And none of another type."""
-    peer.node.create_publisher(Twist, "/a_source", 10)
-    peer.hear(Twist, "/z_robot")
-    peer.hear(String, "/not_a_command")
-    with steered() as (_, page):
+    with _afresh(shared) as (peer, page):
+        peer.node.create_publisher(Twist, "/a_source", 10)
+        peer.hear(Twist, "/z_robot")
+        peer.hear(String, "/not_a_command")
         _waited(page, "topics", ["/z_robot", "/a_source"])
         _waited(page, "robots", [{"topic": "/z_robot", "name": "/z_robot"}])
 
@@ -166,10 +188,10 @@ def _declare(robot: Peer, linear: float, angular: float, **more: float) -> None:
         robot.node.declare_parameter(name, value)
 
 
-def test_the_limits_are_the_controllers(peer):
+def test_the_limits_are_the_controllers(shared):
     """As its parameters say, also while it drives; a page may set lower ones, for all pages."""
-    _declare(peer, 0.5, math.nan)
-    with steered(2) as (_, page, other):
+    with _afresh(shared, 2) as (peer, page, other):
+        _declare(peer, 0.5, math.nan)
         _waited(page, "limits", _pair(1.0, 2.0))
         assert page.state["ceiling"] == _pair(2.0, 4.0)
         assert page.state["ceiling_from"] == _pair("", "") and page.state["braking"] is None
@@ -190,10 +212,11 @@ def test_the_limits_are_the_controllers(peer):
         assert other.state["chosen"] == _pair(None, 9.0)
 
 
-def test_of_two_controllers_the_stricter_limits_count(peer, ros_domain):
+def test_of_two_controllers_the_stricter_limits_count(shared):
     """A warning names both; their limits stay until another topic is chosen."""
-    with steered() as (node, page):
-        with Peer(ros_domain, "left") as left, Peer(ros_domain, "right") as right:
+    domain, node = shared
+    with _afresh(shared) as (_, page):
+        with Peer(domain, "left") as left, Peer(domain, "right") as right:
             _declare(left, 0.25, 3.0)
             _declare(right, 1.0, 1.5)
             for robot in (left, right):
@@ -212,7 +235,7 @@ def test_of_two_controllers_the_stricter_limits_count(peer, ros_domain):
 def _mute(context: rclpy.Context, name: str, answers: dict[Any, Any]) -> Any:
     """A node that subscribes to commands; its parameter services answer so, or never."""
     node = rclpy.create_node(name, context=context, start_parameter_services=False)
-    node.create_subscription(Twist, TOPIC, lambda _: None, LATEST)
+    node.create_subscription(Twist, ONLOOKED, lambda _: None, LATEST)
     for kind, service in ((ListParameters, "list"), (GetParameters, "get")):
         answer = answers.get(kind, lambda _, response: response)
         node.create_service(kind, f"/{name}/{service}_parameters", answer)
@@ -231,14 +254,14 @@ def _impossible(request: Any, response: Any) -> Any:
     return response
 
 
-def test_onlookers_change_nothing(peer, ros_domain):
+def test_onlookers_change_nothing(shared):
     """Nobody foresaw them, they come first, and take the other type of command.
 
     With parameter services that never answer, with few values, texts or impossible numbers; and one
     that publishes odometry where the robot's is looked for.
     """
-    context = rclpy.Context()
-    rclpy.init(context=context, domain_id=ros_domain, args=[])
+    context, domain = rclpy.Context(), shared[0]
+    rclpy.init(context=context, domain_id=domain, args=[])
     executor = SingleThreadedExecutor(context=context)
     onlookers = [
         _mute(context, "a_bridge", {ListParameters: _lists}),
@@ -247,19 +270,20 @@ def test_onlookers_change_nothing(peer, ros_domain):
     for node in onlookers:
         executor.add_node(node)
     onlookers.append(_mute(context, "a_sleeper", {}))  # it is never spun
-    estimator = Peer(ros_domain, "a_estimator")
-    estimator.hear(Twist, TOPIC)
+    estimator = Peer(domain, "a_estimator")
+    estimator.hear(Twist, ONLOOKED)
     stop = rclpy.task.Future()
     spinning = threading.Thread(target=executor.spin_until_future_complete, args=(stop,))
     spinning.start()
     try:
-        with steered() as (_, page), Peer(ros_domain, "z_robot") as robot:
+        with _afresh(shared) as (_, page), Peer(domain, "z_robot") as robot:
+            page.send("topic", topic=ONLOOKED)
             _waited(page, "listeners", 4)
             assert page.state["controllers"] == [] and page.state["limits"] == _pair(1.0, 2.0)
-            other = estimator.node.create_publisher(Odometry, "/velocity_controller/odom", 10)
+            other = estimator.node.create_publisher(Odometry, "/base/odom", 10)
             own = robot.node.create_publisher(Odometry, "/base/wheels", 10)
             _declare(robot, 0.25, 0.5, **{"linear.x.max_jerk": 2.0, "cmd_vel_timeout": 0.0})
-            commands = Commands(robot, page, kind=TwistStamped)
+            commands = Commands(robot, page, ONLOOKED, TwistStamped)
             _waited(page, "controllers", ["/z_robot"])
             assert page.state["limits"] == page.state["ceiling"] == _pair(0.25, 0.5)
             assert page.state["ceiling_from"] == _pair("/z_robot", "/z_robot")
@@ -385,11 +409,11 @@ def _hide(page: PageClient, publisher: Any, message: Odometry | bytes) -> None:
     wait_for(hidden, "no odometry on the page")
 
 
-def test_odometry_of_the_robot_that_is_steered_is_shown(peer):
+def test_odometry_of_the_robot_that_is_steered_is_shown(shared):
     """The sibling of its topic, whatever else there is; with its age."""
-    other = peer.node.create_publisher(Odometry, "/elsewhere", 10)
-    with steered() as (_, page):
-        assert page.state["odometry"] is None
+    with _afresh(shared) as (peer, page):
+        _waited(page, "odometry", None)
+        other = peer.node.create_publisher(Odometry, "/elsewhere", 10)
         wait_for(lambda: other.get_subscription_count(), "the only odometry there is to be heard")
         own = peer.publisher(Odometry, "/velocity_controller/odom")
         wait_for(lambda: not other.get_subscription_count(), "the other one to be left")
@@ -403,20 +427,16 @@ def test_odometry_of_the_robot_that_is_steered_is_shown(peer):
             assert _shown(page, own, _odometry(1.0, 0.0))["x"] == 1.0
 
 
-def test_odometry_can_be_named(peer):
-    """odom_topic goes before what would be found."""
-    peer.node.create_publisher(Odometry, "/velocity_controller/odom", 10)
-    with steered(odom_topic="/mine") as (_, page):
-        shown = _shown(page, peer.publisher(Odometry, "/mine"), _odometry(2.0, 0.0))
-        assert (shown["topic"], shown["x"]) == ("/mine", 2.0)
-
-
 VIEW = "http://127.0.0.1:9090/?url=rerun%2Bhttp://127.0.0.1:9876/proxy&theme=dark"
 
 
-def test_the_view_comes_and_goes_with_the_viewer(peer):
-    """A new viewer gives the page another path, so that it loads the view anew."""
-    with steered() as (node, page):
+def test_the_view_comes_and_goes_with_the_viewer(shared):
+    """A new viewer gives the page another path, so that it loads the view anew.
+
+    Whoever is on the ROS graph must not make the server ask hosts in its network.
+    """
+    node = shared[1]
+    with visited(*shared) as (peer, page):
         assert page.state["view"] is None
         viewer = peer.publisher(String, "/rerun_viewer/page", LATCHED)
         viewer.publish(String(data=VIEW))
@@ -431,12 +451,7 @@ def test_the_view_comes_and_goes_with_the_viewer(peer):
         peer.publisher(String, "/rerun_viewer/page", LATCHED).publish(String(data=VIEW))
         again = wait_for(lambda: page.state["view"], "the view again")
         assert urlsplit(again[0]).path != urlsplit(shown[0]).path
-
-
-def test_a_view_elsewhere_is_not_shown(peer):
-    """Whoever is on the ROS graph must not make the server ask hosts in its network."""
-    with steered() as (node, page):
-        viewer = peer.publisher(String, "/rerun_viewer/page", LATCHED)
-        viewer.publish(String(data=VIEW.replace("127.0.0.1", "192.0.2.7")))
+        elsewhere = peer.publisher(String, "/rerun_viewer/page", LATCHED)
+        elsewhere.publish(String(data=VIEW.replace("127.0.0.1", "192.0.2.7")))
         wait_for(lambda: "has no address of a page on this computer" in node.output, "a warning")
-        assert page.state["view"] is None
+        _waited(page, "view", None)

@@ -14,7 +14,7 @@ from selenium.webdriver.common.by import By
 from std_msgs.msg import String
 
 from onebot_bringup.steering.view_proxy import View
-from tests.onebot_bringup.steering_support import PageClient, Way, address_of, steering
+from tests.onebot_bringup.steering_support import PageClient, Way, address_of, cookie_of, steering
 from tests.onebot_bringup.viewer_support import ARM, BLUE, VIEW
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.steering_browser_support import Page
@@ -87,8 +87,7 @@ def _viewer(domain: int, *args: str) -> Iterator[NodeProcess]:
 
 def _address_of_view(steering_page: str) -> str:
     """Where the view is, on the name by which ``steering_page`` is opened."""
-    with urlopen(steering_page, timeout=PATIENCE) as answer:
-        cookie = answer.headers["Set-Cookie"].partition(";")[0]
+    cookie = cookie_of(steering_page).partition(";")[0]
     with PageClient(steering_page.partition("/?")[0], Cookie=cookie) as client:
         return str(wait_for(lambda: client.state["view"], "the view's address")[-1])
 
@@ -260,9 +259,15 @@ def _status(url: str, data: bytes | None = None, **headers: str) -> int:
 
 
 def test_the_view_is_guarded_and_for_looking_only(ros_domain):
-    """Without its key, or from a foreign page, there is neither page nor data; nobody writes."""
-    with _viewer(ros_domain) as viewer, steering(token="a secret of ours") as node:
+    """Without its key, or from a foreign page, there is neither page nor data; nobody writes.
+
+    A token of one's own is kept and asked for, with characters that an address writes otherwise.
+    """
+    with _viewer(ros_domain) as viewer, steering(token="a b&c/+") as node:
         address = address_of(node)
+        own = "token=a%20b%26c%2F%2B"
+        assert address.endswith(f"/?{own}") and _status(address) == 200
+        assert _status(address.partition("?")[0]) == 403
         view = _address_of_view(address)
         root = view.partition("?")[0]
         read, write = f"{root}{SERVICE}/ReadMessages", f"{root}{SERVICE}/WriteMessages"
@@ -277,7 +282,7 @@ def test_the_view_is_guarded_and_for_looking_only(ros_domain):
             wrong = re.sub("/view/.*?/", "/view/wrong/", url)
             assert _status(wrong, data, **kind) == 403
             assert _status(wrong, data, Origin="null", **kind) == 403
-            token = f"{wrong}{'&' if '?' in wrong else '?'}token=a%20secret%20of%20ours"
+            token = f"{wrong}{'&' if '?' in wrong else '?'}{own}"
             assert _status(token, data, **kind) == 404
         assert _status(write, b"\0" * 5, **kind) == 403
         with urlopen(Request(view, headers={"Origin": "null"}), timeout=PATIENCE) as answer:
