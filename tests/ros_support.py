@@ -1,5 +1,6 @@
 """A peer on the wire and nodes in processes of their own, for tests on real DDS."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -8,6 +9,7 @@ import threading
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeVar
+from unittest.mock import patch
 
 import rclpy
 from rcl_interfaces.srv import SetParameters
@@ -15,6 +17,7 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
+from onebot_description.discovery import configure_discovery
 from tests.support import PATIENCE, wait_for
 
 P = TypeVar("P", bound="RunningProcess")
@@ -27,8 +30,10 @@ class Peer:
 
     def __init__(self, domain: int, name: str = "peer") -> None:
         self.context = rclpy.Context()
-        rclpy.init(context=self.context, domain_id=domain, args=[])
-        self.node = rclpy.create_node(name, context=self.context)
+        with patch.dict(os.environ):
+            configure_discovery()  # it announces itself often, as ours do: nobody waits for it
+            rclpy.init(context=self.context, domain_id=domain, args=[])
+            self.node = rclpy.create_node(name, context=self.context)
         self._executor = SingleThreadedExecutor(context=self.context)
         self._executor.add_node(self.node)
         self._thread = threading.Thread(target=self._spin, daemon=True)

@@ -1,28 +1,29 @@
-"""``onebot`` in processes of its own, and nodes for it to find."""
+"""``onebot`` in this process, or in one of its own where Ctrl-C is to end it."""
 
+import io
+import os
 import signal
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
+from unittest.mock import patch
 
+from onebot_bringup.cli.main import main
 from tests.onebot_bringup.launcher_support import RunningCommand
-from tests.support import PATIENCE, wait_for
+from tests.support import wait_for
 
 MODULE = "onebot_bringup.cli.main"
 
 
-def onebot(*words: str, text: str | None = None) -> subprocess.CompletedProcess[str]:
-    """Run a command to its end."""
-    return subprocess.run(
-        [sys.executable, "-m", MODULE, *words],
-        input=text,
-        stdin=subprocess.DEVNULL if text is None else None,
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-    )
+def onebot(*words: str) -> subprocess.CompletedProcess[str]:
+    """Run a command to its end, in this process: an interpreter and its imports take a second."""
+    out, err = io.StringIO(), io.StringIO()
+    # A command may set variables for the processes that it starts.
+    with patch.dict(os.environ), redirect_stdout(out), redirect_stderr(err):
+        code = main(words)
+    return subprocess.CompletedProcess(words, code, out.getvalue(), err.getvalue())
 
 
 def output_of(*words: str) -> str:

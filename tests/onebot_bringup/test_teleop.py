@@ -1,6 +1,7 @@
 """``onebot teleop``: what the keys mean, and the command on a pseudo-terminal and real DDS."""
 
 import functools
+import io
 import os
 import pty
 import signal
@@ -316,8 +317,9 @@ def test_a_robot_that_wants_the_other_type_is_said(ros_domain: int) -> None:
         terminal.says("the robot subscribes to TwistStamped: use --stamped")
 
 
-def test_without_a_terminal(ros_domain: int) -> None:
+def test_without_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     """A pipe has no keys: one clear error."""
-    done = onebot("teleop", text="iii")
+    monkeypatch.setattr(sys, "stdin", io.StringIO("iii"))
+    done = onebot("teleop")
     assert done.returncode == 1 and "terminal" in done.stderr
     assert done.stderr.startswith("error: ") and done.stderr.count("\n") == 1
