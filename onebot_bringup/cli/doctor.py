@@ -94,14 +94,18 @@ def dependencies(required: Iterable[str]) -> Verdict:
     if not names:
         return Verdict(NOTE, "not checked: not installed by pip, nor beside a pyproject.toml")
     done = _python("-m", "pip", "check")
-    problems = done.stdout.splitlines() if done.returncode else []
+    return versions(len(names), done.stdout.splitlines() if done.returncode else None)
+
+
+def versions(count: int, problems: Sequence[str] | None) -> Verdict:
+    """Judge the problems that ``pip check`` prints; None if it has found none, [] without pip."""
+    if problems is None:
+        return Verdict(OK, f"{count} as required")
     if lines := [line for line in problems if line.startswith(f"{_NAME} ")]:
         return Verdict(PROBLEM, "; ".join(lines), f"pip install --upgrade {_NAME}")
     if problems:
         return Verdict(NOTE, f"pip check: {'; '.join(problems)}")
-    if done.returncode:
-        return Verdict(NOTE, f"{len(names)} found; without pip, their versions are not checked")
-    return Verdict(OK, f"{len(names)} as required")
+    return Verdict(NOTE, f"{count} found; without pip, their versions are not checked")
 
 
 def _is_installed(name: str) -> bool:

@@ -39,7 +39,7 @@ from onebot_bringup.launch.nodes import (
 )
 from onebot_bringup.launch.robots import PlacedRobot
 from onebot_bringup.launcher.process import NodeProcess
-from onebot_description.description import load_description
+from onebot_description.description import Description, load_description
 from onebot_description.description_files import Source
 from onebot_description.errors import OneBotError, UsageError
 from onebot_description.parameters.files import read_parameters
@@ -69,8 +69,16 @@ def arm(tmp_path: Path) -> Path:
     return tmp_path / "arm.xacro"
 
 
+@pytest.fixture(scope="module")
+def described(tmp_path_factory: pytest.TempPathFactory) -> Description:
+    """The arm, expanded once."""
+    file = tmp_path_factory.mktemp("described") / "arm.xacro"
+    file.write_text(ARM)
+    return load_description(file)
+
+
 @pytest.fixture
-def make(arm: Path) -> Make:
+def make(arm: Path, described: Description) -> Make:
     """A factory for the launch arguments given, of a robot that can be simulated or cannot."""
 
     def factory(
@@ -79,12 +87,11 @@ def make(arm: Path) -> Make:
         declared = description_arguments(str(arm), "", "none")
         if simulated:
             declared += simulation_arguments(str(arm.parent / "control.yaml"))
-        description = load_description(arm)
         source = Source(str(arm), {"height": "2.0"}, (str(arm),), 1)
         nodes = arm.parent / "nodes"
         nodes.mkdir(exist_ok=True)
         values = checked_values(declared, given)
-        return Launch(nodes, values, description, ros_args, source, declared)
+        return Launch(nodes, values, described, ros_args, source, declared)
 
     return factory
 
@@ -283,12 +290,12 @@ def of_each(node: NodeProcess) -> dict[str, dict[str, Any]]:
     return found
 
 
-def test_several_robots_are_two_processes(make: Make, arm: Path) -> None:
+def test_several_robots_are_two_processes(make: Make, arm: Path, described: Description) -> None:
     """One simulates all, one publishes their states; each robot has parameters of its own."""
     other = load_description(arm, {"height": "3.0"})
     (arm.parent / "b.yaml").write_text(JOINTS)
     robots = [
-        PlacedRobot("a", 0.0, 1.0, 0.0, load_description(arm)),
+        PlacedRobot("a", 0.0, 1.0, 0.0, described),
         PlacedRobot("b", 2.0, 3.0, 0.5, other, arm.parent / "b.yaml"),
     ]
     given = {"robots": "fleet.yaml", "namespace": "yard", "rate": "50", "use_sim_time": "true"}

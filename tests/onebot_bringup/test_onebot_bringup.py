@@ -36,26 +36,34 @@ def _position(message):
     return position.x, position.y
 
 
-def test_a_twist_drives_it_where_the_command_says(ros_domain):
-    """Joint states, transforms, odometry and truth agree, and it brakes when commands stop."""
-    with NodeProcess(MODULE, "viewer:=none") as node, Peer(ros_domain) as peer:
+def test_a_twist_drives_it_where_the_command_says(ros_domain, tmp_path):
+    """Joint states, transforms, odometry and truth agree, and it brakes when commands stop.
+
+    record:= makes a folder that rosbags reads, with the topics of the robot.
+    """
+    folder, published = tmp_path / "run", 0
+    with NodeProcess(MODULE, "viewer:=none", f"record:={folder}") as node, Peer(ros_domain) as peer:
         odom, truth = (
             peer.hear(Odometry, ODOM),
             peer.hear(Odometry, "/velocity_controller/ground_truth"),
         )
         tf, joints = peer.hear(TFMessage, "/tf"), peer.hear(JointState, "/joint_states")
         described = peer.hear(String, "/robot_description", LATCHED)
-        publisher = peer.publisher(Twist, CMD_VEL)
+        publisher = peer.publisher(Twist, CMD_VEL, subscribers=2)
         wait_for(lambda: odom and truth and joints and described, "all topics")
         assert _position(odom[0]) == pytest.approx((0.0, 0.0), abs=1e-6)
         command = Twist()
         command.linear.x = 0.2
 
         def far_enough():
+            nonlocal published
             publisher.publish(command)
+            published += 1
             return odom[-1].pose.pose.position.x > 0.4
 
         wait_for(far_enough, "0.4 m of driving")
+        # A subscriber that discovers the publisher late gets them with the next heartbeat.
+        assert publisher.wait_for_all_acked(Duration(seconds=PATIENCE))
         wait_for(lambda: abs(odom[-1].twist.twist.linear.x) < 1e-3, "braking after the timeout")
         moving = [m for m in odom if m.twist.twist.linear.x > 0.199]
         assert moving and max(m.twist.twist.linear.x for m in odom) < 0.2005
@@ -73,6 +81,11 @@ def test_a_twist_drives_it_where_the_command_says(ros_domain):
         edges = {(e.header.frame_id, e.child_frame_id) for m in tf for e in m.transforms}
         assert ("odom", "base_link") in edges and ("base_link", "left_wheel") in edges
         assert node.interrupt() == 0
+    with AnyReader([folder]) as reader:
+        count = {connection.topic: connection.msgcount for connection in reader.connections}
+    topics = ("/tf", "/tf_static", "/joint_states", "/robot_description", ODOM, CMD_VEL)
+    assert {topic: count.get(topic, 0) for topic in topics if not count.get(topic)} == {}
+    assert count[CMD_VEL] == published
 
 
 def test_without_simulation_its_joints_move_from_yaml(ros_domain):
@@ -147,13 +160,18 @@ def test_sensors_of_a_file_are_published_and_follow_its_edits(ros_domain, tmp_pa
 
 
 def test_steer_serves_the_page_and_a_restart_keeps_its_token(ros_domain):
-    """The page is there with the robot; other computers need the token, the same after a crash."""
-    words = ["steer:=true", "host:=0.0.0.0", "port:=0", "viewer:=none"]
+    """One address is named, of the page that holds the view, when both are there.
+
+    Other computers need the token, the same after a crash.
+    """
+    words = ["steer:=true", "host:=0.0.0.0", "port:=0"]
     with NodeProcess(MODULE, *words) as node, Peer(ros_domain) as peer:
+        views = peer.hear(String, "/rerun_viewer/page", LATCHED)
         find = re.compile(r"open (http://\S+)(\?token=\S+)")
-        address = wait_for(lambda: find.search(node.output), "the page")
-        port = urlsplit(address[1]).port
-        page = f"http://127.0.0.1:{port}/"
+        wait_for(lambda: views and views[-1].data and find.search(node.output), "both pages")
+        assert node.output.count("http://") == 1
+        address = find.search(node.output)
+        page = f"http://127.0.0.1:{urlsplit(address[1]).port}/"
         with pytest.raises(urllib.error.HTTPError, match="403"):
             urllib.request.urlopen(page, timeout=PATIENCE)
         with urllib.request.urlopen(page + address[2], timeout=PATIENCE) as response:
@@ -167,33 +185,6 @@ def test_steer_serves_the_page_and_a_restart_keeps_its_token(ros_domain):
         process.kill()
         again = wait_for(lambda: find.findall(node.output)[1:], "the page's return")
         assert again[0][1] == address[2]
-
-
-def test_one_address_is_named(ros_domain):
-    """Of the page that holds the view; what is printed later has none."""
-    with NodeProcess(MODULE, "steer:=true", "port:=0") as node, Peer(ros_domain) as peer:
-        pages = peer.hear(String, "/rerun_viewer/page", LATCHED)
-        wait_for(lambda: pages and pages[-1].data and "open http" in node.output, "both pages")
-        assert node.output.count("http://") == 1
-
-
-def test_record_keeps_all_that_is_said(ros_domain, tmp_path):
-    """record:= makes a folder that rosbags reads, with the topics of the robot."""
-    folder = tmp_path / "run"
-    with NodeProcess(MODULE, "viewer:=none", f"record:={folder}") as node, Peer(ros_domain) as peer:
-        publisher = peer.publisher(Twist, CMD_VEL, subscribers=2)
-        for _ in range(5):
-            publisher.publish(Twist())
-        # A subscriber that discovers the publisher late gets them with the next heartbeat.
-        assert publisher.wait_for_all_acked(Duration(seconds=PATIENCE))
-        odom = peer.hear(Odometry, ODOM)
-        wait_for(lambda: len(odom) > 60, "odometry; the recorder has subscribed to all by now")
-        assert node.interrupt() == 0
-    with AnyReader([folder]) as reader:
-        count = {connection.topic: connection.msgcount for connection in reader.connections}
-    topics = ("/tf", "/tf_static", "/joint_states", "/robot_description", ODOM, CMD_VEL)
-    assert {topic: count.get(topic, 0) for topic in topics if not count.get(topic)} == {}
-    assert count[CMD_VEL] == 5
 
 
 def test_what_a_node_refuses_ends_the_bringup(ros_domain):

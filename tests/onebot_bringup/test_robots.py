@@ -47,11 +47,11 @@ def test_how_far_a_robot_reaches(shape: str, half: float, tmp_path: Path) -> Non
 @pytest.mark.parametrize("count", [1, 2, 5, 20, 50])
 def test_robots_in_rows_are_clear_of_one_another(count: int) -> None:
     """As many as asked for, in a square, the first one at the origin; nobody is touched."""
-    placed = in_rows(count, robot())
+    placed, width = in_rows(count, robot()), 2.0 * reach(robot())
     assert [each.name for each in placed] == [f"robot{k + 1}" for k in range(count)]
     assert placed[0][1:4] == (0.0, 0.0, 0.0)
     for one, other in combinations(placed, 2):
-        assert math.hypot(one.x - other.x, one.y - other.y) > 2.0 * reach(robot())
+        assert math.hypot(one.x - other.x, one.y - other.y) > width
     extent = max(max(abs(each.x), abs(each.y)) for each in placed)
     assert extent <= (math.sqrt(count)) * 1.0
 
