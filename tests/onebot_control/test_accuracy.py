@@ -27,13 +27,12 @@ from tests.accuracy import (
 )
 
 ROBOTS = Path(__file__).resolve().parents[1] / "robots"
-FILES = {"diff_drive": str(ROBOTS / "diff_drive.urdf"), "onebot": ONEBOT}
+DIFF_DRIVE = str(ROBOTS / "diff_drive.urdf")
 
 
-@pytest.mark.parametrize("robot", FILES)
-def test_goals_are_met(robot: str) -> None:
+def test_goals_are_met() -> None:
     """Odometry within 0.05 % of truth, truth within 0.5 % of command, rest below 0.01 mm."""
-    description = load_description(FILES[robot])
+    description = load_description(ONEBOT)
     results = measure(description, default_config(), PATHS)
     assert missed(results, rest_drift(description, default_config())) == []
     for result in results:  # at the end odometry is inside its ellipse of 99 %
@@ -62,7 +61,7 @@ def _check_commands(two_metres: Result, full_turn: Result, square: Result, figur
 @pytest.mark.parametrize("rate", [33.3, 150, 1000])
 def test_odometry_is_as_accurate_at_every_control_rate(rate: float) -> None:
     paths = DrivenPath("line", straight(0.4)), DrivenPath("spot", turn(0.5), turning=True)
-    description = load_description(FILES["diff_drive"])
+    description = load_description(DIFF_DRIVE)
     for result in measure(description, default_config(update_rate=rate), paths):
         assert result.odometry_error < ODOMETRY_GOAL
         assert result.truth_error < TRUTH_GOAL
@@ -71,7 +70,7 @@ def test_odometry_is_as_accurate_at_every_control_rate(rate: float) -> None:
 def test_wrong_odometry_is_seen() -> None:
     """A wheel that is believed 1 % larger than it is shows as 1 %."""
     wrong = default_config(left_wheel_radius_multiplier=1.01, right_wheel_radius_multiplier=1.01)
-    results = measure(load_description(FILES["diff_drive"]), wrong, PATHS[:1])
+    results = measure(load_description(DIFF_DRIVE), wrong, PATHS[:1])
     assert results[0].odometry_error == pytest.approx(0.01, rel=0.01)
     assert "odometry is off truth" in missed(results, 0.0)[0]
 
@@ -92,7 +91,7 @@ def test_missed_goals_are_named() -> None:
 
 def test_robots_are_compared_in_one_table() -> None:
     arm = str(ROBOTS / "good_mimic_chain.urdf")
-    files = [FILES["diff_drive"], arm, arm]
+    files = [DIFF_DRIVE, arm, arm]
     head, _, drives, stands = robots_table(files, default_config()).splitlines()
     assert head.startswith("| Robot | 2 m straight")
     assert "| 2.0000 m, 0.0 mm aside, " in drives

@@ -46,7 +46,7 @@ def seconds(message: Any) -> float:
 
 
 def test_drives_as_told_and_brakes_when_commands_stop(peer: Peer, model: str) -> None:
-    """A Twist at 50 Hz for 5 s: odometry and truth are where they should be, by their stamps.
+    """A Twist at 50 Hz for 2 s: odometry and truth are where they should be, by their stamps.
 
     In simulated time, in which the robot moves on with each cycle however late that is.
     """
@@ -56,13 +56,13 @@ def test_drives_as_told_and_brakes_when_commands_stop(peer: Peer, model: str) ->
     with NodeProcess(MODULE, model, *ros_args(use_sim_time=True, cmd_vel_timeout=2.0)):
         driver = Driver(peer, twist(0.2))
         start = wait_for(lambda: next((m for m in odom if speed(m) > 0.199), None), "full speed")
-        wait_for(lambda: seconds(odom[-1]) - seconds(start) > 5.0, "5 s of driving")
+        wait_for(lambda: seconds(odom[-1]) - seconds(start) > 2.0, "2 s of driving")
         driver.stop()
         wait_for(lambda: limited[-1].twist.linear.x == 0.0, "the brakes")
         wait_for(lambda: abs(speed(odom[-1])) < 1e-4, "rest")
         rest = odom[-1]
         wait_for(lambda: seconds(truth[-1]) >= seconds(rest), "the truth")
-        end = next(m for m in odom if seconds(m) - seconds(start) >= 5.0)
+        end = next(m for m in odom if seconds(m) - seconds(start) >= 2.0)
         way = 0.2 * (seconds(end) - seconds(start))
         assert x(end) - x(start) == pytest.approx(way, rel=1e-3)
         for wheel in (start, end, rest):
@@ -82,7 +82,7 @@ def test_odometry_that_drifts_from_the_truth_is_warned_of_once(peer: Peer, model
         Driver(peer, twist(0.2))
         wait_for(lambda: "odometry and truth drift apart" in node.output, "the warning")
         before = x(truth[-1])
-        wait_for(lambda: x(truth[-1]) > before + 2.0, "some more metres")
+        wait_for(lambda: x(truth[-1]) > before + 0.5, "as much again")
         assert node.output.count("drift apart") == 1
 
 
@@ -199,10 +199,10 @@ def test_simulated_time(peer: Peer, model: str) -> None:
     with NodeProcess(MODULE, model, *ros_args(real_time_factor=10.0)) as one:
         wait_for(lambda: len(clock) > 300 and len(joints) > 300, "messages")
         stamps = [seconds(m) for m in joints[:300]]
-        for factor in (1e-4, 10.0):  # a cycle in 100 s delays no other parameter
+        for factor in (1e-4, 1.0):  # a cycle in 100 s delays no other parameter
             assert all(r.successful for r in peer.set_parameters(NODE, real_time_factor=factor))
         reached = len(joints)
-        wait_for(lambda: len(joints) > reached, "messages at the old pace")
+        wait_for(lambda: len(joints) > reached, "messages at another pace")
         words = [*ros_args(use_sim_time=True), "-r", "__ns:=/other"]
         with NodeProcess(MODULE, model, *words) as other:
             for node, name in ((one, "/other/velocity_controller"), (other, NODE)):
