@@ -119,7 +119,7 @@ raise SystemExit(main(["robot_state_publisher", "onebot_description/urdf/onebot.
 @needs_compiler
 def test_outdated_or_broken_library(checkout: Path) -> None:
     library = checkout / FOLDER / "_library.so"
-    build_library.build(library)
+    shutil.copy(build_library.LIBRARY, library)  # of the same sources
     source = checkout / FOLDER / "_tf_message.c"
     source.write_text(source.read_text() + "\n")
     outdated = run("-c", USE_MESSAGE, cwd=checkout)

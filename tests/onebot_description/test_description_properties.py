@@ -48,7 +48,7 @@ TRIPLE = st.tuples(NUMBER, NUMBER, NUMBER)
 KINDS = st.sampled_from(["fixed", "revolute", "continuous", "prismatic", "floating", "planar"])
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(st.sampled_from(SEEDS), EDITS)
 def test_damage_is_always_explained(seed: bytes, edits: list[tuple[int, int, bytes]]) -> None:
     for start, length, piece in edits:
@@ -66,7 +66,7 @@ def test_damage_is_always_explained(seed: bytes, edits: list[tuple[int, int, byt
         assert error.problems
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(st.text() | st.binary().map(lambda data: data.decode("utf-8", "surrogateescape")))
 def test_any_text_is_explained(text: str) -> None:
     with pytest.raises(DescriptionError):

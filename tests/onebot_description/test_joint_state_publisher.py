@@ -185,7 +185,7 @@ def test_parameters_can_be_set_while_it_runs(start: Start, listener: Listener, m
     listener.hears(lambda s: s.position[0] == 0.2, "the pose")
     assert listener.set("pose", "") == ""
     assert listener.set(f"motions.{JOINT}.type", "sine") == ""
-    assert listener.set(f"motions.{JOINT}.frequency", 0.1) == ""
+    assert listener.set(f"motions.{JOINT}.frequency", 0.3) == ""
     assert listener.set(f"motions.{JOINT}.amplitude", 0.2) == ""
     listener.hears(lambda s: s.position[0] < -0.1, "the sine below")
     listener.hears(lambda s: s.position[0] > 0.1, "the sine above")

@@ -71,7 +71,7 @@ def joint_states(draw, joints):
     return _message(names, positions, stamp, frame_id, *extra)
 
 
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=100)
 @given(
     robots(),
     st.data(),
@@ -109,13 +109,13 @@ def test_a_stamp_beyond_all_seconds_with_a_bad_position_is_published():
 
 
 @pytest.mark.usefixtures("quick_collector")
-@pytest.mark.parametrize("size", [400, 1000])
-def test_what_is_kept_of_messages_is_bounded(size):
+@pytest.mark.parametrize(("count", "size"), [(100, 400), (50, 1000)])
+def test_what_is_kept_of_messages_is_bounded(count, size):
     converter = StateConverter(_model(chain(1)), ignore_timestamp=True)
     gc.collect()
     tracemalloc.start()
     try:
-        for number in range(100):
+        for number in range(count):
             names = ["joint_0", *(f"{number}_{index}" + "x" * 990 for index in range(size))]
             data = serialize_message(_message(names, [0.0] * len(names)))
             assert converter.convert_bytes(data, NOW) is not None
@@ -196,7 +196,7 @@ def edits(draw, messages):
     return data[:place] + byte + draw(st.sampled_from([data[place + len(byte) :], b"", data]))
 
 
-@settings(deadline=None, max_examples=100)
+@settings(deadline=None, max_examples=60)
 @given(robots(), st.data(), st.booleans(), st.sampled_from([0, 1, 10**8]))
 def test_any_bytes_give_what_ordinary_messages_give(urdf, data, ignore_timestamp, interval):
     model = _model(urdf)

@@ -383,7 +383,7 @@ MANY_THREADS = """
     def subscribe(name):
         node, executor = rclpy.create_node(f"subscribe_{name}"), SingleThreadedExecutor()
         executor.add_node(node)
-        while received[name] <= 500:
+        while received[name] <= 200:
             messages = []
             objects = node.create_subscription(TFMessage, "/tf", messages.append, 10)
             raw = node.create_subscription(TFMessage, "/tf", messages.append, 10, raw=True)
