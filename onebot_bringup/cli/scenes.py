@@ -41,7 +41,6 @@ from onebot_control.poses import prefixed
 from onebot_description.description import Description
 from onebot_description.description.description import Mesh
 from onebot_description.errors import OneBotError, listing
-from onebot_description.joints.pose import pose_of
 from onebot_description.model import RobotModel
 from onebot_description.model.robot_model import JointArrays
 from onebot_description.node import LATCHED
@@ -328,7 +327,7 @@ def _record_description(args: Namespace, recording: "rr.RecordingStream") -> Non
     for text in description.notices:
         if not text.endswith(lacking):
             _warn(text)
-    positions = pose_of(RobotModel.from_description(description), description, args.joints)
+    positions = RobotModel.from_description(description).pose(args.joints)
     warnings = record_pose(description, positions, args.view, recording)
     for text in warnings:
         # What is wrong with the text itself was reported with the lines of its file.

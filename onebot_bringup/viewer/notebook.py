@@ -22,7 +22,6 @@ from onebot_bringup.viewer.robot_size import diagonal, fitting_eye, robot_bounds
 from onebot_bringup.viewer.scene import COLLISION_ENTITY, Scene
 from onebot_description.description import Description, Joint
 from onebot_description.errors import OneBotError
-from onebot_description.joints.pose import pose_of
 from onebot_description.model import RobotModel
 from onebot_description.model.quaternions import to_matrix
 
@@ -58,7 +57,7 @@ class NotebookRobot:
         self._description = description
         self.model = RobotModel.from_description(description)
         self._drawn: Floats = np.full((len(self.model.joints), 7), math.nan)
-        rests = dict(zip(self.model.joints, pose_of(self.model, description, {}), strict=True))
+        rests = dict(zip(self.model.joints, self.model.pose({}), strict=True))
         leading = [joint for joint in description.moving_joints if joint.mimic is None]
         self.sliders = {joint.name: _slider(joint, rests[joint.name]) for joint in leading}
         for slider in self.sliders.values():
@@ -88,7 +87,7 @@ class NotebookRobot:
         Raises:
             OneBotError: no such joint moves, it follows another one, or a limit is exceeded.
         """
-        pose_of(self.model, self._description, positions)
+        self.model.pose(positions)
         for name, position in positions.items():
             slider = self.sliders[name]
             # A joint without limits goes farther than its slider did.

@@ -20,12 +20,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from onebot_description.description.description import MOVING_KINDS, Description, Joint
 from onebot_description.errors import OneBotError, did_you_mean
+from onebot_description.joints.motion_limits import zero_position
 from onebot_description.model import quaternions
 from onebot_description.wire.library import load_library
 
 Floats = NDArray[np.float64]
 
 _POSE = 7  # numbers of a transform: translation x y z, rotation x y z w
+_SLACK = 1e-9  # rad or m beyond a limit: rounding
 
 
 @functools.cache
@@ -267,6 +269,35 @@ class RobotModel:
                 source, multiplier, offset = follower
                 result[row] = everything[source] * multiplier + offset
         return result
+
+    def pose(self, given: Mapping[str, float]) -> Floats:
+        """Positions of all moving joints, (M,), some given by name and the others at rest.
+
+        That is at 0, or in the middle of the range if 0 is not in it; mimic joints follow. Raises
+        OneBotError for a joint that does not move, follows another one, or would exceed a limit.
+        """
+        for name in given:
+            self.row(name)
+            if name in self._mimics:
+                leader = self._mimics[name].joint
+                text = f'joint "{name}" follows joint "{leader}": give the position of that'
+                raise OneBotError(text)
+        rests = {
+            name: zero_position(lower, upper)
+            for name, lower, upper in zip(self.joints, self.lower, self.upper, strict=True)
+            if name not in self._mimics
+        }
+        positions = self.positions({**rests, **given})
+        # A follower may be beyond its limits while its leader rests: nobody has asked for that.
+        chosen = positions != self.positions(rests)
+        within = (positions >= self.lower - _SLACK) & (positions <= self.upper + _SLACK)
+        if rows := np.flatnonzero(chosen & ~within).tolist():
+            raise OneBotError("\n".join(self._beyond(row, positions[row]) for row in rows))
+        return positions
+
+    def _beyond(self, row: int, position: float) -> str:
+        limits = f"{self.lower[row]:g} to {self.upper[row]:g}"
+        return f'joint "{self.joints[row]}": {position:g} is out of its limits, {limits}'
 
     def transforms(self, positions: ArrayLike | Mapping[str, float]) -> tuple[Floats, Floats]:
         """Parent-to-child transforms of all moving joints.

@@ -19,60 +19,11 @@ from onebot_bringup.launch.arguments import UsageError
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.rendering import Framing, framed, robot_view_id
 from onebot_bringup.viewer.rrd import has_content
-from onebot_description.description import load_description, parse_description
+from onebot_description.description import load_description
 from onebot_description.errors import OneBotError
-from onebot_description.joints.pose import pose_of
-from onebot_description.model import RobotModel
 from onebot_description.wire.tf_message import TFMessage
 from tests.ros_support import LATCHED, Peer
 from tests.support import PATIENCE
-
-MIMIC = """<robot name="gripper">
-  <link name="palm"/><link name="left"/><link name="right"/><link name="lid"/>
-  <joint name="left_slide" type="prismatic">
-    <parent link="palm"/><child link="left"/><axis xyz="0 1 0"/>
-    <limit lower="0" upper="0.1" effort="1" velocity="1"/>
-  </joint>
-  <joint name="right_slide" type="prismatic">
-    <parent link="palm"/><child link="right"/><axis xyz="0 -1 0"/>
-    <limit lower="0" upper="0.05" effort="1" velocity="1"/>
-    <mimic joint="left_slide" multiplier="1.0" offset="0.0"/>
-  </joint>
-  <joint name="lid_hinge" type="revolute">
-    <parent link="palm"/><child link="lid"/><axis xyz="0 0 1"/>
-    <limit lower="0.5" upper="1.5" effort="1" velocity="1"/>
-  </joint>
-</robot>"""
-
-
-def pose(**given: float) -> dict[str, float]:
-    description = parse_description(MIMIC)
-    model = RobotModel.from_description(description)
-    return dict(zip(model.joints, pose_of(model, description, given).tolist(), strict=True))
-
-
-def test_joints_rest_at_zero_or_in_the_middle_of_their_range():
-    """As joint_state_publisher has it; one that follows another needs no position of its own."""
-    assert pose() == {"left_slide": 0.0, "right_slide": 0.0, "lid_hinge": 1.0}
-    given = {"left_slide": 0.03, "lid_hinge": 0.5}
-    assert pose(**given) == {**given, "right_slide": 0.03}
-
-
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [
-        ({"left_slid": 0.1}, ['no moving joint "left_slid"', 'did you mean "left_slide"?']),
-        ({"right_slide": 0.01}, ['joint "right_slide" follows joint "left_slide"']),
-        ({"lid_hinge": 2.0}, ['joint "lid_hinge": 2 is out of its limits, 0.5 to 1.5']),
-        ({"left_slide": 0.08}, ['joint "right_slide": 0.08 is out of its limits, 0 to 0.05']),
-    ],
-)
-def test_a_wrong_pose_is_explained(given: dict[str, float], words: list[str]):
-    """What is wrong, and what would be right."""
-    with pytest.raises(OneBotError) as caught:
-        pose(**given)
-    for word in words:
-        assert word in str(caught.value)
 
 
 def test_cameras():

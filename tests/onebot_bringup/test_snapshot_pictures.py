@@ -20,7 +20,6 @@ from onebot_bringup.viewer.rendering import headless_viewer, still
 from onebot_bringup.viewer.view_config import load_view
 from onebot_description.description import load_description
 from onebot_description.errors import OneBotError
-from onebot_description.joints.pose import pose_of
 from onebot_description.model import RobotModel
 from tests.onebot_bringup.test_viewer_scene import _record
 from tests.onebot_bringup.viewer_support import ARM, BLUE, ORANGE, VIEW
@@ -101,7 +100,7 @@ def test_a_busy_viewer_is_waited_for(arm, tmp_path, monkeypatch):
     """Until its own deadline, with what it waits for; and the layout of one pose has no plot."""
     description = load_description(arm / "arm.urdf")
     model = RobotModel.from_description(description)
-    positions = pose_of(model, description, {})
+    positions = model.pose({})
     recording = open_recording(save=tmp_path / "pose.rrd")
     record_pose(description, positions, "", recording.stream)
     recording.close()

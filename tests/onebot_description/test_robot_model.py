@@ -236,3 +236,51 @@ def test_unknown_joint_and_wrong_size_are_named():
         model.transforms({"joint_9": 1.0})
     with pytest.raises(OneBotError, match=r"2 moving joints.*\(\.\.\., 2\), not \(3,\)"):
         model.transforms([1.0, 2.0, 3.0])
+
+
+GRIPPER = """<robot name="gripper">
+  <link name="palm"/><link name="left"/><link name="right"/><link name="lid"/>
+  <joint name="left_slide" type="prismatic">
+    <parent link="palm"/><child link="left"/><axis xyz="0 1 0"/>
+    <limit lower="0" upper="0.1" effort="1" velocity="1"/>
+  </joint>
+  <joint name="right_slide" type="prismatic">
+    <parent link="palm"/><child link="right"/><axis xyz="0 -1 0"/>
+    <limit lower="0" upper="0.05" effort="1" velocity="1"/>
+    <mimic joint="left_slide" multiplier="1.0" offset="0.0"/>
+  </joint>
+  <joint name="lid_hinge" type="revolute">
+    <parent link="palm"/><child link="lid"/><axis xyz="0 0 1"/>
+    <limit lower="0.5" upper="1.5" effort="1" velocity="1"/>
+  </joint>
+</robot>"""
+
+
+def resting(**given):
+    model = RobotModel.from_description(parse_description(GRIPPER))
+    return dict(zip(model.joints, model.pose(given).tolist(), strict=True))
+
+
+def test_joints_rest_at_zero_or_in_the_middle_of_their_range():
+    """As joint_state_publisher has it; one that follows another needs no position of its own."""
+    assert resting() == {"left_slide": 0.0, "right_slide": 0.0, "lid_hinge": 1.0}
+    given = {"left_slide": 0.03, "lid_hinge": 0.5}
+    assert resting(**given) == {**given, "right_slide": 0.03}
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"left_slid": 0.1}, ['no moving joint "left_slid"', 'did you mean "left_slide"?']),
+        ({"right_slide": 0.01}, ['joint "right_slide" follows joint "left_slide"']),
+        ({"lid_hinge": 2.0}, ['joint "lid_hinge": 2 is out of its limits, 0.5 to 1.5']),
+        ({"lid_hinge": float("nan")}, ['joint "lid_hinge": nan is out of its limits']),
+        ({"left_slide": 0.08}, ['joint "right_slide": 0.08 is out of its limits, 0 to 0.05']),
+    ],
+)
+def test_a_wrong_pose_is_explained(given, words):
+    """What is wrong, and what would be right."""
+    with pytest.raises(OneBotError) as caught:
+        resting(**given)
+    for word in words:
+        assert word in str(caught.value)
