@@ -23,7 +23,7 @@ MOST_PLOTTED = 5  # robots, unless they are chosen: there is no room for more ta
 class RobotToShow:
     """Which robot to show: how its topics and its frames are named."""
 
-    namespace: str = ""  # of its topics; "" for none before those that the view names
+    namespace: str = ""  # its topics begin with it; "" for none before those that the view names
     frame_prefix: str = ""  # put before link names to get their frames
     description: str = ROBOT_DESCRIPTION  # the topic of its URDF
     plotted: bool = True  # its curves are shown, too

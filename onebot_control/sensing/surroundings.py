@@ -30,9 +30,9 @@ class SensedRobot(NamedTuple):
 class RobotState(NamedTuple):
     """Where a robot is."""
 
-    translation: Triple  # of the root link in the world
+    translation: Triple  # the root link in the world
     rotation: Quaternion  # likewise, x y z w
-    positions: Sequence[float]  # of ``SensedRobot.joints``
+    positions: Sequence[float]  # those of ``SensedRobot.joints``
 
 
 class LinkPose(NamedTuple):

@@ -42,7 +42,7 @@ class Pose(NamedTuple):
 class Twist(NamedTuple):
     """Velocity of the root link's frame in its own axes, as in nav_msgs/Odometry."""
 
-    linear: Triple  # of the frame's origin, m/s
+    linear: Triple  # the frame's origin, m/s
     angular: Triple  # rad/s
 
 

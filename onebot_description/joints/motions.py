@@ -111,7 +111,7 @@ class Allowed:
     lower: float  # rad or m
     upper: float
     velocity: float  # rad/s or m/s
-    unit: str = "rad"  # or "m"
+    unit: str = "rad"  # "m" for a prismatic joint
     endless: bool = False  # a continuous joint
 
     def reaches(self, speed: float) -> bool:
