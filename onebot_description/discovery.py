@@ -10,6 +10,7 @@ from collections.abc import Mapping
 
 from onebot_description.description.packages import package_share
 from onebot_description.errors import OneBotError
+from onebot_description.parameters.values import MAX_PORT
 from onebot_description.shared_memory import remove_broken_ports
 
 RANGE, SERVER = "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_DISCOVERY_SERVER"
@@ -21,7 +22,7 @@ WANTED = f"{LOCALHOST}, {SUBNET}, or HOST:PORT of a discovery server (fastdds di
 _SUPER_CLIENT = "ROS_SUPER_CLIENT"
 _PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 _TRANSPORTS = "FASTDDS_BUILTIN_TRANSPORTS"
-_MOST_PORT = 65535
+MAX_DOMAIN = 232  # beyond it the ports of DDS (RTPS 2.2, section 9.6.1.1) exceed 65535
 
 
 def discovery_variables(values: Mapping[str, str], *, forced: bool) -> dict[str, str]:
@@ -38,8 +39,8 @@ def _variables(argument: str) -> dict[str, str]:
     if match is None or match["host"] is None:
         return {RANGE: argument.upper(), SERVER: ""}
     host, port = match["host"], int(match["port"])
-    if not 0 < port <= _MOST_PORT:
-        raise OneBotError(f"discovery:={argument}: {port} is no port; write 1 to {_MOST_PORT}")
+    if not 0 < port <= MAX_PORT:
+        raise OneBotError(f"discovery:={argument}: {port} is no port; write 1 to {MAX_PORT}")
     try:
         # By name, Fast DDS would take an address of IPv6 where there is one, and only that.
         address = socket.gethostbyname(host)

@@ -15,14 +15,13 @@ from typing import NamedTuple
 from onebot_bringup.cli.main import version
 from onebot_bringup.cli.options import Parser, flag, option, positive
 from onebot_description.description.packages import package_share
-from onebot_description.discovery import RANGE, SERVER, use_local_discovery
+from onebot_description.discovery import MAX_DOMAIN, RANGE, SERVER, use_local_discovery
 from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.shared_memory import FOLDER, find_segments, remove_segments
 
 OK, NOTE, PROBLEM = "ok", "note", "problem"
 
 _RANGES = ("LOCALHOST", "SUBNET", "OFF", "SYSTEM_DEFAULT")
-_MOST_DOMAIN = 232
 _EPHEMERAL_DOMAINS = range(102, 216)  # Linux hands their ports out to anyone
 _MULTICAST = "239.255.0.1", 7400  # DDS's group; any port does to try it
 _LEAST_MEMORY = 16 * 2**20  # bytes free in /dev/shm for a bringup
@@ -149,8 +148,8 @@ def domain(environment: Mapping[str, str]) -> Verdict:
     """Check ROS_DOMAIN_ID and the range of discovery."""
     text = environment.get("ROS_DOMAIN_ID", "") or "0"
     scope = (environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "") or "SUBNET").upper()
-    if not text.isdecimal() or int(text) > _MOST_DOMAIN:
-        problem = f"ROS_DOMAIN_ID={text} is not a number from 0 to {_MOST_DOMAIN}"
+    if not text.isdecimal() or int(text) > MAX_DOMAIN:
+        problem = f"ROS_DOMAIN_ID={text} is not a number from 0 to {MAX_DOMAIN}"
         return Verdict(PROBLEM, problem, "export ROS_DOMAIN_ID=0")
     if scope not in _RANGES:
         hint = did_you_mean(scope, _RANGES, "ranges").strip()

@@ -15,7 +15,7 @@ from onebot_bringup.viewer.settings import FrameSettings
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_control.poses import prefixed
 from onebot_description.description.packages import PACKAGE_PATH, use_package_path
-from onebot_description.discovery import ARGUMENT, LOCALHOST, WANTED
+from onebot_description.discovery import ARGUMENT, LOCALHOST, MAX_DOMAIN, WANTED
 from onebot_description.errors import UsageError, did_you_mean, printable
 from onebot_description.joints.config import JointsConfig
 from onebot_description.parameters.reader import leaves
@@ -300,7 +300,6 @@ PACKAGES = Argument(
 )
 
 _NAMESPACE = re.compile(r"/?|/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*/?")
-_MAX_DOMAIN = 232  # beyond it the ports of DDS (RTPS 2.2, section 9.6.1.1) exceed 65535
 _LEVELS = ("debug", "info", "warn", "error", "fatal")
 _AS_IN_FILE = "not given: as params_file has it"
 _OF_STEERING = ("host", "port", "token")
@@ -332,7 +331,7 @@ def ros_settings() -> list[Argument]:
 def discovery_settings() -> list[Argument]:
     """Return the arguments about which nodes are discovered."""
     return [
-        number("domain_id", "", "ROS_DOMAIN_ID; empty: the environment's", 0, _MAX_DOMAIN, int),
+        number("domain_id", "", "ROS_DOMAIN_ID; empty: the environment's", 0, MAX_DOMAIN, int),
         Argument(
             "discovery",
             LOCALHOST,
