@@ -20,6 +20,7 @@ from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.support import wait_for
 
 MODULE = "onebot_bringup.bags.bag_recorder"
+COMMANDS = "/velocity_controller/cmd_vel"
 MANY = QoSProfile(depth=1000)
 HASHES = get_typestore(Stores.ROS2_JAZZY)
 
@@ -121,61 +122,38 @@ def test_absence(tmp_path, ros_domain):
 
 
 def test_suits_every_publisher(tmp_path, ros_domain):
-    """Best effort is recorded too, and what was latched before the recorder started."""
-    folder = tmp_path / "run"
-    with Peer(ros_domain) as peer:
-        early = peer.node.create_publisher(String, "/early", LATCHED)
-        early.publish(String(data="published before"))
+    """Best effort, alone or beside a reliable one; latched before; of a type others do not want."""
+    folder, words = tmp_path / "run", "/words"
+    best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+    with Peer(ros_domain) as peer, Peer(ros_domain, "driver") as driver:
+        peer.node.create_publisher(String, "/early", LATCHED).publish(String(data="before"))
+        peer.hear(Twist, COMMANDS)
         with record(folder):
-            best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
-            publisher = peer.publisher(JointState, "/joint_states", best_effort)
-            wait_for(
-                lambda: publisher.publish(JointState()) or counted(folder, "/joint_states"),
-                "a message of a sensor",
-            )
+            sensor = peer.publisher(JointState, "/joint_states", best_effort)
+            commands = driver.publisher(TwistStamped, COMMANDS)
+            reliable = peer.publisher(String, words, MANY)
+
+            def send(topic, publisher, message, text=b""):
+                publisher.publish(message)
+                found = read_growing(folder)
+                return any(name == topic and text in data for name, _, data in found)
+
+            for sent in (
+                ("/joint_states", sensor, JointState()),
+                (COMMANDS, commands, TwistStamped()),
+                (words, reliable, String(data="reliable")),
+            ):
+                wait_for(lambda: send(*sent), f"a message of {sent[0]}")  # noqa: B023
+            other = peer.publisher(String, words, best_effort)
+            message = words, other, String(data="best effort"), b"best effort"
+            wait_for(lambda: send(*message), "a message of the other publisher")
             wait_for(lambda: counted(folder, "/early") == 1, "the latched message")
     _, connections = read_all(folder)
-    assert connections["/joint_states"].ext.offered_qos_profiles[0].reliability.name == (
-        "BEST_EFFORT"
-    )
-
-
-def test_relaxed_topic_is_listed_once(tmp_path, ros_domain):
-    """A best-effort publisher that joins a reliable one: one topic, with the messages of both."""
-    folder = tmp_path / "run"
-    with Peer(ros_domain) as peer, record(folder):
-        reliable = peer.publisher(String, "/words", MANY)
-        send = lambda publisher, word: publisher.publish(String(data=word))  # noqa: E731
-        wait_for(
-            lambda: send(reliable, "reliable") or counted(folder, "/words"), "a reliable message"
-        )
-        best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
-        sensor = peer.publisher(String, "/words", best_effort)
-
-        def received():
-            send(sensor, "best effort")
-            return any(b"best effort" in data for _, _, data in read_growing(folder))
-
-        wait_for(received, "a message of the other publisher")
+    [offered] = connections["/joint_states"].ext.offered_qos_profiles
+    assert offered.reliability.name == "BEST_EFFORT"
+    assert connections[COMMANDS].msgtype == "geometry_msgs/msg/TwistStamped"
     with Reader(folder) as reader:
-        assert [one.topic for one in reader.connections] == ["/words"]
-
-
-def test_type_that_is_published(tmp_path, ros_domain):
-    """A topic that others wait for as Twist is recorded as what is published in the end."""
-    folder = tmp_path / "run"
-    with Peer(ros_domain) as peer, Peer(ros_domain, "driver") as driver, record(folder):
-        peer.hear(Twist, "/velocity_controller/cmd_vel")
-        publisher = driver.publisher(TwistStamped, "/velocity_controller/cmd_vel")
-        wait_for(
-            lambda: (
-                publisher.publish(TwistStamped()) or counted(folder, "/velocity_controller/cmd_vel")
-            ),
-            "a stamped command",
-        )
-    _, connections = read_all(folder)
-    kind = connections["/velocity_controller/cmd_vel"].msgtype
-    assert kind == "geometry_msgs/msg/TwistStamped"
+        assert [one.topic for one in reader.connections].count(words) == 1
 
 
 def test_only_wanted_topics(tmp_path, ros_domain):
