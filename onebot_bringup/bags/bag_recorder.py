@@ -27,7 +27,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile
 
 from onebot_bringup.bags.writer import BagWriter, Qos, RecordedTopic
-from onebot_bringup.introspection.interfaces import full_definition, message_class
+from onebot_bringup.introspection.interfaces import full_definition, is_hidden, message_class
 from onebot_description.errors import OneBotError
 from onebot_description.node import Throttled, ends_node, run_node
 from onebot_description.parameters.reader import (
@@ -163,8 +163,7 @@ class Selection:
             return True
         if self.names or self.pattern is not None:
             return topic in self.names
-        hidden = any(part.startswith("_") for part in topic.split("/"))
-        return not hidden and topic not in _LEFT_OUT
+        return not is_hidden(topic) and topic not in _LEFT_OUT
 
 
 @dataclass

@@ -4,7 +4,8 @@ import sys
 from argparse import Namespace
 
 from onebot_bringup.cli.options import Subcommand, flag, positional, print_rows
-from onebot_bringup.cli.session import SPIN_TIME, Session, in_session, is_hidden
+from onebot_bringup.cli.session import SPIN_TIME, Session, in_session
+from onebot_bringup.introspection.interfaces import is_hidden
 from onebot_description.errors import OneBotError
 
 

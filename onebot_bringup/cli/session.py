@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from onebot_bringup.cli.options import not_negative, option
+from onebot_bringup.introspection.interfaces import is_hidden
 from onebot_description.description.packages import use_environment_prefix
 from onebot_description.discovery import (
     configure_discovery,
@@ -218,11 +219,6 @@ class Session:
 
 def _visible(names: Iterable[tuple[str, list[str]]], hidden: bool) -> list[tuple[str, list[str]]]:
     return sorted((name, types) for name, types in names if hidden or not is_hidden(name))
-
-
-def is_hidden(name: str) -> bool:
-    """Whether a topic or service is hidden by ROS's rule: a part of its name starts with ``_``."""
-    return any(part.startswith("_") for part in name.split("/"))
 
 
 def await_acknowledgements(publisher: Any, seconds: float = 1.0) -> None:

@@ -139,6 +139,11 @@ def nested_class(slot: Any) -> Any:
     return getattr(importlib.import_module(".".join(slot.namespaces)), slot.name)
 
 
+def is_hidden(name: str) -> bool:
+    """Whether a topic or service is hidden by ROS's rule, as what tools use among themselves."""
+    return any(part.startswith("_") for part in name.split("/"))
+
+
 def type_name(message: Any) -> str:
     """Return ``package/msg/Type`` of a message or of its class."""
     kind = message if isinstance(message, type) else type(message)

@@ -3,6 +3,7 @@
 from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from onebot_bringup.introspection.interfaces import is_hidden
 from onebot_bringup.viewer.displays import MESSAGE_DRAWINGS
 from onebot_bringup.viewer.displays.drawing import Drawing
 from onebot_description.errors import OneBotError, listing
@@ -55,7 +56,7 @@ class TopicSelection:
             drawing = MESSAGE_DISPLAYS[topics[topic]]
             settings = view.of(drawing)
             of_topics = {resolve(name): setting for name, setting in settings.topics.items()}
-            is_excluded = _is_hidden(topic) or topic in drawn_otherwise
+            is_excluded = is_hidden(topic) or topic in drawn_otherwise
             is_excluded = is_excluded or drawing.is_duplicate(topic, topics)
             chosen = topic in named or topic in of_topics
             drawn = topic in named or of_topics.get(topic, settings).visible
@@ -95,8 +96,3 @@ class TopicSelection:
             for display in self.offered
             if display.visible and display.type in drawing.message_types
         }
-
-
-def _is_hidden(topic: str) -> bool:
-    """Whether it is hidden by ROS's rule, as what tools use among themselves."""
-    return any(part.startswith("_") for part in topic.split("/"))

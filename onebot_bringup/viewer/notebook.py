@@ -18,12 +18,11 @@ from IPython.display import display
 from ipywidgets import FloatSlider, VBox
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.robot_size import diagonal, fitting_eye, robot_bounds
+from onebot_bringup.viewer.robot_size import diagonal, fitting_eye, posed_bounds
 from onebot_bringup.viewer.scene import COLLISION_ENTITY, Scene
 from onebot_description.description import Description, Joint
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
-from onebot_description.model.quaternions import to_matrix
 
 if TYPE_CHECKING:
     from rerun.notebook import Viewer
@@ -122,13 +121,7 @@ class NotebookRobot:
 
     def _blueprint(self) -> rrb.Blueprint:
         """Return the robot's view alone, framed as in the viewer."""
-        matrices = {}
-        for link, pose in zip(
-            self.model.links, self.model.link_poses(self._positions), strict=True
-        ):
-            matrices[link] = np.eye(4)
-            matrices[link][:3, :3], matrices[link][:3, 3] = to_matrix(pose[3:]), pose[:3]
-        bounds = robot_bounds(self._description, matrices)
+        bounds = posed_bounds(self._description, self.model, self._positions)
         eye, target = (None, None) if bounds is None else fitting_eye(bounds)
         small = bounds is not None and diagonal(bounds) <= 1.0
         view = rrb.Spatial3DView(

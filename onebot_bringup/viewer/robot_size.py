@@ -77,11 +77,16 @@ def robot_size(description: Description) -> float:
         model = RobotModel.from_description(description)
     except OneBotError:
         return 0.0
-    link_poses = model.link_poses(np.zeros(len(model.joints)))
+    bounds = posed_bounds(description, model, np.zeros(len(model.joints)))
+    return 0.0 if bounds is None else diagonal(bounds)
+
+
+def posed_bounds(description: Description, model: RobotModel, positions: Floats) -> Floats | None:
+    """Return the (2, 3) box around a robot at positions (M,), metres, in its root link's frame."""
+    link_poses = model.link_poses(positions)
     poses = np.tile(np.eye(4), (len(link_poses), 1, 1))
     poses[:, :3, 3], poses[:, :3, :3] = link_poses[:, :3], to_matrix(link_poses[:, 3:])
-    bounds = robot_bounds(description, dict(zip(model.links, poses, strict=True)))
-    return 0.0 if bounds is None else diagonal(bounds)
+    return robot_bounds(description, dict(zip(model.links, poses, strict=True)))
 
 
 def fitting_eye(bounds: Floats) -> tuple[Triple, Triple]:

@@ -45,10 +45,6 @@ class Scene:
         self._root = root.split("/") if root else []
         self._drawn: dict[str, object] = {}  # entity to what lies on it, to log only changes
 
-    def frame_of(self, link: str) -> str:
-        """Return the TF frame of ``link``."""
-        return self._prefix + link
-
     def visual_of(self, link: str) -> str | None:
         """Return the entity of the first visual of ``link``; None if it has none."""
         start = entity_path(*self._root, *VISUAL_ENTITY.split("/"), link) + "/"
@@ -75,7 +71,7 @@ class Scene:
                         path = f"{path}/{_MISSING}"
                         self._mark(path, link.name, geometry, size)
                     entities.add(path)
-        home = self.frame_of(robot.root_link)
+        home = self._prefix + robot.root_link
         for path in set(self._drawn) - entities:
             del self._drawn[path]
             self._erase(path, home)
@@ -92,7 +88,7 @@ class Scene:
         factor = None if asset.colored and color is None else color or _bytes(geometry.color)
         self._recording.log(
             path,
-            rr.CoordinateFrame(self.frame_of(link)),
+            rr.CoordinateFrame(self._prefix + link),
             rr.InstancePoses3D(
                 translations=[geometry.origin.xyz], quaternions=[_quaternion(geometry)]
             ),
@@ -110,7 +106,7 @@ class Scene:
         radii: Any = [rr.Radius.ui_points(2.0)]
         self._recording.log(
             path,
-            rr.CoordinateFrame(self.frame_of(link)),
+            rr.CoordinateFrame(self._prefix + link),
             rr.Boxes3D(
                 half_sizes=[[size / 2] * 3],
                 centers=[geometry.origin.xyz],

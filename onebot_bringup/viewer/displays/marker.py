@@ -173,7 +173,7 @@ class Layer:
             self._own += key.variant.pieces()
         self.space = key.space
         self.ids: list[MarkerId] = []
-        self.batch: Batch | None = None
+        self.batch: Batch  # with the first markers
         self.first_end = _NEVER  # the end of the first lifetime
         self._logged: Sequence[Piece] = ()
         self._stamp_ns = 0
@@ -181,24 +181,23 @@ class Layer:
 
     def update(self, ids: list[MarkerId], batch: Batch) -> None:
         """Add markers, or change those that it has."""
-        if self.batch is not None and ids != self.ids:
+        if self.ids and ids != self.ids:
             slots = {marker: slot for slot, marker in enumerate(self.ids)}
             slots |= {marker: slot for slot, marker in enumerate(ids, len(self.ids))}
             ids, batch = [*slots], self.batch.joined(batch).at(np.array([*slots.values()]))
-        self.ids, self.batch = ids, batch
-        self.first_end = int(batch.ends.min()) if ids else _NEVER
+        self._set(ids, batch)
 
     def keep(self, slots: Sequence[int]) -> None:
         """Remove the markers that are not in these slots."""
-        if self.batch is not None:
-            self.ids = [self.ids[slot] for slot in slots]
-            self.batch = self.batch.at(np.array(slots, np.intp))
-            self.first_end = int(self.batch.ends.min()) if self.ids else _NEVER
+        self._set([self.ids[slot] for slot in slots], self.batch.at(np.array(slots, np.intp)))
+
+    def _set(self, ids: list[MarkerId], batch: Batch) -> None:
+        self.ids, self.batch = ids, batch
+        self.first_end = int(batch.ends.min()) if ids else _NEVER
 
     def log(self, stamp_ns: int, *, hidden: bool) -> None:
         """Log what has changed since the last row; from time to time, all."""
-        visible = self.batch is not None and self.ids and not hidden
-        drawn = self._kind.pieces(self.batch) if visible and self.batch is not None else ()
+        drawn = self._kind.pieces(self.batch) if self.ids and not hidden else ()
         if not drawn:
             if self._logged:
                 self._stage.clear(self.entity, stamp_ns, self._frame)
@@ -450,11 +449,8 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         """Return the entity of a new layer."""
         space = [key.space] if key.space else []
         first = below(self.entity, entity_path(*space, key.kind))
-        for number in count(1):
-            entity = first if number == 1 else f"{first}_{number}"
-            if entity not in self._used:
-                return entity
-        raise AssertionError
+        names = (first if number == 1 else f"{first}_{number}" for number in count(1))
+        return next(entity for entity in names if entity not in self._used)
 
     def _batch(
         self,
@@ -525,7 +521,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
                 return
             at = min(until_ns, first + _TOGETHER_NS)
             for layer in self._layers.values():
-                if layer.first_end <= at and layer.batch is not None:
+                if layer.first_end <= at:
                     over = np.flatnonzero(layer.batch.ends <= at).tolist()
                     self._remove({layer.ids[slot] for slot in over})
             self._plan = None

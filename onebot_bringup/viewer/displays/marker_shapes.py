@@ -35,20 +35,12 @@ class MarkerContent(NamedTuple):
     text: str
 
 
-class Instances(NamedTuple):
-    """Shapes, a row each."""
+class Batch(NamedTuple):
+    """Markers of one type, a row each; or the shapes that they are drawn as."""
 
     poses: Floats  # (N, 7) metres and x y z w
     scales: Floats  # (N, 3)
     colors: Floats  # (N, 4), 0 to 1
-
-
-class Batch(NamedTuple):
-    """Markers of one type, a row each."""
-
-    poses: Floats
-    scales: Floats
-    colors: Floats
     ends: NDArray[np.int64]  # when its lifetime is over, nanoseconds
     parts: NDArray[np.object_]  # a MarkerContent where a marker has points or text, else None
 
@@ -63,17 +55,15 @@ class Batch(NamedTuple):
         return Batch(*map(np.concatenate, pairs))
 
     @property
-    def instances(self) -> Instances:
-        """Each marker as one shape."""
-        return Instances(self.poses, self.scales, self.colors)
-
-    @property
     def counts(self) -> NDArray[np.intp]:
         """Points of each."""
         return np.array([len(part.points) for part in self.parts], np.intp)
 
-    def vertices(self, *, scaled: bool = False) -> Instances:
-        """Return each point of each marker as one shape, where it lies; scaled with its marker."""
+    def vertices(self, *, scaled: bool = False) -> "Batch":
+        """Return each point of each marker as one shape, where it lies; scaled with its marker.
+
+        Ends and parts stay the markers'.
+        """
         rows = np.repeat(np.arange(len(self.poses)), self.counts)
         points = np.concatenate([part.points for part in self.parts])
         turns, scales, colors = self.poses[rows, 3:], self.scales[rows], self.colors[rows]
@@ -85,7 +75,7 @@ class Batch(NamedTuple):
             ]
         )
         colors = np.where(np.isnan(point_colors), colors, point_colors)
-        return Instances(np.hstack([places, turns]), scales, colors)
+        return self._replace(poses=np.hstack([places, turns]), scales=scales, colors=colors)
 
 
 def rgba(colors: Floats) -> NDArray[np.uint32]:
@@ -111,7 +101,7 @@ _QUATERNIONS = ColumnMaker(_POSES.columns(quaternions=np.zeros((1, 4)))).row
 _SCALES = ColumnMaker(_POSES.columns(scales=np.zeros((1, 3)))).row
 
 
-def _poses(shapes: Instances) -> list[Piece]:
+def _poses(shapes: Batch) -> list[Piece]:
     places, turns = shapes.poses[:, :3], shapes.poses[:, 3:]
     return [(_TRANSLATIONS, places), (_QUATERNIONS, turns), (_SCALES, shapes.scales)]
 
@@ -124,7 +114,7 @@ class _Solid:
         self._unit = _ready([unit])
         self._colors = _in_color(archetype)
 
-    def __call__(self, shapes: Instances) -> list[Piece]:
+    def __call__(self, shapes: Batch) -> list[Piece]:
         return [*self._unit, *_poses(shapes), (self._colors, shapes.colors)]
 
 
@@ -145,7 +135,7 @@ def _arrows(starts: Floats, ways: Floats, widths: Floats, colors: Floats) -> lis
     return [(_ORIGINS, starts), (_VECTORS, ways), shafts, (_ARROW_COLORS, colors)]
 
 
-def _arrows_along_x(shapes: Instances) -> list[Piece]:
+def _arrows_along_x(shapes: Batch) -> list[Piece]:
     along = np.zeros((len(shapes.poses), 3))
     along[:, 0] = shapes.scales[:, 0]
     ways = rotate(shapes.poses[:, 3:], along)
@@ -300,17 +290,17 @@ class Kind(NamedTuple):
 
 
 KINDS: Mapping[int, Kind] = {
-    ARROW: Kind("arrows", lambda batch: _arrows_along_x(batch.instances)),
-    CUBE: Kind("cubes", lambda batch: _cubes(batch.instances)),
-    SPHERE: Kind("spheres", lambda batch: _spheres(batch.instances)),
-    CYLINDER: Kind("cylinders", lambda batch: _cylinders(batch.instances)),
+    ARROW: Kind("arrows", _arrows_along_x),
+    CUBE: Kind("cubes", _cubes),
+    SPHERE: Kind("spheres", _spheres),
+    CYLINDER: Kind("cylinders", _cylinders),
     LINE_STRIP: Kind("lines", _lines, 2, (0,)),
     LINE_LIST: Kind("lines", _lines, 2, (0,)),
     CUBE_LIST: Kind("cube_lists", lambda batch: _cubes(batch.vertices()), 1),
     SPHERE_LIST: Kind("sphere_lists", _points, 1),
     POINTS: Kind("points", _points, 1, (0, 1)),
     TEXT: Kind("texts", _texts, 0, (2,)),
-    MESH: Kind("meshes", lambda batch: _poses(batch.instances)),
+    MESH: Kind("meshes", _poses),
     TRIANGLE_LIST: Kind("triangles", _triangles, 3),
     ARROW_STRIP: Kind("arrow_strips", _arrows_of_points, 2, (0,)),
 }
