@@ -61,7 +61,7 @@ class BroadcasterConfig:
 
 
 def _wheels(side: str) -> Any:
-    description = f"joints of the wheels on the {side}; empty on both sides: found in the URDF"
+    description = f"joints of the {side} wheels; empty on both sides: found in the URDF"
     return parameter((), description, unique=True, read_only=True)
 
 
@@ -79,10 +79,8 @@ def _variances(what: str, zeros: str = "") -> Any:
     return parameter((0.0,) * 6, text, at_least=0.0)
 
 
-def _noise(side: str) -> Any:
-    text = (
-        f"standard deviation of 1 m by the {side} wheels, m; it grows with the root of the distance"
-    )
+def _noise() -> Any:
+    text = "standard deviation of the wheels' path after 1 m, m; grows with the root of the path"
     return parameter(_NOISE, text, at_least=0.0, at_most=1.0)
 
 
@@ -104,8 +102,8 @@ class ControlConfig:
         0.0, f"radius of the driven wheels, m; {_FROM_URDF}", at_least=0.0
     )
     wheel_separation_multiplier: float = _multiplier("wheel_separation")
-    left_wheel_radius_multiplier: float = _multiplier("the left wheels' radius")
-    right_wheel_radius_multiplier: float = _multiplier("the right wheels' radius")
+    left_wheel_radius_multiplier: float = _multiplier("wheel_radius on its side")
+    right_wheel_radius_multiplier: float = _multiplier("wheel_radius on its side")
     tf_frame_prefix_enable: bool = parameter(True, "prepend a prefix to the frames of the odometry")
     tf_frame_prefix: str = parameter("", "that prefix; empty: the node's namespace")
     odom_frame_id: str = _frame("odom", "frame of the odometry")
@@ -116,8 +114,8 @@ class ControlConfig:
         "the odometry's pose", "; zeros: it grows on the way"
     )
     twist_covariance_diagonal: _Six = _variances("the odometry's twist")
-    left_wheel_noise: float = _noise("left")
-    right_wheel_noise: float = _noise("right")
+    left_wheel_noise: float = _noise()
+    right_wheel_noise: float = _noise()
     open_loop: bool = parameter(False, "odometry by the commands, not by the wheels")
     position_feedback: bool = parameter(True, "odometry by the wheels' positions, not velocities")
     enable_odom_tf: bool = parameter(True, "publish the odometry on /tf, too")
@@ -126,7 +124,7 @@ class ControlConfig:
     )
     publish_limited_velocity: bool = parameter(False, "publish ~/cmd_vel_out")
     velocity_rolling_window_size: int = parameter(
-        10, "samples that the odometry's velocity is the mean of", at_least=1
+        10, "samples over which the odometry's velocity is averaged", at_least=1
     )
     publish_rate: float = parameter(
         50.0, "odometry and its transform, Hz", above=0.0, at_most=_MOST_HERTZ
@@ -137,7 +135,7 @@ class ControlConfig:
     linear: SpeedLimits = group(SpeedLimits, "linear.x")
     angular: SpeedLimits = group(SpeedLimits, "angular.z")
     robot_description: str = parameter(
-        "", "the URDF to start with, or the path of a URDF or xacro file", read_only=True
+        "", "the URDF, or the path of a URDF or xacro file", read_only=True
     )
     x: float = parameter(0.0, "where it starts in the world, m", read_only=True)
     y: float = parameter(0.0, "where it starts in the world, m", read_only=True)
@@ -158,11 +156,11 @@ class ControlConfig:
     )
     world: str = parameter(
         "",
-        "walls, ramps and boxes around it: maze, ramp, or the path of a URDF or xacro file",
+        "walls, ramps and boxes around it: maze, ramp, or a URDF or xacro file",
         read_only=True,
     )
     sensors: str = parameter(
-        "", "URDF or xacro file with sensors that the robot's URDF lacks; followed while it runs"
+        "", "URDF or xacro file with sensors that the robot's URDF lacks; reloaded when edited"
     )
     sensor_noise: bool = parameter(True, "sensors have the noise that their blocks have")
     broadcaster: BroadcasterConfig = group(BroadcasterConfig, BROADCASTER)

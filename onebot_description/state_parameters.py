@@ -15,7 +15,7 @@ class StateParameters:
     robot_description: str = parameter("", "the URDF; required without FILE")
     publish_frequency: float = parameter(
         0.0,
-        f"maximum rate of each transform, Hz; 0: every message, else at least {_LEAST_HERTZ:g}",
+        "maximum rate of each transform, Hz; 0: every message",
         at_least=0.0,
         at_most=1e3,
     )

@@ -89,7 +89,7 @@ class RecorderParameters:
     regex: str = parameter("", "record only topics whose name it matches", read_only=True)
     exclude_regex: str = parameter("", "record no topics whose name it matches", read_only=True)
     compression: str = parameter(
-        "zstd", "of the chunks of messages", choices=COMPRESSIONS, read_only=True
+        "zstd", "compression of the messages", choices=COMPRESSIONS, read_only=True
     )
 
 

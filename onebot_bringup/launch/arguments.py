@@ -295,13 +295,11 @@ def _row(left: str, right: str, width: int) -> str:
 
 # The arguments of several commands --------------------------------------------------------------
 
-PACKAGES = Argument(
-    PACKAGE_PATH, "", "folders in which ROS packages lie, joined by :; they are searched first"
-)
+PACKAGES = Argument(PACKAGE_PATH, "", "folders with ROS packages, joined by :, searched first")
 
 _NAMESPACE = re.compile(r"/?|/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*/?")
 _LEVELS = ("debug", "info", "warn", "error", "fatal")
-_AS_IN_FILE = "not given: as params_file has it"
+_AS_IN_FILE = "default: params_file's"
 _OF_STEERING = ("host", "port", "token")
 # What does not go together with robots:=, and why.
 _PLACED = "robots:= places them; write x, y and yaw of each in robots:=FILE.yaml"
@@ -335,8 +333,8 @@ def discovery_settings() -> list[Argument]:
         Argument(
             "discovery",
             LOCALHOST,
-            "which nodes are discovered; not given: as the environment has it; "
-            "HOST:PORT of a discovery server, or (localhost, subnet)",
+            "which nodes are discovered: localhost, subnet, or HOST:PORT of a discovery server; "
+            "not given: the environment's",
             ValueType(str, Rule(pattern=ARGUMENT, write=WANTED)),
             examples=(LOCALHOST, "subnet"),
         ),
@@ -366,7 +364,9 @@ def description_arguments(model: str, joints: str, view: str) -> list[Argument]:
         switch("reload", True, "apply edits of the model while running"),
         namespace,
         Argument(
-            "frame_prefix", "", "of the robot's frames; not given: the namespace, r1/; empty: none"
+            "frame_prefix",
+            "",
+            "prefix of the frames; not given: the namespace, such as r1/; empty: none",
         ),
         *parameters_of(
             "robot_state_publisher", StateParameters, "publish_frequency", "ignore_timestamp"
@@ -390,12 +390,11 @@ def simulation_arguments(control: str) -> list[Argument]:
         )
 
     return [
-        switch("sim", True, "simulate it; false: joint_state_publisher moves its joints instead"),
+        switch("sim", True, "simulate it; false: joint_state_publisher moves its joints"),
         Argument(
             "robots",
             "",
-            "several robots in one world: how many, placed in rows, or a YAML file with their "
-            "names and places",
+            "several robots in one world: how many, or a YAML file with their names and places",
         ),
         switch("steer", False, "a page to steer it from, beside its view"),
         *parameters_of("steering_page", PageParameters, *_OF_STEERING),

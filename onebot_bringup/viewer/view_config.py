@@ -13,9 +13,9 @@ Example (every key may be left out; the settings of a display are below its key)
       follow: base_link           # the link the camera moves with
     trails:                       # trails by Odometry topics, under any names
       odometry: {topic: velocity_controller/odom, color: [255, 176, 32], length: 60.0}   # seconds
-    automatic: true               # show every topic of a type that has a display, up to some
-    hidden: [/local_plan]         # topics that are not shown
-    shown: [/camera/points]       # topics that are shown in any case
+    automatic: true               # show topics of all types that have a display
+    hidden: [/local_plan]         # topics not shown
+    shown: [/camera/points]       # topics always shown
     path: {line_width: 0.02, topics: {/plan: {line_width: 0.1}}}   # nav_msgs/Path; metres
     panels: {blueprint: collapsed, selection: collapsed, time: collapsed, top: expanded}
 """
@@ -80,8 +80,8 @@ _PANEL = one_of("hidden", "collapsed", "expanded")
 class GridSettings:
     """The grid on the ground."""
 
-    visible: bool = setting(True, "draw the grid on the ground")
-    spacing: float = setting(0.0, "metres; 0 to choose it by the robot's size")
+    visible: bool = setting(True, "draw it")
+    spacing: float = setting(0.0, "metres; 0: by the robot's size")
     height: float = setting(0.0, "metres above the fixed frame's origin", height)
 
 
@@ -113,12 +113,12 @@ class ViewConfig(FrameSettings):
 
     grid: GridSettings = group(GridSettings)
     collision: bool = setting(False, "show collision shapes")
-    background: Color | None = setting(None, "sRGB bytes", color)
+    background: Color | None = setting(None, "sRGB bytes; empty: automatic", color)
     camera: CameraSettings = group(CameraSettings)
     panels: PanelsSettings = group(PanelsSettings)
-    automatic: bool = setting(True, "show every topic of a type that has a display, up to some")
-    hidden: tuple[str, ...] = setting((), "topics that are not shown", topic_list)
-    shown: tuple[str, ...] = setting((), "topics that are shown in any case", topic_list)
+    automatic: bool = setting(True, "show topics of all types that have a display")
+    hidden: tuple[str, ...] = setting((), "topics not shown", topic_list)
+    shown: tuple[str, ...] = setting((), "topics always shown", topic_list)
     # Displays of the robots.
     axes: AxesSettings = group(AxesSettings)
     joint_plot: JointPlotSettings = group(JointPlotSettings)

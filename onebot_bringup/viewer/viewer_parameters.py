@@ -29,42 +29,40 @@ class ViewerParameters:
     save: str = parameter("", "a .rrd file to write the recording to", read_only=True)
     view: str = parameter(
         "",
-        "a view file .yaml, .rviz or .rbl, reloaded when edited; empty: config/view.yaml of the "
-        "package <robot name>_description; none: none",
+        "a .yaml, .rviz or .rbl file, reloaded when edited; empty: config/view.yaml of "
+        "<robot name>_description; none: none",
         read_only=True,
     )
     robots: tuple[str, ...] = parameter(
         (),
-        "namespaces of robots, to show all; empty: the robot of the node's own",
+        "namespaces of the robots to show; empty: the node's own",
         pattern=re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII),
         write="a list of namespaces, such as [robot1, robot2]",
         unique=True,
         read_only=True,
     )
     plots: tuple[str, ...] = parameter(
-        (), "those of robots with curves; empty: the first five", unique=True, read_only=True
+        (), "namespaces of robots with curves; empty: the first five", unique=True, read_only=True
     )
     frame_prefix: str = parameter(
-        "", "robot_state_publisher's; with robots, it is the namespace of each", read_only=True
+        "", "robot_state_publisher's; with robots: each one's namespace", read_only=True
     )
     grpc_port: int = _port(9876, "port on 127.0.0.1 for viewers; 0: any")
     web_port: int = _port(9090, "port on 127.0.0.1 for the page; 0: any")
     open_browser: bool = parameter(True, "open the page, if there is a display", read_only=True)
     embedded: bool = parameter(
         False,
-        "another page holds this one, so that its address is neither logged nor opened",
+        "part of another page: its address is neither logged nor opened",
         read_only=True,
     )
     memory_limit: str = parameter(
         "256MB",
-        "what is kept for viewers that join later",
+        "recent data kept for viewers that join later",
         pattern=re.compile(r"\d+(\.\d+)?\s*(%|[kMGT]i?B|B)"),
         write="a size such as 256MB, 1GiB or 10%",
         read_only=True,
     )
-    save_view_to: str = parameter(
-        "", "the file that ~/save_view writes; empty: the one that the view is from"
-    )
+    save_view_to: str = parameter("", "the file that ~/save_view writes; empty: the view's own")
 
     def robots_to_show(self, resolve: Callable[[str], str]) -> "list[RobotToShow]":
         """Return the robots to show; ``resolve`` returns the full name of a topic.

@@ -120,7 +120,7 @@ class Dependent:
         "the joint it follows, in place of its mimic tag",
         not_empty=True,
     )
-    factor: float = parameter(1.0, "of the position of its parent")
+    factor: float = parameter(1.0, "multiplies the parent's position")
     offset: float = parameter(0.0, "added to parent * factor, rad or m")
 
 
@@ -157,7 +157,7 @@ class JointsConfig:
         False, "publish velocities also when nothing moves"
     )
     publish_default_efforts: bool = parameter(False, "publish zeros as efforts")
-    use_mimic_tags: bool = parameter(True, "joints with a mimic tag follow the joint that it names")
+    use_mimic_tags: bool = parameter(True, "joints with a mimic tag follow its joint")
     use_smallest_joint_limits: bool = parameter(
         True, "keep to the limits of safety_controller, too"
     )
@@ -188,7 +188,7 @@ class JointsConfig:
     sequence: Sequence = group(Sequence)
     robot_description: str = parameter("", "the URDF, or the path of a URDF or xacro file")
     config_file: str = parameter(
-        "", "a YAML file of joint_state_publisher's parameters, read and watched"
+        "", "a YAML file of joint_state_publisher's parameters, reloaded when edited"
     )
 
     @classmethod

@@ -31,7 +31,7 @@ def run(quick: bool) -> Report:
     results = []
     for joints, goal in _GOALS.items():
         ours, floor = _measure(joints, quick)
-        what = f"{joints} joints, closed loop:"
+        what = f"{joints} joints:"
         cpu, latency = (
             ([window[field] for window in ours], [window[field] for window in floor])
             for field in (0, 1)

@@ -28,8 +28,8 @@ _NAMES = ("image", "image_raw", "image_color", "image_mono", "image_rect", "imag
 class CameraInfoSettings(TopicSettings):
     """Frustums of cameras."""
 
-    far_clip: float = setting(0.5, "how far away the picture is, metres")
-    color: Color | None = setting(None, "of the edges, sRGB bytes; by default one of ours", color)
+    far_clip: float = setting(0.5, "distance of the picture, metres")
+    color: Color | None = setting(None, "sRGB bytes; empty: automatic", color)
 
 
 class CameraInfoDrawing(Drawing[CameraInfoSettings]):

@@ -149,14 +149,14 @@ class SpeedSettings:
 
     topic: str = setting(REQUIRED, "a topic of velocities", topic)
     type: str = setting(_AUTO, f"{', '.join(_TYPES)}, or auto", one_of(_AUTO, *_TYPES))
-    color: Color | None = setting(None, "sRGB bytes; by default one of ours", color)
+    color: Color | None = setting(None, "sRGB bytes; empty: automatic", color)
 
 
 @dataclass(frozen=True)
 class SpeedsSettings:
     """The curves of linear.x and angular.z."""
 
-    window: float = setting(20.0, "how many seconds are shown; 0 for all")
+    window: float = setting(20.0, "seconds shown; 0: all")
     lines: Mapping[str, SpeedSettings] = setting({}, "the curves, by names of your own")
 
 
@@ -237,14 +237,14 @@ class CurveSettings:
         {"pattern": _FIELD, "write": "a field, such as pose.position.x or covariance[0]"},
     )
     plot: str = setting("Curves", "the plot that it is in, by a name of your own")
-    color: Color | None = setting(None, "sRGB bytes; by default one of ours", color)
+    color: Color | None = setting(None, "sRGB bytes; empty: automatic", color)
 
 
 @dataclass(frozen=True)
 class CurvesSettings:
     """Numbers of messages, in plots."""
 
-    window: float = setting(20.0, "how many seconds are shown; 0 for all")
+    window: float = setting(20.0, "seconds shown; 0: all")
     lines: Mapping[str, CurveSettings] = setting({}, "the curves, by names of your own")
 
 

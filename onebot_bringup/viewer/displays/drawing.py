@@ -4,7 +4,7 @@ A message type is drawn by one class::
 
     @dataclass(frozen=True)
     class PathSettings(TopicSettings):
-        line_width: float = setting(0.02, "of the line, metres")
+        line_width: float = setting(0.02, "width, metres")
 
     class PathDrawing(Drawing[PathSettings]):
         key = "path"
@@ -52,9 +52,9 @@ class TopicSettings:
     """How the topics of a display are subscribed and drawn, and single ones of them."""
 
     visible: bool = setting(True, "draw it")
-    reliability: str = setting(AUTO, "as the publishers are, or as named", one_of(*_RELIABILITIES))
-    depth: int = setting(0, "messages that wait in DDS; 0 for the usual number")
-    topics: Mapping[str, Same] = setting({}, "other settings for single topics")
+    reliability: str = setting(AUTO, "auto: as the publishers offer", one_of(*_RELIABILITIES))
+    depth: int = setting(0, "depth of the DDS queue; 0: the usual one")
+    topics: Mapping[str, Same] = setting({}, "settings of single topics")
 
 
 # --- drawings -------------------------------------------------------------------------------------

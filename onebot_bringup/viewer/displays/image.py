@@ -27,11 +27,9 @@ Bytes = NDArray[np.uint8]
 class ImageSettings(TopicSettings):
     """Pictures."""
 
-    normalize_range: bool = setting(
-        True, "of 16 and 32 bits: black and white by the values of each"
-    )
-    min_value: float = setting(0.0, "that is black, if not normalized", height)
-    max_value: float = setting(1.0, "that is white, if not normalized", height)
+    normalize_range: bool = setting(True, "scale 16 and 32 bit images by their own values")
+    min_value: float = setting(0.0, "the value of black, if not normalized", height)
+    max_value: float = setting(1.0, "the value of white, if not normalized", height)
 
 
 # --- what pictures are made of --------------------------------------------------------------------

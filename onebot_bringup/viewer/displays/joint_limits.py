@@ -33,7 +33,7 @@ class JointRangesSettings:
     """How far each joint can go, drawn in the robot: an arc or a bar, and a needle where it is."""
 
     visible: bool = setting(False, "draw how far each joint can go")
-    radius: float = setting(0.0, "of an arc, metres; 0 to choose it by the robot's size")
+    radius: float = setting(0.0, "metres; 0: by the robot's size")
 
 
 class JointLimitsDisplay(Display[JointRangesSettings]):

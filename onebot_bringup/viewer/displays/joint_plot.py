@@ -32,10 +32,10 @@ JOINT_STATE: MessageType[JointStateArrays] = MessageType(
 class JointPlotSettings:
     """The curves of the joints."""
 
-    positions: bool = setting(True, "plot the joints' positions")
-    velocities: bool = setting(True, "plot the joints' velocities, if the joint states have them")
-    limits: bool = setting(False, "with the positions, level lines at the limits of each joint")
-    window: float = setting(30.0, "how many seconds are shown; 0 for all")
+    positions: bool = setting(True, "plot them")
+    velocities: bool = setting(True, "plot them")
+    limits: bool = setting(False, "plot the joints' limits with their positions")
+    window: float = setting(30.0, "seconds shown; 0: all")
 
 
 class JointPlotDisplay(Display[JointPlotSettings]):

@@ -33,7 +33,7 @@ class LogSettings(TopicSettings):
     """What nodes log."""
 
     visible: bool = setting(False, "show it below the robot")
-    level: str = setting("info", "the least severe lines shown", one_of(*_LEVELS))
+    level: str = setting("info", "the least severe level shown", one_of(*_LEVELS))
 
 
 @dataclass(frozen=True)

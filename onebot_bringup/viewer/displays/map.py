@@ -49,10 +49,10 @@ class MapSettings(TopicSettings):
     alpha: float = setting(0.7, "opacity", fraction)
     color_scheme: str = setting(
         AUTO,
-        "auto is costmap if the topic has that in its name, else map",
+        "auto: costmap if the topic's name has that word, else map",
         one_of(AUTO, *_COLORMAPS),
     )
-    draw_behind: bool = setting(False, "below other maps; costmaps are above them")
+    draw_behind: bool = setting(False, "draw it below the other maps")
 
 
 class CurrentMap(NamedTuple):

@@ -63,7 +63,7 @@ Rows = NDArray[np.intp] | slice
 class MarkerSettings(TopicSettings):
     """Shapes that programs draw."""
 
-    hidden_namespaces: tuple[str, ...] = setting((), "which are not drawn", name_list)
+    hidden_namespaces: tuple[str, ...] = setting((), "namespaces that are not drawn", name_list)
 
 
 class Incoming(NamedTuple):

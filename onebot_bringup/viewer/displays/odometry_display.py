@@ -48,9 +48,9 @@ _MOST_KEPT = 1000  # arrows, since each is logged with those before it
 class OdometrySettings(PoseSettings):
     """Poses of odometry, as arrows along x or as axes."""
 
-    keep: int = setting(100, "poses that are shown; 0 for as many as possible (1000)")
-    position_tolerance: float = setting(0.1, "metres from one pose to the next")
-    angle_tolerance: float = setting(0.1, "radians from one pose to the next")
+    keep: int = setting(100, "poses shown; 0: as many as possible, 1000")
+    position_tolerance: float = setting(0.1, "from one pose to the next, m or rad")
+    angle_tolerance: float = setting(0.1, "from one pose to the next, m or rad")
 
 
 class OdometryDrawing(PosesDrawing[OdometrySettings]):
@@ -126,10 +126,10 @@ class TrailSettings:
     """A line along the poses of an Odometry topic."""
 
     topic: str = setting(REQUIRED, "an Odometry topic", topic)
-    color: Color | None = setting(None, "sRGB bytes; by default one of ours", color)
-    width: float = setting(0.01, "of the line, metres")
+    color: Color | None = setting(None, "sRGB bytes; empty: automatic", color)
+    width: float = setting(0.01, "width of the line, metres")
     height: float = setting(0.0, "metres above the poses; negative to lay it on the ground", height)
-    length: float = setting(60.0, "how many seconds of it are shown; 0 for all")
+    length: float = setting(60.0, "seconds shown; 0: all")
 
 
 class TrailDrawing(SampleDrawing[TrailSettings]):
@@ -194,11 +194,11 @@ class CovarianceSettings:
     """An ellipse and a sector that show the covariance of the poses of an Odometry topic."""
 
     topic: str = setting(REQUIRED, "an Odometry topic", topic)
-    color: Color | None = setting(None, "sRGB bytes; by default one of ours", color)
-    width: float = setting(0.006, "of the lines, metres")
+    color: Color | None = setting(None, "sRGB bytes; empty: automatic", color)
+    width: float = setting(0.006, "width of the lines, metres")
     height: float = setting(0.0, "metres above the poses; negative to lay it on the ground", height)
-    sigma: float = setting(3.0, "how many standard deviations they are wide")
-    heading: float = setting(0.5, "radius of the sector, which shows the yaw, metres; 0 for none")
+    sigma: float = setting(3.0, "size in standard deviations")
+    heading: float = setting(0.5, "radius of the sector, which shows the yaw, metres; 0: none")
 
 
 class CovarianceDrawing(SampleDrawing[CovarianceSettings]):

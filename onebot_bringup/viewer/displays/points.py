@@ -35,24 +35,24 @@ _ON_SCREEN = 3.0  # pixels
 class PointsSettings(TopicSettings):
     """Coloured points."""
 
-    size: float = setting(0.0, "of a point, metres; 0 for three pixels, however far away it is")
+    size: float = setting(0.0, "metres; 0: three pixels")
     color_transformer: str = setting(
-        AUTO, "auto takes the first for which there is data", one_of(AUTO, INTENSITY, AXIS, FLAT)
+        AUTO, "auto: the first that has data", one_of(AUTO, INTENSITY, AXIS, FLAT)
     )
     channel_name: str = setting("intensity", "the field that Intensity shows")
-    use_rainbow: bool = setting(True, "of Intensity; else from min_color to max_color")
+    use_rainbow: bool = setting(True, "of Intensity; false: from min_color to max_color")
     invert_rainbow: bool = setting(False, "red where the value is highest")
     min_color: Color = setting((0, 0, 0), "sRGB bytes", color)
     max_color: Color = setting((255, 255, 255), "sRGB bytes", color)
-    autocompute_intensity_bounds: bool = setting(True, "of each message")
-    min_intensity: float = setting(0.0, "if they are not computed", height)
-    max_intensity: float = setting(4096.0, "if they are not computed", height)
-    axis: str = setting("Z", "of the fixed frame, which AxisColor shows", one_of(*_AXES))
-    autocompute_value_bounds: bool = setting(True, "of AxisColor, of each message")
-    min_value: float = setting(-10.0, "metres, if they are not computed", height)
-    max_value: float = setting(10.0, "metres, if they are not computed", height)
-    color: Color | None = setting(None, "of FlatColor, sRGB bytes; by default one of ours", color)
-    decay_time: float = setting(0.0, "seconds that points stay; 0 until the next message")
+    autocompute_intensity_bounds: bool = setting(True, "compute them for each message")
+    min_intensity: float = setting(0.0, "if not computed", height)
+    max_intensity: float = setting(4096.0, "if not computed", height)
+    axis: str = setting("Z", "the axis of the fixed frame that AxisColor shows", one_of(*_AXES))
+    autocompute_value_bounds: bool = setting(True, "compute them for each message")
+    min_value: float = setting(-10.0, "metres, if not computed", height)
+    max_value: float = setting(10.0, "metres, if not computed", height)
+    color: Color | None = setting(None, "sRGB bytes; empty: automatic", color)
+    decay_time: float = setting(0.0, "seconds that points stay; 0: until the next message")
 
 
 class Points(NamedTuple):
@@ -219,7 +219,7 @@ class PointCloud2Settings(PointsSettings):
 
     color_transformer: str = setting(
         AUTO,
-        "auto takes the first for which there is data",
+        "auto: the first that has data",
         one_of(AUTO, RGB8, INTENSITY, AXIS, FLAT),
     )
 

@@ -27,7 +27,7 @@ AXIS_COLORS = np.array([(204, 51, 51), (51, 204, 51), (51, 102, 255)], np.uint8)
 # A flat arrow of length 1: its shaft, and both sides of its head.
 _FLAT = np.array([(0, 0, 0), (1, 0, 0), (0.75, 0.2, 0), (1, 0, 0), (0.75, -0.2, 0)], float)
 _WIDTH: Any = [rr.Radius.ui_points(0.75)]  # lines of flat arrows and outlines
-_FITTING = "0: in proportion to the robot"
+_FITTING = "0: by the robot's size"
 
 
 @dataclass(frozen=True)
@@ -35,10 +35,10 @@ class PoseSettings(TopicSettings):
     """Poses as arrows along x, or as axes."""
 
     shape: str = setting(ARROW, "how a pose is drawn", one_of(ARROW, AXES))
-    color: Color | None = setting(None, "of arrows, sRGB bytes; by default one of ours", color)
-    shaft_length: float = setting(0.0, f"of an arrow, metres; {_FITTING}")
-    shaft_radius: float = setting(0.0, f"of an arrow, metres; {_FITTING}")
-    head_length: float = setting(0.0, f"of an arrow, metres; {_FITTING}")
+    color: Color | None = setting(None, "sRGB bytes; empty: automatic", color)
+    shaft_length: float = setting(0.0, f"metres; {_FITTING}")
+    shaft_radius: float = setting(0.0, f"metres; {_FITTING}")
+    head_length: float = setting(0.0, f"metres; {_FITTING}")
     axes_length: float = setting(0.0, f"metres; {_FITTING}")
     axes_radius: float = setting(0.0, f"metres; {_FITTING}")
 
@@ -104,10 +104,10 @@ class PoseArraySettings(PoseSettings):
     """Many poses, as flat arrows along x, as arrows, or as axes."""
 
     shape: str = setting(FLAT, "how a pose is drawn", one_of(FLAT, SOLID, AXES))
-    arrow_length: float = setting(0.3, "of a flat arrow, metres")
-    shaft_length: float = setting(0.23, "of an arrow, metres")
-    shaft_radius: float = setting(0.01, "of an arrow, metres")
-    head_length: float = setting(0.07, "of an arrow, metres")
+    arrow_length: float = setting(0.3, "metres")
+    shaft_length: float = setting(0.23, "metres")
+    shaft_radius: float = setting(0.01, "metres")
+    head_length: float = setting(0.07, "metres")
     axes_length: float = setting(0.3, "metres")
     axes_radius: float = setting(0.01, "metres")
 
@@ -243,8 +243,8 @@ class PoseWithCovarianceSettings(PoseSettings):
     """A pose as an arrow along x or as axes, with an ellipse and a sector of its covariance."""
 
     covariance: bool = setting(True, "show it")
-    sigma: float = setting(3.0, "how many standard deviations they are wide")
-    heading: float = setting(0.5, "radius of the sector, metres; 0 for none")
+    sigma: float = setting(3.0, "size in standard deviations")
+    heading: float = setting(0.5, "radius of the sector, metres; 0: none")
 
 
 class PoseWithCovarianceDrawing(PosesDrawing[PoseWithCovarianceSettings]):

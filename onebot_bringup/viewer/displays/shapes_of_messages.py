@@ -29,8 +29,8 @@ from onebot_description.parameters.reader import parameter
 class PathSettings(TopicSettings):
     """Lines along planned paths."""
 
-    color: Color | None = setting(None, "sRGB bytes; by default one of ours a topic", color)
-    line_width: float = setting(0.02, "of the lines, metres")
+    color: Color | None = setting(None, "sRGB bytes; empty: automatic", color)
+    line_width: float = setting(0.02, "metres")
     height: float = setting(0.0, "metres above the poses; negative to lay it on the ground", height)
 
 
@@ -59,8 +59,8 @@ _strips = rr.LineStrips3D.from_fields
 class PolygonSettings(TopicSettings):
     """Polygons as closed lines."""
 
-    color: Color | None = setting(None, "sRGB bytes; by default one of ours a topic", color)
-    width: float = setting(0.0, "of the line, metres; 0 for two pixels, however far away it is")
+    color: Color | None = setting(None, "sRGB bytes; empty: automatic", color)
+    width: float = setting(0.0, "metres; 0: two pixels")
 
 
 class PolygonDrawing(Drawing[PolygonSettings]):
@@ -86,9 +86,9 @@ class PolygonDrawing(Drawing[PolygonSettings]):
 class PointStampedSettings(TopicSettings):
     """Points as spheres."""
 
-    color: Color | None = setting(None, "sRGB bytes; by default one of ours a topic", color)
+    color: Color | None = setting(None, "sRGB bytes; empty: automatic", color)
     radius: float = setting(0.2, "metres")
-    history_length: int = parameter(1, "points that are shown", at_least=1, at_most=10_000)
+    history_length: int = parameter(1, "points shown", at_least=1, at_most=10_000)
 
 
 class PointStampedDrawing(Drawing[PointStampedSettings]):
@@ -133,7 +133,7 @@ class RangeSettings(TopicSettings):
     """Cones of range sensors."""
 
     color: Color = setting((255, 255, 255), "sRGB bytes", color)
-    alpha: float = setting(0.5, "1.0 hides what is behind", fraction)
+    alpha: float = setting(0.5, "opacity", fraction)
 
 
 class RangeDrawing(Drawing[RangeSettings]):
@@ -195,10 +195,10 @@ class ImuSettings(TopicSettings):
     """Inertial sensors."""
 
     axes: bool = setting(True, "draw the orientation, in the fixed frame")
-    axes_scale: float = setting(0.3, "length of the axes, metres")
-    acceleration: bool = setting(True, "draw the acceleration, gravity with it")
-    acceleration_scale: float = setting(0.05, "metres for a metre per second squared")
-    color: Color | None = setting(None, "of it, sRGB bytes; by default one of ours", color)
+    axes_scale: float = setting(0.3, "metres")
+    acceleration: bool = setting(True, "draw the acceleration, with gravity")
+    acceleration_scale: float = setting(0.05, "metres per m/s2")
+    color: Color | None = setting(None, "sRGB bytes; empty: automatic", color)
 
 
 class ImuDrawing(Drawing[ImuSettings]):

@@ -44,11 +44,11 @@ TF_STATIC: MessageType[TfArrays] = MessageType(TF.name, TF.decode, _stamp_ns, li
 class AxesSettings:
     """The frames' axes."""
 
-    visible: bool = setting(True, "draw the axes of the frames")
-    length: float = setting(0.0, "of the axes, metres; 0 to choose it by the robot's size")
-    names: bool = setting(True, "write the frames' names beside their axes")
-    names_up_to: int = setting(16, "frames with axes; of more, no names are written")
-    frames: tuple[str, ...] = setting((), "of these frames only; empty for all", name_list)
+    visible: bool = setting(True, "draw it")
+    length: float = setting(0.0, "metres; 0: by the robot's size")
+    names: bool = setting(True, "write the frames' names")
+    names_up_to: int = setting(16, "write no names if there are more frames")
+    frames: tuple[str, ...] = setting((), "draw only these frames; empty: all", name_list)
 
 
 class TfDisplay(Display[AxesSettings]):
