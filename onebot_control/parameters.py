@@ -52,7 +52,7 @@ class BroadcasterConfig:
     )
     interfaces: tuple[str, ...] = parameter(
         (),
-        "published for these joints, others are NaN; empty: all",
+        "values published, others are NaN; empty: all",
         choices=INTERFACES,
         unique=True,
     )
@@ -60,8 +60,8 @@ class BroadcasterConfig:
     frame_id: str = parameter("base_link", "frame_id of the message's header")
 
 
-def _wheels(side: str) -> Any:
-    description = f"joints of the {side} wheels; empty on both sides: found in the URDF"
+def _wheels() -> Any:
+    description = "joints of that side's wheels; empty on both sides: found in the URDF"
     return parameter((), description, unique=True, read_only=True)
 
 
@@ -74,8 +74,8 @@ def _frame(default: str, description: str) -> Any:
     return parameter(default, description, not_empty=True, write=write)
 
 
-def _variances(what: str, zeros: str = "") -> Any:
-    text = f"variances of {what}: x, y, z, roll, pitch, yaw{zeros}"
+def _variances() -> Any:
+    text = "variances of x, y, z, roll, pitch, yaw; zeros in the pose: they grow on the way"
     return parameter((0.0,) * 6, text, at_least=0.0)
 
 
@@ -91,11 +91,11 @@ _Six = tuple[float, float, float, float, float, float]
 class ControlConfig:
     """All parameters: diff_drive_controller's, the simulation's and joint_state_broadcaster's."""
 
-    left_wheel_names: tuple[str, ...] = _wheels("left")
-    right_wheel_names: tuple[str, ...] = _wheels("right")
+    left_wheel_names: tuple[str, ...] = _wheels()
+    right_wheel_names: tuple[str, ...] = _wheels()
     wheel_separation: float = parameter(
         0.0,
-        f"distance of the wheels, of skid steer the effective one, m; {_FROM_URDF}",
+        f"distance between the wheels, effective for skid steer, m; {_FROM_URDF}",
         at_least=0.0,
     )
     wheel_radius: float = parameter(
@@ -110,10 +110,8 @@ class ControlConfig:
     base_frame_id: str = parameter(
         "", "frame of the base, child of odom_frame_id; empty: the robot's root link"
     )
-    pose_covariance_diagonal: _Six = _variances(
-        "the odometry's pose", "; zeros: it grows on the way"
-    )
-    twist_covariance_diagonal: _Six = _variances("the odometry's twist")
+    pose_covariance_diagonal: _Six = _variances()
+    twist_covariance_diagonal: _Six = _variances()
     left_wheel_noise: float = _noise()
     right_wheel_noise: float = _noise()
     open_loop: bool = parameter(False, "odometry by the commands, not by the wheels")
@@ -130,16 +128,16 @@ class ControlConfig:
         50.0, "odometry and its transform, Hz", above=0.0, at_most=_MOST_HERTZ
     )
     cmd_vel_type: str = parameter(
-        "auto", "type of ~/cmd_vel; auto: the one that is published", choices=COMMAND_TYPES
+        "auto", "type of ~/cmd_vel; auto: the one published", choices=COMMAND_TYPES
     )
     linear: SpeedLimits = group(SpeedLimits, "linear.x")
     angular: SpeedLimits = group(SpeedLimits, "angular.z")
     robot_description: str = parameter(
         "", "the URDF, or the path of a URDF or xacro file", read_only=True
     )
-    x: float = parameter(0.0, "where it starts in the world, m", read_only=True)
-    y: float = parameter(0.0, "where it starts in the world, m", read_only=True)
-    yaw: float = parameter(0.0, "where it faces at the start, rad", read_only=True)
+    x: float = parameter(0.0, "pose in the world at the start, m or rad", read_only=True)
+    y: float = parameter(0.0, "pose in the world at the start, m or rad", read_only=True)
+    yaw: float = parameter(0.0, "pose in the world at the start, m or rad", read_only=True)
     update_rate: float = parameter(
         100,
         "control cycles a second, Hz",
