@@ -61,7 +61,7 @@ def run(quick: bool) -> Report:
             "unheard": lambda: _measure(_alone(), controller, quick),
             "heard": lambda: _measure(_alone(), controller, quick, subscribed=True),
         }
-        windows = in_turn(variants, 1 if quick else 7)
+        windows = in_turn(variants, 1 if quick else 5)
     # Not the rounds' ratios: two starts have no more in common for being in the same round.
     middle = {
         name: Window(*(median(values) for values in zip(*starts, strict=True)))
