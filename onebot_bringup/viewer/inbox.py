@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeVar
 from std_msgs.msg import String
 
 from onebot_description.wire.cdr import SYSTEM_TIME_NS, nanoseconds
-from onebot_description.wire.messages import BAD_MESSAGE, deserialize_message
+from onebot_description.wire.messages import BAD_MESSAGE, deserialize_message, known_schema
 from onebot_description.wire.schema import Schema
 
 if TYPE_CHECKING:
@@ -49,7 +49,15 @@ def message_type(name: str, definition: str, live: bool = True) -> "MessageType[
     Raises:
         ValueError: the definition cannot be read.
     """
-    schema = Schema.of(name, definition)
+    return _read_by(name, Schema.of(name, definition), live)
+
+
+def known_type(name: str) -> "MessageType[Any]":
+    """Return a type whose definition is here, whatever is installed or recorded."""
+    return _read_by(name, known_schema(name))
+
+
+def _read_by(name: str, schema: Schema, live: bool = True) -> "MessageType[Any]":
     return MessageType(name, one_by_one(schema.read), _stamp_of(schema), live)
 
 

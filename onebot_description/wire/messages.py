@@ -15,7 +15,7 @@ from rclpy import serialization
 from std_msgs.msg import Header
 
 from onebot_description.wire.cdr import NANO, Floats, nanoseconds
-from onebot_description.wire.schema import Message, Schema
+from onebot_description.wire.schema import Schema
 from onebot_description.wire.tf_message import TFMessage
 
 BAD_MESSAGE = (ValueError, IndexError)  # raised for bytes that are no such message
@@ -46,14 +46,6 @@ class JointStateArrays(NamedTuple):
     positions: Floats  # radians or metres
     velocities: Floats  # radians or metres a second
     efforts: Floats  # newton metres or newtons
-
-
-class TwistSample(NamedTuple):
-    """A velocity."""
-
-    stamp_ns: int  # 0 in a message without one
-    linear: Floats  # (3,) metres a second
-    angular: Floats  # (3,) radians a second
 
 
 class OdometrySample(NamedTuple):
@@ -94,7 +86,8 @@ _TYPES = {  # their fields
 
 
 @functools.cache
-def _schema(name: str) -> Schema:
+def known_schema(name: str) -> Schema:
+    """Return the schema of a type whose definition is here, such as nav_msgs/Odometry."""
     sections = (f"MSG: {inner}\n{fields}" for inner, fields in _TYPES.items())
     return Schema(name, f"\n{'=' * 80}\n".join(["", *sections]))
 
@@ -105,7 +98,7 @@ def _schema(name: str) -> Schema:
 
 def tf_arrays(data: bytes) -> TfArrays:
     """Read a serialized tf2_msgs/msg/TFMessage; names that come again are the same lists."""
-    transforms = _schema("tf2_msgs/TFMessage").read(data).transforms
+    transforms = known_schema("tf2_msgs/TFMessage").read(data).transforms
     header = transforms.header
     values = transforms.transform.array()
     stamps = header.stamp.sec.astype(np.int64) * NANO + header.stamp.nanosec
@@ -121,7 +114,7 @@ def _lists(parents: tuple[str, ...], children: tuple[str, ...]) -> tuple[list[st
 
 def one_joint_state(data: bytes) -> JointStateArrays:
     """Read a serialized sensor_msgs/msg/JointState."""
-    state = _schema("sensor_msgs/JointState").read(data)
+    state = known_schema("sensor_msgs/JointState").read(data)
     fields = state.position, state.velocity, state.effort
     stamp_ns = nanoseconds(state.header.stamp)
     return JointStateArrays(stamp_ns, state.header.frame_id, tuple(state.name), *fields)
@@ -129,7 +122,7 @@ def one_joint_state(data: bytes) -> JointStateArrays:
 
 def odometry_sample(data: bytes) -> OdometrySample:
     """Read a serialized nav_msgs/msg/Odometry."""
-    message = _schema("nav_msgs/Odometry").read(data)
+    message = known_schema("nav_msgs/Odometry").read(data)
     pose = message.pose.pose.array()
     twist = message.twist.twist
     return OdometrySample(
@@ -142,21 +135,6 @@ def odometry_sample(data: bytes) -> OdometrySample:
         twist.angular.array(),
         message.pose.covariance,
     )
-
-
-def twist_sample(data: bytes) -> TwistSample:
-    """Read a serialized geometry_msgs/msg/Twist, which has no stamp: its time is 0."""
-    return _twist(_schema("geometry_msgs/Twist").read(data), 0)
-
-
-def twist_stamped_sample(data: bytes) -> TwistSample:
-    """Read a serialized geometry_msgs/msg/TwistStamped."""
-    message = _schema("geometry_msgs/TwistStamped").read(data)
-    return _twist(message.twist, nanoseconds(message.header.stamp))
-
-
-def _twist(twist: Message, stamp_ns: int) -> TwistSample:
-    return TwistSample(stamp_ns, twist.linear.array(), twist.angular.array())
 
 
 def deserialize_message(data: bytes, kind: type) -> Any:

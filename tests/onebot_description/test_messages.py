@@ -6,8 +6,6 @@ from geometry_msgs.msg import (
     Quaternion,
     Transform,
     TransformStamped,
-    Twist,
-    TwistStamped,
     Vector3,
 )
 from hypothesis import given
@@ -21,8 +19,6 @@ from onebot_description.wire.messages import (
     odometry_sample,
     one_joint_state,
     tf_arrays,
-    twist_sample,
-    twist_stamped_sample,
 )
 from onebot_description.wire.tf_message import TFMessage
 
@@ -100,19 +96,6 @@ def test_odometry_is_read_as_rclpy_wrote_it(values, frame, child, stamp):
     found = np.concatenate([read.translation, read.rotation, read.linear, read.angular])
     np.testing.assert_array_equal(found, values)
     np.testing.assert_array_equal(read.covariance, message.pose.covariance)
-
-
-@given(numbers, names, stamps)
-def test_twists_are_read_as_rclpy_wrote_them(values, frame, stamp):
-    twist = Twist(linear=_vector(values), angular=_vector(values[3:]))
-    stamped = TwistStamped(twist=twist)
-    stamped.header.frame_id = frame
-    stamped.header.stamp.sec, stamped.header.stamp.nanosec = stamp
-    plain, full = twist_sample(serialize_message(twist)), serialize_message(stamped)
-    for read in (plain, twist_stamped_sample(full)):
-        np.testing.assert_array_equal(np.concatenate([read.linear, read.angular]), values[:6])
-    assert plain.stamp_ns == 0
-    assert twist_stamped_sample(full).stamp_ns == stamp[0] * 10**9 + stamp[1]
 
 
 def _tf_bytes(names, number=0.0, sec=1):

@@ -20,16 +20,10 @@ from onebot_bringup.viewer.columns import ColumnMaker, entity_path, time_column
 from onebot_bringup.viewer.displays.display import LARGEST, SELDOM, LayoutPart, Plot, below
 from onebot_bringup.viewer.displays.drawing import Drawing, NamedDisplay
 from onebot_bringup.viewer.displays.odometry_display import ODOMETRY
-from onebot_bringup.viewer.inbox import MessageType, WantedTopic, one_by_one
+from onebot_bringup.viewer.inbox import MessageType, WantedTopic, known_type
 from onebot_bringup.viewer.settings import Color, color, one_of, setting, topic
 from onebot_description.errors import OneBotError, listing
 from onebot_description.parameters.reader import REQUIRED
-from onebot_description.wire.messages import (
-    OdometrySample,
-    TwistSample,
-    twist_sample,
-    twist_stamped_sample,
-)
 from onebot_description.wire.schema import Message, Table
 
 S = TypeVar("S", bound="SpeedSettings | CurveSettings")
@@ -131,14 +125,8 @@ _DECIMALS = 4  # digits of m/s and rad/s
 GAP = 1.5
 _AUTO = "auto"
 _TYPES: Mapping[str, MessageType[Any]] = {
-    "Twist": MessageType(
-        "geometry_msgs/msg/Twist", one_by_one(twist_sample), lambda sample: sample.stamp_ns
-    ),
-    "TwistStamped": MessageType(
-        "geometry_msgs/msg/TwistStamped",
-        one_by_one(twist_stamped_sample),
-        lambda sample: sample.stamp_ns,
-    ),
+    "Twist": known_type("geometry_msgs/msg/Twist"),
+    "TwistStamped": known_type("geometry_msgs/msg/TwistStamped"),
     "Odometry": ODOMETRY,
 }
 
@@ -171,8 +159,8 @@ class SpeedDrawing(CurveDrawing[SpeedSettings]):
         root = self.entity.removesuffix(f"/{name}")
         return [f"{root}/{plot}/{name}" for plot in SPEEDS]
 
-    def add(self, stamp_ns: int, message: TwistSample | OdometrySample) -> None:
-        self._held = isinstance(message, TwistSample)
+    def add(self, stamp_ns: int, message: Any) -> None:
+        self._held = not hasattr(type(message), "pose")
         last = self._last_ns
         if last is not None and stamp_ns - last > GAP * 1e9:
             for curve in self.curves:
@@ -180,9 +168,11 @@ class SpeedDrawing(CurveDrawing[SpeedSettings]):
         self._last_ns = stamp_ns
         super().add(stamp_ns, message)
 
-    def values(self, message: TwistSample | OdometrySample) -> Sequence[float]:
+    def values(self, message: Any) -> Sequence[float]:
+        while hasattr(type(message), "twist"):  # of an Odometry, there are two
+            message = message.twist
         # A plot zooms in on whatever there is: without the last digits a steady speed is flat.
-        return [round(float(n), _DECIMALS) for n in (message.linear[0], message.angular[2])]
+        return [round(float(n), _DECIMALS) for n in (message.linear.x, message.angular.z)]
 
     def legend(self) -> rr.SeriesLines:
         return rr.SeriesLines(

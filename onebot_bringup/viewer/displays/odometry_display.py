@@ -28,15 +28,12 @@ from onebot_bringup.viewer.displays.pose_display import (
     outlines,
     yaw_only,
 )
-from onebot_bringup.viewer.inbox import MessageType, WantedTopic, one_by_one
+from onebot_bringup.viewer.inbox import WantedTopic, known_type
 from onebot_bringup.viewer.settings import Color, color, height, setting, topic
 from onebot_description.model.quaternions import to_matrix
 from onebot_description.parameters.reader import REQUIRED
-from onebot_description.wire.messages import OdometrySample, odometry_sample
 
-ODOMETRY: MessageType[OdometrySample] = MessageType(
-    "nav_msgs/msg/Odometry", one_by_one(odometry_sample), lambda sample: sample.stamp_ns
-)
+ODOMETRY = known_type("nav_msgs/msg/Odometry")
 T = TypeVar("T", bound="TrailSettings | CovarianceSettings")
 
 # --- arrows ---------------------------------------------------------------------------------------
@@ -102,15 +99,15 @@ class OdometryDisplay(NamedDisplay):
         return replace(super().layout(), hidden=(self.entity(self.key),), shown=entities)
 
 
-class SampleDrawing(Drawing[T]):
-    """Draws samples of odometry."""
+class PlaceDrawing(Drawing[T]):
+    """Draws at the places of odometry."""
 
-    def frame_of(self, message: OdometrySample) -> str:
-        return message.frame_id
+    def frame_of(self, message: Any) -> str:
+        return str(message.header.frame_id)
 
-    def place_of(self, sample: OdometrySample) -> Floats | None:
+    def place_of(self, message: Any) -> Floats | None:
         """Return where to draw: (3,) metres; None if it is not finite."""
-        place = np.array(sample.translation) + (0.0, 0.0, self.settings.height)
+        place = message.pose.pose.position.array() + (0.0, 0.0, self.settings.height)
         return place if (np.abs(place) <= LARGEST).all() else None
 
 
@@ -132,7 +129,7 @@ class TrailSettings:
     length: float = setting(60.0, "seconds shown; 0: all")
 
 
-class TrailDrawing(SampleDrawing[TrailSettings]):
+class TrailDrawing(PlaceDrawing[TrailSettings]):
     """Where the robot has been.
 
     Every piece of the line is a row of its own, at its own time; the layout shows those of the last
@@ -147,10 +144,10 @@ class TrailDrawing(SampleDrawing[TrailSettings]):
     def style(self) -> list[rr.AsComponents]:
         return [rr.LineStrips3D.from_fields(colors=[self.color], radii=[self.settings.width / 2])]
 
-    def draw(self, sample: OdometrySample) -> Archetypes:
+    def draw(self, message: Any) -> Archetypes:
         """Return the piece that ends here, once it is long enough."""
-        place = self.place_of(sample)
-        if place is None or not sample.frame_id:
+        place = self.place_of(message)
+        if place is None or not self.frame_of(message):
             self._start = None
             return ()
         stamp_ns, frame, previous_place = self._previous
@@ -201,7 +198,7 @@ class CovarianceSettings:
     heading: float = setting(0.5, "radius of the sector, which shows the yaw, metres; 0: none")
 
 
-class CovarianceDrawing(SampleDrawing[CovarianceSettings]):
+class CovarianceDrawing(PlaceDrawing[CovarianceSettings]):
     """How sure the robot is of its pose: an ellipse around the place, a sector around the heading.
 
     Each lies in a frame of its own, which moves with the messages. The shape itself is logged only
@@ -215,16 +212,16 @@ class CovarianceDrawing(SampleDrawing[CovarianceSettings]):
         # The shape that is logged of each part, (49, 3) metres, and when.
         self._shapes: dict[str, tuple[Floats | None, float]] = {}
 
-    def draw(self, sample: OdometrySample) -> Archetypes:
+    def draw(self, message: Any) -> Archetypes:
         """Log both parts below the entity; nothing lies at the entity itself."""
-        place = self.place_of(sample)
+        place = self.place_of(message)
         if place is None:
             return ()
         settings, pose = self.settings, np.eye(4)
         pose[:3, 3] = place
-        ellipse, sector = outlines(sample.covariance, settings.sigma, settings.heading)
+        ellipse, sector = outlines(message.pose.covariance, settings.sigma, settings.heading)
         self._draw_part("place", ellipse, pose)
-        pose[:3, :3] = to_matrix(yaw_only(sample.rotation))
+        pose[:3, :3] = to_matrix(yaw_only(message.pose.pose.orientation.array()))
         self._draw_part("heading", sector, pose)
         return ()
 
