@@ -32,9 +32,9 @@ JOINT_STATE: MessageType[JointStateArrays] = MessageType(
 class JointPlotSettings:
     """The curves of the joints."""
 
-    positions: bool = setting(True, "plot them")
-    velocities: bool = setting(True, "plot them")
-    limits: bool = setting(False, "plot the joints' limits with their positions")
+    positions: bool = setting(True, "draw it")
+    velocities: bool = setting(True, "draw it")
+    limits: bool = setting(False, "draw it")
     window: float = setting(30.0, "seconds shown; 0: all")
 
 

@@ -32,7 +32,7 @@ _LONGEST = 5000  # characters of a line
 class LogSettings(TopicSettings):
     """What nodes log."""
 
-    visible: bool = setting(False, "show it below the robot")
+    visible: bool = setting(False, "draw it")
     level: str = setting("info", "the least severe level shown", one_of(*_LEVELS))
 
 

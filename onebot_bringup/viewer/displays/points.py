@@ -35,7 +35,7 @@ _ON_SCREEN = 3.0  # pixels
 class PointsSettings(TopicSettings):
     """Coloured points."""
 
-    size: float = setting(0.0, "metres; 0: three pixels")
+    size: float = setting(0.0, "metres; 0: a few pixels")
     color_transformer: str = setting(
         AUTO, "auto: the first that has data", one_of(AUTO, INTENSITY, AXIS, FLAT)
     )

@@ -242,7 +242,7 @@ def yaw_only(rotation: Floats) -> Floats:
 class PoseWithCovarianceSettings(PoseSettings):
     """A pose as an arrow along x or as axes, with an ellipse and a sector of its covariance."""
 
-    covariance: bool = setting(True, "show it")
+    covariance: bool = setting(True, "draw it")
     sigma: float = setting(3.0, "size in standard deviations")
     heading: float = setting(0.5, "radius of the sector, metres; 0: none")
 

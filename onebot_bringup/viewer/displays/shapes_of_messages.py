@@ -60,7 +60,7 @@ class PolygonSettings(TopicSettings):
     """Polygons as closed lines."""
 
     color: Color | None = setting(None, "sRGB bytes; empty: automatic", color)
-    width: float = setting(0.0, "metres; 0: two pixels")
+    width: float = setting(0.0, "metres; 0: a few pixels")
 
 
 class PolygonDrawing(Drawing[PolygonSettings]):
@@ -194,9 +194,9 @@ _UNKNOWN = -1.0  # a covariance that begins so: the sensor does not measure it
 class ImuSettings(TopicSettings):
     """Inertial sensors."""
 
-    axes: bool = setting(True, "draw the orientation, in the fixed frame")
+    axes: bool = setting(True, "draw it")
     axes_scale: float = setting(0.3, "metres")
-    acceleration: bool = setting(True, "draw the acceleration, with gravity")
+    acceleration: bool = setting(True, "draw it")
     acceleration_scale: float = setting(0.05, "metres per m/s2")
     color: Color | None = setting(None, "sRGB bytes; empty: automatic", color)
 

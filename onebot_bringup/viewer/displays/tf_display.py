@@ -46,7 +46,7 @@ class AxesSettings:
 
     visible: bool = setting(True, "draw it")
     length: float = setting(0.0, "metres; 0: by the robot's size")
-    names: bool = setting(True, "write the frames' names")
+    names: bool = setting(True, "draw it")
     names_up_to: int = setting(16, "write no names if there are more frames")
     frames: tuple[str, ...] = setting((), "draw only these frames; empty: all", name_list)
 
