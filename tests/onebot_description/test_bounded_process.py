@@ -62,7 +62,10 @@ HOSTILE = {
         MEMORY,
     ),
     "aliases": ("<link name=\"${xacro.load_yaml('aliases.yaml')}\"/>", MEMORY),
-    "power": ('<link name="${10**10**10}"/>', PROCESSOR),
+    "power": (
+        '<xacro:macro name="m"><link name="${10**10**10}"/></xacro:macro>\n<xacro:m/>',
+        PROCESSOR,
+    ),
     "includes": (
         '<xacro:property name="depth" value="0"/><xacro:include filename="ping.xacro"/>',
         PROCESSOR,

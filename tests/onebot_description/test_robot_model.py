@@ -32,7 +32,7 @@ def _peer(urdf):
     return peer
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=50)
 @given(robots(), st.data())
 def test_joint_transforms_equal_yourdfpys(urdf, data):
     model = RobotModel.from_description(parse_description(urdf))
@@ -52,7 +52,7 @@ def test_joint_transforms_equal_yourdfpys(urdf, data):
         np.testing.assert_allclose(_matrices(model.fixed.constant)[row], expected, atol=1e-9)
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=50)
 @given(robots(kinds=("fixed", "revolute", "prismatic", "continuous")), st.data())
 def test_link_poses_are_the_chain_of_transforms(urdf, data):
     model = RobotModel.from_description(parse_description(urdf))
@@ -101,7 +101,7 @@ def _formula(joints, q):
     return np.concatenate((translations, rotations), axis=-1).astype(float)
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=50)
 @given(robots(), st.data())
 def test_batches_follow_the_formula(urdf, data):
     model = RobotModel.from_description(parse_description(urdf))

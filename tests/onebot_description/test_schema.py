@@ -85,7 +85,7 @@ def test_a_message_reads_as_rclpy_wrote_it(name):
     kind = message_class(name)
     schema = Schema.of(name, full_definition(name))
 
-    @settings(max_examples=5, database=None, suppress_health_check=list(HealthCheck))
+    @settings(max_examples=3, database=None, suppress_health_check=list(HealthCheck))
     @given(messages(kind))
     def check(message):
         ours = schema.read(serialized(message))
