@@ -1,5 +1,6 @@
 """A peer on the wire and nodes in processes of their own, for tests on real DDS."""
 
+import json
 import os
 import signal
 import subprocess
@@ -137,6 +138,26 @@ class NodeProcess(RunningProcess):
 
     def __init__(self, module: str, *args: str, check: bool = True) -> None:
         super().__init__([sys.executable, "-u", "-m", module, *args], check=check)
+
+
+_EACH = """
+import importlib, json, sys
+main = importlib.import_module(sys.argv[1]).main
+for words in json.loads(sys.argv[2]):
+    print("exit code", main(["node", *words]), flush=True)
+"""
+
+
+def refusals(module: str, lines: Sequence[Sequence[str]]) -> list[str]:
+    """What a node prints for each command line, all of which end it by one error; one process."""
+    command = [sys.executable, "-u", "-c", _EACH, module, json.dumps(lines)]
+    done = subprocess.run(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=PATIENCE
+    )
+    *outputs, end = done.stdout.split("exit code 1\n")
+    assert (end, len(outputs)) == ("", len(lines)), done.stdout
+    assert not any(words in done.stdout for words in ("Traceback", "RuntimeWarning")), done.stdout
+    return outputs
 
 
 def ros_args(**parameters: object) -> list[str]:

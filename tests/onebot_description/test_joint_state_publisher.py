@@ -17,7 +17,7 @@ from std_msgs.msg import String
 from onebot_description import description_files
 from onebot_description.description import Description, load_description
 from onebot_description.joint_state_publisher import JointStatePublisher
-from tests.ros_support import LATCHED, NodeProcess, Peer
+from tests.ros_support import LATCHED, NodeProcess, Peer, refusals
 from tests.support import PATIENCE, wait_for
 
 JOINT = "base_link__link_01"
@@ -375,25 +375,19 @@ def test_limits_exceeded_are_told_once(start: Start, mrm: str, tmp_path: Path) -
     assert f"{file}:4: motions.{JOINT}: sine at 0.2 Hz peaks" in node.output
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
+def test_mistakes_at_the_start_end_it(ros_domain: int, mrm: str) -> None:
+    mistakes = [
         (["-p", "rate:=0"], "rate: 0 is below 0.001; write a number from 0.001 to 1000"),
         (["--params-file", "none.yaml"], "none.yaml: cannot be read"),
         (["-p", "source_list:=[joint_states]"], "the topic this node publishes"),
         (["-p", "source_list:=['no good']"], "source_list: Invalid topic name"),
         (["-p", "nonsense"], "bad ROS arguments"),
         (["-r", "joint_states:=/rosout"], "a node has a topic as one type only"),
-    ],
-)
-def test_mistakes_at_the_start_end_it(
-    ros_domain: int, mrm: str, arguments: list[str], words: str
-) -> None:
-    module = "onebot_description.joint_state_publisher"
-    with NodeProcess(module, mrm, "--ros-args", *arguments, check=False) as node:
-        assert node.wait() == 1
-        assert words in node.output
-        assert "Traceback" not in node.output and "RuntimeWarning" not in node.output
+    ]
+    lines = [[mrm, "--ros-args", *arguments] for arguments, _ in mistakes]
+    outputs = refusals("onebot_description.joint_state_publisher", lines)
+    for output, (_, words) in zip(outputs, mistakes, strict=True):
+        assert words in output
 
 
 def test_a_robot_that_cannot_move_publishes_nothing(
