@@ -13,12 +13,11 @@ import ctypes
 import functools
 import math
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from onebot_description.description.description import MOVING_KINDS, Description, Joint
+from onebot_description.description.description import MOVING_KINDS, Description, Joint, Mimic
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.joints.motion_limits import zero_position
 from onebot_description.model import quaternions
@@ -184,14 +183,6 @@ class LinkTree:
         return poses
 
 
-class Follower(NamedTuple):
-    """A joint's position as ``positions[source] * multiplier + offset`` of another (or its own)."""
-
-    source: str
-    multiplier: float
-    offset: float
-
-
 class RobotModel:
     """A robot's kinematics, independent of ROS.
 
@@ -236,8 +227,8 @@ class RobotModel:
             hint = did_you_mean(joint, self.joints, "joints")
             raise OneBotError(f'robot "{self.name}" has no moving joint "{joint}"{hint}') from None
 
-    def follower(self, joint: str, given: Mapping[str, object]) -> Follower | None:
-        """Return which ``given`` joint determines ``joint``: itself, or what it mimics; or None.
+    def follower(self, joint: str, given: Mapping[str, object]) -> Mimic | None:
+        """Return the ``given`` joint that determines ``joint``, which may be itself; None if none.
 
         A value given for a mimic joint itself wins; chains of mimics are followed to the first
         joint that is given.
@@ -251,7 +242,7 @@ class RobotModel:
             offset += multiplier * mimic.offset
             multiplier *= mimic.multiplier
             joint = mimic.joint
-        return Follower(joint, multiplier, offset)
+        return Mimic(joint, multiplier, offset)
 
     def positions(self, given: Mapping[str, float]) -> Floats:
         """Positions of all moving joints, (M,), from some of them by name.
@@ -266,8 +257,8 @@ class RobotModel:
         for row, name in enumerate(self.joints):
             follower = self.follower(name, everything)
             if follower is not None:
-                source, multiplier, offset = follower
-                result[row] = everything[source] * multiplier + offset
+                leading = everything[follower.joint]
+                result[row] = leading * follower.multiplier + follower.offset
         return result
 
     def pose(self, given: Mapping[str, float]) -> Floats:

@@ -124,7 +124,7 @@ class JointStatePlan:
         rows = [row for row, _ in followers]
         self.names, self.rows = tuple(names), np.array(rows, np.int64)
         self.joints = model.moving.take(rows)
-        self.columns = np.array([first[follower.source] for _, follower in followers], np.intp)
+        self.columns = np.array([first[follower.joint] for _, follower in followers], np.intp)
         self.multiplier = np.array([follower.multiplier for _, follower in followers], float)
         self.offset = np.array([follower.offset for _, follower in followers], float)
         self.parents = [frame_prefix + parent for parent in self.joints.parents]

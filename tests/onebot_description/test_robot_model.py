@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from onebot_description.description import parse_description
+from onebot_description.description import Mimic, parse_description
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel, quaternions
 from tests.random_robots import chain, robots
@@ -190,9 +190,9 @@ def test_a_chain_of_mimics_is_folded_from_its_leader(rules, leader):
 def test_who_determines_a_joint():
     """Itself if it is given, else the first given one that it follows; None if there is none."""
     model = _mimic_chain((2.0, 0.5), (-1.0, 0.25))
-    assert model.follower("joint_0", {"joint_0": 0}) == ("joint_0", 1.0, 0.0)
-    assert model.follower("joint_0", {"joint_1": 0, "joint_2": 0}) == ("joint_1", 2.0, 0.5)
-    assert model.follower("joint_0", {"joint_2": 0}) == ("joint_2", -2.0, 1.0)
+    assert model.follower("joint_0", {"joint_0": 0}) == Mimic("joint_0", 1.0, 0.0)
+    assert model.follower("joint_0", {"joint_1": 0, "joint_2": 0}) == Mimic("joint_1", 2.0, 0.5)
+    assert model.follower("joint_0", {"joint_2": 0}) == Mimic("joint_2", -2.0, 1.0)
     assert model.follower("joint_0", {}) is None
     assert model.follower("joint_2", {"joint_0": 0, "joint_1": 0}) is None
 
