@@ -24,7 +24,6 @@ from onebot_description.cad.__main__ import (  # noqa: E402
 )
 from onebot_description.cad.base import solve_ballast  # noqa: E402
 from onebot_description.cad.caster import axle_position  # noqa: E402
-from onebot_description.cad.collada import to_collada  # noqa: E402
 from onebot_description.cad.dimensions import read_dimensions  # noqa: E402
 from onebot_description.cad.primitives import Part, box, weigh_box  # noqa: E402
 from onebot_description.description.packages import package_share  # noqa: E402
@@ -151,13 +150,6 @@ def _check_normals(triangles) -> None:
     assert np.einsum("fi,fci->fc", faces, normals).min() > 0.5
 
 
-def test_equal_parts_give_equal_bytes(parts):
-    part = parts["caster_base2"]
-    first = to_collada(part, DIMENSIONS.colors)
-    [again] = [p for p in make_parts(DIMENSIONS) if p.name == part.name]
-    assert first == to_collada(again, DIMENSIONS.colors)
-
-
 def test_the_robot_stands_level(parts):
     """Caster and wheels touch the ground at the same height, and nothing else does."""
     wheel, caster = DIMENSIONS.wheel, DIMENSIONS.caster
@@ -183,18 +175,27 @@ def test_nothing_touches_what_turns(parts):
         assert (turned ^ base).volume() < 1e-12, angle
 
 
-def test_the_command_writes_everything_where_it_is_told(tmp_path, capsys):
+def _files(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.rglob("*.*")}
+
+
+def test_the_command_writes_everything_where_it_is_told(fresh, tmp_path, capsys):
+    """Equal dimensions give equal bytes."""
     assert main(["--output", str(tmp_path)]) == 0
-    assert {path.name for path in tmp_path.rglob("*.*")} == {
-        *(f"{name}.dae" for name in NAMES),
-        "inertials.yaml",
-    }
+    assert _files(tmp_path) == _files(fresh)
+    assert _files(fresh).keys() == {*(f"{name}.dae" for name in NAMES), "inertials.yaml"}
     assert "base_link.dae" in capsys.readouterr().out
 
 
 def test_the_command_tells_what_is_wrong(tmp_path, capsys):
     assert main(["--dimensions", str(tmp_path / "none.yaml")]) == 1
     assert "none.yaml" in capsys.readouterr().err
+    wrong = tmp_path / "wrong.yaml"
+    wrong.write_text((SHARE / "config/dimensions.yaml").read_text().replace("radius:", "radiu:", 1))
+    assert main(["--dimensions", str(wrong)]) == 1
+    error = capsys.readouterr().err
+    assert "wheel: has no radius" in error and str(wrong) in error
+    assert 'radiu: no such parameter (did you mean "radius"' in error
 
 
 def test_without_manifold3d_the_command_says_what_to_install(tmp_path):
