@@ -43,7 +43,7 @@ from onebot_description.parameters.reader import ConfigError, Problem, refuse_un
 
 _DEPTH = 10  # ROS's system default
 _POLL_PERIOD = 0.1  # s between polls of who publishes commands
-_FARTHEST = 1e9  # m of a pose; odometry farther away would not be exact to the micrometre
+_FARTHEST_POSE = 1e9  # m of a pose; odometry farther away would not be exact to the micrometre
 
 _GOES_ON = "the robot goes on as before"
 _LOCKED_EVERY = 60.0  # s between two warnings that a command is ignored because of the lock
@@ -505,7 +505,7 @@ class Requests:
         loop, pose = self._loop(), planar_pose(message)
         if loop is None:
             self._warn(topic, f"~/{topic} is ignored: there is no robot yet")
-        elif not all(abs(value) <= _FARTHEST for value in pose):
+        elif not all(abs(value) <= _FARTHEST_POSE for value in pose):
             text = "the pose is not finite, too far away, or its orientation no unit quaternion"
             self._warn(topic, f"~/{topic} is ignored: {text}")
         else:

@@ -30,7 +30,7 @@ NOTHING, GROUND = -2, -1  # values that are no surface's index
 _BUNDLES = ((50_000, 64), (200, 8), (0, 1))
 _PASSES = 64  # facets of round shapes that a ray may pass without touching one
 _ASIDE = 1e-5  # m behind a facet, where a ray that has passed it goes on
-_MOST_RAYS = 16_000  # limit of one call of PyBullet
+_RAYS_A_CALL = 16_000  # PyBullet takes no more
 
 
 class Cones(NamedTuple):
@@ -369,8 +369,8 @@ class _Bullet:
     ) -> dict[str, Any]:
         ends = origins + directions * dists[:, None]
         fractions: list[float] = []
-        for start in range(0, len(ends), _MOST_RAYS):
-            part = slice(start, start + _MOST_RAYS)
+        for start in range(0, len(ends), _RAYS_A_CALL):
+            part = slice(start, start + _RAYS_A_CALL)
             results = self._engine.rayTestBatch(
                 origins[part].tolist(), ends[part].tolist(), physicsClientId=self._client
             )

@@ -22,7 +22,7 @@ _GRAVITY = 9.81  # m/s^2
 # Least moment of inertia of a wheel, in masses of the robot at its rim: with less, the solver's
 # iterations do not reach the wheel's speed.
 _LIGHTEST = 0.005
-_LEAST = 0.2  # share of a skidding wheel's mobility due to its own turning
+_LEAST_TURNING = 0.2  # share of a skidding wheel's mobility due to its own turning
 
 
 class Drivable(NamedTuple):
@@ -165,7 +165,7 @@ def _moment(wheels: Wheels, name: str, tyre: Tyre, mass: float) -> float:
     _, y, z = places[name]
     roll, pitch, yaw = np.diag(robot_body.inertia)
     # Across, the wheels do not turn with the robot.
-    yaw = max(yaw - mass * sum(place[0] ** 2 for place in places.values()), _LEAST * yaw)
+    yaw = max(yaw - mass * sum(place[0] ** 2 for place in places.values()), _LEAST_TURNING * yaw)
     sideways = 1.0 / mass + tyre.radius**2 / roll
     base = 1.0 / robot_body.mass + y**2 / yaw + z**2 / pitch
-    return float(tyre.radius**2 / max(sideways - base, _LEAST * sideways))
+    return float(tyre.radius**2 / max(sideways - base, _LEAST_TURNING * sideways))

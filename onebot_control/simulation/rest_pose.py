@@ -16,7 +16,7 @@ from onebot_control.simulation.spawning import (
     make_world,
 )
 from onebot_description.description import Description
-from onebot_description.description.sizes import LARGEST
+from onebot_description.description.sizes import LARGEST_ROBOT
 from onebot_description.errors import OneBotError, listing
 
 # Faster than this after the settling time, m/s and rad/s: a warning.
@@ -85,7 +85,7 @@ def settle(
 
 def _check_size(robot: LoadedRobot, description: Description, lowest: float) -> None:
     """Refuse a robot that is in another unit than metres; ``lowest`` is where it ends, m."""
-    if abs(lowest) > LARGEST:
+    if abs(lowest) > LARGEST_ROBOT:
         raise OneBotError(
             f"{description.source}: the robot would start at z = {-lowest:.4g} m; is a <collision> "
             "or an <origin> in millimetres? Lengths are in m"
@@ -94,7 +94,7 @@ def _check_size(robot: LoadedRobot, description: Description, lowest: float) -> 
     for index, link in {-1: description.root_link, **links}.items():
         low, high = engine.getAABB(robot.body, index, physicsClientId=robot.client)
         length = max(most - least for least, most in zip(low, high, strict=True))
-        if length > LARGEST:
+        if length > LARGEST_ROBOT:
             raise OneBotError(
                 f'{description.source}: the <collision> of link "{link}" is {length:.4g} m large, '
                 "with what is fixed to it; is it in millimetres? Lengths are in m"

@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 
 _SAME = 1e-6  # m by which lengths may differ and still count as the same
 _STEPS = 200  # fixed-point iterations; four equal loads need one
-_LEAST = 0.01  # load of a wheel, of the mean of all
+_LEAST_LOAD = 0.01  # of a wheel, of the mean of all
 
 
 class WheelGeometry(NamedTuple):
@@ -186,7 +186,7 @@ def skid_separation(across: float, along: Floats, center: float) -> float:
     spread = float(np.mean(along**2))
     if spread <= _SAME**2:
         return across
-    loads = np.maximum(1.0 + along * center / spread, _LEAST)
+    loads = np.maximum(1.0 + along * center / spread, _LEAST_LOAD)
     turning, slip = 0.0, 2.0 * spread / across  # x of the point; m/s at a wheel for 1 rad/s
     for _ in range(_STEPS):
         sideways = along - turning

@@ -36,7 +36,6 @@ from onebot_description.errors import (
     shortened,
 )
 
-_MOST_BYTES = 50_000_000  # the result's, like a file's
 _MOST_PLACES = 4
 _UNKNOWN = (NameError, NameNotDefined, FunctionNotDefined)
 _DEEP = 50  # calls in calls; nobody means so many
@@ -76,8 +75,8 @@ def _result(document: minidom.Document, path: Path) -> dict[str, Any]:
     root = document.documentElement
     assert root is not None  # parsed documents have one
     text = root.toxml()
-    if len(text) > _MOST_BYTES:
-        most = _MOST_BYTES // 1_000_000
+    if len(text) > xml.MOST_BYTES:
+        most = xml.MOST_BYTES // 1_000_000
         raise DescriptionError([f"{shown_path(path)}: expands to more than {most} MB"])
     elements = [root, *root.getElementsByTagName("*")]
     return {"text": text, "places": [written_at(node) or shown_path(path) for node in elements]}

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import yourdfpy
     from numpy.typing import NDArray
 
-_MOST_HINTS = 20  # a description; each compares the names of a folder
+_MOST_LISTINGS = 20  # a description; each compares the names of a folder
 _LFS_POINTER = b"version https://git-lfs.github.com/spec/"
 _MOST_BYTES = 100_000_000  # readers take ten times as much memory
 _LOOKS = ("bind_material", "library_materials", "library_effects", "library_images")
@@ -48,7 +48,7 @@ def locate_mesh(resources: Resources, uri: str, scale: Triple = (1.0, 1.0, 1.0))
 def _missing(resources: Resources, path: Path) -> str:
     """The message about a file that is not there; for the first few with what is there instead."""
     resources.missing += 1
-    many = resources.missing > _MOST_HINTS
+    many = resources.missing > _MOST_LISTINGS
     return f"{shown_path(path)}: no such file" if many else missing_file(path)
 
 

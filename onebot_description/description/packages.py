@@ -29,7 +29,7 @@ PACKAGE_PATH = "package_path"  # the argument of commands
 _VALID = re.compile(r"\w[\w.-]{0,199}", re.ASCII)
 _ROS_PATH = "ROS_PACKAGE_PATH"
 _AMENT_PATH = "AMENT_PREFIX_PATH"
-_DEEPEST = 4  # below a folder that is searched, which may be anybody's home
+_LEVELS = 4  # below a folder that is searched, which may be anybody's home
 _MOST_PACKAGES = 100  # a description; the message about a missing one takes milliseconds
 _INDEX = "share/ament_index/resource_index/packages"  # below a prefix
 _NO_SOURCES = ("build", "node_modules", "__pycache__")
@@ -143,7 +143,7 @@ class Resources:
         if top not in self._below:
             packages: dict[str, Path] = {}
             folders = [top]
-            for _ in range(_DEEPEST + 1):
+            for _ in range(_LEVELS + 1):
                 for folder in folders:
                     packages.setdefault(_package_name(folder), folder)
                 folders = [child for folder in folders for child in _folders_in(folder)]

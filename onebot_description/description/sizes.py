@@ -16,7 +16,7 @@ from onebot_description.description.meshes import mesh_corners
 from onebot_description.errors import OneBotError
 
 # m; no larger robot is known. What has no joint that moves may be a world.
-LARGEST = 20.0
+LARGEST_ROBOT = 20.0
 _LARGEST_WORLD = 200.0
 _MILLIMETRES = 100.0  # m, from which on centimetres are as unlikely
 _TIMES = 100.0  # a shape may be larger than most others by this
@@ -55,7 +55,7 @@ def _size(shape: Shape) -> Triple:
 
 def size_warnings(description: Description, sizes: Mapping[Shape, Triple]) -> list[str]:
     """Return a warning for each shape and joint that is probably in another unit than metres."""
-    largest = LARGEST if description.moving_joints else _LARGEST_WORLD
+    largest = LARGEST_ROBOT if description.moving_joints else _LARGEST_WORLD
     return [*_large_shapes(description, sizes, largest), *_far_joints(description, largest)]
 
 

@@ -23,8 +23,8 @@ XACRO_NAMESPACES = (
     "https://www.ros.org/wiki/xacro",
 )
 _SEPARATOR = "\1"  # between namespace, name and prefix; no document can hold it
-_MOST_BYTES = 50_000_000
-_DEEPEST = 100
+MOST_BYTES = 50_000_000
+_MOST_NESTED = 100
 _MOST_PARTS = 1_000_000  # elements and attributes; a robot of 10,000 joints has a fifth of that
 # Files that are taken for one another.
 _SUFFIXES = (
@@ -64,14 +64,14 @@ def read_bytes(path: Path) -> bytes:
         if not stat.S_ISREG(mode):  # a pipe would have the reader wait, a device may never end
             raise DescriptionError([missing_file(path)])
         with path.open("rb") as file:
-            data = file.read(_MOST_BYTES + 1)
+            data = file.read(MOST_BYTES + 1)
     except FileNotFoundError:
         raise DescriptionError([missing_file(path)]) from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise DescriptionError([f"{name}: cannot be read: {reason}"]) from None
-    if len(data) > _MOST_BYTES:
-        raise DescriptionError([f"{name}: is larger than {_MOST_BYTES // 1_000_000} MB"])
+    if len(data) > MOST_BYTES:
+        raise DescriptionError([f"{name}: is larger than {MOST_BYTES // 1_000_000} MB"])
     return data
 
 
@@ -138,8 +138,8 @@ def parse(
         if parts > _MOST_PARTS:
             text = f"holds more than {_MOST_PARTS} elements and attributes"
             raise DescriptionError([f"{place()}: {text}"])
-        if len(opened) > _DEEPEST:
-            raise DescriptionError([f"{place()}: elements are nested deeper than {_DEEPEST}"])
+        if len(opened) > _MOST_NESTED:
+            raise DescriptionError([f"{place()}: elements are nested deeper than {_MOST_NESTED}"])
         element = tree.start(_tag(name), {_tag(key): text for key, text in attributes.items()})
         places[element] = place()
 
