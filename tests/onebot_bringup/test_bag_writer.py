@@ -35,10 +35,10 @@ def test_holds_every_message(tmp_path, compress, chunk_size):
 
 def test_each_checkpoint_is_complete(tmp_path):
     """After each checkpoint, and never before, a reader finds all messages up to it."""
-    bag = BagWriter(tmp_path / "bag", chunk_size=2000)
+    bag = BagWriter(tmp_path / "bag", chunk_size=500)
     assert read_all(tmp_path / "bag")[0] == []
     number = bag.add_topic(topic())
-    for count in range(1, 200):
+    for count in range(1, 60):
         bag.write(number, count, cdr(f"word {count}"))
         bag.checkpoint()
         found, connections = read_all(tmp_path / "bag")

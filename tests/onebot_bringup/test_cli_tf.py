@@ -71,20 +71,11 @@ def test_echo(frames: None) -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("pair", "words"),
-    [
-        (("odom", "wheeel"), 'frame does not exist (did you mean "wheel"? frames: base, m, map,'),
-        (("odom", "m"), "because they are not part of the same tree"),
-    ],
-)
-def test_echo_of_what_is_not_there(
-    frames: None, tmp_path: Path, pair: tuple[str, str], words: str
-) -> None:
+def test_echo_of_what_is_not_there(frames: None, tmp_path: Path) -> None:
     """It waits, printing why, until Ctrl-C."""
-    with running(tmp_path, "tf", "echo", *pair) as command:
-        command.says(words)
-        assert f"Waiting for transform {pair[0]} ->  {pair[1]}: " in command.err
+    with running(tmp_path, "tf", "echo", "odom", "wheeel") as command:
+        command.says('frame does not exist (did you mean "wheel"? frames: base, m, map,')
+        assert "Waiting for transform odom ->  wheeel: " in command.err
         assert command.interrupt() == 0 and not command.out
 
 

@@ -118,7 +118,7 @@ def test_twice_as_many_markers_take_twice_as_long(tmp_path, fields):
     """Each in a namespace of its own, or as many orders to delete those of another one."""
     few, many = (
         _steps(Shown(tmp_path), [marker(**fields(number)) for number in range(count)])
-        for count in (400, 800)
+        for count in (200, 400)
     )
     assert many < 2.2 * few
 
