@@ -1,5 +1,6 @@
 """What the nodes publish about their parameters: descriptions, ranges, read-only flags."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,9 @@ from onebot_control.velocity_controller import velocity_controllers
 from onebot_description.description import load_description
 from onebot_description.joint_state_publisher import JointStatePublisher
 from onebot_description.node import RosArguments
+from onebot_description.parameters.reader import leaves
 from onebot_description.robot_state_publisher import RobotStatePublisher
+from tests.readme_tables import PARAMETERS
 
 # rclpy's own, of every node.
 OTHERS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
@@ -27,8 +30,12 @@ MRM = Path("mrm_description/urdf/mrm.xacro")
 
 
 def described(node: Node) -> dict[str, Any]:
-    """The descriptor of each parameter; each has a description."""
+    """The descriptor of each parameter; each has a description, and a row in the README."""
     names = sorted(n for n in node.get_parameters_by_prefix("") if not n.startswith(OTHERS))
+    rows = [leaf.name for kind in PARAMETERS[node.get_name()] for leaf in leaves(kind)]
+    assert {row for row in rows if "<" not in row} <= set(names)
+    patterns = "|".join(re.sub("<.*?>", ".*", re.escape(row)) for row in rows)
+    assert [name for name in names if not re.fullmatch(patterns, name)] == []
     descriptors = dict(zip(names, node.describe_parameters(names), strict=True))
     assert [name for name, one in descriptors.items() if not one.description] == []
     return descriptors

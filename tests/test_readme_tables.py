@@ -15,9 +15,7 @@ import yaml
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from nav_msgs.msg import Path as PlannedPath
-from rcl_interfaces.msg import ParameterType
-from rcl_interfaces.srv import GetParameters, ListParameters
-from rclpy.parameter import parameter_value_to_python
+from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from std_msgs.msg import String
 
@@ -27,32 +25,13 @@ from tests import readme_tables
 from tests.benchmarks.__main__ import BENCHMARKS
 from tests.readme import CHECKOUT
 from tests.ros_support import LATCHED, NodeProcess, Peer
-from tests.support import PATIENCE, wait_for
+from tests.support import wait_for
 
-JOINTS = ("constant", "sine", "keyframes", "posed_keyframes", "pose", "follower", "free")
-MANY_JOINTS = '<robot name="many"><link name="base"/>{}</robot>'.format(
-    "".join(
-        f'<link name="{name}_link"/><joint name="{name}" type="continuous"><parent link="base"/>'
-        f'<child link="{name}_link"/></joint>'
-        for name in JOINTS
-    )
-)
 ONEBOT = load_description(CHECKOUT / "onebot_description/urdf/onebot.urdf.xacro").urdf
 
 # What every ROS node has.
 COMMON_TOPICS = {"/rosout", "/parameter_events"}
-COMMON_PARAMETERS = ("use_sim_time", "start_type_description_service")
 COMMON_SERVICES = re.compile(r".*/(\w*_parameters?\w*|get_type_description)")
-
-TYPES = {
-    ParameterType.PARAMETER_BOOL: "bool",
-    ParameterType.PARAMETER_INTEGER: "int",
-    ParameterType.PARAMETER_DOUBLE: "double",
-    ParameterType.PARAMETER_STRING: "string",
-    ParameterType.PARAMETER_INTEGER_ARRAY: "int[]",
-    ParameterType.PARAMETER_DOUBLE_ARRAY: "double[]",
-    ParameterType.PARAMETER_STRING_ARRAY: "string[]",
-}
 
 
 @dataclass(frozen=True)
@@ -112,15 +91,8 @@ def _rows(text: str) -> list[list[str]]:
 
 
 def _names(cell: str) -> list[str]:
-    """The names in backticks; `{a, b}.x` are two."""
-    return [name for entry in re.findall(r"`([^`]+)`", cell) for name in _without_braces(entry)]
-
-
-def _without_braces(entry: str) -> list[str]:
-    if not (braces := re.fullmatch(r"(.*?)\{([\w., ]+)\}(.*)", entry)):
-        return [entry]
-    before, words, after = braces.groups()
-    return [name for word in words.split(", ") for name in _without_braces(before + word + after)]
+    """The names in backticks."""
+    return re.findall(r"`([^`]+)`", cell)
 
 
 def _full(name: str, node: str) -> str:
@@ -134,45 +106,8 @@ NODES = (
     ),
     Documented(
         "onebot_description.joint_state_publisher",
-        most={
-            "source_list": ["more"],
-            "zeros": {"free": 0.1},
-            "dependent_joints": {"follower": {"parent": "sine", "factor": 0.1, "offset": 0.2}},
-            "poses": {
-                "low": {"free": 0.1, "pose": 0.1, "posed_keyframes": 0.1},
-                "high": {"free": 0.2, "posed_keyframes": 0.2},
-            },
-            "sequence": {
-                "poses": ["low", "high"],
-                "durations": [1.0, 1.0],
-                "blend": "linear",
-                "loop": True,
-            },
-            "motions": {
-                "constant": {"type": "constant", "position": 0.1},
-                "sine": {
-                    "type": "sine",
-                    "amplitude": 0.1,
-                    "frequency": 0.1,
-                    "phase": 0.1,
-                    "offset": 0.1,
-                },
-                "keyframes": {
-                    "type": "keyframes",
-                    "times": [0.0, 1.0],
-                    "positions": [0.0, 0.1],
-                    "blend": "linear",
-                    "loop": True,
-                },
-                "posed_keyframes": {
-                    "type": "keyframes",
-                    "times": [0.0, 1.0],
-                    "poses": ["low", "high"],
-                },
-                "pose": {"type": "pose", "pose": "low"},
-            },
-        },
-        description=MANY_JOINTS,
+        most={"source_list": ["more"]},
+        description=ONEBOT,
         topics={"each of `source_list`": ("more",)},
     ),
     Documented(
@@ -200,9 +135,6 @@ NODES = (
     ),
 )
 VIEW = {
-    "axes": {"frames": ["base_link"]},
-    "background": [1, 2, 3],
-    "camera": {"eye": [1.0, 2.0, 3.0], "target": [0.0, 0.0, 0.0]},
     "trails": {"odometry": {"topic": "trail"}},
     "speeds": {"lines": {"commanded": {"topic": "commanded", "type": "Twist"}}},
 }
@@ -237,22 +169,22 @@ def running(node: Documented, parameters: Mapping[str, Any], peer: Peer, folder:
 @pytest.mark.slow
 @pytest.mark.parametrize("node", NODES, ids=lambda node: node.name)
 def test_all_there_is(node: Documented, peer: Peer, tmp_path: Path) -> None:
-    """The tables hold every topic, service and parameter of the node, and nothing else."""
+    """The tables hold every topic and service of the node, and nothing else."""
     with running(node, node.most, peer, tmp_path):
-        _check_topics(node, peer)
-        _check_parameters(_parameter_rows(node), _parameters(peer, node.name))
+        _check_topics(node, peer.node)
 
 
-@pytest.mark.parametrize(("path", "text"), [*readme_tables.readmes()])
-def test_declarations(path: str, text: str) -> None:
-    """Parameters and arguments: python -m tests.readme_tables writes them."""
-    for name in re.findall(r"<!-- ((?:parameters|arguments)\b.*?) -->", text):
-        assert name in readme_tables.tables()
-    assert readme_tables.rewritten(text) == text, path
+def test_declarations() -> None:
+    """Parameters, arguments and commands: python -m tests.readme_tables writes them."""
+    marks: list[str] = []
+    for path, text in readme_tables.readmes():
+        marks += re.findall(r"<!-- /(.*?) -->", text)
+        assert readme_tables.rewritten(text) == text, path
+    made = [mark for mark in marks if not mark.startswith("accuracy")]  # those are measured
+    assert sorted(made) == sorted(readme_tables.tables())
 
 
-def _check_topics(node: Documented, peer: Peer) -> None:
-    graph = peer.node
+def _check_topics(node: Documented, graph: Node) -> None:
     for heading, ask, ends in (
         (
             "Published topics",
@@ -275,18 +207,6 @@ def _check_topics(node: Documented, peer: Peer) -> None:
             assert not kinds or set(types) <= set(kinds), name
             if ends is not None:
                 _check_qos(documented[name][1], node.name, ends(name))
-
-
-def _check_parameters(rows: Mapping[str, list[str]], live: Mapping[str, tuple[str, Any]]) -> None:
-    used = set()
-    for name, (kind, _) in live.items():
-        row = _row_of(name, rows)
-        if row:
-            assert kind in ("", rows[row][0]), f"{name}: {kind}"
-            used.add(row)
-        else:
-            assert name in COMMON_PARAMETERS, f"{name} is not in the README"
-    assert used == set(rows)
 
 
 def _live(ask: Any, node: str) -> dict[str, list[str]]:
@@ -320,40 +240,6 @@ def _check_qos(documented: str, node: str, ends: Any) -> None:
         if "transient local" in documented
         else DurabilityPolicy.VOLATILE,
     ), documented
-
-
-def _parameter_rows(node: Documented) -> dict[str, list[str]]:
-    """Type, default and meaning by name."""
-    return {name: cells for entry, *cells in node.table("Parameters") for name in _names(entry)}
-
-
-def _row_of(name: str, rows: Mapping[str, Any]) -> str:
-    """The row that a parameter is in: its own, or the one that has a word such as <joint>."""
-    patterns = {row: re.sub(r"<\w+>", r"\\w+", row.replace(".", r"\.")) for row in rows}
-    matches = [row for row, pattern in patterns.items() if re.fullmatch(pattern, name)]
-    return name if name in rows else next(iter(matches), "")
-
-
-def _parameters(peer: Peer, node: str) -> dict[str, tuple[str, Any]]:
-    """Type and value of each; no type where there is no value, or where it is an empty list."""
-    listed = _call(peer, ListParameters, f"/{node}/list_parameters", ListParameters.Request())
-    parameters = {}
-    for name in listed.result.names:
-        request = GetParameters.Request(names=[name])
-        values = _call(peer, GetParameters, f"/{node}/get_parameters", request).values
-        value = parameter_value_to_python(values[0]) if values else None
-        empty = value is None or (not isinstance(value, str) and value == [])
-        parameters[name] = ("" if empty else TYPES[values[0].type], value)
-    return parameters
-
-
-def _call(peer: Peer, kind: Any, name: str, request: Any) -> Any:
-    client = peer.node.create_client(kind, name)
-    assert client.wait_for_service(PATIENCE), name
-    future = client.call_async(request)
-    wait_for(future.done, name)
-    peer.node.destroy_client(client)
-    return future.result()
 
 
 def test_displays() -> None:
