@@ -28,9 +28,8 @@ JOINTS = """/**/joint_state_publisher:
 
 @pytest.fixture
 def transforms(ros_domain: int) -> Iterator[Transforms]:
-    listener = Transforms(ros_domain)
-    yield listener
-    listener.close()
+    with Transforms(ros_domain) as listener:
+        yield listener
 
 
 @pytest.fixture

@@ -10,33 +10,26 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-import rclpy
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from onebot_description.description.packages import use_environment_prefix
 from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_bringup.launcher_support import RunningCommand, alive
 from tests.orphans import marked
+from tests.ros_support import LATCHED, Peer
 from tests.support import wait_for
 
 MARK = "ONEBOT_TEST_MARK"
 
 
-class Transforms:
-    """What a program of the user's own hears on /tf and /tf_static."""
+class Transforms(Peer):
+    """A program of the user's own that receives /tf and /tf_static."""
 
     def __init__(self, domain: int) -> None:
         use_environment_prefix()
+        super().__init__(domain, "listener")
         self.latest: dict[str, tuple[float, float]] = {}
-        self._context = rclpy.Context()
-        rclpy.init(context=self._context, domain_id=domain)
-        self._node = rclpy.create_node("listener", context=self._context)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
-        latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._node.create_subscription(TFMessage, "/tf", self._on_tf, 10)
-        self._node.create_subscription(TFMessage, "/tf_static", self._on_tf, latched)
+        for topic, qos in (("/tf", 10), ("/tf_static", LATCHED)):
+            self.node.create_subscription(TFMessage, topic, self._on_tf, qos)
 
     def _on_tf(self, message: TFMessage) -> None:
         for stamped in message.transforms:
@@ -44,8 +37,7 @@ class Transforms:
             self.latest[stamped.child_frame_id] = (transform.translation.z, transform.rotation.z)
 
     def of(self, frame: str) -> tuple[float, float] | None:
-        """Return the latest height (m) and rotation.z of ``frame``, None if never heard."""
-        self._executor.spin_once(timeout_sec=0.01)
+        """Return the latest height (m) and rotation.z of ``frame``, None if never received."""
         return self.latest.get(frame)
 
     def turned_to(self, angle: float, frame: str) -> Callable[[], bool]:
@@ -56,12 +48,6 @@ class Transforms:
             return found is not None and abs(found[1] - math.sin(angle / 2)) < 1e-3
 
         return condition
-
-    def close(self) -> None:
-        """Leave the ROS graph."""
-        self._executor.shutdown()
-        self._node.destroy_node()
-        rclpy.try_shutdown(context=self._context)
 
 
 @contextmanager

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
@@ -37,7 +38,9 @@ class Running(RunningCommand):
     """A command that runs on; its output so far."""
 
     def __init__(self, words: Sequence[str], folder: Path) -> None:
-        super().__init__(folder, [sys.executable, "-m", MODULE, *words], name=f"-{words[1]}")
+        super().__init__(
+            folder, [sys.executable, "-m", MODULE, *words], name=f"-{time.monotonic_ns()}"
+        )
 
     def says(self, text: str) -> None:
         """Wait until it has printed ``text``."""

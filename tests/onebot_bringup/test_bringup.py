@@ -43,9 +43,8 @@ def arm(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def transforms(ros_domain: int) -> Iterator[Transforms]:
-    listener = Transforms(ros_domain)
-    yield listener
-    listener.close()
+    with Transforms(ros_domain) as listener:
+        yield listener
 
 
 @pytest.fixture

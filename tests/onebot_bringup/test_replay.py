@@ -1,10 +1,5 @@
 """``onebot replay``: recordings of any kind shown as the robot was."""
 
-import signal
-import subprocess
-import sys
-from contextlib import contextmanager
-
 import pytest
 from geometry_msgs.msg import TransformStamped, Twist
 from rclpy.serialization import serialize_message
@@ -21,9 +16,10 @@ from onebot_bringup.viewer.rendering import headless_viewer
 from onebot_description.errors import OneBotError
 from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_bringup.bag_support import topic, write_words
+from tests.onebot_bringup.cli_support import running
 from tests.onebot_bringup.drive_support import chunks, column
 from tests.onebot_bringup.viewer_support import ARM, VIEW
-from tests.support import PATIENCE, wait_for
+from tests.support import wait_for
 from tests.support_rendering import require_renderer
 
 SECOND = 10**9
@@ -237,21 +233,10 @@ def test_mistakes(tmp_path, monkeypatch, capsys, words, code, message):
     assert message in capsys.readouterr().err
 
 
-@contextmanager
-def replaying(recording, log):
-    """``onebot replay`` of a recording, which says what it does in the file ``log``."""
-    command = [sys.executable, "-u", "-m", "onebot_bringup.cli.main", "replay", str(recording)]
-    with log.open("w") as output:
-        replay = subprocess.Popen(
-            [*command, "grpc_port:=0", "web_port:=0", "open_browser:=false"],
-            stdout=output,
-            stderr=subprocess.STDOUT,
-        )
-    try:
-        yield replay
-    finally:
-        replay.kill()
-        replay.wait()
+def replaying(folder, name):
+    """``onebot replay`` of a recording in ``folder``."""
+    quiet = ("grpc_port:=0", "web_port:=0", "open_browser:=false")
+    return running(folder, "replay", str(folder / name), *quiet)
 
 
 @pytest.mark.slow
@@ -261,21 +246,17 @@ def test_serves_until_interrupted(tmp_path, kind):
     record_arm(tmp_path / "bag")
     if kind == "a.rrd":
         to_rrd(tmp_path / "bag", tmp_path / "a.rrd")
-    log = tmp_path / "log"
-    with replaying(tmp_path / kind, log) as replay:
-        wait_for(lambda: "open http://127.0.0.1:" in log.read_text(), "the page")
-        assert "showing" in log.read_text()
-        replay.send_signal(signal.SIGINT)
-        assert replay.wait(PATIENCE) == 0
-        assert "Traceback" not in log.read_text()
-        assert "warning" not in log.read_text()
+    with replaying(tmp_path, kind) as replay:
+        replay.says("open http://127.0.0.1:")
+        assert "showing" in replay.out
+        assert replay.interrupt() == 0
+        assert "Traceback" not in replay.err and "warning" not in replay.err
 
 
 def test_a_rrd_file_with_nothing_in_it_is_warned_of(tmp_path):
     """A page that stays black is explained; it is shown all the same."""
     recording = open_recording(None, tmp_path / "a.rrd")
     recording.close()
-    log = tmp_path / "log"
-    with replaying(tmp_path / "a.rrd", log):
-        wait_for(lambda: "showing" in log.read_text(), "the recording")
-        assert f"warning: {tmp_path}/a.rrd holds nothing to draw" in log.read_text()
+    with replaying(tmp_path, "a.rrd") as replay:
+        replay.says("showing")
+        assert f"warning: {tmp_path}/a.rrd holds nothing to draw" in replay.err
