@@ -88,8 +88,7 @@ def wait_for_robot(
 
 def stop(running: RunningCommand) -> None:
     """Press Ctrl-C and check that the end is what was promised."""
-    running.send(signal.SIGINT)
-    assert running.wait() == 0
+    assert running.interrupt() == 0
     assert "Traceback" not in running.out + running.err
 
 

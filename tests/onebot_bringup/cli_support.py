@@ -2,18 +2,15 @@
 
 import io
 import os
-import signal
 import subprocess
 import sys
-import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
 from unittest.mock import patch
 
 from onebot_bringup.cli.main import main
 from tests.onebot_bringup.launcher_support import RunningCommand
-from tests.support import wait_for
 
 MODULE = "onebot_bringup.cli.main"
 
@@ -34,29 +31,10 @@ def output_of(*words: str) -> str:
     return done.stdout
 
 
-class Running(RunningCommand):
-    """A command that runs on; its output so far."""
-
-    def __init__(self, words: Sequence[str], folder: Path) -> None:
-        super().__init__(
-            folder, [sys.executable, "-m", MODULE, *words], name=f"-{time.monotonic_ns()}"
-        )
-
-    def says(self, text: str) -> None:
-        """Wait until it has printed ``text``."""
-        wait_for(lambda: text in self.out or text in self.err, f'"{text}" from the command')
-
-    def interrupt(self) -> int:
-        """Press Ctrl-C; the exit code."""
-        if self.process.poll() is None:
-            self.send(signal.SIGINT)
-        return self.wait()
-
-
 @contextmanager
-def running(folder: Path, *words: str) -> Iterator[Running]:
+def running(folder: Path, *words: str) -> Iterator[RunningCommand]:
     """Run a command until the end of the context, if it has not ended by then."""
-    command = Running(words, folder)
+    command = RunningCommand(folder, [sys.executable, "-m", MODULE, *words])
     try:
         yield command
     finally:

@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -37,13 +38,10 @@ class RunningCommand:
     """A process whose output goes to files that can be read at any time."""
 
     def __init__(
-        self,
-        folder: Path,
-        command: list[str],
-        environment: dict[str, str] | None = None,
-        name: str = "",
+        self, folder: Path, command: list[str], environment: dict[str, str] | None = None
     ) -> None:
-        self._out, self._err = folder / f"stdout{name}", folder / f"stderr{name}"
+        name = time.monotonic_ns()  # several may run in one folder
+        self._out, self._err = folder / f"stdout-{name}", folder / f"stderr-{name}"
         with self._out.open("wb") as out, self._err.open("wb") as err:
             self.process = subprocess.Popen(
                 command,
@@ -65,12 +63,12 @@ class RunningCommand:
         """What it wrote to standard error so far."""
         return self._err.read_text()
 
-    def wait_for_out(self, text: str) -> None:
-        """Wait until ``text`` is on standard output."""
+    def says(self, text: str) -> None:
+        """Wait until it has printed ``text``."""
 
         def condition() -> bool:
             ended = self.process.poll() is not None
-            found = text in self.out
+            found = text in self.out or text in self.err
             assert found or not ended, self.err
             return found
 
@@ -83,6 +81,12 @@ class RunningCommand:
     def wait(self, timeout: float = PATIENCE) -> int:
         """Wait for its end and return the exit code."""
         return self.process.wait(timeout)
+
+    def interrupt(self) -> int:
+        """Press Ctrl-C; the exit code."""
+        if self.process.poll() is None:
+            self.send(signal.SIGINT)
+        return self.wait()
 
     def close(self) -> None:
         """Kill it if it still runs."""

@@ -23,7 +23,7 @@ def running(
 ) -> Iterator[RunningCommand]:
     """A bringup whose nodes have just been started as processes."""
     command = RunningCommand(tmp_path, [sys.executable, "-m", request.param, "viewer:=web"])
-    command.wait_for_out("Ctrl-C")
+    command.says("Ctrl-C")
     wait_for(lambda: len(nodes_of(command.process.pid)) == NODES, f"{NODES} nodes")
     yield command
     command.close()

@@ -61,10 +61,9 @@ def test_ignore_goes_on_without_the_node(start: Start, tmp_path: Path) -> None:
     """The failure of a viewer stops nothing; the exit code and the last line report it."""
     launcher = start("[script('runner', 'runs.py'), script('viewer', 'fails.py', 'ignore')]")
     wait_for(lambda: "going on without viewer" in launcher.err, "the report")
-    launcher.wait_for_out("ready")
+    launcher.says("ready")
     assert launcher.process.poll() is None and alive(number_in(tmp_path / "runs.pid"))
-    launcher.send(signal.SIGINT)
-    assert launcher.wait() == 1
+    assert launcher.interrupt() == 1
     assert launcher.err.splitlines()[-1] == "[test] failed: viewer (exit code 3)"
 
 
@@ -89,9 +88,8 @@ except KeyboardInterrupt:
 """
     (tmp_path / "recorder.py").write_text(recorder)
     launcher = start("[script('recorder', 'recorder.py', 'ignore')]")
-    launcher.wait_for_out("ready")
-    launcher.send(signal.SIGINT)
-    assert launcher.wait() == 1
+    launcher.says("ready")
+    assert launcher.interrupt() == 1
     assert launcher.err.splitlines()[-1] == "[test] failed: recorder (exit code 1)"
 
 
@@ -106,14 +104,13 @@ def test_restart_tries_again_up_to_the_limit(start: Start) -> None:
 def test_a_restarted_node_runs_on(start: Start, tmp_path: Path) -> None:
     """A node that is killed comes back as a new process, and Ctrl-C stops that one too."""
     launcher = start(f"[script('runner', 'runs.py', 'restart', restart={FAST})]")
-    launcher.wait_for_out("ready")
+    launcher.says("ready")
     first = number_in(tmp_path / "runs.pid")
     os.kill(first, signal.SIGKILL)
     wait_for(lambda: launcher.out.count("[runner] ready") == 2, "the second start")
     second = number_in(tmp_path / "runs.pid")
     assert second != first and alive(second)
-    launcher.send(signal.SIGINT)
-    assert launcher.wait() == 0
+    assert launcher.interrupt() == 0
     assert not alive(second)
 
 
@@ -121,8 +118,7 @@ def test_ctrl_c_cancels_a_planned_restart(start: Start) -> None:
     """Nothing is started any more once the launcher is stopping."""
     launcher = start("[script('bad', 'fails.py', 'restart', restart=Restart(first_wait=600.0))]")
     wait_for(lambda: "again in" in launcher.err, "the plan")
-    launcher.send(signal.SIGINT)
-    assert launcher.wait() == 0
+    assert launcher.interrupt() == 0
     assert launcher.out.count("about to fail") == 1
 
 
@@ -154,8 +150,7 @@ def test_a_nice_node_stands_back(start: Start, tmp_path: Path) -> None:
     mine = os.getpriority(os.PRIO_PROCESS, 0)
     wait_for(lambda: os.getpriority(os.PRIO_PROCESS, pid) == min(mine + 7, 19), "the niceness")
     assert os.getpriority(os.PRIO_PROCESS, launcher.process.pid) == mine
-    launcher.send(signal.SIGINT)
-    assert launcher.wait() == 0
+    assert launcher.interrupt() == 0
 
 
 @given(

@@ -82,10 +82,9 @@ def test_nohup_is_respected(tmp_path: Path, start: Start) -> None:
         launcher = start("[script('a', 'polite.py')]")
     finally:
         signal.signal(signal.SIGHUP, before)
-    launcher.wait_for_out("ready")
+    launcher.says("ready")
     launcher.send(signal.SIGHUP)
-    launcher.send(signal.SIGINT)
-    assert launcher.wait() == 0
+    assert launcher.interrupt() == 0
     assert "SIGHUP" not in launcher.out and "SIGINT: stopping" in launcher.out
 
 
@@ -100,8 +99,7 @@ def test_a_node_that_ignores_all_signals_is_killed(start: Start, tmp_path: Path)
     nodes = "[script('mule', 'stubborn.py'), script('a', 'polite.py')]"
     launcher = start(nodes, grace="Grace()")
     wait_for(lambda: launcher.out.count("ready") == 2, "both nodes")
-    launcher.send(signal.SIGINT)
-    assert launcher.wait() == 1
+    assert launcher.interrupt() == 1
     assert not alive(number_in(tmp_path / "stubborn.pid"))
     assert "mule has not stopped yet: SIGTERM" in launcher.err
     assert "mule has not stopped yet: SIGKILL" in launcher.err
@@ -111,13 +109,12 @@ def test_a_node_that_ignores_all_signals_is_killed(start: Start, tmp_path: Path)
 def test_a_second_interrupt_kills_at_once(start: Start, tmp_path: Path) -> None:
     """Who presses Ctrl-C again does not wait for the grace period."""
     launcher = start("[script('mule', 'stubborn.py')]")
-    launcher.wait_for_out("ready")
+    launcher.says("ready")
     launcher.send(signal.SIGINT)
-    launcher.wait_for_out("SIGINT: stopping")
+    launcher.says("SIGINT: stopping")
     begin = time.monotonic()
     wait_for(lambda: time.monotonic() - begin > 0.5, "a second key press")
-    launcher.send(signal.SIGINT)
-    assert launcher.wait() == 0
+    assert launcher.interrupt() == 0
     assert "SIGTERM" not in launcher.err and "SIGKILL" in launcher.err
     assert not alive(number_in(tmp_path / "stubborn.pid"))
 
@@ -125,11 +122,10 @@ def test_a_second_interrupt_kills_at_once(start: Start, tmp_path: Path) -> None:
 def test_what_a_node_started_is_stopped_too(start: Start, tmp_path: Path) -> None:
     """A grandchild that ignores every signal but SIGKILL is gone when the launcher returns."""
     launcher = start("[script('parent', 'parent.py')]", grace="Grace()")
-    launcher.wait_for_out("ready")
+    launcher.says("ready")
     grandchild = number_in(tmp_path / "stubborn.pid")
     assert alive(grandchild)
-    launcher.send(signal.SIGINT)
-    assert launcher.wait() == 0
+    assert launcher.interrupt() == 0
     assert not alive(grandchild)
 
 
@@ -166,6 +162,5 @@ def test_interrupt_while_a_module_is_importing_shows_no_traceback(
     )
     launcher = start("[python_node('slow', 'slow_import')]")
     pid = number_in(tmp_path / "slow.pid")
-    launcher.send(signal.SIGINT)
-    assert launcher.wait() == 0
+    assert launcher.interrupt() == 0
     assert launcher.err == "" and not alive(pid)

@@ -169,7 +169,7 @@ def test_it_ends_when_ros2_launch_is_killed(tmp_path: Path, ros_domain: int) -> 
     assert process.environment[name] == str(os.getpid())
     running = RunningCommand(tmp_path, process.cmd, {name: str(starter.pid)})
     try:
-        running.wait_for_out("Ctrl-C stops everything")
+        running.says("Ctrl-C stops everything")
         starter.kill()
         assert running.wait() == 0
     finally:

@@ -13,7 +13,8 @@ from onebot_bringup.cli.session import Session
 from onebot_bringup.cli.steer import page_answers, robot_parameters, run
 from onebot_description.errors import OneBotError, UsageError
 from tests.onebot_bringup.bringup_support import MARK
-from tests.onebot_bringup.cli_support import Running, onebot, running
+from tests.onebot_bringup.cli_support import onebot, running
+from tests.onebot_bringup.launcher_support import RunningCommand
 from tests.onebot_bringup.steering_support import PageClient, cookie_of
 from tests.orphans import marked
 from tests.ros_support import LATCHED, Peer
@@ -22,7 +23,7 @@ from tests.support import wait_for
 QUIET = ("port:=0", "open_browser:=false")
 
 
-def _address(command: Running) -> str:
+def _address(command: RunningCommand) -> str:
     def printed() -> re.Match[str] | None:
         assert command.process.poll() is None, command.err
         return re.search(r"open (http://\S+)\n", command.out)
