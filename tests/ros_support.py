@@ -95,6 +95,7 @@ class RunningProcess:
         with self._log.open("w") as log:
             self.process = subprocess.Popen(
                 words,
+                stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 cwd=folder,
@@ -111,9 +112,9 @@ class RunningProcess:
         return self.process.wait(timeout)
 
     def interrupt(self, timeout: float = PATIENCE) -> int:
-        """Press Ctrl-C; the exit code."""
+        """Press Ctrl-C, which all processes of a terminal's foreground get; the exit code."""
         if self.process.poll() is None:
-            self.process.send_signal(signal.SIGINT)
+            os.killpg(self.process.pid, signal.SIGINT)
         return self.process.wait(timeout)
 
     def __enter__(self: P) -> P:

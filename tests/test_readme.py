@@ -2,7 +2,6 @@
 
 import os
 import re
-import signal
 import subprocess
 from pathlib import Path
 
@@ -159,11 +158,6 @@ class RunningCommand(RunningProcess):
     def has_ros(self):
         """Whether it has called rclpy.init: it uses a segment of shared memory then."""
         return "/fastrtps_" in Path(f"/proc/{self.process.pid}/maps").read_text()
-
-    def interrupt(self, timeout=PATIENCE):
-        """Press Ctrl-C, which the shell gets, too, and what it has started; the exit code."""
-        os.killpg(self.process.pid, signal.SIGINT)
-        return self.process.wait(timeout)
 
 
 @pytest.mark.parametrize("name", [*TEXTS, "CONTRIBUTING.md"])

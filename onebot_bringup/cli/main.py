@@ -219,13 +219,10 @@ def _instead(verb: str, rest: Sequence[str]) -> str:
 
 def usage() -> str:
     """Return what ``onebot --help`` prints."""
-    width = max(map(len, VERBS))
-    verbs = "\n".join(f"  {name:{width}}  {verb.summary}" for name, verb in VERBS.items())
-    return (
-        "usage: onebot [discovery:=WHERE] [domain_id:=N] COMMAND ...\n\nCommands:\n"
-        f"{verbs}\n\n"
-        "onebot COMMAND --help shows the options of each; onebot --version shows the version."
-    )
+    from onebot_bringup.cli.options import commands_text
+
+    text = commands_text("onebot", VERBS, "[discovery:=WHERE] [domain_id:=N] ")
+    return f"{text}; onebot --version shows the version."
 
 
 def version() -> str:

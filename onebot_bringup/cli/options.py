@@ -80,7 +80,7 @@ class Subcommand:
 def dispatch(group: str, table: Mapping[str, Subcommand], argv: Sequence[str]) -> int:
     """Run the subcommand ``argv[0]`` of a group such as ``topic``; return the exit code."""
     if argv and argv[0] in ("-h", "--help", "help"):
-        print(_usage(group, table))
+        print(f"{commands_text(f'onebot {group}', table)}.")
         return 0
     if not argv:
         raise UsageError(f"onebot {group} what? ({', '.join(table)})")
@@ -93,12 +93,13 @@ def dispatch(group: str, table: Mapping[str, Subcommand], argv: Sequence[str]) -
     return subcommand.run(parser.parse(words)) or 0
 
 
-def _usage(group: str, table: Mapping[str, Subcommand]) -> str:
+def commands_text(program: str, table: Mapping[str, Any], settings: str = "") -> str:
+    """Return the help of a command with subcommands, each of which has a ``summary``."""
     width = max(map(len, table))
     rows = "\n".join(f"  {name:{width}}  {entry.summary}" for name, entry in table.items())
     return (
-        f"usage: onebot {group} COMMAND ...\n\nCommands:\n{rows}\n\n"
-        f"onebot {group} COMMAND --help shows the options of each."
+        f"usage: {program} {settings}COMMAND ...\n\nCommands:\n{rows}\n\n"
+        f"{program} COMMAND --help shows the options of each"
     )
 
 

@@ -1,6 +1,5 @@
 """Bringing up any robot with ``onebot view``."""
 
-import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -88,14 +87,3 @@ def test_nodes_are_seen_on_this_computer_only(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.delenv("ROS_AUTOMATIC_DISCOVERY_RANGE", raising=False)
     found = environment(VALUES, forced=False)
     assert found["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST" and "ROS_DOMAIN_ID" not in found
-
-
-def test_the_users_environment_counts_unless_an_argument_is_given(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """The environment goes before the default, an argument before the environment."""
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET")
-    assert "ROS_AUTOMATIC_DISCOVERY_RANGE" not in environment(VALUES, forced=False)
-    found = environment({"discovery": "localhost", "domain_id": "7"}, forced=True)
-    assert found["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST" and found["ROS_DOMAIN_ID"] == "7"
-    assert os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "SUBNET"

@@ -154,17 +154,6 @@ def test_a_robot_with_arguments(
     assert all(part in text for part in parts) and not silent
 
 
-def test_check_reports_a_bad_robot(tmp_path: Path) -> None:
-    """Problems and warnings: a line each on standard error, exit code 1, no traceback."""
-    text = '<robot name="r"><link name="a"/><link name="b" nmae="c"/></robot>'
-    (tmp_path / "bad.urdf").write_text(text)
-    done = onebot("check", str(tmp_path / "bad.urdf"))
-    assert done.returncode == 1 and done.stdout == ""
-    error, warning = done.stderr.splitlines()
-    assert error.startswith("error: ") and "falls into 2 parts" in error
-    assert warning.startswith("warning: ") and 'unknown attribute "nmae"' in warning
-
-
 def test_settings_before_the_command(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -228,19 +228,12 @@ def test_services(ros_domain: int) -> None:
         assert output_of("service", "find", "-c", "std_srvs/srv/Empty") == "0\n"
 
 
-@pytest.mark.parametrize(
-    ("words", "part"),
-    [
-        (("std_srvs/srv/SetBol",), 'did you mean "std_srvs/srv/SetBool"'),
-        (("std_srvs/srv/SetBool", "{dat: true}"), 'did you mean "data"'),
-    ],
-)
-def test_service_mistakes(
-    words: tuple[str, ...], part: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_service_mistakes(capsys: pytest.CaptureFixture[str]) -> None:
     """Types and fields are checked before anything is sent."""
-    assert main(["service", "call", "/switch", *words]) == 1
-    assert part in capsys.readouterr().err
+    assert main(["service", "call", "/switch", "std_srvs/srv/SetBol"]) == 1
+    assert 'did you mean "std_srvs/srv/SetBool"' in capsys.readouterr().err
+    assert main(["service", "call", "/switch", "std_srvs/srv/SetBool", "{dat: true}"]) == 1
+    assert 'did you mean "data"' in capsys.readouterr().err
 
 
 def test_interfaces() -> None:

@@ -1,19 +1,17 @@
 """Robot, driver and viewer on three hosts, by the network alone; one is cut off and joins again."""
 
-import os
 import re
-import signal
-import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from tests.hosts import Host, connected_hosts, missing
+from tests.ros_support import RunningProcess
 from tests.support import PATIENCE, skip_for, wait_for
 
 ONEBOT = "onebot_bringup.cli.main"
@@ -30,21 +28,11 @@ with PageClient(sys.argv[1]) as page:
 """
 
 
-class Command:
-    """A command on a host, and what it has printed so far."""
+class Command(RunningProcess):
+    """A command on a host."""
 
-    def __init__(self, host: Host, file: Path, *words: str) -> None:
-        self._file = file
-        with file.open("w") as log:
-            self.process = subprocess.Popen(
-                host.command(words),
-                stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
-                start_new_session=True,
-            )  # fmt: skip
-
-    @property
-    def output(self) -> str:
-        return self._file.read_text()
+    def __init__(self, host: Host, *words: str) -> None:
+        super().__init__(host.command(words), check=False)
 
     def says(self, pattern: str) -> str:
         """Wait until it prints the pattern; return the first group."""
@@ -53,18 +41,9 @@ class Command:
             assert self.process.poll() is None, self.output
             return re.search(pattern, self.output)
 
-        match = wait_for(found, f"{pattern} from {self._file.name}")
+        match = wait_for(found, pattern)
         assert match is not None
         return match[match.lastindex or 0]
-
-    def stop(self) -> None:
-        if self.process.poll() is None:
-            os.killpg(self.process.pid, signal.SIGINT)
-            try:
-                self.process.wait(PATIENCE)
-            except subprocess.TimeoutExpired:
-                os.killpg(self.process.pid, signal.SIGKILL)
-                raise
 
 
 class Fleet:
@@ -76,24 +55,23 @@ class Fleet:
         self.namespace = namespace  # of the robot
         self.robot_host, self.driver_host, self.viewer_host = hosts
         self.folder, self._discovery = folder, discovery
-        self._commands: list[Command] = []
+        self._commands = ExitStack()
 
-    def run(self, host: Host, name: str, *words: str) -> Command:
-        self._commands.append(Command(host, self.folder / name, *words))
-        return self._commands[-1]
+    def run(self, host: Host, *words: str) -> Command:
+        return self._commands.enter_context(Command(host, *words))
 
-    def onebot(self, host: Host, name: str, *words: str) -> Command:
+    def onebot(self, host: Host, *words: str) -> Command:
         discovery = f"discovery:={self._discovery}"
-        return self.run(host, name, sys.executable, "-um", ONEBOT, discovery, *words)
+        return self.run(host, sys.executable, "-um", ONEBOT, discovery, *words)
 
     def start_robot(self, *arguments: str) -> Command:
         """Start the robot, and print its odometry on the same host."""
         module = "onebot_bringup.launch.onebot_bringup"
         words = (f"discovery:={self._discovery}", "viewer:=none", *arguments)
-        robot = self.run(self.robot_host, "robot", sys.executable, "-m", module, *words)
+        robot = self.run(self.robot_host, sys.executable, "-m", module, *words)
         field = "twist.twist.linear.x"
         self._odom = self.onebot(
-            self.robot_host, "odom", "topic", "echo", "--csv", "--field", field, self.odom
+            self.robot_host, "topic", "echo", "--csv", "--field", field, self.odom
         )
         return robot
 
@@ -102,7 +80,7 @@ class Fleet:
         file = self.folder / "viewer.rrd"
         prefix = ("-p", f"frame_prefix:={self.namespace[1:]}/") if self.namespace else ()
         self.onebot(
-            self.viewer_host, "viewer", "run", "onebot_bringup", "rerun_viewer",
+            self.viewer_host, "run", "onebot_bringup", "rerun_viewer",
             "--ros-args", "-r", f"__ns:={self.namespace or '/'}", "-p", "viewer:=none",
             "-p", f"save:={file}", *prefix,
         )  # fmt: skip
@@ -124,9 +102,11 @@ class Fleet:
     def rests(self) -> bool:
         return abs(self.cycles[-1]) < 0.01 * SPEED
 
-    def stop(self) -> None:
-        for command in self._commands:
-            command.stop()
+    def __enter__(self) -> "Fleet":
+        return self
+
+    def __exit__(self, *raised: Any) -> None:
+        self._commands.__exit__(*raised)
 
 
 @pytest.fixture
@@ -138,15 +118,6 @@ def hosts(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Hos
         yield made
 
 
-@contextmanager
-def fleet_of(hosts: list[Host], *args: Any) -> Iterator[Fleet]:
-    fleet = Fleet(hosts, *args)
-    try:
-        yield fleet
-    finally:
-        fleet.stop()
-
-
 def grows(file: Path, by: int = 100_000) -> None:
     """Wait until a recording has grown."""
     before = file.stat().st_size
@@ -156,13 +127,13 @@ def grows(file: Path, by: int = 100_000) -> None:
 @pytest.mark.slow
 def test_all_carry_on_after_the_robot_was_cut_off(hosts: list[Host], tmp_path: Path) -> None:
     """On a subnet: it stops by its timeout, its control loop runs on, and nothing is restarted."""
-    with fleet_of(hosts, tmp_path, "subnet") as fleet:
+    with Fleet(hosts, tmp_path, "subnet") as fleet:
         robot = fleet.start_robot()
         recording = fleet.start_viewer()
-        page = fleet.onebot(fleet.driver_host, "steer", "steer", "viewer:=none", "port:=0")
+        page = fleet.onebot(fleet.driver_host, "steer", "viewer:=none", "port:=0")
         address = page.says(r"(http://[\w.:]+)\s")
         words = (sys.executable, "-c", HOLDS, address, str(SPEED))
-        holds = fleet.run(fleet.driver_host, "holds", *words)
+        holds = fleet.run(fleet.driver_host, *words)
         wait_for(fleet.drives, "the robot to drive")
         wait_for(recording.exists, "the recording")
         grows(recording)
@@ -188,14 +159,14 @@ def test_all_carry_on_after_the_robot_was_cut_off(hosts: list[Host], tmp_path: P
 def test_a_discovery_server_connects_the_hosts(hosts: list[Host], tmp_path: Path) -> None:
     """Robots that started before it join when it runs; lists are of all; a cut is survived."""
     address = f"{hosts[2].address}:{SERVER_PORT}"
-    with fleet_of(hosts, tmp_path, address, "/robot2") as fleet:
+    with Fleet(hosts, tmp_path, address, "/robot2") as fleet:
         robot = fleet.start_robot("robots:=2")
         robot.says(f"no other node is discovered: does the discovery server at {address} run")
         cmd_vel = f"{fleet.namespace}/velocity_controller/cmd_vel"
         drives = ("topic", "pub", "-r", "20", cmd_vel, "geometry_msgs/msg/Twist")
-        fleet.onebot(fleet.driver_host, "pub", *drives, f"{{linear: {{x: {SPEED}}}}}")
+        fleet.onebot(fleet.driver_host, *drives, f"{{linear: {{x: {SPEED}}}}}")
         server = ("fastdds", "discovery", "-i", "0", "-p", str(SERVER_PORT))
-        fleet.run(fleet.viewer_host, "server", *server)
+        fleet.run(fleet.viewer_host, *server)
         robot.says("other nodes are discovered now")
         assert robot.output.count("no other node is discovered") == 1
         wait_for(fleet.drives, "the robot to drive")
@@ -203,7 +174,7 @@ def test_a_discovery_server_connects_the_hosts(hosts: list[Host], tmp_path: Path
         wait_for(recording.exists, "the recording")
         grows(recording)
         # Of what it neither publishes nor subscribes to itself.
-        listed = fleet.onebot(fleet.viewer_host, "list", "topic", "list")
+        listed = fleet.onebot(fleet.viewer_host, "topic", "list")
         listed.process.wait(PATIENCE)
         assert {cmd_vel, fleet.odom, "/robot1/joint_states"} <= set(listed.output.split()), (
             listed.output

@@ -6,8 +6,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from onebot_bringup.launcher.launcher import Restarts
 from onebot_bringup.launcher.process import Restart, describe_exit
@@ -151,20 +149,6 @@ def test_a_nice_node_stands_back(start: Start, tmp_path: Path) -> None:
     wait_for(lambda: os.getpriority(os.PRIO_PROCESS, pid) == min(mine + 7, 19), "the niceness")
     assert os.getpriority(os.PRIO_PROCESS, launcher.process.pid) == mine
     assert launcher.interrupt() == 0
-
-
-@given(
-    limit=st.integers(0, 8),
-    first=st.floats(0.01, 10.0),
-    longest=st.floats(0.01, 100.0),
-)
-def test_the_waits_grow_up_to_the_limit(limit: int, first: float, longest: float) -> None:
-    """Exactly ``limit`` starts, each after twice the last wait or the longest one; then None."""
-    restarts = Restarts(Restart(limit, first, longest, healthy_after=30.0))
-    waits = [restarts.next_wait(lived=0.0) for _ in range(limit + 2)]
-    assert waits[:limit] == pytest.approx([min(first * 2**i, longest) for i in range(limit)])
-    assert waits[limit:] == [None, None]
-    assert restarts.count == limit
 
 
 def test_the_policy_unless_a_node_has_another() -> None:

@@ -172,15 +172,6 @@ def test_only_servers_on_this_host_are_asked():
     assert server_of(page.replace("9876/proxy", "9876@evil/proxy")) == ""
 
 
-def snapshot(*words: str | Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "onebot_bringup.cli.main", "snapshot", *map(str, words)],
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-    )
-
-
 def test_rerun_does_not_warn_of_a_recording_of_ours(tmp_path):
     """Whatever module imports rerun first: each snapshot of a file began with a warning."""
     code = (
@@ -192,23 +183,6 @@ def test_rerun_does_not_warn_of_a_recording_of_ours(tmp_path):
     quiet = {name: value for name, value in os.environ.items() if name != "RUST_LOG"}
     done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, env=quiet)
     assert (done.returncode, done.stderr) == (0, "")
-
-
-@pytest.mark.parametrize(
-    ("words", "code", "message"),
-    [
-        (["a.gif"], 1, "must end in .png"),
-        (["a.png", "none.rrd"], 1, "there is no recording none.rrd"),
-        (["a.png", "--width", "7"], 2, "--width"),
-    ],
-)
-def test_mistakes_are_one_line(words, code, message, tmp_path, monkeypatch):
-    """A user's mistake is said plainly, and no file is left behind."""
-    monkeypatch.chdir(tmp_path)
-    done = snapshot(*words)
-    assert done.returncode == code, done.stderr
-    assert message in done.stderr and "Traceback" not in done.stderr
-    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(
