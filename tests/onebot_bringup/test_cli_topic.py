@@ -1,5 +1,6 @@
 """``onebot topic``, on real DDS, against the very forms that ros2 prints."""
 
+import itertools
 import re
 import shlex
 import subprocess
@@ -254,7 +255,7 @@ def test_hz(ros_domain: int, tmp_path: Path, options: tuple[str, ...]) -> None:
 
         peer.node.create_timer(0.05, publish)
         rates = wait_for(lambda: len(found := re.findall(form, command.out)) > 1 and found, "rates")
-        # On a busy machine the timer itself is late.
-        rate = (len(sent) - 1) / (sent[-1] - sent[0])
-        assert float(rates[1]) == pytest.approx(rate, rel=0.2)
+        # On a busy machine the timer itself is late, now and then.
+        pauses = [after - before for before, after in itertools.pairwise(sent)]
+        assert 0.8 / max(pauses) < float(rates[1]) < 1.2 / min(pauses)
         assert command.interrupt() == 0

@@ -100,7 +100,7 @@ def test_a_wheel_is_on_one_side() -> None:
         ({"velocity_rolling_window_size": 0}, "velocity_rolling_window_size: 0 is below 1"),
         (
             {"pose_covariance_diagonal": [1.0, 2.0]},
-            "2 numbers; write 6: variances of the odom",
+            "2 numbers; write 6: variances of x, y, z",
         ),
         ({"twist_covariance_diagonal": [-1.0] * 6}, "twist_covariance_diagonal: -1 is below 0"),
         ({"odom_frame_id": ""}, "odom_frame_id: is empty; write the name of a frame"),
