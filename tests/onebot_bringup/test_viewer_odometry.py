@@ -299,23 +299,30 @@ def _scattered(tmp_path, covariances, settings="heading: 0.5"):
     return shown.end()
 
 
-def test_a_steady_covariance_is_logged_once_however_far_the_robot_drives(tmp_path):
-    """It costs a shape, and where it lies."""
-    file = _scattered(tmp_path, [_covariance(0.01, 0.01, yaw=0.01)] * 50)
-    for shape in ("place", "heading"):
-        entity = f"/covariance/pose/{shape}"
-        assert len(chunks(file, entity)) == 1
-        assert frames(file, entity) == [entity[1:]]
-        children = column(file, f"/placed{entity}", "Transform3D:child_frame")
-        assert children == [[entity[1:]]] * 50
-    [matrix] = column(file, "/placed/covariance/pose/heading", "Transform3D:mat3x3")[0]
-    by_columns = [0, 1, 0, -1, 0, 0, 0, 0, 1]
-    np.testing.assert_allclose(matrix, by_columns, atol=1e-6)
+def _outlines(file):
+    """The outlines of each row, (49, 3) each."""
+    rows = column(file, "/covariance/pose", "LineStrips3D:strips")
+    return [[np.array(line) for line in row] for row in rows]
+
+
+def test_a_covariance_goes_with_the_robot(tmp_path):
+    """The ellipse around its place as the frame lies, the sector turned with it, at each time."""
+    file = _scattered(tmp_path, [_covariance(0.04, 0.01, yaw=0.01)] * 3, "sigma: 2.0, heading: 0.5")
+    rows = _outlines(file)
+    assert len(rows) == 3 and frames(file, "/covariance/pose") == ["odom"]
+    for step, (ellipse, sector) in enumerate(rows):
+        place = np.array([0.5, -1.0 + step, 0.0])
+        np.testing.assert_allclose(np.ptp(ellipse, axis=0), [0.8, 0.4, 0.0], atol=1e-6)
+        np.testing.assert_allclose(ellipse[:-1].mean(axis=0), place, atol=1e-6)
+        np.testing.assert_allclose(sector[0], place, atol=1e-6)
+        np.testing.assert_allclose(sector[1:-1].mean(axis=0)[0], place[0], atol=1e-6)
+        assert sector[:, 1].max() == pytest.approx(place[1] + 0.5, abs=1e-3)
+    times = [START_NS + step * 10**8 for step in range(3)]
+    assert stamps(file, "/covariance/pose") == times
 
 
 def test_it_goes_when_it_is_unknown(tmp_path):
-    """Of one unknown, or as large as none, in the end nothing is left."""
+    """Of one unknown, or as large as none, in the end nothing is left; that is logged once."""
     for last in (_covariance(-1.0, -1.0), _covariance(1e6, 1e6)):
-        file = _scattered(tmp_path, [_covariance(0.36, 0.04), last])
-        assert column(file, "/covariance/pose/place", "LineStrips3D:strips")
-        assert column(file, "/covariance/pose/place", "Clear:is_recursive") == [[False]]
+        file = _scattered(tmp_path, [_covariance(), _covariance(0.36, 0.04), last, last])
+        assert [len(row) for row in _outlines(file)] == [1, 0]

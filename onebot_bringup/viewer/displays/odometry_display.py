@@ -4,7 +4,6 @@ Arrows are drawn of every topic of the type, as RViz draws them; trails and cova
 that the view names, which get no arrows by themselves.
 """
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
@@ -12,7 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 import rerun as rr
 
-from onebot_bringup.viewer.displays.display import LARGEST, SELDOM, LayoutPart, below, is_old
+from onebot_bringup.viewer.displays.display import LARGEST, SELDOM, LayoutPart
 from onebot_bringup.viewer.displays.drawing import (
     Archetypes,
     Drawing,
@@ -26,11 +25,9 @@ from onebot_bringup.viewer.displays.pose_display import (
     covariance_shapes,
     one_pose,
     outlines,
-    yaw_only,
 )
 from onebot_bringup.viewer.inbox import WantedTopic, known_type
 from onebot_bringup.viewer.settings import Color, color, height, setting, topic
-from onebot_description.model.quaternions import to_matrix
 from onebot_description.parameters.reader import REQUIRED
 
 ODOMETRY = known_type("nav_msgs/msg/Odometry")
@@ -182,9 +179,6 @@ class TrailDisplay(OdometryDisplay):
 
 # --- covariances ----------------------------------------------------------------------------------
 
-PLACED_ENTITY = "placed"  # below which the frames of the shapes are
-_CHANGE = 0.01  # share of a shape's size: less would not be seen
-
 
 @dataclass(frozen=True)
 class CovarianceSettings:
@@ -199,64 +193,23 @@ class CovarianceSettings:
 
 
 class CovarianceDrawing(PlaceDrawing[CovarianceSettings]):
-    """How sure the robot is of its pose: an ellipse around the place, a sector around the heading.
-
-    Each lies in a frame of its own, which moves with the messages. The shape itself is logged only
-    when it changes, so that a covariance costs little, however fast the robot drives.
-    """
+    """How sure a robot is of its pose: an ellipse around the place, a sector around the heading."""
 
     latest = True
-
-    def __init__(self, *arguments: Any) -> None:
-        super().__init__(*arguments)
-        # The shape that is logged of each part, (49, 3) metres, and when.
-        self._shapes: dict[str, tuple[Floats | None, float]] = {}
+    _drawn = False  # something is known of it
 
     def draw(self, message: Any) -> Archetypes:
-        """Log both parts below the entity; nothing lies at the entity itself."""
+        """Return the shapes; none once, where nothing is known any more."""
         place = self.place_of(message)
         if place is None:
             return ()
-        settings, pose = self.settings, np.eye(4)
-        pose[:3, 3] = place
-        ellipse, sector = outlines(message.pose.covariance, settings.sigma, settings.heading)
-        self._draw_part("place", ellipse, pose)
-        pose[:3, :3] = to_matrix(yaw_only(message.pose.pose.orientation.array()))
-        self._draw_part("heading", sector, pose)
-        return ()
-
-    def erase(self) -> None:
-        for part in self._shapes:
-            entity = f"{self.entity}/{part}"
-            self.stage.clear(entity, self.stamp_ns, entity)
-
-    def _draw_part(self, part: str, outline: Floats | None, pose: Floats) -> None:
-        """Log an outline (49, 3), and the shape that it encloses, at a pose (4, 4)."""
-        entity = f"{self.entity}/{part}"
-        before, logged_at = self._shapes.get(part, (None, 0.0))
-        if outline is not None:
-            # The frame lies on an entity that is never cleared, since what is drawn needs it.
-            self.stage.log_row(
-                below(PLACED_ENTITY, entity),
-                self.stamp_ns,
-                rr.Transform3D(
-                    translation=pose[:3, 3],
-                    mat3x3=pose[:3, :3],
-                    parent_frame=self.frame,
-                    child_frame=entity,
-                ),
-            )
-            if before is not None and not is_old(logged_at) and _are_alike(outline, before):
-                return
-            shapes = covariance_shapes([outline], self.color, [self.settings.width / 2])
-            self.stage.log_row(entity, self.stamp_ns, rr.CoordinateFrame(entity), *shapes)
-        elif before is not None:
-            self.stage.clear(entity, self.stamp_ns, entity)
-        self._shapes[part] = outline, time.monotonic()
-
-
-def _are_alike(outline: Floats, before: Floats) -> bool:
-    return bool(np.abs(outline - before).max() <= _CHANGE * np.abs(before).max())
+        pose = np.concatenate([place, message.pose.pose.orientation.array()])
+        limits = self.settings.sigma, self.settings.heading
+        lines = outlines(pose, message.pose.covariance, *limits)
+        before, self._drawn = self._drawn, bool(lines)
+        if not lines and not before:
+            return ()
+        return covariance_shapes(lines, self.color, [self.settings.width / 2])
 
 
 class CovarianceDisplay(OdometryDisplay):

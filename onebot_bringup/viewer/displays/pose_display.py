@@ -193,27 +193,26 @@ def sector_outline(deviation: float, sigma: float, radius: float) -> Floats:
     return np.concatenate([middle, arc, middle])
 
 
-def outlines(
-    covariance: Floats, sigma: float, radius: float
-) -> tuple[Floats | None, Floats | None]:
-    """Return what is drawn of a covariance.
+def outlines(pose: Floats, covariance: Floats, sigma: float, radius: float) -> list[Floats]:
+    """Return what is drawn of the covariance of a pose.
 
     Args:
+        pose: (7,) metres and a quaternion x y z w, of which the yaw counts.
         covariance: (36,) as above.
         sigma: how many standard deviations the shapes are wide.
         radius: of the sector, metres; 0 for none.
 
     Returns:
-        The outlines (49, 3) of the ellipse and of the sector, metres; None for what is unknown.
+        The outlines (49, 3) of the ellipse and of the sector, metres, as far as they are known.
     """
+    lines = []
     ellipse, deviation = place_ellipse(covariance), heading_deviation(covariance)
-    known_place = ellipse is not None and 0 < sigma * ellipse.along <= _LARGEST_AXIS
-    return (
-        ellipse_outline(ellipse, sigma) if ellipse is not None and known_place else None,
-        sector_outline(deviation, sigma, radius)
-        if deviation is not None and sigma * radius > 0
-        else None,
-    )
+    if ellipse is not None and 0 < sigma * ellipse.along <= _LARGEST_AXIS:
+        lines.append(ellipse_outline(ellipse, sigma) + pose[:3])
+    if deviation is not None and sigma * radius > 0:
+        sector = sector_outline(deviation, sigma, radius)
+        lines.append(rotate(_yaw_only(pose[3:]), sector) + pose[:3])
+    return lines
 
 
 def covariance_shapes(lines: Sequence[Floats], color: Color, radii: Any) -> list[rr.AsComponents]:
@@ -230,7 +229,7 @@ def covariance_shapes(lines: Sequence[Floats], color: Color, radii: Any) -> list
     ]
 
 
-def yaw_only(rotation: Floats) -> Floats:
+def _yaw_only(rotation: Floats) -> Floats:
     """Return the turn about z alone of a quaternion x y z w, of length 1."""
     length = math.hypot(rotation[2], rotation[3])
     if not 0 < length < math.inf:
@@ -255,15 +254,7 @@ class PoseWithCovarianceDrawing(PosesDrawing[PoseWithCovarianceSettings]):
     live, repeated = False, True
 
     def draw(self, message: Any) -> Archetypes:
-        poses = one_pose(message.pose.pose)
-        lines = self._outlines(poses[0], message.pose.covariance)
+        poses, look = one_pose(message.pose.pose), self.settings
+        covariance = message.pose.covariance
+        lines = outlines(poses[0], covariance, look.sigma, look.heading) if look.covariance else []
         return [*self.shapes(poses), *covariance_shapes(lines, self.color, _WIDTH)]
-
-    def _outlines(self, pose: Floats, covariance: Floats) -> list[Floats]:
-        """Return the outlines at a pose (7,)."""
-        if not self.settings.covariance:
-            return []
-        ellipse, sector = outlines(covariance, self.settings.sigma, self.settings.heading)
-        if sector is not None:
-            sector = rotate(yaw_only(pose[3:]), sector)
-        return [outline + pose[:3] for outline in (ellipse, sector) if outline is not None]
