@@ -67,12 +67,6 @@ class Stage:
 
     # --- what is logged ---------------------------------------------------------------------------
 
-    def log_row(
-        self, entity: str, stamp_ns: int, *archetypes: rr.AsComponents | ReadyColumn
-    ) -> None:
-        """Log one message's archetypes at its time."""
-        self.log_rows(entity, [(stamp_ns, archetypes)])
-
     def log_rows(
         self, entity: str, rows: Sequence[tuple[int, Sequence[rr.AsComponents | ReadyColumn]]]
     ) -> None:
@@ -88,9 +82,9 @@ class Stage:
 
     def clear(self, entity: str, stamp_ns: int, frame: str) -> None:
         """Remove what is drawn at an entity; without a frame it would be an error in the view."""
-        self.log_row(entity, stamp_ns, rr.Clear(recursive=False))
+        self.log_rows(entity, [(stamp_ns, [rr.Clear(recursive=False)])])
         if frame:
-            self.log_row(entity, stamp_ns, rr.CoordinateFrame(frame))
+            self.log_rows(entity, [(stamp_ns, [rr.CoordinateFrame(frame)])])
 
     # --- robots -----------------------------------------------------------------------------------
 
