@@ -334,13 +334,14 @@ class JointStatesOut:
         # Counted from the first message on, because a float cannot hold nanoseconds since 1970.
         self._began = now.nanoseconds if self._began is None else self._began
         positions, velocities = source.sample((now.nanoseconds - self._began) * 1e-9)
-        received, message = source.received, self._message
-        shows_positions = config.publish_default_positions or config.moves or received.any
+        has_position, has_velocity, has_effort = source.received.kinds
+        message = self._message
+        shows_positions = config.publish_default_positions or config.moves or has_position
         message.position = array("d", positions.tobytes()) if shows_positions else _EMPTY
-        moving = config.moves or source.moving or received.any_velocity
+        moving = config.moves or source.moving or has_velocity
         shows_velocities = config.publish_default_velocities or moving
         message.velocity = array("d", velocities.tobytes()) if shows_velocities else _EMPTY
-        shows_efforts = config.publish_default_efforts or received.any_effort
+        shows_efforts = config.publish_default_efforts or has_effort
         message.effort = array("d", source.efforts().tobytes()) if shows_efforts else _EMPTY
         if shows_positions or shows_velocities or shows_efforts:
             message.header.stamp = now.to_msg()

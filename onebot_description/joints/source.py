@@ -260,19 +260,10 @@ class ReceivedJointStates:
         self.position, self.velocity, self.effort = self._values
 
     @property
-    def any(self) -> bool:
-        """Whether the position of any joint was received."""
-        return not bool(np.isnan(self.position).all())
-
-    @property
-    def any_velocity(self) -> bool:
-        """Whether the velocity of any joint was received."""
-        return not bool(np.isnan(self.velocity).all())
-
-    @property
-    def any_effort(self) -> bool:
-        """Whether the effort of any joint was received."""
-        return not bool(np.isnan(self.effort).all())
+    def kinds(self) -> tuple[bool, bool, bool]:
+        """Whether the position, the velocity and the effort of any joint were received."""
+        position, velocity, effort = (~np.isnan(self._values)).any(axis=1).tolist()
+        return position, velocity, effort
 
     def receive(
         self,
@@ -446,7 +437,7 @@ class JointStateSource:
         endless = self._plan.endless
         position = np.where(endless, wrapped(self._position), self._position)
         received, velocity = self.received.position, self._velocity.copy()
-        if not (self.received.any or self.received.any_velocity):
+        if not any(self.received.kinds[:2]):
             return position, velocity
         following = self._plan.following
         followed = self._follow(received)

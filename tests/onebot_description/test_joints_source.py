@@ -496,14 +496,14 @@ def test_received_velocities_or_efforts_alone_leave_the_positions() -> None:
     source = source_of({"motions": {"elbow": {"type": "constant", "position": 1.0}}})
     source.sample(0.0)
     received = source.received
-    assert not (received.any or received.any_velocity or received.any_effort)
+    assert received.kinds == (False, False, False)
     source.received.receive(["finger"], [], [0.25], [])
-    assert received.any_velocity and not (received.any or received.any_effort)
+    assert received.kinds == (False, True, False)
     positions, velocities = source.sample(1.0)
     assert positions == pytest.approx([0.5, 0.4, 0.0, 0.0, 0.05])
     assert velocities == pytest.approx([0.5, 0.0, 0.0, 0.25, -0.25])
     source.received.receive(["finger", "thumb"], [], [], [3.0, 4.0])
-    assert received.any_effort and not received.any
+    assert received.kinds == (False, True, True)
     assert source.efforts() == pytest.approx([0.0, 0.0, 0.0, 3.0, 3.0])
 
 
@@ -517,7 +517,7 @@ def test_each_list_of_a_message_has_one_value_per_name(which: int) -> None:
     reason = source.received.receive(["elbow", "slide"], *lists)
     assert reason == f"2 names but 3 values of {what}"
     received = source.received
-    assert not (received.any or received.any_velocity or received.any_effort)
+    assert received.kinds == (False, False, False)
 
 
 def test_the_received_state_of_a_leader_moves_its_follower_by_the_factor() -> None:
