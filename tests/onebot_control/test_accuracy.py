@@ -34,7 +34,8 @@ def test_goals_are_met() -> None:
     """Odometry within 0.05 % of truth, truth within 0.5 % of command, rest below 0.01 mm."""
     description = load_description(ONEBOT)
     results = measure(description, default_config(), PATHS)
-    assert missed(results, rest_drift(description, default_config())) == []
+    drift = 3.0 * rest_drift(description, default_config(), 20.0)  # in a minute
+    assert missed(results, drift) == []
     for result in results:  # at the end odometry is inside its ellipse of 99 %
         xx, xy, yy, xt, yt, tt = result.covariance
         covariance = np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]])

@@ -78,7 +78,7 @@ def test_drives_as_told_and_brakes_when_commands_stop(peer: Peer, model: str) ->
 
 def test_odometry_that_drifts_from_the_truth_is_warned_of_once(peer: Peer, model: str) -> None:
     truth = peer.hear(Odometry, f"{NODE}/ground_truth")
-    with NodeProcess(MODULE, model, *ros_args(wheel_radius=0.12, real_time_factor=0.0)) as node:
+    with NodeProcess(MODULE, model, *ros_args(wheel_radius=0.12, real_time_factor=5.0)) as node:
         Driver(peer, twist(0.2))
         wait_for(lambda: "odometry and truth drift apart" in node.output, "the warning")
         before = x(truth[-1])

@@ -133,7 +133,7 @@ def work(request: str, place: Place) -> object:
         assert Path("/proc/self/oom_score_adj").read_text() == "1000\n"
         os.kill(os.getpid(), 9)
     if request == "answer too much":
-        return "a" * 400_000_000
+        return "a" * 100_000_000
     if request == "die":
         os._exit(3)
     if request == "fail":
@@ -176,8 +176,8 @@ def check_processes(*, forked: bool) -> None:
     if forked:  # a started interpreter forks, too
         with pytest.raises(BoundMet, match="^the memory of this computer$"):
             run_bounded(function, "be killed", Bounds())
-        with pytest.raises(BoundMet, match="^0.5 GB of memory$"):
-            run_bounded(function, "answer too much", Bounds(memory=500_000_000))
+        with pytest.raises(BoundMet, match="^0.15 GB of memory$"):
+            run_bounded(function, "answer too much", Bounds(memory=150_000_000))
     for request in ("die", "fail") if forked else ("fail",):
         with pytest.raises(RuntimeError, match=f"{request}:1 ended with [31]"):
             run_bounded(function, request, Bounds())
