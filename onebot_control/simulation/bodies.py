@@ -54,16 +54,14 @@ class Body:
     mass: float = 0.0  # kg
     center: Floats = field(default_factory=lambda: np.zeros(3))  # centre of mass, m
     inertia: Floats = field(default_factory=lambda: np.zeros((3, 3)))  # about it, kg m^2
-    collisions: list[tuple[Shape, Floats]] = field(default_factory=list)  # pose (4, 4) in the body
+    # Each with its pose (4, 4) in the body, and the link that it is of.
+    collisions: list[tuple[Shape, Floats, Link]] = field(default_factory=list)
     friction: float | None = None  # lateral, the minimum of its links'
-    meshes: list[tuple[Mesh, Link]] = field(default_factory=list)  # the collisions' meshes
 
     def add(self, link: Link, pose: Floats) -> None:
         """Add the mass and the shapes of ``link``, whose frame is at ``pose`` (4, 4)."""
         for collision in link.collisions:
-            self.collisions.append((collision.shape, pose @ matrix(collision.origin)))
-            if isinstance(collision.shape, Mesh):
-                self.meshes.append((collision.shape, link))
+            self.collisions.append((collision.shape, pose @ matrix(collision.origin), link))
         if link.friction is not None:
             least = link.friction if self.friction is None else self.friction
             self.friction = min(link.friction, least)
@@ -211,7 +209,7 @@ def _link(name: str, inertial: Element) -> Element:
 
 
 def _add_collisions(link: Element, body: Body, meshes: Mapping[str, str], *, concave: bool) -> None:
-    for shape, where in body.collisions:
+    for shape, where, _ in body.collisions:
         part = SubElement(link, "collision")
         if concave and isinstance(shape, Mesh):
             part.set("concave", "yes")

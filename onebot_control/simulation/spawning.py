@@ -208,8 +208,9 @@ def converted_meshes(bodies: Iterable[Body], *, convex: bool = True) -> Iterator
     """
     meshes: dict[str, tuple[Mesh, list[Link]]] = {}
     for body in bodies:
-        for mesh, link in body.meshes:
-            meshes.setdefault(mesh.uri, (mesh, []))[1].append(link)
+        for shape, _, link in body.collisions:
+            if isinstance(shape, Mesh):
+                meshes.setdefault(shape.uri, (shape, []))[1].append(link)
     if not meshes:
         yield {}
         return
