@@ -1,6 +1,7 @@
 """Mimic joints: each chain is reduced to one factor and offset relative to its leading joint."""
 
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 
 import numpy as np
@@ -144,7 +145,7 @@ def _narrow(
         Limits of all joints, what is wrong with followers that no position of their leader keeps
         within their limits, and warnings on leaders whose range became smaller.
     """
-    narrowed, wrong, notes = limits.copy(), {}, []
+    narrowed, wrong, notes = deepcopy(limits), {}, []
     for follower in np.flatnonzero(following.follows).tolist():
         leader = int(following.leader[follower])
         old = narrowed.lower[leader], narrowed.upper[leader]

@@ -21,10 +21,6 @@ class JointLimits:
     upper: FloatArray  # (N,)
     velocity: FloatArray  # (N,), >= 0
 
-    def copy(self) -> "JointLimits":
-        """Return a copy that can be narrowed in place."""
-        return JointLimits(self.lower.copy(), self.upper.copy(), self.velocity.copy())
-
 
 def movable(joints: Sequence[Joint]) -> tuple[Joint, ...]:
     """Return the joints with one degree of freedom: no fixed, floating or planar ones."""

@@ -142,9 +142,8 @@ def deserialize_message(data: bytes, kind: type) -> Any:
     try:
         return serialization.deserialize_message(data, kind)
     except Exception as error:
-        reason = " ".join(str(error).split()).partition("., at /")[
-            0
-        ]  # a place in rclpy's source code
+        # Behind the reason is a place in rclpy's sources.
+        reason, _, _ = " ".join(str(error).split()).partition("., at /")
         raise ValueError(f"it is no {kind.__name__}: {reason}") from error
 
 
