@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
+from concurrent import futures
 from operator import itemgetter
 from queue import SimpleQueue
 from typing import Any, TypeVar
@@ -208,26 +209,22 @@ class ControlLoop:
         Raises:
             OneBotError: it raised that, or the loop has ended.
         """
-        done = threading.Event()
-        result: list[T] = []
-        refused: list[OneBotError] = []
+        answer = futures.Future[T]()
 
         def call() -> None:
             try:
-                result.append(function())
+                answer.set_result(function())
             except OneBotError as error:
-                refused.append(error)
-            finally:
-                done.set()
+                answer.set_exception(error)
+            except BaseException:
+                answer.set_exception(OneBotError("the control loop has failed"))
+                raise
 
         self.post(call)
-        if not done.wait(_PATIENCE):
-            raise OneBotError("the control loop does not answer")
-        if refused:
-            raise refused[0]
-        if not result:
-            raise OneBotError("the control loop has failed")
-        return result[0]
+        try:
+            return answer.result(_PATIENCE)
+        except futures.TimeoutError:
+            raise OneBotError("the control loop does not answer") from None
 
     @property
     def left(self) -> float:
