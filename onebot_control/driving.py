@@ -363,7 +363,8 @@ class RobotDriving:
                 self._sense_again()
                 self._node.get_logger().info("now driving by the changed robot description")
         except OneBotError as error:
-            reason = self._settings.located(error) if isinstance(error, ConfigError) else error
+            places = self._settings.places
+            reason = error.located(places) if isinstance(error, ConfigError) else error
             goes_on = "still waiting for one" if loop is None else _GOES_ON
             self._refuse("description", f"robot_description not applied, {goes_on}:\n{reason}")
 

@@ -318,10 +318,6 @@ class ControlParameters:
         }
         self.config = read(ControlConfig, self.values, self.places)
 
-    def located(self, error: ConfigError) -> ConfigError:
-        """Return an error about these parameters, naming the lines they were written on."""
-        return error.located(self.places)
-
     @property
     def warnings(self) -> list[str]:
         """What is surprising about them."""

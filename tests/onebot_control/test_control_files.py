@@ -209,7 +209,8 @@ def test_what_can_be_set_while_the_node_runs(ros_domain: int, file: Path) -> Non
         parameters.accept(new)
         assert parameters.config == parameters.changed([], False)
         assert parameters.config.wheel_radius == 0.2 and "nothing_of_ours" not in parameters.values
-        error = parameters.located(ConfigError([Problem("linear.x.max_velocity", "is odd")]))
+        problem = Problem("linear.x.max_velocity", "is odd")
+        error = ConfigError([problem], parameters.places)
         assert str(error) == f"{file}:15: linear.x.max_velocity: is odd"
 
 
@@ -222,7 +223,7 @@ def test_the_lines_of_what_the_command_line_overrides_are_not_named(
         parameters = ControlParameters(mine, RosArguments((file,), given))
         assert (parameters.config.wheel_radius, parameters.config.linear.max_velocity) == (0.3, 0.5)
         names = ("wheel_radius", "linear.x.max_velocity", "update_rate")
-        error = parameters.located(ConfigError(Problem(name, "is odd") for name in names))
+        error = ConfigError((Problem(name, "is odd") for name in names), parameters.places)
         assert str(error).splitlines() == [
             "wheel_radius: is odd",
             "linear.x.max_velocity: is odd",
