@@ -1,6 +1,5 @@
 """``onebot teleop``: what the keys mean, and the command on a pseudo-terminal and real DDS."""
 
-import functools
 import io
 import os
 import pty
@@ -10,14 +9,17 @@ import sys
 import termios
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 import pytest
 from geometry_msgs.msg import Twist, TwistStamped
 from std_msgs.msg import Bool
 
-from onebot_bringup.cli.teleop import HELP, Driver, TeleopTwist, split_keys
+from onebot_bringup.cli.running_robots import chosen_commands, commanded_robots
+from onebot_bringup.cli.session import Session
+from onebot_bringup.cli.teleop import Driver, TeleopTwist, split_keys
+from onebot_description.errors import OneBotError
 from tests.onebot_bringup.cli_support import MODULE, onebot
 from tests.ros_support import LATCHED, Peer
 from tests.support import PATIENCE, wait_for
@@ -292,22 +294,18 @@ def test_of_several_robots_one_is_named(ros_domain: int) -> None:
             name: peer.hear(Twist, f"/{name}/velocity_controller/cmd_vel")
             for name in ("robot1", "robot2")
         }
-        for words, text in (
-            ((), "2 robots take commands: robot1, robot2; choose one by its name"),
-            (("robot3",), 'no robot "robot3" takes commands (did you mean'),
-        ):
-            wait_for(functools.partial(_refused, words, text), text)
+        with Session() as session:
+            wait_for(lambda: len(commanded_robots(session)) == 2, "both robots")
+            for name, text in (
+                ("", "2 robots take commands: robot1, robot2; choose one by its name"),
+                ("robot3", 'no robot "robot3" takes commands .did you mean'),
+            ):
+                with pytest.raises(OneBotError, match=text):
+                    chosen_commands(session, name)
         with teleop("robot2") as terminal:
             ready(peer, terminal, "/robot2/velocity_controller/cmd_vel")
             _hold(terminal, "i", heard["robot2"])
             assert heard["robot2"] and not heard["robot1"]
-
-
-def _refused(words: Sequence[str], text: str) -> bool:
-    """Whether it ended with this error; not if it did not discover the robots in its time."""
-    with teleop(*words) as terminal:
-        wait_for(lambda: text in terminal.shown or HELP[:20] in terminal.shown, text)
-        return text in terminal.shown and terminal.process.wait(PATIENCE) == 1
 
 
 def test_a_robot_that_wants_the_other_type_is_said(ros_domain: int) -> None:
