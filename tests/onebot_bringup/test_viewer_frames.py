@@ -8,12 +8,10 @@ import pytest
 
 from onebot_bringup.introspection.transforms import FrameTree
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.displays.tf_display import AxesSettings, TfDisplay, TransformStream
+from onebot_bringup.viewer.displays.tf_display import TransformStream
 from onebot_bringup.viewer.shown_robot import RobotToShow
-from onebot_bringup.viewer.stage import Stage
-from onebot_bringup.viewer.view_config import ViewConfig
-from onebot_description.description import parse_description
 from onebot_description.wire.messages import TfArrays
+from tests.onebot_bringup import viewer_support as support
 from tests.onebot_bringup.drive_support import chunks, column, stamps
 from tests.onebot_bringup.viewer_support import START_NS, transforms
 
@@ -104,53 +102,39 @@ ROBOT = """<robot name="r"><link name="base"/><link name="{}"/>
 <joint name="j" type="fixed"><parent link="base"/><child link="{}"/></joint></robot>"""
 
 
-class _Shown:
+class Shown(support.Shown):
     """A robot whose link "old" becomes "new", drawn into a file at times that the test sets."""
 
-    def __init__(self, file: Path) -> None:
-        self.now, self._file = 100.0, file
-        self._recording = open_recording(save=file)
+    def __init__(self, folder: Path) -> None:
+        self.now = 100.0
         robots = [RobotToShow(frame_prefix="a_")]
-        self._stage = Stage(self._recording.stream, ViewConfig(), robots, clock=lambda: self.now)
-        self.tree = self._stage.frames
-        self._display = TfDisplay(self._stage)
+        super().__init__(folder, robot=False, robots=robots, clock=lambda: self.now)
+
+    @property
+    def frames(self) -> frozenset[str]:
+        """All that are in the tree."""
+        return self.view.stage.frames.names
 
     def set_robot(self, link: str) -> None:
         """Show the robot with this link."""
-        self._stage.robots[0].description = parse_description(ROBOT.format(link, link))
-        self._display.set_robot()
+        support.describe(self.view, ROBOT.format(link, link))
+        self.tick()
 
     def receive(self, *children: str) -> None:
         """A message of /tf names them, and is drawn."""
         for child in children:
-            self._stage.transforms.add(START_NS, transforms("a_base", f"a_{child}", 0.0))
-        self.flush()
+            support.take_tf(self.view, transforms("a_base", f"a_{child}", 0.0))
+        self.tick()
 
-    def flush(self) -> None:
-        """Draw what there is."""
-        self._display.flush()
-
-    def apply(self, settings: AxesSettings) -> None:
-        """Draw as these settings have it."""
-        self._display.apply(settings)
-
-    def named(self, frame: str) -> list[bool]:
-        """Whether the name was shown, each time that axes were drawn in a frame."""
-        self._recording.close()
-        shown = column(self._file, f"/frames/a_{frame}", "TransformAxes3D:show_frame")
-        return [name for [name] in shown]
-
-    def drawn(self, frame: str) -> int:
-        """How often axes were drawn in a frame; the file is complete then."""
-        self._recording.close()
-        frames = column(self._file, f"/frames/a_{frame}", "CoordinateFrame:frame")
-        return frames.count([f"a_{frame}"])
+    def drawn(self, frame: str, name: str = "CoordinateFrame:frame") -> list:
+        """What was logged of the axes of a frame; the file is complete then."""
+        return [value for [value] in column(self.end(), f"/frames/a_{frame}", name)]
 
 
 @pytest.fixture
-def shown(tmp_path: Path) -> _Shown:
+def shown(tmp_path: Path) -> Shown:
     """Frames of both links of the first robot are shown, and then it is replaced."""
-    shown = _Shown(tmp_path / "x.rrd")
+    shown = Shown(tmp_path)
     shown.receive("old")
     shown.set_robot("old")
     shown.receive("old")
@@ -158,55 +142,50 @@ def shown(tmp_path: Path) -> _Shown:
     return shown
 
 
-def test_a_link_that_is_no_more_is_hidden_at_once(shown: _Shown) -> None:
+def test_a_link_that_is_no_more_is_hidden_at_once(shown: Shown) -> None:
     """It goes to a frame that exists; that of a link both robots have stays, and is drawn once."""
-    assert "a_old" not in shown.tree.names
+    assert "a_old" not in shown.frames
     shown.receive("new")
-    assert shown.drawn("old") == 1 and shown.drawn("base") == 1 and shown.drawn("new") == 1
+    for link in ("old", "base", "new"):
+        assert shown.drawn(link).count(f"a_{link}") == 1, link
 
 
 @pytest.mark.parametrize("after", [0.0, 1.0, 1.001])
-def test_a_straggling_message_does_not_draw_it_again(shown: _Shown, after: float) -> None:
+def test_a_straggling_message_does_not_draw_it_again(shown: Shown, after: float) -> None:
     """For a second; what came within it is forgotten when that is over."""
     shown.receive("old")
     shown.now += after
-    shown.flush()
-    assert ("a_old" in shown.tree.names) == (after <= 1.0)
-    assert shown.drawn("old") == 1
+    shown.tick()
+    assert ("a_old" in shown.frames) == (after <= 1.0)
+    assert shown.drawn("old").count("a_old") == 1
 
 
-def test_whoever_names_it_later_means_it(shown: _Shown) -> None:
+def test_whoever_names_it_later_means_it(shown: Shown) -> None:
     """Another node may publish a frame of that name: it is drawn, after the second."""
     shown.now += 1.5
-    shown.flush()
+    shown.tick()
     shown.receive("old")
-    assert shown.drawn("old") == 2
+    assert shown.drawn("old").count("a_old") == 2
 
 
-def test_another_robot_within_the_second_is_waited_for_anew(shown: _Shown) -> None:
+def test_another_robot_within_the_second_is_waited_for_anew(shown: Shown) -> None:
     """What it has no more is hidden, and what was hidden before may be there again."""
     shown.now += 0.9
     shown.receive("new")
     shown.set_robot("old")
     shown.now += 0.9
     shown.receive("old", "new")
-    assert shown.drawn("old") == 2 and shown.drawn("new") == 1
+    assert shown.drawn("old").count("a_old") == 2 and shown.drawn("new").count("a_new") == 1
 
 
 def test_names_are_shown_of_few_frames_or_on_request(tmp_path: Path) -> None:
     """Of a robot with many frames they would hide it; drawn anew only when that changes."""
-    shown = _Shown(tmp_path / "x.rrd")
+    shown = Shown(tmp_path)
     shown.receive("old")
     shown.set_robot("old")
     shown.receive(*(f"frame{number}" for number in range(15)))
     shown.receive("old", "frame3")
-    for settings in (
-        AxesSettings(names_up_to=17),
-        AxesSettings(),
-        AxesSettings(names=False),
-        AxesSettings(frames=("a_base", "a_old")),
-    ):
-        shown.apply(settings)
-        shown.flush()
+    for axes in ("names_up_to: 17", "", "names: false", "frames: [a_base, a_old]"):
+        shown.look(f"axes: {{{axes}}}")
     # At first 2 frames, then 17, and at last 2 again.
-    assert shown.named("base") == [True, False, True, False, True]
+    assert shown.drawn("base", "TransformAxes3D:show_frame") == [True, False, True, False, True]
