@@ -250,7 +250,10 @@ class _Block:
     def _model(self) -> Lidar | Camera | Imu:
         if self.kind == LIDAR:
             return self._lidar()
-        return self._imu() if self.kind == IMU else self._camera()
+        if self.kind == IMU:
+            return self._imu()
+        assert self.kind in (CAMERA, DEPTH, RGBD), self.kind
+        return self._camera()
 
     def _lidar(self) -> Lidar:
         ray = self._inside("ray", "lidar")

@@ -10,6 +10,7 @@ from onebot_description.description.description import (
     Camera,
     Capsule,
     Description,
+    Imu,
     Joint,
     Lidar,
     Link,
@@ -162,6 +163,7 @@ def _sensor_cells(sensor: Sensor) -> _Row:
             f"{model.width} × {model.height} pixels, {math.degrees(model.field_of_view):.4g}°"
         )
     else:
+        assert isinstance(model, Imu), model
         measures = "acceleration, angular velocity"
     rate = f"{sensor.rate:.4g} Hz" if sensor.rate else "each cycle"
     return sensor.name, measures, rate, ", ".join(sensor.topics.values()), sensor.frame

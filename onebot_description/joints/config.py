@@ -89,7 +89,7 @@ class MotionParameters:
     def notes(self) -> Iterator[Problem]:
         """Yield warnings on parameters that are valid, but probably not intended."""
         for key in sorted(self.given.difference(_KEYS[self.type])):
-            users = next(name for name, keys in _KEYS.items() if key in keys)
+            users = " and ".join(name for name, keys in _KEYS.items() if key in keys)
             yield Problem(key, f"not used by type {self.type}, only by type {users}")
         missing = [key for key in ("amplitude", "frequency") if getattr(self, key) is None]
         if self.type == "sine" and missing:

@@ -139,7 +139,10 @@ class Allowed:
 
 def violations(motion: Motion, allowed: Allowed) -> Iterator[str]:
     """Yield a message, with a remedy, for each limit that ``motion`` exceeds."""
-    return _sine(motion, allowed) if isinstance(motion, Sine) else _keyframes(motion, allowed)
+    if isinstance(motion, Sine):
+        return _sine(motion, allowed)
+    assert isinstance(motion, Keyframes), motion
+    return _keyframes(motion, allowed)
 
 
 def _sine(motion: Sine, allowed: Allowed) -> Iterator[str]:

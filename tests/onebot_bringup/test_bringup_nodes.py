@@ -155,6 +155,18 @@ def test_every_argument_is_read_and_every_parameter_declared(make: Make) -> None
     assert names - values.names == {PACKAGES.name}  # which is used before the model is read
 
 
+def test_an_argument_given_is_what_the_node_gets(make: Make) -> None:
+    """What a row of the nodes' table sets by itself does not override it."""
+    candidates = ("0.25", "7", "false", "true", "given", "a,b")
+    for argument in make().arguments:
+        if argument.node not in ("", "steering_page"):  # the page's address is tested by itself
+            possible = (text for text in argument.choices or candidates if text != argument.default)
+            text = next(text for text in possible if not argument.problem(text))
+            both = {"left_wheel": "left", "right_wheel": "right"}  # neither goes alone
+            launch = make(**{**both, argument.name: text})
+            assert parameters_of(launch, argument.node)[argument.parameter] == argument.value(text)
+
+
 @pytest.mark.parametrize(
     ("sim", "words", "nodes"),
     [

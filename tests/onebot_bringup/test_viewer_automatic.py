@@ -1,9 +1,13 @@
 """What is shown without being named, and what of a flood is dropped."""
 
+import importlib
+import pkgutil
+
 import pytest
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 
+from onebot_bringup.viewer import displays
 from onebot_bringup.viewer.automatic import (
     MESSAGE_DISPLAYS,
     MOST_SHOWN,
@@ -39,6 +43,8 @@ def _visible(view, topics, selection=None):
 
 
 def test_each_drawing_is_registered_and_each_type_has_one():
+    for module in pkgutil.iter_modules(displays.__path__, f"{displays.__name__}."):
+        importlib.import_module(module.name)
     drawings, found = [Drawing], set()
     while drawings:
         subclasses = drawings.pop().__subclasses__()
