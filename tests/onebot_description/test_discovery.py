@@ -42,7 +42,11 @@ def empty_environment(monkeypatch: pytest.MonkeyPatch) -> None:
         ("localhost:1", {RANGE: "SUBNET", SERVER: "127.0.0.1:1"}),
     ],
 )
-def test_variables_of_an_argument(argument: str, expected: dict[str, str]) -> None:
+def test_variables_of_an_argument(
+    monkeypatch: pytest.MonkeyPatch, argument: str, expected: dict[str, str]
+) -> None:
+    """Which overrides the environment."""
+    monkeypatch.setenv(RANGE, "OFF")
     assert discovery_variables({"discovery": argument, "domain_id": ""}, forced=True) == expected
 
 
