@@ -68,7 +68,7 @@ def ros_domain() -> Iterator[int]:
 
 @pytest.fixture(scope="module")
 def shared(ros_domain: int) -> Iterator[Steering]:
-    """One node for the tests that do not say how it starts or ends."""
+    """One node for all tests but that in which it dies."""
     with steering(**LIMITS) as node:
         yield node
 
@@ -515,31 +515,28 @@ def _last(heard: list[Twist]) -> tuple[float, float] | None:
     return pair(heard[-1]) if heard else None
 
 
-def test_another_robot_is_chosen(tab: Page) -> None:
+def test_another_robot_is_chosen(peer: Peer, tab: Page, node: Steering) -> None:
     """By the keyboard too, whose next press does not drive; the robot before is stopped."""
     topics = {name: f"/{name}/velocity_controller/cmd_vel" for name in ("robot1", "robot2")}
-    with (
-        used_domain() as domain,
-        Peer(domain) as peer,
-        steering(**LIMITS, topic=topics["robot1"]) as node,
-    ):
-        heard = {name: peer.hear(Twist, topic, 1000) for name, topic in topics.items()}
-        tab.open(node.address)
-        select = tab.find("#robot select")
-        wait_for(lambda: "robot2" in tab.text("#robot select"), "the choice")
-        assert tab.in_sight("#robot select")
-        tab.drive_by_keys("w", lambda: _last(heard["robot1"]) == (0.5, 0.0))
-        tab.driver.execute_script("arguments[0].focus()", select)
-        tab.release_keys("w")
-        tab.act().send_keys(Keys.ARROW_DOWN).perform()
-        wait_for(lambda: tab.driver.title.startswith(topics["robot2"]), "the other robot")
-        assert _last(heard["robot1"]) == (0.0, 0.0)
-        tab.act().send_keys(Keys.ARROW_DOWN).send_keys(Keys.ENTER).perform()
-        assert select.get_property("value") == topics["robot2"] and not heard["robot2"]
-        tab.drive_by_keys("w", lambda: _last(heard["robot2"]) == (0.5, 0.0))
-        tab.release_keys("w")
-        wait_for(lambda: _last(heard["robot2"]) == (0.0, 0.0), "the stop")
-        assert _last(heard["robot1"]) == (0.0, 0.0)
+    heard = {name: peer.hear(Twist, topic, 1000) for name, topic in topics.items()}
+    with PageClient(node.address) as other:
+        start_afresh(other, topics["robot1"])
+    tab.open(node.address)
+    select = tab.find("#robot select")
+    wait_for(lambda: "robot2" in tab.text("#robot select"), "the choice")
+    assert tab.in_sight("#robot select")
+    tab.drive_by_keys("w", lambda: _last(heard["robot1"]) == (0.5, 0.0))
+    tab.driver.execute_script("arguments[0].focus()", select)
+    tab.release_keys("w")
+    tab.act().send_keys(Keys.ARROW_DOWN).perform()
+    wait_for(lambda: tab.driver.title.startswith(topics["robot2"]), "the other robot")
+    assert _last(heard["robot1"]) == (0.0, 0.0)
+    tab.act().send_keys(Keys.ARROW_DOWN).send_keys(Keys.ENTER).perform()
+    assert select.get_property("value") == topics["robot2"] and not heard["robot2"]
+    tab.drive_by_keys("w", lambda: _last(heard["robot2"]) == (0.5, 0.0))
+    tab.release_keys("w")
+    wait_for(lambda: _last(heard["robot2"]) == (0.0, 0.0), "the stop")
+    assert _last(heard["robot1"]) == (0.0, 0.0)
 
 
 def test_a_press_on_the_map_is_published_with_its_heading(
