@@ -227,51 +227,52 @@ def test_a_dead_server_stops_the_robot_and_the_page_comes_back_still(tab: Page) 
 
     The limit that was chosen by hand is still there.
     """
-    with (
-        used_domain() as domain,
-        Peer(domain) as peer,
-        NodeProcess("onebot_control.velocity_controller", str(ONEBOT)),
-    ):
+    with used_domain() as domain, Peer(domain) as peer:
         heard = peer.hear(Twist, TOPIC, 1000)
         speeds = peer.hear(Odometry, "/velocity_controller/odom", 1000)
 
         def drives() -> bool:
             return bool(speeds) and speeds[-1].twist.twist.linear.x > 0.1
 
-        with steering(check=False, **LIMITS) as node:
-            tab.open(node.address)
-            wait_for(lambda: tab.text("#topic output") == "Twist, 2 subscribers", "the controller")
-            wait_for(lambda: tab.text("#braking output") == "0.25 m", "v\u00b2/2a at 0.5 m/s\u00b2")
-            tab.enter("#linear-limit", "0,4")
-            wait_for(lambda: tab.text("#braking output") == "0.16 m", "the lower limit")
-            tab.drive_by_pad(0.0, 0.5, lambda: tab.number("linear-command") > 0.1 and drives())
-            assert tab.thumb > 10.0
-            tab.driver.execute_script("document.querySelector('#stop').focus()")
-            node.process.send_signal(signal.SIGKILL)
-            wait_for(lambda: abs(speeds[-1].twist.twist.linear.x) < 1e-4, "the robot to stop")
-            assert heard[-1] != STILL, "it was not the server that stopped it"
-            wait_for(lambda: tab.body("connection") == "down", "the page to notice")
-            assert tab.text("#connection") == "Connection lost"
-            assert "stops by itself" in tab.text("#message")
-            assert tab.number("linear-command") == 0.0
-            assert tab.find("#linear input").get_property("value") == "0"
-            wait_for(lambda: tab.thumb < 2.0, "the thumb to come back")
-            assert not tab.find("#linear button").is_enabled()
-            assert not tab.find("#topic-name").is_enabled()
-            port = node.port
-        with steering(port=port, **LIMITS) as node:
-            assert node.port == port
-            wait_for(lambda: tab.connected, "the page to connect anew")
-            tab.drag(3, 3)  # the button is still down
-            tab.wait_for_states(5)
-            assert tab.limit("linear") == "0.4", "the limit was lost with the server"
-            assert tab.text("#driver") == "Nobody drives" and tab.text("#message") == ""
-            assert abs(speeds[-1].twist.twist.linear.x) < 1e-4
-            tab.let_go()
-            tab.act().key_down(Keys.ENTER).perform()
-            assert tab.stop_is_held, "the focus was lost with the connection"
-            tab.act().key_up(Keys.ENTER).perform()
-            _drive(tab, heard, (0.4, 0.0))
+        with NodeProcess("onebot_control.velocity_controller", str(ONEBOT)):
+            with steering(check=False, **LIMITS) as node:
+                tab.open(node.address)
+                wait_for(
+                    lambda: tab.text("#topic output") == "Twist, 2 subscribers", "the controller"
+                )
+                wait_for(
+                    lambda: tab.text("#braking output") == "0.25 m", "v\u00b2/2a at 0.5 m/s\u00b2"
+                )
+                tab.enter("#linear-limit", "0,4")
+                wait_for(lambda: tab.text("#braking output") == "0.16 m", "the lower limit")
+                tab.drive_by_pad(0.0, 0.5, lambda: tab.number("linear-command") > 0.1 and drives())
+                assert tab.thumb > 10.0
+                tab.driver.execute_script("document.querySelector('#stop').focus()")
+                node.process.send_signal(signal.SIGKILL)
+                wait_for(lambda: abs(speeds[-1].twist.twist.linear.x) < 1e-4, "the robot to stop")
+                assert heard[-1] != STILL, "it was not the server that stopped it"
+                wait_for(lambda: tab.body("connection") == "down", "the page to notice")
+                assert tab.text("#connection") == "Connection lost"
+                assert "stops by itself" in tab.text("#message")
+                assert tab.number("linear-command") == 0.0
+                assert tab.find("#linear input").get_property("value") == "0"
+                wait_for(lambda: tab.thumb < 2.0, "the thumb to come back")
+                assert not tab.find("#linear button").is_enabled()
+                assert not tab.find("#topic-name").is_enabled()
+                port = node.port
+            with steering(port=port, **LIMITS) as node:
+                assert node.port == port
+                wait_for(lambda: tab.connected, "the page to connect anew")
+                tab.drag(3, 3)  # the button is still down
+                tab.wait_for_states(5)
+                assert tab.limit("linear") == "0.4", "the limit was lost with the server"
+                assert tab.text("#driver") == "Nobody drives" and tab.text("#message") == ""
+                assert abs(speeds[-1].twist.twist.linear.x) < 1e-4
+                tab.let_go()
+                tab.act().key_down(Keys.ENTER).perform()
+                assert tab.stop_is_held, "the focus was lost with the connection"
+                tab.act().key_up(Keys.ENTER).perform()
+                _drive(tab, heard, (0.4, 0.0))
 
 
 def test_a_connection_that_is_too_slow_stops_and_says_so(
