@@ -259,14 +259,6 @@ def visited(domain: int, node: Steering, pages: int = 1) -> Iterator[tuple[Any, 
         yield peer, *(opened.enter_context(PageClient(node.address)) for _ in range(pages))
 
 
-def start_afresh(page: PageClient, topic: str = TOPIC) -> None:
-    """Have a node that tests share forget limits that were chosen, robots, and locks."""
-    page.send("limits", linear=None, angular=None)
-    for name in ("/nobody/here", topic):
-        page.send("topic", topic=name)
-        wait_for(lambda name=name: page.state["topic"] == name, "the topic")
-
-
 def cookie_of(address: str) -> str:
     """The cookie that a page gets at an address with its token."""
     with urlopen(address, timeout=PATIENCE) as answer:

@@ -26,7 +26,6 @@ from tests.onebot_bringup.steering_support import (
     Commands,
     PageClient,
     address_of,
-    start_afresh,
     steered,
     steering,
     visited,
@@ -50,7 +49,10 @@ def shared():
 def _afresh(shared, pages=1):
     """The node's pages as if it had just been started, with their peer."""
     with visited(*shared, pages) as opened:
-        start_afresh(opened[1])
+        opened[1].send("limits", linear=None, angular=None)
+        for topic in ("/nobody/here", TOPIC):  # whose robots and limits are forgotten
+            opened[1].send("topic", topic=topic)
+            _waited(opened[1], "topic", topic)
         _waited(opened[1], "listeners", 0)
         yield opened
 
