@@ -131,13 +131,12 @@ def test_tf2_msgs_of_a_sourced_ros_is_used(tmp_path, ros_domain):
     assert used.stdout.startswith(str(tmp_path / "install/tf2_msgs")), used.stderr
     command = [sys.executable, "-m", "mrm_description.launch.mrm_bringup", "viewer:=none"]
     running = RunningCommand(tmp_path, command, sourced)
-    listener = Transforms(ros_domain)
     try:
-        assert wait_for_robot(running, listener, "link1")
-        stop(running)
+        with Transforms(ros_domain) as listener:
+            assert wait_for_robot(running, listener, "link1")
+            stop(running)
     finally:
         running.close()
-        listener.close()
 
 
 def _build(workspace: Path, *options: str) -> subprocess.CompletedProcess[str]:
