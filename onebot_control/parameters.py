@@ -74,8 +74,8 @@ def _frame(default: str, description: str) -> Any:
     return parameter(default, description, not_empty=True, write=write)
 
 
-def _variances() -> Any:
-    text = "variances of x, y, z, roll, pitch, yaw; zeros in the pose: they grow on the way"
+def _variances(zeros: str = "") -> Any:
+    text = f"variances of x, y, z, roll, pitch, yaw{zeros}"
     return parameter((0.0,) * 6, text, at_least=0.0)
 
 
@@ -110,7 +110,7 @@ class ControlConfig:
     base_frame_id: str = parameter(
         "", "frame of the base, child of odom_frame_id; empty: the robot's root link"
     )
-    pose_covariance_diagonal: _Six = _variances()
+    pose_covariance_diagonal: _Six = _variances("; zeros: they grow on the way")
     twist_covariance_diagonal: _Six = _variances()
     left_wheel_noise: float = _noise()
     right_wheel_noise: float = _noise()
@@ -135,9 +135,9 @@ class ControlConfig:
     robot_description: str = parameter(
         "", "the URDF, or the path of a URDF or xacro file", read_only=True
     )
-    x: float = parameter(0.0, "pose in the world at the start, m or rad", read_only=True)
-    y: float = parameter(0.0, "pose in the world at the start, m or rad", read_only=True)
-    yaw: float = parameter(0.0, "pose in the world at the start, m or rad", read_only=True)
+    x: float = parameter(0.0, "where it starts in the world, m", read_only=True)
+    y: float = parameter(0.0, "where it starts in the world, m", read_only=True)
+    yaw: float = parameter(0.0, "where it faces at the start, rad", read_only=True)
     update_rate: float = parameter(
         100,
         "control cycles a second, Hz",

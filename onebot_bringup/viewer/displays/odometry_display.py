@@ -43,8 +43,8 @@ class OdometrySettings(PoseSettings):
     """Poses of odometry, as arrows along x or as axes."""
 
     keep: int = setting(100, "poses shown; 0: as many as possible, 1000")
-    position_tolerance: float = setting(0.1, "from one pose to the next, m or rad")
-    angle_tolerance: float = setting(0.1, "from one pose to the next, m or rad")
+    position_tolerance: float = setting(0.1, "metres from one pose to the next")
+    angle_tolerance: float = setting(0.1, "radians from one pose to the next")
 
 
 class OdometryDrawing(PosesDrawing[OdometrySettings]):
