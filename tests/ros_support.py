@@ -13,9 +13,9 @@ from typing import Any, TypeVar
 from unittest.mock import patch
 
 import rclpy
-from rcl_interfaces.srv import SetParameters
+from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.parameter import Parameter
+from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from onebot_description.discovery import configure_discovery
@@ -84,6 +84,11 @@ class Peer:
         ]
         answer = self.call(SetParameters, f"{node}/set_parameters", parameters=parameters)
         return list(answer.results)
+
+    def parameter(self, node: str, name: str) -> Any:
+        """The value of a parameter of another node."""
+        [value] = self.call(GetParameters, f"{node}/get_parameters", names=[name]).values
+        return parameter_value_to_python(value)
 
 
 class RunningProcess:

@@ -54,7 +54,7 @@ class Body:
     mass: float = 0.0  # kg
     center: Floats = field(default_factory=lambda: np.zeros(3))  # centre of mass, m
     inertia: Floats = field(default_factory=lambda: np.zeros((3, 3)))  # about it, kg m^2
-    # Each with its pose (4, 4) in the body, and the link that it is of.
+    # Each shape with its pose (4, 4) in the body, and its link.
     collisions: list[tuple[Shape, Floats, Link]] = field(default_factory=list)
     friction: float | None = None  # lateral, the minimum of its links'
 

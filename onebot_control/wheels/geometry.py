@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 
 _SAME = 1e-6  # m by which lengths may differ and still count as the same
 _STEPS = 200  # fixed-point iterations; four equal loads need one
-_LEAST_LOAD = 0.01  # of a wheel, of the mean of all
+_LEAST_LOAD = 0.01  # a wheel has at least this share of the mean load
 
 
 class WheelGeometry(NamedTuple):

@@ -14,9 +14,7 @@ import psutil
 import pytest
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Transform, TransformStamped, Vector3
-from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
-from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
@@ -262,11 +260,6 @@ def test_the_page_s_address_is_published(shown):
 # --- the view: switched, edited and saved while it runs -------------------------------------------
 
 
-def _value(peer: Peer, name: str) -> object:
-    [value] = peer.call(GetParameters, f"{NODE}/get_parameters", names=[name]).values
-    return parameter_value_to_python(value)
-
-
 def test_a_switch_is_saved(shown):
     """RViz's check boxes; what cannot be is refused with what would be right."""
     view, peer = shown.folder / "view.yaml", shown.peer
@@ -286,11 +279,13 @@ def test_an_edit_of_the_file_is_shown_and_a_mistake_is_said_once(shown):
     """The last good view stays; the parameters follow; new topics are heard."""
     view, node, peer = shown.folder / "view.yaml", shown.node, shown.peer
     view.write_text(VIEW)
-    wait_for(lambda: list(_value(peer, "camera.eye")) == [2.6, 0.5, 0.0], "the view at first")
+    wait_for(
+        lambda: list(peer.parameter(NODE, "camera.eye")) == [2.6, 0.5, 0.0], "the view at first"
+    )
     before = len(node.output)
     view.write_text(VIEW + "collision: maybe\n")
     wait_for(lambda: "keeping the view shown so far" in node.output[before:], "the warning")
-    assert _value(peer, "collision") is False
+    assert peer.parameter(NODE, "collision") is False
     view.write_text("".join(f"{' ' * level}a:\n" for level in range(3000)))
     wait_for(lambda: "nested more than 64 deep" in node.output, "the second warning")
     view.write_text(VIEW)
@@ -298,7 +293,7 @@ def test_an_edit_of_the_file_is_shown_and_a_mistake_is_said_once(shown):
     assert "was edited" not in node.output[before:]
     view.write_text(VIEW + "collision: true\ntrails: {way: {topic: way}}\n")
     wait_for(lambda: "the view is up to date" in node.output[before:], "the edit")
-    assert _value(peer, "collision") is True
+    assert peer.parameter(NODE, "collision") is True
     wait_for(lambda: peer.node.count_subscribers("/way") == 1, "the new topic")
     view.write_text(VIEW + "trails: {way: {topic: other}}\n")
     wait_for(lambda: peer.node.count_subscribers("/other") == 1, "the other topic")
@@ -317,7 +312,7 @@ def test_without_a_file_the_view_is_the_robot_s_own(ros_domain, tmp_path):
         assert load_view(tmp_path / "new.yaml").collision
         Robot(peer, ARM.replace('name="arm"', 'name="mrm"'))
         wait_for(lambda: "mrm_description/config/view.yaml" in node.output, "MRM's view")
-        assert _value(peer, "joint_plot.limits") is True
+        assert peer.parameter(NODE, "joint_plot.limits") is True
 
 
 def test_a_parameter_given_at_the_start_overrides_the_file(start_node, tmp_path):

@@ -6,7 +6,6 @@ from urllib.parse import urlsplit
 
 import pytest
 from geometry_msgs.msg import Twist
-from rcl_interfaces.srv import GetParameters
 from std_msgs.msg import String
 
 from onebot_bringup.cli.session import Session
@@ -83,7 +82,7 @@ def test_it_steers_the_topic_named_and_ends_with_ctrl_c(ros_domain, tmp_path, mo
         address = _address(command)
         command.says("other computers can reach the page")
         token = urlsplit(address).query.removeprefix("token=")
-        assert len(token) > 20 and _parameter(peer, "/steering_page", "token") == token
+        assert len(token) > 20 and peer.parameter("/steering_page", "token") == token
         cookie = cookie_of(address).partition(";")[0]
         with PageClient(address, Cookie=cookie) as page:
             wait_for(lambda: page.state["listeners"], "the robot")
@@ -93,11 +92,6 @@ def test_it_steers_the_topic_named_and_ends_with_ctrl_c(ros_domain, tmp_path, mo
         wait_for(lambda: heard[-1].linear.x == 0.0, "the robot to be stopped")
         assert {message.linear.x for message in heard} == {0.4, 0.0}
         assert marked(str(tmp_path)) == []
-
-
-def _parameter(peer: Peer, node: str, name: str) -> str:
-    [value] = peer.call(GetParameters, f"{node}/get_parameters", names=[name]).values
-    return str(value.string_value)
 
 
 def _page(port: int) -> str:
@@ -125,7 +119,7 @@ def test_where_no_viewer_answers_it_starts_one(ros_domain, tmp_path, monkeypatch
             with PageClient(_address(command)) as page:
                 wait_for(lambda: page.state["view"], "the view")
             assert "looking for the robot's view" in command.err and "starting one" in command.out
-            assert _parameter(peer, "/left/steering_viewer", "frame_prefix") == "a/"
+            assert peer.parameter("/left/steering_viewer", "frame_prefix") == "a/"
             assert command.interrupt() == 0
         assert marked(str(tmp_path)) == []
 

@@ -169,7 +169,7 @@ class SpeedDrawing(CurveDrawing[SpeedSettings]):
         super().add(stamp_ns, message)
 
     def values(self, message: Any) -> Sequence[float]:
-        while hasattr(type(message), "twist"):  # of an Odometry, there are two
+        while hasattr(type(message), "twist"):  # an Odometry has one in another
             message = message.twist
         # A plot zooms in on whatever there is: without the last digits a steady speed is flat.
         return [round(float(n), _DECIMALS) for n in (message.linear.x, message.angular.z)]
