@@ -3,12 +3,13 @@
 import math
 from collections import deque
 from dataclasses import dataclass
-from typing import NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, NamedTuple
 
 from onebot_control.poses import PlanarPose, Triple
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 # Below this turn (rad) the exact arc divides by nearly zero, and is a straight line to all digits.
 _STRAIGHT = 1e-6
@@ -96,7 +97,7 @@ class PoseCovariance(NamedTuple):
             tt + p * at * at + q * bt * bt,
         )
 
-    def fill(self, values: NDArray[np.float64]) -> None:
+    def fill(self, values: "NDArray[np.float64]") -> None:
         """Write into a message's covariance (36,), of x, y, z, roll, pitch and yaw."""
         values[0], values[7], values[35] = self.xx, self.yy, self.yaw_yaw
         values[14] = values[21] = values[28] = _FLAT

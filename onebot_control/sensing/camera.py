@@ -46,7 +46,7 @@ def reach(camera: Camera) -> float:
     return max(camera.far, camera.depth_far)
 
 
-def depths(camera: Camera, hits: Hits, generator: np.random.Generator | None = None) -> Singles:
+def depths(camera: Camera, hits: Hits, generator: "np.random.Generator | None" = None) -> Singles:
     """Return depths (H, W) along the axis, m: infinite beyond the clip, -infinite before it."""
     true = hits.distances
     far = (hits.surfaces == NOTHING) | (true > np.float32(camera.depth_far))
@@ -69,7 +69,7 @@ class Painter:
         position: Floats,
         hits: Hits,
         targets: Targets,
-        generator: np.random.Generator | None = None,
+        generator: "np.random.Generator | None" = None,
     ) -> Bytes:
         """Return the picture (H, W, 3), sRGB, of what the rays have hit.
 

@@ -174,7 +174,7 @@ class Instrument:
         model: Lidar,
         world: SensedWorld,
         pose: LinkPose,
-        generator: np.random.Generator | None,
+        generator: "np.random.Generator | None",
     ) -> dict[str, Any]:
         hits = self._cast(world, pose, lidar.reach(model))
         hit = hits.surfaces != NOTHING
@@ -190,7 +190,7 @@ class Instrument:
         world: SensedWorld,
         pose: LinkPose,
         wanted: frozenset[str],
-        generator: np.random.Generator | None,
+        generator: "np.random.Generator | None",
     ) -> dict[str, Any]:
         outputs: dict[str, Any] = {"camera_info": None}
         if wanted == {"camera_info"}:
@@ -219,7 +219,11 @@ class Instrument:
         return back @ pose.rotation, back @ (pose.position - frame.position)
 
     def _inertia(
-        self, model: Imu, world: SensedWorld, pose: LinkPose, generator: np.random.Generator | None
+        self,
+        model: Imu,
+        world: SensedWorld,
+        pose: LinkPose,
+        generator: "np.random.Generator | None",
     ) -> dict[str, Any]:
         frame = world.frame
         now = frame.snapshots[self.row]

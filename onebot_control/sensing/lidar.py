@@ -39,7 +39,7 @@ def ranges(
     distances: Singles,
     hit: NDArray[np.bool_],
     offset: float = 0.0,
-    generator: np.random.Generator | None = None,
+    generator: "np.random.Generator | None" = None,
 ) -> Singles:
     """Return the ranges (N,), m: infinite beyond the greatest, minus infinity below the least.
 

@@ -8,12 +8,13 @@ from numpy.typing import NDArray
 
 from onebot_description.description.description import Noise
 
+# Annotations are strings where numpy would import numpy.random for them: most robots have no noise.
 T = TypeVar("T", np.float32, np.float64)
 
 _NONE = Noise()
 
 
-def noise_of(sensor: str, tick: int) -> np.random.Generator:
+def noise_of(sensor: str, tick: int) -> "np.random.Generator":
     """Return the generator of a sensor's noise in a control cycle; -1 is for what is drawn once.
 
     Each measurement has its own, so that it does not matter which ones were made.
@@ -23,14 +24,14 @@ def noise_of(sensor: str, tick: int) -> np.random.Generator:
     return np.random.Generator(np.random.Philox(key=key, counter=counter))
 
 
-def bias(noise: Noise, once: np.random.Generator) -> float:
+def bias(noise: Noise, once: "np.random.Generator") -> float:
     """Return the offset of a value, drawn once."""
     drawn = once.normal(noise.bias_mean, noise.bias_stddev)
     return float(drawn if once.random() < 0.5 else -drawn)
 
 
 def add_noise(
-    values: NDArray[T], noise: Noise, offset: float, generator: np.random.Generator
+    values: NDArray[T], noise: Noise, offset: float, generator: "np.random.Generator"
 ) -> NDArray[T]:
     """Return ``values`` with noise and the offset that ``bias`` has drawn."""
     if noise == _NONE:

@@ -7,6 +7,7 @@ cast: rays are moved into the frame of each thing. Where there is no Embree, PyB
 import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from importlib.util import find_spec
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -14,17 +15,11 @@ from numpy.typing import NDArray
 
 from onebot_control.sensing.solids import Rounds, Solid
 
-try:
-    from embreex.mesh_construction import TriangleMesh
-    from embreex.rtcore_scene import EmbreeScene
-except ImportError:  # there is no wheel for this processor
-    EmbreeScene = None
-
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 Integers = NDArray[np.int32]
 
-HAS_EMBREE = EmbreeScene is not None
+HAS_EMBREE = find_spec("embreex") is not None  # there is no wheel for some processors
 NOTHING, GROUND = -2, -1  # values that are no surface's index
 # Of so many rays at least, so many are bundled: more bundles find fewer rays, and take longer.
 _BUNDLES = ((50_000, 64), (200, 8), (0, 1))
@@ -339,6 +334,10 @@ class Surface:
 
 
 def _embree(solid: Solid) -> _Caster:
+    # Only now: most robots have no sensors.
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
+
     scene = EmbreeScene()
     TriangleMesh(scene, solid.corners, solid.faces)
     caster: _Caster = scene
