@@ -5,7 +5,6 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
-from pathlib import Path
 
 import rerun as rr
 
@@ -44,7 +43,7 @@ def log_bag(
     bag: Bag,
     stream: rr.RecordingStream,
     *,
-    view: Path | None = None,
+    view: str = "",
     fixed_frame: str = "",
     frame_prefix: str = "",
     namespace: str = "",
@@ -57,7 +56,7 @@ def log_bag(
     Args:
         bag: the recording.
         stream: where to log.
-        view: a .yaml, .rviz or .rbl file; None for that of the description, if it is installed.
+        view: as for ``ViewSource``.
         fixed_frame: "" for the view's, else the one above the robot, or above most topics' frames.
         frame_prefix: put before link names to get their frames; "" to find it out.
         namespace: of the robot to show; "" for all.
@@ -81,7 +80,7 @@ def log_bag(
     if hidden_spaces and not namespace:
         warn(f"not shown: the transforms in {listing(hidden_spaces)}; namespace:= chooses one")
     descriptions = descriptions_in(bag, [robot.description for robot in robots])
-    source = ViewSource("" if view is None else str(view), warn)
+    source = ViewSource(view, warn)
     if descriptions:
         name = next(iter(descriptions.values())).robot_name
         source.set_robot(name, in_world=WORLD_DESCRIPTION in bag.topics)

@@ -3,7 +3,6 @@
 import sys
 from argparse import Namespace
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -14,16 +13,6 @@ from onebot_bringup.introspection.parameter_client import ParameterClient
 from onebot_bringup.introspection.parameter_values import NOT_SET
 from onebot_description.errors import OneBotError, UsageError
 from onebot_description.parameters.files import no_section, read_parameters, read_text
-
-
-def frame_prefix(session: Session, nodes: Iterable[str]) -> str | None:
-    """Return the parameter frame_prefix of the first of these nodes that has one."""
-    for name in nodes:
-        with suppress(OneBotError):  # it has no parameters
-            [value] = ParameterClient(session, name).values(["frame_prefix"])
-            if value.type != NOT_SET:
-                return str(value.string_value)
-    return None
 
 
 def _client(session: Session, args: Namespace) -> ParameterClient:

@@ -18,7 +18,7 @@ from onebot_bringup.launch.arguments import (
     split,
     table,
 )
-from onebot_bringup.viewer.viewer_parameters import ViewerParameters
+from onebot_bringup.viewer.viewer_parameters import ViewerParameters, view_file
 from onebot_description.description.packages import use_environment_prefix
 from onebot_description.errors import OneBotError, UsageError
 from onebot_description.parameters.reader import read
@@ -75,7 +75,7 @@ def run(argv: Sequence[str]) -> int:
 
 def _replay(source: Path, values: Mapping[str, str], interrupts: KeyboardInterrupts) -> None:
     is_rrd = source.suffix == _RRD and not source.is_dir()  # record:=run.rrd makes a folder
-    view = _view(values["view"])
+    view = view_file(values["view"])
     if is_rrd:
         _check_rrd(source, view, values)
     else:
@@ -97,7 +97,7 @@ def _replay(source: Path, values: Mapping[str, str], interrupts: KeyboardInterru
             replayed = log_bag(
                 bag,
                 server.stream,
-                view=view,
+                view=values["view"],
                 fixed_frame=values["fixed_frame"],
                 frame_prefix=values["frame_prefix"],
                 namespace=values["namespace"],
@@ -110,13 +110,6 @@ def _replay(source: Path, values: Mapping[str, str], interrupts: KeyboardInterru
             interrupts.check()
             server.watch()
             time.sleep(_WATCH_EVERY)
-
-
-def _view(text: str) -> Path | None:
-    path = Path(text).expanduser().absolute() if text else None
-    if path is not None and not path.is_file():
-        raise OneBotError(f"view:={text}: there is no such file")
-    return path
 
 
 def _check_rrd(source: Path, view: Path | None, values: Mapping[str, str]) -> None:

@@ -1,6 +1,7 @@
 """Which robots run, and which of them a command is about."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from onebot_bringup.cli.session import PATIENCE, Session
@@ -22,6 +23,19 @@ def description_topics(session: Session, within: str = "") -> list[str]:
     ]
     published = filter(session.node.count_publishers, topics)
     return sorted(published, key=lambda name: (name.count("/"), name))
+
+
+def frame_prefix(session: Session, nodes: Iterable[str]) -> str | None:
+    """Return the parameter frame_prefix of the first of these nodes that has one."""
+    from onebot_bringup.introspection.parameter_client import ParameterClient
+    from onebot_bringup.introspection.parameter_values import NOT_SET
+
+    for name in nodes:
+        with suppress(OneBotError):  # it has no parameters
+            [value] = ParameterClient(session, name).values(["frame_prefix"])
+            if value.type != NOT_SET:
+                return str(value.string_value)
+    return None
 
 
 def commanded_robots(session: Session) -> "list[CommandedRobot]":

@@ -19,8 +19,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
-from onebot_bringup.cli.param import frame_prefix
-from onebot_bringup.cli.running_robots import description_topics
+from onebot_bringup.cli.running_robots import description_topics, frame_prefix
 from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.cli.snapshot import NAMESPACE, kind_of
 from onebot_bringup.viewer.display_server import open_recording
@@ -349,13 +348,10 @@ def _record_bag(args: Namespace, recording: "rr.RecordingStream") -> None:
     from onebot_bringup.bags.bag_reader import Bag
     from onebot_bringup.bags.shown_bag import log_bag
 
-    view = Path(args.view).expanduser().absolute() if args.view else None
-    if view is not None and not view.is_file():
-        raise OneBotError(f"view {view}: there is no such file")
     log_bag(
         Bag(Path(args.source)),
         recording,
-        view=view,
+        view=args.view,
         frame_prefix=args.frame_prefix,
         namespace=args.arguments.get(NAMESPACE, ""),
         from_start=False,

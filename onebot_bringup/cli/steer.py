@@ -5,7 +5,11 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from onebot_bringup.cli.running_robots import chosen_commands, description_topics
+from onebot_bringup.cli.running_robots import (
+    chosen_commands,
+    description_topics,
+    frame_prefix,
+)
 from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.launch.arguments import (
     Argument,
@@ -30,9 +34,9 @@ from onebot_bringup.launch.nodes import (
 )
 from onebot_bringup.launcher.launcher import Launcher
 from onebot_bringup.steering.page_parameters import PageParameters
-from onebot_bringup.viewer.viewer_parameters import ViewerParameters
+from onebot_bringup.viewer.viewer_parameters import ViewerParameters, view_file
 from onebot_control.poses import prefixed
-from onebot_description.errors import OneBotError, UsageError
+from onebot_description.errors import UsageError
 
 _VIEWER = "steering_viewer"  # not rerun_viewer: the robot may start one later
 _ARGUMENTS = [
@@ -128,8 +132,6 @@ def robot_parameters(session: Session, namespace: str) -> dict[str, object]:
 
     The frames of one that is started later are named as a bringup names them.
     """
-    from onebot_bringup.cli.param import frame_prefix
-
     space = f"/{namespace}".rstrip("/")
     topics = session.spin(lambda: description_topics(session, space), PATIENCE)
     if len(topics) > 1:
@@ -168,7 +170,6 @@ def page_answers(address: str) -> bool:
 
 def _check(values: Mapping[str, str]) -> None:
     """Check values that depend on each other or on files."""
-    if values["view"] not in ("", "none") and not Path(values["view"]).is_file():
-        raise OneBotError(f"view:={values['view']}: no such file")
+    view_file(values["view"])
     if values["view"] and values["viewer"] == "none":
         raise UsageError("viewer:=none shows nothing, so leave out view:=")

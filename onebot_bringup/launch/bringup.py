@@ -25,6 +25,7 @@ from onebot_bringup.launch.arguments import (
 from onebot_bringup.launch.nodes import Launch, output_path
 from onebot_bringup.launcher.console import wants_colour
 from onebot_bringup.launcher.launcher import Launcher
+from onebot_bringup.viewer.viewer_parameters import view_file
 from onebot_control.poses import prefixed
 from onebot_description.discovery import discovery_variables
 from onebot_description.errors import OneBotError, UsageError, did_you_mean
@@ -149,9 +150,10 @@ def _with_model(command: Bringup, arguments: Arguments) -> dict[str, str]:
 
 def _check_files(values: Mapping[str, str]) -> None:
     """Refuse files to read that do not exist, and recordings that have no place."""
-    for name in ("joints", "view", "params_file"):
+    view_file(values["view"])
+    for name in ("joints", "params_file"):
         path = Path(values.get(name, ""))
-        if values.get(name) and not path.is_file() and (name, values[name]) != ("view", "none"):
+        if values.get(name) and not path.is_file():
             files = [entry.name for entry in path.parent.glob("*.y*ml")]
             raise OneBotError(
                 f"{name}:={path}: no such file{did_you_mean(path.name, files, 'there')}"

@@ -12,12 +12,11 @@ from onebot_bringup.viewer.view_config import (
     view_for,
     view_text,
 )
+from onebot_bringup.viewer.viewer_parameters import view_file
 from onebot_description.errors import OneBotError
 from onebot_description.file_watch import Changes, FileWatch
 from onebot_description.parameters.reader import replaced
 from onebot_description.whole_file import write_whole
-
-NO_VIEW = "none"
 
 
 class ViewSource:
@@ -40,7 +39,7 @@ class ViewSource:
         self._notice = notice
         self.file: Path | None = None
         self.blueprint_file: Path | None = None
-        path = Path(source).expanduser().absolute() if source not in ("", NO_VIEW) else None
+        path = view_file(source)
         if path is not None and path.suffix == ".rbl":
             check_blueprint_file(path)
             self.blueprint_file = path
@@ -126,8 +125,6 @@ class ViewSource:
 
 def check_blueprint_file(path: Path) -> None:
     """Raise an OneBotError if the file is no layout saved in the viewer."""
-    if not path.is_file():
-        raise OneBotError(f"view:={path}: there is no such file")
     with path.open("rb") as file:
         if file.read(3) != b"RRF":
             raise OneBotError(f"view:={path}: this is no layout saved in the viewer")

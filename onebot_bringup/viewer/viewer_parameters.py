@@ -15,6 +15,23 @@ if TYPE_CHECKING:
     from onebot_bringup.viewer.shown_robot import RobotToShow
 
 VIEWERS = ("web", "native", "none")
+_NO_VIEW = "none"
+_VIEW_FILES = (".yaml", ".yml", ".rviz", ".rbl")
+
+
+def view_file(view: str) -> Path | None:
+    """Return the file that the parameter ``view`` names; None if it is empty or "none".
+
+    Raises:
+        OneBotError: there is no such file.
+    """
+    if view in ("", _NO_VIEW):
+        return None
+    path = Path(view).expanduser().absolute()
+    if not path.is_file():
+        files = [file.name for file in path.parent.glob("*.*") if file.suffix in _VIEW_FILES]
+        raise OneBotError(f"view:={view}: no such file{did_you_mean(path.name, files, 'there')}")
+    return path
 
 
 def _port(default: int, description: str) -> Any:

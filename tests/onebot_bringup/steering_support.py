@@ -141,8 +141,8 @@ class Way:
         self._open: set[asyncio.StreamWriter] = set()
         self._loop = asyncio.new_event_loop()
         threading.Thread(target=self._loop.run_forever, daemon=True).start()
-        server = self._do(asyncio.start_server(self._serve, "127.0.0.1", 0))
-        self.port = server.sockets[0].getsockname()[1]
+        self._listening = self._do(asyncio.start_server(self._serve, "127.0.0.1", 0))
+        self.port = self._listening.sockets[0].getsockname()[1]
         self.address = f"http://127.0.0.1:{self.port}"
 
     def _do(self, action: Coroutine[Any, Any, Any]) -> Any:
@@ -201,6 +201,7 @@ class Way:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self._loop.call_soon_threadsafe(self._listening.close)  # else the page comes again
         self.cut()
         self._loop.call_soon_threadsafe(self._loop.stop)
 

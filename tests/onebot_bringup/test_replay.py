@@ -74,7 +74,7 @@ def test_shows_the_robot_where_it_was(tmp_path):
     record_arm(tmp_path / "bag")
     view = tmp_path / "view.yaml"
     view.write_text(VIEW)
-    shown, said = to_rrd(tmp_path / "bag", tmp_path / "a.rrd", view=view, from_start=False)
+    shown, said = to_rrd(tmp_path / "bag", tmp_path / "a.rrd", view=str(view), from_start=False)
     assert (shown.robot, said) == ("arm", [])
     assert shown.messages == 1 + 2 * 51
     assert shown.seconds == pytest.approx(5.0)
@@ -199,7 +199,7 @@ def test_a_folder_of_any_name(tmp_path, capsys):
     """record:=run.rrd has made a folder: it is replayed as one, and snapshots are made of it."""
     record_arm(tmp_path / "run.rrd")
     save = f"save:={tmp_path}/a.rrd"
-    assert main(["replay", str(tmp_path / "run.rrd"), "viewer:=none", save]) == 0
+    assert main(["replay", str(tmp_path / "run.rrd"), "viewer:=none", "view:=none", save]) == 0
     assert 'showing 5.0 s of "arm": 103 messages' in capsys.readouterr().out
     assert kind_of(str(tmp_path / "run.rrd")) == "bag"
     assert kind_of(str(tmp_path / "a.rrd")) == "rrd"
@@ -218,7 +218,7 @@ def test_a_folder_of_any_name(tmp_path, capsys):
         (["bag", "veiwer:=web"], 2, 'no argument "veiwer" (did you mean "viewer"?'),
         (["bag", "viewer:=tv"], 2, "viewer:=tv"),
         (["bag", "viewer:=none"], 2, "viewer:=none needs save:=FILE.rrd"),
-        (["bag", "view:=none.yaml"], 1, "view:=none.yaml: there is no such file"),
+        (["bag", "view:=none.yaml"], 1, "view:=none.yaml: no such file"),
         (["bag", "web_port:=99999"], 2, "web_port:=99999 is not possible; write an integer"),
     ],
 )
