@@ -82,7 +82,7 @@ class TfDisplay(Display[AxesSettings]):
         self._draw(())
 
     def set_robot(self) -> None:
-        """Draw the axes of the links; hide the axes of links that are gone."""
+        """Draw the axes of the links; from the next flush on not those of links that are gone."""
         old_links, self._links = self._links, set()
         for robot in self.stage.robots:
             if robot.description is not None:
@@ -92,7 +92,6 @@ class TfDisplay(Display[AxesSettings]):
         self._retired_at = self.stage.clock()
         self._shown_of = None
         self.stage.transforms.forget(self._retired)
-        self._hide(self._retired)
 
     def add(
         self, _topic: str, kind: MessageType[Any], messages: Sequence[tuple[int, TfArrays]]
@@ -133,8 +132,9 @@ class TfDisplay(Display[AxesSettings]):
         if self._links:
             top = frames.top(fixed_frame)
             connected = {frame for frame in connected if frames.top(frame) == top} | self._links
+        connected -= self._retired
         self._hide(self._drawn - connected)
-        self._show(connected - self._retired)
+        self._show(connected)
 
     def _show(self, frames: Iterable[str]) -> None:
         chosen_frames = self._only.intersection(frames) if self._only else set(frames)
