@@ -91,12 +91,14 @@ class Side:
     ) -> None:
         self._rows = [(joints.index(name), directions[name]) for name in names]
 
-    def mean(self, values: Sequence[float]) -> float:
-        """Return the mean of the wheels' positions or velocities."""
-        total = 0.0
+    def mean(self, joints: JointStates) -> tuple[float, float]:
+        """Return the mean position and velocity of the wheels."""
+        position = velocity = 0.0
+        positions, velocities, _ = joints
         for row, direction in self._rows:
-            total += direction * values[row]
-        return total / len(self._rows)
+            position += direction * positions[row]
+            velocity += direction * velocities[row]
+        return position / len(self._rows), velocity / len(self._rows)
 
     def velocities(self, speed: float) -> list[float]:
         """Return the velocity of each joint for this ``speed`` of the wheels."""
@@ -202,13 +204,9 @@ class DrivenRobot:
     def begin(self) -> Snapshot:
         """Read the robot's state and update the controller with it."""
         self._read_state()
-        positions, velocities = self._joints.positions, self._joints.velocities
-        wheels = WheelStates(
-            self._left.mean(positions),
-            self._right.mean(positions),
-            self._left.mean(velocities),
-            self._right.mean(velocities),
-        )
+        left, left_velocity = self._left.mean(self._joints)
+        right, right_velocity = self._right.mean(self._joints)
+        wheels = WheelStates(left, right, left_velocity, right_velocity)
         self._command = self.controller.update(wheels, self.period)
         snapshot = self.snapshot()
         if self.ticks % math.ceil(_DRIFT_PERIOD * self.config.update_rate) == 0:

@@ -205,6 +205,8 @@ class Robot:
 
     def check(self) -> None:
         """Raise OneBotError if the world is closed, or the robot's last state not finite."""
+        if self.finite and self.world.is_open:  # several times a cycle of each robot
+            return
         self.world.check_open()
         if not self.finite:
             raise OneBotError(

@@ -26,6 +26,7 @@ class World:
     client: int  # PyBullet's index of the world, for direct calls
     robots: tuple[Robot, ...]  # order as given
     scene: SceneBodies | None  # bodies around the robots
+    is_open: bool  # until ``close``
 
     def __init__(
         self,
@@ -59,6 +60,7 @@ class World:
         client: int = engine.connect(engine.DIRECT)
         self.client = client
         self._disconnect = weakref.finalize(self, engine.disconnect, client)
+        self.is_open = True
         try:
             self._build()
             if at_start:
@@ -149,11 +151,12 @@ class World:
 
     def close(self) -> None:
         """Free the world; most other methods raise OneBotError afterwards."""
+        self.is_open = False
         self._disconnect()
 
     def check_open(self) -> None:
         """Raise OneBotError if the world has been closed."""
-        if not self._disconnect.alive:
+        if not self.is_open:
             raise OneBotError("this simulation has been closed; make a new one")
 
     def check_usable(self) -> None:
