@@ -137,5 +137,5 @@ def test_a_layout_keeps_the_robot_s_own_trails_and_curves(tmp_path):
     (tmp_path / "x.rbl").write_text("fixed_frame: odom")
     with pytest.raises(OneBotError, match="no layout saved in the viewer"):
         ViewSource(str(tmp_path / "x.rbl"))
-    with pytest.raises(OneBotError, match=r"none\.rbl: there is no such file"):
+    with pytest.raises(OneBotError, match=r"none\.rbl: no such file"):
         ViewSource(str(tmp_path / "none.rbl"))
