@@ -178,7 +178,7 @@ class LaserScanDrawing(PointsDrawing):
     key = "laser_scan"
     message_types = ("sensor_msgs/msg/LaserScan",)
     order = (INTENSITY, FLAT)
-    _directions: tuple[object, Floats32] = ((), np.empty((0, 2), np.float32))
+    _directions: tuple[object, Floats32] = ((), np.empty((2, 0), np.float32))
 
     def points(self, message: Any) -> Points:
         """Return the points of ranges from range_min on and below range_max."""
@@ -188,19 +188,20 @@ class LaserScanDrawing(PointsDrawing):
         measured = (ranges >= message.range_min) & (ranges < message.range_max)
         directions = self._along(message.angle_min, message.angle_increment, len(ranges))
         if not measured.all():
-            ranges, directions = ranges[measured], directions[measured]
+            ranges, directions = ranges[measured], directions[:, measured]
             intensities = intensities[measured] if len(intensities) else intensities
-        positions = np.zeros((len(ranges), 3), np.float32)
-        np.multiply(directions, ranges[:, None], out=positions[:, :2])
-        return Points(positions, {"intensity": intensities if len(intensities) else None}.get)
+        # A row an axis is computed, and moved, several times as fast as a row a point.
+        positions = np.zeros((3, len(ranges)), np.float32)
+        np.multiply(directions, ranges, out=positions[:2])
+        return Points(positions.T, {"intensity": intensities if len(intensities) else None}.get)
 
     def _along(self, start: float, step: float, count: int) -> Floats32:
-        """Return the directions (N, 2) of the rays, which seldom change."""
+        """Return the directions (2, N) of the rays, which seldom change."""
         rays = (start, step, count)
         if self._directions[0] != rays:
             with np.errstate(all="ignore"):  # what is not finite is left out later
                 angles = start + step * np.arange(count)
-                directions = np.column_stack([np.cos(angles), np.sin(angles)]).astype(np.float32)
+                directions = np.array([np.cos(angles), np.sin(angles)], np.float32)
             self._directions = (rays, directions)
         return self._directions[1]
 
