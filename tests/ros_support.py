@@ -37,12 +37,13 @@ class Peer:
             self.node = rclpy.create_node(name, context=self.context)
         self._executor = SingleThreadedExecutor(context=self.context)
         self._executor.add_node(self.node)
+        self._ended = rclpy.Future()
         self._thread = threading.Thread(target=self._spin, daemon=True)
         self._thread.start()
 
     def _spin(self) -> None:
         try:
-            self._executor.spin()
+            self._executor.spin_until_future_complete(self._ended)
         except ExternalShutdownException:
             pass
 
@@ -50,8 +51,10 @@ class Peer:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._executor.shutdown()
+        # Executor.shutdown does not wait for a thread that spins, and then rclpy may crash.
+        self._ended.set_result(None)
         self._thread.join(PATIENCE)
+        self._executor.shutdown()
         self.node.destroy_node()
         rclpy.shutdown(context=self.context)
 
