@@ -10,6 +10,8 @@ from onebot_description.errors import OneBotError
 # Beyond 101 the ports of a domain (RTPS 2.2, section 9.6.1.1) meet those that Linux hands out.
 _DOMAINS = range(1, 101)
 _FIRST_PORT, _PORTS = 7400, 250  # of multicast discovery, in domain 0; and for each domain
+# Ports of multicast discovery, which a node on loopback may lack, and of ten participants.
+_LISTENED = (0, *range(10, 30, 2))
 
 
 @contextmanager
@@ -20,17 +22,15 @@ def claimed_domain() -> Iterator[int]:
         OneBotError: all are in use.
     """
     for domain in random.sample(_DOMAINS, len(_DOMAINS)):
-        with (
-            socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as claim,
-            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe,
-        ):
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as claim:
             try:
                 # A name in the abstract namespace goes when its process does, however it ends.
                 claim.bind(f"\0onebot-test-domain-{domain}")
-                probe.bind(("", _FIRST_PORT + _PORTS * domain))
+                for offset in _LISTENED:
+                    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+                        probe.bind(("", _FIRST_PORT + _PORTS * domain + offset))
             except OSError:
                 continue
-            probe.close()
             yield domain
             return
     raise OneBotError(f"all {len(_DOMAINS)} ROS domains are in use on this computer")

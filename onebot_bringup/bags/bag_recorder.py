@@ -17,6 +17,7 @@ import re
 import sys
 import time
 from collections.abc import Iterable, Set
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -39,6 +40,7 @@ from onebot_description.parameters.reader import (
 )
 from onebot_description.topic_subscription import (
     TopicSubscription,
+    TypeConflictError,
     choose_type,
     compatible_qos,
     exceeds,
@@ -255,7 +257,9 @@ class TopicRecorder:
         """Subscribe anew, but once recorded only with a relaxed QoS: that misses no publisher."""
         subscription = recorded.subscription
         if recorded.number is None:
-            subscription.update(kind, qos)
+            # After a delay polls follow each other at once: the executor still holds the last type.
+            with suppress(TypeConflictError):
+                subscription.update(kind, qos)
         elif kind != subscription.type:
             self._warn(f"{topic} is recorded as {subscription.type}, not as {kind} as well")
         elif subscription.qos is not None and exceeds(subscription.qos, qos):

@@ -3,7 +3,9 @@
 import re
 import signal
 import time
+from contextlib import closing
 
+import rclpy
 from geometry_msgs.msg import TransformStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -14,6 +16,8 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
+from onebot_bringup.bags.bag_recorder import Selection, TopicRecorder
+from onebot_bringup.bags.writer import BagWriter
 from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_bringup.bag_support import read_all, read_growing
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
@@ -154,6 +158,31 @@ def test_suits_every_publisher(tmp_path, ros_domain):
     assert connections[COMMANDS].msgtype == "geometry_msgs/msg/TwistStamped"
     with Reader(folder) as reader:
         assert [one.topic for one in reader.connections].count(words) == 1
+
+
+def test_a_type_that_the_executor_still_holds(tmp_path, ros_domain):
+    """Polls that follow each other at once, as after a delay, change the type all the same."""
+    with (
+        Peer(ros_domain) as peer,
+        Peer(ros_domain, "driver") as driver,
+        Peer(ros_domain, "other") as other,
+        closing(BagWriter(tmp_path / "run")) as bag,
+    ):
+        node = rclpy.create_node("recorder", context=other.context)
+        recorder = TopicRecorder(node, bag, Selection({COMMANDS}))
+
+        def subscribed(kind):
+            recorder.poll()
+            return [s for s in node.subscriptions if s.msg_type is kind]
+
+        peer.hear(Twist, COMMANDS)
+        [held] = wait_for(lambda: subscribed(Twist), "the subscriber's type")
+        with held.handle:
+            driver.node.create_publisher(TwistStamped, COMMANDS, 10)
+            wait_for(lambda: not subscribed(Twist), "the end of that subscription")
+            assert not subscribed(TwistStamped)
+        wait_for(lambda: subscribed(TwistStamped), "the publisher's type")
+        node.destroy_node()
 
 
 def test_only_wanted_topics(tmp_path, ros_domain):
