@@ -5,11 +5,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from onebot_bringup.cli.running_robots import (
-    chosen_commands,
-    description_topics,
-    frame_prefix,
-)
+from onebot_bringup.cli.running_robots import chosen_commands, description_topics, frame_prefix
 from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.launch.arguments import (
     Argument,

@@ -205,9 +205,6 @@ class Robot:
 
     def check(self) -> None:
         """Raise OneBotError if the world is closed, or the robot's last state not finite."""
-        # Each cycle checks each robot several times, so the usual case costs no further call.
-        if self.finite and self.world.is_open:
-            return
         self.world.check_open()
         if not self.finite:
             raise OneBotError(

@@ -190,7 +190,7 @@ class LaserScanDrawing(PointsDrawing):
         if not measured.all():
             ranges, directions = ranges[measured], directions[:, measured]
             intensities = intensities[measured] if len(intensities) else intensities
-        # A row an axis is computed, and moved, several times as fast as a row a point.
+        # One row per axis is computed and moved several times as fast as one row per point.
         positions = np.zeros((3, len(ranges)), np.float32)
         np.multiply(directions, ranges, out=positions[:2])
         return Points(positions.T, {"intensity": intensities if len(intensities) else None}.get)

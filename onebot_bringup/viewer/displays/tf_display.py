@@ -82,7 +82,7 @@ class TfDisplay(Display[AxesSettings]):
         self._draw(())
 
     def set_robot(self) -> None:
-        """Draw the axes of the links; from the next flush on not those of links that are gone."""
+        """Draw the axes of the links; the next flush hides those of links that are gone."""
         old_links, self._links = self._links, set()
         for robot in self.stage.robots:
             if robot.description is not None:
