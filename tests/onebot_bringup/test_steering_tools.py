@@ -304,7 +304,8 @@ def test_a_page_sees_the_robot_on_the_map_and_clicks_there(shared: tuple[int, Re
 def test_a_page_sees_and_sets_the_parameters_of_a_node(shared: tuple[int, Requests]) -> None:
     """Those that can be set, with their ranges; and why the node refuses a value."""
     domain, request = shared
-    with Peer(domain) as peer:
+    # A name of its own: the last test's peer may still be there.
+    with Peer(domain, "robot") as peer:
         fine = FloatingPointRange(from_value=0.0, to_value=2.0)
         declare = peer.node.declare_parameter
         declare("speed", 0.5, ParameterDescriptor(description="m/s", floating_point_range=[fine]))
@@ -317,21 +318,23 @@ def test_a_page_sees_and_sets_the_parameters_of_a_node(shared: tuple[int, Reques
             return SetParametersResult(successful=not refused, reason="no lights" * refused)
 
         peer.node.add_on_set_parameters_callback(check)
-        wait_for(lambda: "/peer" in request("nodes").get("nodes", ()), "the peer")
+        wait_for(lambda: "/robot" in request("nodes").get("nodes", ()), "the robot")
         assert request("nodes")["viewer"] == ""
-        rows = {row["name"]: row for row in request("parameters?node=/peer")["parameters"]}
+        found = request("parameters?node=/robot")
+        assert "error" not in found
+        rows = {row["name"]: row for row in found["parameters"]}
         assert rows["speed"] == {
             "name": "speed", "type": "double", "value": "0.5", "description": "m/s", "rule": "",
             "read_only": False, "range": [0.0, 2.0],
         }  # fmt: skip
         assert rows["fixed"]["read_only"] and "long" not in rows
         for values in ({"speed": "\ud800"}, {"\ud800": "1"}):
-            assert request.raw("parameters", {"node": "/peer", "values": values})[0] == 400
+            assert request.raw("parameters", {"node": "/robot", "values": values})[0] == 400
         values = {"speed": "1", "lights": "true"}
-        found = request("parameters", {"node": "/peer", "values": values})
+        found = request("parameters", {"node": "/robot", "values": values})
         assert found == {"refused": {"lights": "no lights"}}
         assert peer.node.get_parameter("speed").value == 1.0
-        found = request("parameters", {"node": "/peer", "values": {"speed": "3.0"}})
+        found = request("parameters", {"node": "/robot", "values": {"speed": "3.0"}})
         assert "speed" in found["refused"]["speed"]
         assert "no node" in request("parameters?node=/nobody")["error"]
         assert request.raw("parameters", {}, Origin="http://evil.example")[0] == 403
