@@ -20,10 +20,11 @@ from tests.support_rendering import colored, pixels
 # first picture on two cores, and ten times as long on a busy machine.
 DRAWING_PATIENCE = 600.0
 # Without the background flags Chromium itself talks to other hosts, which is not the page's doing.
+# To compile Rerun's page a second time, for speed, takes longer than a test draws.
 _FLAGS = (
     "--no-sandbox --disable-quic --no-first-run --disable-background-networking "
     "--disable-component-update --disable-sync --use-angle=swiftshader "
-    "--enable-unsafe-swiftshader --disable-dev-shm-usage"
+    "--enable-unsafe-swiftshader --disable-dev-shm-usage --js-flags=--no-wasm-tier-up"
 )
 # Of a window, in pixels: what a page draws in software takes as long as it has pixels.
 SMALL = (800, 640)
