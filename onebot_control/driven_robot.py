@@ -133,6 +133,7 @@ class DrivenRobot:
         plant: the simulated robot.
         held: joints that the plant has not, to the positions at which they are held still.
         ticks: control cycles done.
+        period: seconds of one.
     """
 
     def __init__(
@@ -147,7 +148,7 @@ class DrivenRobot:
         self.description = wheels.description
         self.geometry, kinematics, self.broadcaster = self.fitted(config)
         self.controller = DiffDriveController(config, kinematics)
-        self.config = config
+        self._use(config)
         self.ticks = 0
         self._left, self._right = (
             Side(names, wheels.directions, plant.joints) for names in (wheels.left, wheels.right)
@@ -156,11 +157,6 @@ class DrivenRobot:
         self.drift = DriftCheck(skids=len(wheels.names) > 2)
         self._read_state()
         self.place_odometry(PlanarPose())
-
-    @property
-    def period(self) -> float:
-        """Seconds of a control cycle."""
-        return 1.0 / self.config.update_rate
 
     @property
     def true_pose(self) -> PlanarPose:
@@ -195,7 +191,11 @@ class DrivenRobot:
         """
         self.geometry, kinematics, self.broadcaster = self.fitted(config)
         self.controller.configure(config, kinematics)
-        self.config = config
+        self._use(config)
+
+    def _use(self, config: ControlConfig) -> None:
+        self.config, self.period = config, 1.0 / config.update_rate
+        self._drift_cycles = math.ceil(_DRIFT_PERIOD * config.update_rate)
 
     def accept(self, linear: float, angular: float, age: float | None = None) -> str | None:
         """Command a velocity; see ``DiffDriveController.accept``."""
@@ -209,7 +209,7 @@ class DrivenRobot:
         wheels = WheelStates(left, right, left_velocity, right_velocity)
         self._command = self.controller.update(wheels, self.period)
         snapshot = self.snapshot()
-        if self.ticks % math.ceil(_DRIFT_PERIOD * self.config.update_rate) == 0:
+        if self.ticks % self._drift_cycles == 0:
             self.drift.update(snapshot.odometry, self.true_pose, lambda: self.plant.obstructed)
         return snapshot
 
@@ -217,7 +217,7 @@ class DrivenRobot:
         """Set the wheels' velocities, as ``begin`` has decided, for the world's next step."""
         left, right = self._command.left, self._command.right
         # ``Wheels.names`` are the driven joints.
-        self.plant.turn([*self._left.velocities(left), *self._right.velocities(right)])
+        self.plant.turn(self._left.velocities(left) + self._right.velocities(right))
         self.ticks += 1
 
     def snapshot(self) -> Snapshot:
@@ -285,8 +285,7 @@ class DrivenRobot:
         self.drift.restart()
 
     def _read_state(self) -> None:
-        self._joints = self.plant.joint_states()
-        self._pose, self._twist = self.plant.base_pose(), self.plant.base_twist()
+        self._joints, self._pose, self._twist = self.plant.state()
 
 
 def wheels_of(description: Description, config: ControlConfig) -> Wheels:

@@ -109,9 +109,10 @@ class SpeedLimiter:
             command = self._limit_jerk(command, last, before_last, dt)
         if self._limits_acceleration:
             lower, upper = self._acceleration(last)
-            command = last + _clamp(command - last, lower * dt, upper * dt)
+            command = last + min(max(command - last, lower * dt), upper * dt)
         if self._limits_velocity:
-            command = _clamp(command, *self._velocity)
+            slowest, fastest = self._velocity
+            command = min(max(command, slowest), fastest)
         return command
 
     def _limit_jerk(self, command: float, last: float, before_last: float, dt: float) -> float:
@@ -120,7 +121,8 @@ class SpeedLimiter:
         if (change - last_change) * change <= 0.0:
             return command
         lower, upper = self._jerk
-        return last + last_change + _clamp(change - last_change, lower * dt * dt, upper * dt * dt)
+        jerk = min(max(change - last_change, lower * dt * dt), upper * dt * dt)
+        return last + last_change + jerk
 
     def _acceleration(self, last: float) -> tuple[float, float]:
         if last > 0.0:
@@ -130,7 +132,3 @@ class SpeedLimiter:
 
 def _given(value: float, otherwise: float) -> float:
     return otherwise if math.isnan(value) else value
-
-
-def _clamp(value: float, lower: float, upper: float) -> float:
-    return min(max(value, lower), upper)

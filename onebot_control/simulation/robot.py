@@ -20,8 +20,7 @@ from onebot_description.errors import OneBotError, did_you_mean
 if TYPE_CHECKING:
     from onebot_control.simulation.world import World
 
-# Columns of getJointStates.
-_POSITION, _VELOCITY, _EFFORT = 0, 1, 3
+_EFFORT = 3  # column of getJointStates, after position, velocity and reaction forces
 
 
 class JointStates(NamedTuple):
@@ -119,7 +118,7 @@ class Robot:
         """
         self.world.check_open()
         # PyBullet keeps the targets, and setting them takes as long as reading the joints.
-        if list(velocities) != self._targets:
+        if velocities != self._targets:
             self._drive(self.targets(velocities))
 
     def targets(self, velocities: Sequence[float]) -> list[float]:
@@ -134,18 +133,11 @@ class Robot:
             for velocity, fastest in zip(velocities, self._fastest, strict=True)
         ]
 
-    def joint_states(self) -> JointStates:
-        """Return positions, velocities and motor efforts, in the order of ``joints``."""
-        self.check()
-        return JointStates(self.positions, self._velocities, self._efforts)
+    def state(self) -> tuple[JointStates, Pose, Twist]:
+        """Return the state of the joints, and the true pose and velocity of the root link's frame.
 
-    def base_pose(self) -> Pose:
-        """Return the true pose of the root link's frame in the world."""
-        self.check()
-        return Pose(*self.pose)
-
-    def base_twist(self) -> Twist:
-        """Return the true velocity of the root link's frame, in its own axes."""
+        The pose is in the world, the velocity in the frame's own axes.
+        """
         self.check()
         back = conjugate(self.pose[1])
         linear, angular = self._velocity
@@ -153,7 +145,23 @@ class Robot:
         turning = rotate(back, angular)
         # PyBullet returns the velocity of the centre of mass.
         a, b, c = cross(turning, self.parts.mass_frame[0])
-        return Twist((x - a, y - b, z - c), turning)
+        return (
+            JointStates(self.positions, self._velocities, self._efforts),
+            Pose(*self.pose),
+            Twist((x - a, y - b, z - c), turning),
+        )
+
+    def joint_states(self) -> JointStates:
+        """Return positions, velocities and motor efforts, in the order of ``joints``."""
+        return self.state()[0]
+
+    def base_pose(self) -> Pose:
+        """Return the true pose of the root link's frame in the world."""
+        return self.state()[1]
+
+    def base_twist(self) -> Twist:
+        """Return the true velocity of the root link's frame, in its own axes."""
+        return self.state()[2]
 
     def reset(self) -> None:
         """Move the robot back to its start, joints at 0, and the scene's boxes; time continues.
@@ -244,15 +252,12 @@ class Robot:
 
     def _update(self, states: Sequence[Sequence[float]]) -> None:
         """Store the joints' state, read the base's, and check that all values are finite."""
-        self.positions = tuple([state[_POSITION] for state in states])
-        self._velocities = tuple([state[_VELOCITY] for state in states])
+        self.positions, self._velocities, _, _ = zip(*states, strict=True)
         self.pose = self.parts.pose()
         self._velocity: tuple[Triple, Triple] = self._read_velocity()
-        (x, y, z), (a, b, c, d) = self.pose
-        (vx, vy, vz), (wx, wy, wz) = self._velocity
-        total = x + y + z + a + b + c + d + vx + vy + vz + wx + wy + wz
-        total += sum(self.positions) + sum(self._velocities) + sum(self._efforts)
-        self.finite = math.isfinite(total)
+        (place, turn), (linear, angular) = self.pose, self._velocity
+        values = (*place, *turn, *linear, *angular, *self.positions, *self._velocities)
+        self.finite = math.isfinite(sum((*values, *self._efforts)))
 
 
 def _driven_joints(spawn: RobotSpawn) -> Iterable[Joint]:

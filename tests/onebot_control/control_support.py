@@ -95,6 +95,9 @@ class IdealPlant:
         self.right += right * duration
         self._truth.update_from_velocities(left, right, duration)
 
+    def state(self) -> tuple[JointStates, Pose, Twist]:
+        return self.joint_states(), self.base_pose(), self.base_twist()
+
     def joint_states(self) -> JointStates:
         return JointStates((self.left, self.right), tuple(self.speeds), (0.0, 0.0))
 
