@@ -118,7 +118,7 @@ class Robot:
         """
         self.world.check_open()
         # PyBullet keeps the targets, and setting them takes as long as reading the joints.
-        if velocities != self._targets:
+        if list(velocities) != self._targets:
             self._drive(self.targets(velocities))
 
     def targets(self, velocities: Sequence[float]) -> list[float]:
