@@ -68,7 +68,8 @@ def test_a_twist_drives_it_where_the_command_says(ros_domain, tmp_path):
         moving = [m for m in odom if m.twist.twist.linear.x > 0.199]
         assert moving and max(m.twist.twist.linear.x for m in odom) < 0.2005
         last = odom[-1]
-        wait_for(lambda: _seconds(truth[-1]) >= _seconds(last), "the truth at that time")
+        for topic in (truth, joints):
+            wait_for(lambda t=topic: _seconds(t[-1]) >= _seconds(last), "the same at that time")
         assert _position(truth[-1]) == pytest.approx(_position(odom[-1]), abs=2e-3)
         assert abs(last.pose.pose.position.y) < 2e-3
         assert last.header.frame_id == "odom" and last.child_frame_id == "base_link"
