@@ -109,10 +109,9 @@ class SpeedLimiter:
             command = self._limit_jerk(command, last, before_last, dt)
         if self._limits_acceleration:
             lower, upper = self._acceleration(last)
-            command = last + min(max(command - last, lower * dt), upper * dt)
+            command = last + _clamp(command - last, lower * dt, upper * dt)
         if self._limits_velocity:
-            slowest, fastest = self._velocity
-            command = min(max(command, slowest), fastest)
+            command = _clamp(command, *self._velocity)
         return command
 
     def _limit_jerk(self, command: float, last: float, before_last: float, dt: float) -> float:
@@ -121,8 +120,7 @@ class SpeedLimiter:
         if (change - last_change) * change <= 0.0:
             return command
         lower, upper = self._jerk
-        jerk = min(max(change - last_change, lower * dt * dt), upper * dt * dt)
-        return last + last_change + jerk
+        return last + last_change + _clamp(change - last_change, lower * dt * dt, upper * dt * dt)
 
     def _acceleration(self, last: float) -> tuple[float, float]:
         if last > 0.0:
@@ -132,3 +130,7 @@ class SpeedLimiter:
 
 def _given(value: float, otherwise: float) -> float:
     return otherwise if math.isnan(value) else value
+
+
+def _clamp(value: float, lower: float, upper: float) -> float:
+    return min(max(value, lower), upper)

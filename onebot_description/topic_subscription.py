@@ -83,9 +83,9 @@ def offers(
 class TopicSubscription:
     """A subscription whose type and QoS can change.
 
-    A node can hold a topic as one type only, and the executor releases a subscription after the
-    callback that destroys it. A change of type therefore takes two calls of ``update``, from two
-    callbacks; a change of QoS takes one.
+    A node can hold a topic as one type only, and the executor releases a subscription some time
+    after the callback that destroys it. A change of type therefore takes two calls of ``update``,
+    from two callbacks, or more of them after a TypeConflictError; a change of QoS takes one.
     """
 
     type: str | None = None  # subscribed to; None while there is no subscription

@@ -10,8 +10,8 @@ from onebot_description.errors import OneBotError
 # Beyond 101 the ports of a domain (RTPS 2.2, section 9.6.1.1) meet those that Linux hands out.
 _DOMAINS = range(1, 101)
 _FIRST_PORT, _PORTS = 7400, 250  # of multicast discovery, in domain 0; and for each domain
-# Ports of multicast discovery, which a node on loopback may lack, and of ten participants.
-_LISTENED = (0, *range(10, 30, 2))
+# From its first port: multicast discovery, which a node on loopback may lack, and ten participants.
+_OFFSETS = (0, *range(10, 30, 2))
 
 
 @contextmanager
@@ -26,7 +26,7 @@ def claimed_domain() -> Iterator[int]:
             try:
                 # A name in the abstract namespace goes when its process does, however it ends.
                 claim.bind(f"\0onebot-test-domain-{domain}")
-                for offset in _LISTENED:
+                for offset in _OFFSETS:
                     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
                         probe.bind(("", _FIRST_PORT + _PORTS * domain + offset))
             except OSError:

@@ -20,7 +20,7 @@ from tests.support_rendering import colored, pixels
 # first picture on two cores, and ten times as long on a busy machine.
 DRAWING_PATIENCE = 600.0
 # Without the background flags Chromium itself talks to other hosts, which is not the page's doing.
-# To compile Rerun's page a second time, for speed, takes longer than a test draws.
+# It would compile Rerun's page a second time, for speed, which takes longer than a test draws.
 _FLAGS = (
     "--no-sandbox --disable-quic --no-first-run --disable-background-networking "
     "--disable-component-update --disable-sync --use-angle=swiftshader "

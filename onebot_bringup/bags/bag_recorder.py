@@ -257,7 +257,7 @@ class TopicRecorder:
         """Subscribe anew, but once recorded only with a relaxed QoS: that misses no publisher."""
         subscription = recorded.subscription
         if recorded.number is None:
-            # After a delay polls follow each other at once: the executor still holds the last type.
+            # The executor may still hold the last type; the next poll tries again.
             with suppress(TypeConflictError):
                 subscription.update(kind, qos)
         elif kind != subscription.type:

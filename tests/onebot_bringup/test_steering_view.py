@@ -133,15 +133,19 @@ def test_a_view_that_is_busy_does_not_stall_the_wheel(ros_domain, tmp_path):
 def _read_the_note_on_a_shared_process(page: Page, address: str) -> None:
     """Where loopback's other name leads elsewhere, in a browser that isolates sites only.
 
-    Rerun, which takes long to load, is left out: its page reports for it that it draws late.
+    Rerun, which takes long to load, is left out; the test reports in its place that it is behind.
     """
     page.devtools("Network.setBlockedURLs", urls=["http://localhost:*", "*.wasm"])
     page.devtools("Emulation.setUserAgentOverride", userAgent="Gecko/20100101 Firefox/153.0")
     page.open(address)
-    wait_for(lambda: page.driver.find_elements(By.CSS_SELECTOR, "#view iframe"), "the frame")
-    with page.view() as inside:
-        inside.execute_script("parent.postMessage({view: 'shown', behind: true}, '*')")
-    wait_for(lambda: page.find("#slow").is_displayed(), "the note")
+    wait_for(lambda: _has_frame(page), "the frame")
+
+    def reports() -> bool:
+        with page.view() as inside:
+            inside.execute_script("parent.postMessage({view: 'shown', behind: true}, '*')")
+        return page.find("#slow").is_displayed()
+
+    wait_for(reports, "the note")  # until its page is loaded, the frame is not heard
     assert "can also delay the controls" in page.find("#slow").text
     page.devtools("Emulation.setUserAgentOverride", userAgent="")
     page.devtools("Network.setBlockedURLs", urls=[])
@@ -219,8 +223,12 @@ def test_only_what_ends_the_data_loads_the_view_again(ros_domain, tmp_path):
             assert not inside.execute_script("return window.mark")
 
 
+def _has_frame(page: Page) -> bool:
+    return bool(page.driver.find_elements(By.CSS_SELECTOR, "#view iframe"))
+
+
 def _runs(page: Page) -> bool:
-    if not page.driver.find_elements(By.CSS_SELECTOR, "#view iframe"):
+    if not _has_frame(page):
         return False
     with page.view() as inside:
         return bool(inside.execute_script("return !!window._handle"))
