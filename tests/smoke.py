@@ -1,16 +1,14 @@
 """Both robots come up, are recorded and drawn: the smoke test of one environment, in a minute.
 
-``python tests/smoke.py FOLDER`` runs the commands of the environment that it runs in, in FOLDER;
-``python tests/smoke.py --lowest`` prints pip's constraints for the lowest versions that
-pyproject.toml allows, without anything installed.
+``python tests/smoke.py FOLDER`` runs the commands of its own environment, in FOLDER.
 """
 
 import os
-import re
 import subprocess
 import sys
 from pathlib import Path
 
+from domains import claimed_domain
 from readme import CHECKOUT, run_until_up
 
 ROBOTS = {
@@ -21,12 +19,7 @@ _PNG = b"\x89PNG"
 
 
 def main() -> int:
-    """Run the smoke test, or print the constraints."""
-    if sys.argv[1] == "--lowest":
-        print("\n".join(lowest()))
-        return 0
-    from domains import claimed_domain  # needs what is tested
-
+    """Run the smoke test."""
     folder = Path(sys.argv[1])
     os.environ["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     with claimed_domain() as domain:
@@ -35,14 +28,6 @@ def main() -> int:
             _bring_up(name, folder)
             _draw(name, model, folder)
     return 0
-
-
-def lowest() -> list[str]:
-    """Return ``name==version`` for each dependency that has a lower bound."""
-    text = (CHECKOUT / "pyproject.toml").read_text(encoding="utf-8")
-    section = text.partition("\ndependencies = [")[2].partition("\n]")[0]
-    bounds = re.findall(r'"([\w.-]+)[^"]*?>=([\w.]+)[^";]*(?:;\s*([^"]*))?"', section)
-    return [f"{name}=={version}{marker and '; ' + marker}" for name, version, marker in bounds]
 
 
 def _bring_up(name: str, folder: Path) -> None:
