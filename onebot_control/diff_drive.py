@@ -6,9 +6,10 @@ wheels = controller.update(WheelStates(0.0, 0.0, 0.0, 0.0), dt=0.01)
 """
 
 import math
+from collections import deque
 from typing import NamedTuple
 
-from onebot_control.odometry import DiffDriveKinematics, Odometry, RollingMean
+from onebot_control.odometry import DiffDriveKinematics, Odometry
 from onebot_control.parameters import ControlConfig
 from onebot_control.speed_limiter import SpeedLimiter
 
@@ -49,7 +50,8 @@ class DiffDriveController:
     def __init__(self, config: ControlConfig, kinematics: DiffDriveKinematics) -> None:
         window = config.velocity_rolling_window_size
         self.odometry = Odometry(kinematics, window)
-        self._cycles, self._durations = RollingMean(window), RollingMean(window)
+        # Seconds of cycles, and the seconds that passed: as many, or more.
+        self._passed: deque[tuple[float, float]] = deque(maxlen=window)
         self.pace = 1.0
         self._stalled = 0.0
         self._unsure = 0.0
@@ -69,8 +71,7 @@ class DiffDriveController:
         self.odometry.kinematics = kinematics
         window = config.velocity_rolling_window_size
         self.odometry.set_window(window)
-        self._cycles = self._cycles.resized(window)
-        self._durations = self._durations.resized(window)
+        self._passed = deque(self._passed, window)
         self.odometry.noise = config.left_wheel_noise**2, config.right_wheel_noise**2
 
     def accept(self, linear: float, angular: float, age: float | None = None) -> str | None:
@@ -146,7 +147,10 @@ class DiffDriveController:
 
     def _pass(self, seconds: float, cycle: float) -> None:
         """Let ``seconds`` pass, which a cycle has ``cycle`` of."""
-        self.pace = self._cycles.add(cycle) / self._durations.add(seconds)
+        self._passed.append((cycle, seconds))
+        if self.pace < 1.0 or cycle < seconds:
+            cycles, durations = zip(*self._passed, strict=True)
+            self.pace = sum(cycles) / sum(durations)
 
     def _follow(self, wheels: WheelStates, dt: float) -> None:
         if self._config.open_loop:
@@ -170,4 +174,4 @@ class DiffDriveController:
 
 
 def _within_fastest(speed: float) -> float:
-    return min(max(speed, -_FASTEST), _FASTEST)
+    return -_FASTEST if speed < -_FASTEST else _FASTEST if speed > _FASTEST else speed

@@ -11,7 +11,14 @@ from onebot_control.drift import DriftCheck
 from onebot_control.odometry import DiffDriveKinematics, PoseCovariance
 from onebot_control.parameters import BROADCASTER, INTERFACES, BroadcasterConfig, ControlConfig
 from onebot_control.poses import PlanarPose, scaled, yaw_of
-from onebot_control.simulation import JointStates, Pose, Robot, RobotSpawn, Twist
+from onebot_control.simulation import (
+    JointStates,
+    MassVelocity,
+    Pose,
+    Robot,
+    RobotSpawn,
+    Twist,
+)
 from onebot_control.simulation.drivable import drivable
 from onebot_control.wheels.geometry import WheelGeometry, Wheels
 from onebot_description.description import Description
@@ -34,8 +41,15 @@ class Snapshot(NamedTuple):
     covariance: PoseCovariance  # covariance of that pose
     twist: tuple[float, float]  # linear and angular velocity by the wheels, m/s and rad/s
     pose: Pose  # the true one in the world
-    velocity: Twist  # the true one, in the base's frame
+    mass_velocity: MassVelocity  # the true one, in the simulation's own time
+    pace: float  # seconds of that time a second
     command: DriveCommand  # the wheels' velocities
+
+    @property
+    def velocity(self) -> Twist:
+        """The true velocity, in the base's frame."""
+        linear, angular = self.mass_velocity.twist(self.pose.rotation)
+        return Twist(scaled(linear, self.pace), scaled(angular, self.pace))
 
 
 class JointStateBroadcaster:
@@ -223,12 +237,11 @@ class DrivenRobot:
     def snapshot(self) -> Snapshot:
         """Return the robot as its state was last read."""
         odometry, pace = self.controller.odometry, self.controller.pace
-        joints, velocity = self._joints, self._twist
+        joints = self._joints
         if pace != 1.0:
             joints = joints._replace(
                 velocities=tuple([speed * pace for speed in joints.velocities])
             )
-            velocity = Twist(*(scaled(part, pace) for part in velocity))
         return Snapshot(
             self.ticks,
             joints,
@@ -236,7 +249,8 @@ class DrivenRobot:
             odometry.covariance,
             (odometry.linear * pace, odometry.angular * pace),
             self._pose,
-            velocity,
+            self._mass_velocity,
+            pace,
             self._command,
         )
 
@@ -285,7 +299,7 @@ class DrivenRobot:
         self.drift.restart()
 
     def _read_state(self) -> None:
-        self._joints, self._pose, self._twist = self.plant.state()
+        self._joints, self._pose, self._mass_velocity = self.plant.state()
 
 
 def wheels_of(description: Description, config: ControlConfig) -> Wheels:

@@ -1,7 +1,7 @@
 """Wheel odometry: where the body is, by how far its wheels have turned."""
 
 import math
-from collections import deque
+from array import array
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -11,8 +11,6 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-# Below this turn (rad) the exact arc divides by nearly zero, and is a straight line to all digits.
-_STRAIGHT = 1e-6
 _LEAST = 1e-6  # m; what follows from shorter lengths need not be finite
 # z, roll and pitch are zero on flat ground by definition; their variances only keep estimators from
 # dividing by zero.
@@ -61,39 +59,26 @@ class PoseCovariance(NamedTuple):
     y_yaw: float = 0.0
     yaw_yaw: float = 0.0
 
-    def moved(self, dx: float, dy: float) -> "PoseCovariance":
-        """Return F P F' of a step by dx, dy (m): the error of the heading turns the step.
-
-        F is [[1, 0, -dy], [0, 1, dx], [0, 0, 1]].
-        """
-        xx, xy, yy, xt, yt, tt = self
-        # F P first; its last row is the last row of P.
-        left_xt, left_yt = xt - dy * tt, yt + dx * tt
-        return PoseCovariance(
-            xx - dy * xt - dy * left_xt,
-            xy - dy * yt + dx * left_xt,
-            yy + dx * yt + dx * left_yt,
-            left_xt,
-            left_yt,
-            tt,
-        )
-
-    def plus(
-        self, errors: tuple[Triple, Triple], variances: tuple[float, float]
+    def moved(
+        self, dx: float, dy: float, errors: tuple[Triple, Triple], variances: tuple[float, float]
     ) -> "PoseCovariance":
-        """Return P + G Q G', of two independent errors with these variances (the diagonal of Q).
+        """Return F P F' + G Q G' of a step by dx, dy, m.
 
-        The columns of G are how each error acts on x, y and yaw.
+        The error of the heading turns the step: F is [[1, 0, -dy], [0, 1, dx], [0, 0, 1]]. Two
+        independent errors have ``variances`` (the diagonal of Q), and act on x, y and yaw as the
+        columns of G, ``errors``.
         """
         xx, xy, yy, xt, yt, tt = self
         (ax, ay, at), (bx, by, bt) = errors
         p, q = variances
+        # F P; its last row is the last row of P.
+        left_xt, left_yt = xt - dy * tt, yt + dx * tt
         return PoseCovariance(
-            xx + p * ax * ax + q * bx * bx,
-            xy + p * ax * ay + q * bx * by,
-            yy + p * ay * ay + q * by * by,
-            xt + p * ax * at + q * bx * bt,
-            yt + p * ay * at + q * by * bt,
+            xx - dy * (xt + left_xt) + p * ax * ax + q * bx * bx,
+            xy - dy * yt + dx * left_xt + p * ax * ay + q * bx * by,
+            yy + dx * (yt + left_yt) + p * ay * ay + q * by * by,
+            left_xt + p * ax * at + q * bx * bt,
+            left_yt + p * ay * at + q * by * bt,
             tt + p * at * at + q * bt * bt,
         )
 
@@ -113,17 +98,20 @@ class RollingMean:
     """The mean of the last few values, or of all while there are fewer."""
 
     def __init__(self, size: int) -> None:
-        self._values: deque[float] = deque(maxlen=size)
+        self._size, self._values = size, array("d")
 
     def add(self, value: float) -> float:
         """Add a value; return the mean."""
-        self._values.append(value)
-        return sum(self._values) / len(self._values)
+        values = self._values
+        if len(values) == self._size:
+            del values[0]
+        values.append(value)
+        return sum(values) / len(values)
 
     def resized(self, size: int) -> "RollingMean":
         """Return the same over ``size`` values, beginning with the last ones of these."""
         mean = RollingMean(size)
-        mean._values.extend(self._values)
+        mean._values.extend(self._values[-size:])
         return mean
 
 
@@ -220,16 +208,16 @@ class Odometry:
         self.angular = self._angular.add(turn / dt)
 
     def _integrate(self, way: float, turn: float) -> None:
-        """Move along the arc that constant wheel velocities make."""
-        start, middle = self.heading, self.heading + turn / 2.0
+        """Move along the arc that constant wheel velocities make.
+
+        Its chord has the direction of its middle, and the length 2 r sin(turn / 2), r = way / turn.
+        """
+        half = turn / 2.0
+        middle = self.heading + half
         cos, sin = math.cos(middle), math.sin(middle)
+        chord = way * math.sin(half) / half if half else way
+        dx, dy = chord * cos, chord * sin
         self.heading += turn
-        if abs(turn) < _STRAIGHT:  # second-order Runge-Kutta: along the middle direction
-            dx, dy = way * cos, way * sin
-        else:
-            radius = way / turn
-            dx = radius * (math.sin(self.heading) - math.sin(start))
-            dy = -radius * (math.cos(self.heading) - math.cos(start))
         self.x += dx
         self.y += dy
         if way or turn:
@@ -252,7 +240,7 @@ class Odometry:
             (cos / 2.0 - x, sin / 2.0 + y, 1.0 / separation),
         )
         variances = left * abs(way - across), right * abs(way + across)
-        covariance = self.covariance.moved(dx, dy).plus(errors, variances)
+        covariance = self.covariance.moved(dx, dy, errors, variances)
         # Else nothing is known of the pose, and the covariance stays as it is.
         if math.isfinite(sum(covariance)):
             self.covariance = covariance

@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 import sysconfig
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -106,7 +107,7 @@ def test_workspace_builds_and_runs(tmp_path, options):
     report = _run(sourced, tmp_path, "python3", "-c", DOCTOR).stdout
     assert report.startswith("onebot 0.1.0, Python")
     assert re.search(r"^ok       dependencies: 1\d as required$", report, re.MULTILINE), report
-    _check_executables(tmp_path, sourced)
+    _check_executables(tmp_path, sourced, ["onebot_bringup/onebot"] if options else EXECUTABLES)
     _check_launch_files(tmp_path)
 
 
@@ -161,18 +162,18 @@ def _sourced(workspace: Path) -> dict[str, str]:
     return dict(word.split("=", 1) for word in shown.stdout.split("\0") if word)
 
 
-def _check_executables(workspace: Path, sourced: dict[str, str]) -> None:
-    """Each one is where ``ros2 run`` looks, and starts as it would start it."""
-    found = [
-        file
+def _check_executables(workspace: Path, sourced: dict[str, str], started: Iterable[str]) -> None:
+    """Each one is where ``ros2 run`` looks, and these start as it would start them."""
+    found = {
+        f"{package}/{file.name}": file
         for package in PACKAGES
         for file in (workspace / "install" / package / "lib" / package).iterdir()
         if os.access(file, os.X_OK)
-    ]
-    assert {f"{file.parent.name}/{file.name}" for file in found} == set(EXECUTABLES)
-    for file in found:
-        arguments, code, says = EXECUTABLES[f"{file.parent.name}/{file.name}"]
-        ran = _run(sourced, workspace, file, *arguments)
+    }
+    assert found.keys() == EXECUTABLES.keys()
+    for name in started:
+        arguments, code, says = EXECUTABLES[name]
+        ran = _run(sourced, workspace, found[name], *arguments)
         assert ran.returncode == code, ran.stderr
         assert says in ran.stdout + ran.stderr and "Traceback" not in ran.stderr
 

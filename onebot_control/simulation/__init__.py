@@ -8,13 +8,14 @@ with World([RobotSpawn(description, ("left_wheel_joint", "right_wheel_joint"))])
 """
 
 from onebot_control.simulation.physics_settings import Settings
-from onebot_control.simulation.robot import JointStates, Pose, Robot, Twist
+from onebot_control.simulation.robot import JointStates, MassVelocity, Pose, Robot, Twist
 from onebot_control.simulation.scene_bodies import SceneBodies
 from onebot_control.simulation.spawning import RobotSpawn
 from onebot_control.simulation.world import World
 
 __all__ = [
     "JointStates",
+    "MassVelocity",
     "Pose",
     "Robot",
     "RobotSpawn",

@@ -45,6 +45,22 @@ class Twist(NamedTuple):
     angular: Triple  # rad/s
 
 
+class MassVelocity(NamedTuple):
+    """Velocity of the root link's centre of mass in the world's axes, as PyBullet has it."""
+
+    linear: Triple  # m/s
+    angular: Triple  # rad/s
+    centre: Triple  # the centre of mass in the root link's frame, m
+
+    def twist(self, rotation: Quaternion) -> Twist:
+        """Return the velocity of the root link's frame, which has this ``rotation``."""
+        back = conjugate(rotation)
+        x, y, z = rotate(back, self.linear)
+        turning = rotate(back, self.angular)
+        a, b, c = cross(turning, self.centre)
+        return Twist((x - a, y - b, z - c), turning)
+
+
 class Robot:
     """One robot of a world, which moves when the world steps.
 
@@ -133,22 +149,13 @@ class Robot:
             for velocity, fastest in zip(velocities, self._fastest, strict=True)
         ]
 
-    def state(self) -> tuple[JointStates, Pose, Twist]:
-        """Return the state of the joints, and the true pose and velocity of the root link's frame.
-
-        The pose is in the world, the velocity in the frame's own axes.
-        """
+    def state(self) -> tuple[JointStates, Pose, MassVelocity]:
+        """Return the state of the joints, and the true pose and velocity of the root link."""
         self.check()
-        back = conjugate(self.pose[1])
-        linear, angular = self._velocity
-        x, y, z = rotate(back, linear)
-        turning = rotate(back, angular)
-        # PyBullet returns the velocity of the centre of mass.
-        a, b, c = cross(turning, self.parts.mass_frame[0])
         return (
             JointStates(self.positions, self._velocities, self._efforts),
             Pose(*self.pose),
-            Twist((x - a, y - b, z - c), turning),
+            MassVelocity(*self._velocity, self.parts.mass_frame[0]),
         )
 
     def joint_states(self) -> JointStates:
@@ -161,7 +168,8 @@ class Robot:
 
     def base_twist(self) -> Twist:
         """Return the true velocity of the root link's frame, in its own axes."""
-        return self.state()[2]
+        _, pose, velocity = self.state()
+        return velocity.twist(pose.rotation)
 
     def reset(self) -> None:
         """Move the robot back to its start, joints at 0, and the scene's boxes; time continues.
@@ -256,8 +264,9 @@ class Robot:
         self.pose = self.parts.pose()
         self._velocity: tuple[Triple, Triple] = self._read_velocity()
         (place, turn), (linear, angular) = self.pose, self._velocity
-        values = (*place, *turn, *linear, *angular, *self.positions, *self._velocities)
-        self.finite = math.isfinite(sum((*values, *self._efforts)))
+        root = *place, *turn, *linear, *angular
+        joints = *self.positions, *self._velocities, *self._efforts
+        self.finite = math.isfinite(sum(root) + sum(joints))
 
 
 def _driven_joints(spawn: RobotSpawn) -> Iterable[Joint]:

@@ -119,7 +119,7 @@ def _measure(
             speeds, drives = _Speeds(peer), words[0] == "controller"
             if drives:
                 speeds.reach()
-            speeds.command(_SETTLED)
+            speeds.command(0.0 if quick else _SETTLED)
             pid = loop.process.pid
             begin, cpu = time.monotonic(), cpu_ns(pid)
             speeds.command(1.0 if quick else 6.0)

@@ -8,7 +8,8 @@ from onebot_control.driven_robot import DrivenRobot, Snapshot, wheels_of
 from onebot_control.fleet import Fleet, Member
 from onebot_control.odometry import DiffDriveKinematics, Odometry
 from onebot_control.parameters import ControlConfig
-from onebot_control.simulation import JointStates, Pose, Robot, Twist
+from onebot_control.poses import rotate
+from onebot_control.simulation import JointStates, MassVelocity, Pose, Robot, Twist
 from onebot_description.description import Description, parse_description
 
 SEPARATION, RADIUS = 0.3, 0.06  # m
@@ -95,8 +96,10 @@ class IdealPlant:
         self.right += right * duration
         self._truth.update_from_velocities(left, right, duration)
 
-    def state(self) -> tuple[JointStates, Pose, Twist]:
-        return self.joint_states(), self.base_pose(), self.base_twist()
+    def state(self) -> tuple[JointStates, Pose, MassVelocity]:
+        pose, (linear, angular) = self.base_pose(), self.base_twist()
+        velocity = MassVelocity(rotate(pose.rotation, linear), angular, (0.0, 0.0, 0.0))
+        return self.joint_states(), pose, velocity
 
     def joint_states(self) -> JointStates:
         return JointStates((self.left, self.right), tuple(self.speeds), (0.0, 0.0))

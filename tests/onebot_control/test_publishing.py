@@ -18,7 +18,7 @@ from std_msgs.msg import Header
 from onebot_control.driven_robot import DrivenRobot, Snapshot
 from onebot_control.poses import PlanarPose
 from onebot_control.publishing import Frames, Publishers
-from onebot_control.simulation import Twist
+from onebot_control.simulation import MassVelocity
 from onebot_description.description import parse_description
 from onebot_description.wire.cdr import NANO
 from onebot_description.wire.tf_message import TFMessage
@@ -127,8 +127,8 @@ def driven(**parameters: Any) -> tuple[DrivenRobot, Snapshot]:
     for _ in range(5):
         drive.accept(0.3, 0.8)
         cycle(drive)
-    velocity = Twist((0.3, 1e-5, -2e-7), (1e-3, math.inf, 0.8))
-    return drive, drive.begin()._replace(velocity=velocity)
+    velocity = MassVelocity((0.3, 1e-5, -2e-7), (1e-3, 4e-8, 0.8), (0.1, 0.0, 0.2))
+    return drive, drive.begin()._replace(mass_velocity=velocity)
 
 
 def same(received: Any, expected: Any) -> bool:
