@@ -215,7 +215,7 @@ class Odometry:
         half = turn / 2.0
         middle = self.heading + half
         cos, sin = math.cos(middle), math.sin(middle)
-        chord = way * math.sin(half) / half if half else way
+        chord = way * (math.sin(half) / half) if half else way
         dx, dy = chord * cos, chord * sin
         self.heading += turn
         self.x += dx

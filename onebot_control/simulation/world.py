@@ -161,10 +161,8 @@ class World:
 
     def check_usable(self) -> None:
         """Raise OneBotError if the world has been closed, or its state is not finite."""
-        self.check_open()
         for robot in self.robots:
-            if not robot.finite:
-                robot.check()
+            robot.check()
         if self.scene is not None:
             self.scene.check()
 

@@ -3,7 +3,7 @@
 import json
 import os
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -43,7 +43,11 @@ PLACES = "ONEBOT_PLACES"
 _WORLD = ".urdf.xacro"  # ending of the files of worlds that ship
 
 
-def load_description(source: str | Path, arguments: Mapping[str, str] | None = None) -> Description:
+def load_description(
+    source: str | Path,
+    arguments: Mapping[str, str] | None = None,
+    meanwhile: Callable[[], object] = lambda: None,
+) -> Description:
     """Read a robot description, expand it if it is xacro, and check it.
 
     What is wrong but can be left out or replaced is in the ``problems`` of the description, as
@@ -53,6 +57,7 @@ def load_description(source: str | Path, arguments: Mapping[str, str] | None = N
         source: a .urdf or .xacro file, or ``package://name/path``. A file that declares the xacro
             namespace is xacro whatever its name.
         arguments: values for its ``<xacro:arg>``s, by name.
+        meanwhile: called here while xacro expands the file in a process of its own.
 
     Raises:
         DescriptionError: the file cannot be read or expanded, an argument is not one it takes, or
@@ -60,12 +65,12 @@ def load_description(source: str | Path, arguments: Mapping[str, str] | None = N
             element and remedy.
     """
     path = _locate(source)
-    document, files, warnings = _read(path, arguments or {})
+    document, files, warnings = _read(path, arguments or {}, meanwhile)
     return _check(document, str(path), files, warnings)
 
 
 def _read(
-    path: Path, arguments: Mapping[str, str]
+    path: Path, arguments: Mapping[str, str], meanwhile: Callable[[], object] = lambda: None
 ) -> tuple[xml.Document, tuple[Path, ...], tuple[str, ...]]:
     """Return the document in a file, xacro expanded, the files read, and warnings."""
     values = {name: str(value) for name, value in arguments.items()}
@@ -75,7 +80,7 @@ def _read(
     if document.has_xacro or path.suffix == ".xacro":
         from onebot_description.description.xacro import expand
 
-        return expand(path, values)
+        return expand(path, values, meanwhile)
     if values:
         names = ", ".join(sorted(values))
         raise DescriptionError([f"{name}: is plain URDF and takes no arguments (given: {names})"])
