@@ -156,7 +156,7 @@ def test_sensors_of_a_file_are_published_and_follow_its_edits(ros_domain, tmp_pa
         assert len(front[0].ranges) == 5 and front[0].header.frame_id == "base_link"
         file.write_text(block.format("edited"))
         wait_for(lambda: edited, "the scan of the edited file")
-        assert not peer.node.count_publishers("/front")
+        wait_for(lambda: not peer.node.count_publishers("/front"), "the former scan to end")
         assert node.interrupt() == 0
 
 
