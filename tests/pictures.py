@@ -95,7 +95,7 @@ def make_steering(picture: Path, folder: Path) -> None:
     address = r"\[steering_page\].* open (http\S+)"
     with (
         running(BRINGUP, *words, ready=address) as process,
-        browser(folder / "profile") as driver,
+        browser(folder / "profile", webgl=True) as driver,
     ):
         page = Page(driver)
         page.emulate(*SCREEN, prefers_color_scheme="dark")

@@ -20,19 +20,24 @@ from tests.support_rendering import colored, pixels
 # first picture on two cores, and ten times as long on a busy machine.
 DRAWING_PATIENCE = 600.0
 # Without the background flags Chromium itself talks to other hosts, which is not the page's doing.
-# It would compile Rerun's page a second time, for speed, which takes longer than a test draws.
 _FLAGS = (
     "--no-sandbox --disable-quic --no-first-run --disable-background-networking "
-    "--disable-component-update --disable-sync --use-angle=swiftshader "
-    "--enable-unsafe-swiftshader --disable-dev-shm-usage --js-flags=--no-wasm-tier-up"
+    "--disable-component-update --disable-sync --disable-dev-shm-usage"
 )
+# It would compile Rerun's page a second time, for speed, which takes longer than a test draws.
+_WEBGL = "--use-angle=swiftshader --enable-unsafe-swiftshader --js-flags=--no-wasm-tier-up"
+_NO_WEBGL = "--disable-gpu"  # a quarter less of the processor's time
 # Of a window, in pixels: what a page draws in software takes as long as it has pixels.
 SMALL = (800, 640)
 
 
 @contextmanager
 def browser(
-    profile: Path, size: tuple[int, int] = (1280, 800), headless: bool = True
+    profile: Path,
+    size: tuple[int, int] = (1280, 800),
+    headless: bool = True,
+    *,
+    webgl: bool = False,
 ) -> Iterator[webdriver.Chrome]:
     """Start Chromium with an empty profile; skip where it is missing, but fail in CI.
 
@@ -40,11 +45,13 @@ def browser(
         profile: a folder of its own.
         size: of the window, in pixels.
         headless: without a window on a display, such as that of `display`.
+        webgl: pages draw with it, as Rerun's does.
     """
     options = webdriver.ChromeOptions()
     options.binary_location = require_program("chromium")
     width, height = size
-    for flag in (*_FLAGS.split(), f"--user-data-dir={profile}", f"--window-size={width},{height}"):
+    flags = f"{_FLAGS} {_WEBGL if webgl else _NO_WEBGL}".split()
+    for flag in (*flags, f"--user-data-dir={profile}", f"--window-size={width},{height}"):
         options.add_argument(flag)
     if headless:
         options.add_argument("--headless=new")

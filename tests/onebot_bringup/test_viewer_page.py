@@ -41,7 +41,7 @@ def test_page_shows_the_robot_and_stays_on_this_machine(ros_domain, tmp_path):
     with (
         viewer_node(tmp_path, viewer="web") as node,
         Peer(ros_domain) as peer,
-        browser(tmp_path / "profile", SMALL) as page,
+        browser(tmp_path / "profile", SMALL, webgl=True) as page,
     ):
         peer.publisher(String, "robot_description", LATCHED).publish(String(data=ARM))
         wait_for(lambda: 'showing "arm"' in node.output, "the robot")
@@ -148,7 +148,7 @@ def test_a_picture_begins_when_the_one_before_is_drawn_and_slow_ones_get_fewer_p
     """Pictures that Chromium takes the commands of ahead are old before they are seen."""
     script = Path(rerun_proxy.__file__).with_name("rerun_page.js")
     (tmp_path / "page.html").write_text(f"<body><script>{script.read_text()}</script>")
-    with browser(tmp_path / "profile") as page:
+    with browser(tmp_path / "profile", webgl=True) as page:
         page.get((tmp_path / "page.html").as_uri())
         found = page.execute_async_script(PICTURES)
     assert found["early"] == 0 and 0.6 <= found["ratio"] < 1.0, found
@@ -283,7 +283,7 @@ def test_the_page_keeps_up_with_a_driving_robot_where_it_draws_in_software(tmp_p
     try:
         robot = DrivingRobot(recording.stream, time.time_ns() - round(_DRIVE * 1e9))
         wait_for(lambda: host.ready, "the page")
-        with browser(tmp_path / "profile") as page:
+        with browser(tmp_path / "profile", webgl=True) as page:
             _use_fine_screen(page, 1000, 700)
             page.get(host.url)
             view = ShownView(page)
