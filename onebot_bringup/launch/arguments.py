@@ -8,7 +8,6 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, NoReturn
 
 from onebot_bringup.steering.page_parameters import PageParameters
@@ -317,11 +316,6 @@ def take_package_path(given: Mapping[str, str]) -> dict[str, str]:
     """Look for packages where ``package_path:=`` says; return the other arguments."""
     use_package_path(given.get(PACKAGE_PATH, ""))
     return {name: value for name, value in given.items() if name != PACKAGE_PATH}
-
-
-def output_path(text: str) -> Path:
-    """Return the path of a file or folder to write; shells leave the ~ of ``name:=~/x`` to us."""
-    return Path(text).expanduser().absolute()
 
 
 def ros_settings() -> list[Argument]:

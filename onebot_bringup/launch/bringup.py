@@ -14,7 +14,6 @@ from onebot_bringup.launch.arguments import (
     Arguments,
     checked_values,
     description_arguments,
-    output_path,
     refuse_positional,
     simulation_arguments,
     split,
@@ -23,7 +22,9 @@ from onebot_bringup.launch.arguments import (
     unknown,
     with_positional,
 )
+from onebot_bringup.launch.nodes import Launch, output_path
 from onebot_bringup.launcher.console import wants_colour
+from onebot_bringup.launcher.launcher import Launcher
 from onebot_bringup.viewer.viewer_parameters import view_file
 from onebot_control.poses import prefixed
 from onebot_description.discovery import discovery_variables
@@ -110,10 +111,7 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     if values.get("world"):
         values["view"] = command_arguments.get("view", command.world_view)
     read_ns = time.time_ns()
-    description = load_description(model, for_xacro, _import_launcher)
-    from onebot_bringup.launch.nodes import Launch
-    from onebot_bringup.launcher.launcher import Launcher
-
+    description = load_description(model, for_xacro)
     description.require_tree()
     robots: list[PlacedRobot] = []
     if values.get("robots"):
@@ -140,12 +138,6 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
             started_message=summary_text(description, values, robots),
             temporary=[Path(folder)],
         )
-
-
-def _import_launcher() -> None:
-    """Import what starts the nodes, while xacro expands the model in another process."""
-    import onebot_bringup.launch.nodes
-    import onebot_bringup.launcher.launcher  # noqa: F401
 
 
 def _with_model(command: Bringup, arguments: Arguments) -> dict[str, str]:

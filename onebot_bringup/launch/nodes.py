@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import yaml
 
-from onebot_bringup.launch.arguments import Argument, node_parameters, output_path
+from onebot_bringup.launch.arguments import Argument, node_parameters
 from onebot_bringup.launcher.process import NodeProcess, OnExit, python_node
 from onebot_control.poses import WORLD_FRAME
 
@@ -243,6 +243,11 @@ NODES = (
         on_exit="restart",
     ),
 )
+
+
+def output_path(text: str) -> Path:
+    """Return the path of a file or folder to write; shells leave the ~ of ``name:=~/x`` to us."""
+    return Path(text).expanduser().absolute()
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,6 @@ import resource
 import signal
 import sys
 import time
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
@@ -25,9 +24,6 @@ _START = (
     "import sys; sys.path[:] = sys.argv[1].split('\\n');"
     "from onebot_description.description import bounded_process; bounded_process.main()"
 )
-
-
-Meanwhile = Callable[[], object]
 
 
 class Bounds(NamedTuple):
@@ -61,9 +57,7 @@ class Place:
         return self._page[:].partition(b"\0")[0].decode("utf-8", "replace")
 
 
-def run_bounded(
-    function: str, request: Any, bounds: Bounds, meanwhile: Meanwhile = lambda: None
-) -> Any:
+def run_bounded(function: str, request: Any, bounds: Bounds) -> Any:
     """Return what a function returns that runs in a process of its own.
 
     Args:
@@ -71,10 +65,9 @@ def run_bounded(
         request: anything that JSON can hold, as the function's result.
         bounds: beyond them BoundMet is raised, and RuntimeError if the function fails, whose
             traceback is on stderr then.
-        meanwhile: called here once the process runs.
     """
     start = _fork if len(os.listdir("/proc/self/task")) == 1 else _spawn
-    answer = json.loads(start(function, request, bounds, meanwhile))
+    answer = json.loads(start(function, request, bounds))
     if "met" in answer:
         raise BoundMet(*answer["met"])
     if "failed" in answer:
@@ -82,7 +75,7 @@ def run_bounded(
     return answer["result"]
 
 
-def _spawn(function: str, request: Any, bounds: Bounds, meanwhile: Meanwhile) -> bytes:
+def _spawn(function: str, request: Any, bounds: Bounds) -> bytes:
     """Return the answer of a new interpreter, whose ``main`` forks."""
     import subprocess  # only now: most processes fork
 
@@ -94,7 +87,6 @@ def _spawn(function: str, request: Any, bounds: Bounds, meanwhile: Meanwhile) ->
         start_new_session=True,  # Ctrl-C in a terminal is for the process that waits
     ) as process:
         try:
-            meanwhile()
             answer, _ = process.communicate(json.dumps([function, request, bounds]).encode())
         except BaseException:
             os.killpg(process.pid, signal.SIGKILL)  # its fork, too
@@ -107,12 +99,12 @@ def main() -> None:
     function, request, bounds = json.load(sys.stdin)
     out = os.dup(1)
     os.dup2(2, 1)  # a function that prints does not answer by it
-    answer = _fork(function, request, Bounds(*bounds), lambda: None)
+    answer = _fork(function, request, Bounds(*bounds))
     with open(out, "wb") as file:
         file.write(answer)
 
 
-def _fork(function: str, request: Any, bounds: Bounds, meanwhile: Meanwhile) -> bytes:
+def _fork(function: str, request: Any, bounds: Bounds) -> bytes:
     """Return the answer of a fork of this process."""
     place = Place()
     answers, out = os.pipe()
@@ -122,7 +114,6 @@ def _fork(function: str, request: Any, bounds: Bounds, meanwhile: Meanwhile) -> 
     os.close(out)
     try:
         with open(answers, "rb") as file:
-            meanwhile()
             answer = file.read()
     except BaseException:
         os.kill(child, signal.SIGKILL)

@@ -3,7 +3,7 @@
 import json
 import os
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -43,11 +43,7 @@ PLACES = "ONEBOT_PLACES"
 _WORLD = ".urdf.xacro"  # ending of the files of worlds that ship
 
 
-def load_description(
-    source: str | Path,
-    arguments: Mapping[str, str] | None = None,
-    meanwhile: Callable[[], object] = lambda: None,
-) -> Description:
+def load_description(source: str | Path, arguments: Mapping[str, str] | None = None) -> Description:
     """Read a robot description, expand it if it is xacro, and check it.
 
     What is wrong but can be left out or replaced is in the ``problems`` of the description, as
@@ -57,7 +53,6 @@ def load_description(
         source: a .urdf or .xacro file, or ``package://name/path``. A file that declares the xacro
             namespace is xacro whatever its name.
         arguments: values for its ``<xacro:arg>``s, by name.
-        meanwhile: called here while xacro expands the file in a process of its own.
 
     Raises:
         DescriptionError: the file cannot be read or expanded, an argument is not one it takes, or
@@ -65,12 +60,12 @@ def load_description(
             element and remedy.
     """
     path = _locate(source)
-    document, files, warnings = _read(path, arguments or {}, meanwhile)
+    document, files, warnings = _read(path, arguments or {})
     return _check(document, str(path), files, warnings)
 
 
 def _read(
-    path: Path, arguments: Mapping[str, str], meanwhile: Callable[[], object] = lambda: None
+    path: Path, arguments: Mapping[str, str]
 ) -> tuple[xml.Document, tuple[Path, ...], tuple[str, ...]]:
     """Return the document in a file, xacro expanded, the files read, and warnings."""
     values = {name: str(value) for name, value in arguments.items()}
@@ -80,7 +75,7 @@ def _read(
     if document.has_xacro or path.suffix == ".xacro":
         from onebot_description.description.xacro import expand
 
-        return expand(path, values, meanwhile)
+        return expand(path, values)
     if values:
         names = ", ".join(sorted(values))
         raise DescriptionError([f"{name}: is plain URDF and takes no arguments (given: {names})"])

@@ -9,12 +9,7 @@ from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element
 
 from onebot_description.description import xml
-from onebot_description.description.bounded_process import (
-    BoundMet,
-    Bounds,
-    Meanwhile,
-    run_bounded,
-)
+from onebot_description.description.bounded_process import BoundMet, Bounds, run_bounded
 from onebot_description.description.packages import Resources, resolve
 from onebot_description.errors import DescriptionError, OneBotError, did_you_mean
 
@@ -24,14 +19,9 @@ _BOUNDS = Bounds()
 
 
 def expand(
-    path: Path, arguments: Mapping[str, str], meanwhile: Meanwhile = lambda: None
+    path: Path, arguments: Mapping[str, str]
 ) -> tuple[xml.Document, tuple[Path, ...], tuple[str, ...]]:
     """Run xacro on a file with an absolute path, in a process of its own.
-
-    Args:
-        path: the file.
-        arguments: values of its ``<xacro:arg>``s, by name.
-        meanwhile: called here once that process runs.
 
     Returns:
         The expanded document, the files read (``path`` first), and xacro's warnings.
@@ -43,7 +33,7 @@ def expand(
     name = xml.shown_path(path)
     request = {"path": str(path), "arguments": dict(arguments)}
     try:
-        answer = run_bounded(_EXPAND, request, _BOUNDS, meanwhile)
+        answer = run_bounded(_EXPAND, request, _BOUNDS)
     except BoundMet as met:
         text = f"{met.place or name}: expanding it was stopped here: it takes more than {met}"
         raise DescriptionError([text]) from None
