@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from onebot_control.odometry import DiffDriveKinematics, Odometry
 from onebot_control.parameters import ControlConfig
-from onebot_control.speed_limiter import SpeedLimiter
+from onebot_control.speed_limiter import SpeedLimiter, clamp
 
 _ROUNDING = 1e-9  # s that a sum of periods may be off
 _FASTEST = 1e6  # m/s or rad/s; what follows from a faster command need not be finite
@@ -96,7 +96,10 @@ class DiffDriveController:
             age = 0.0
         if timeout and age >= timeout:
             return f"{age:.3f} s old, and cmd_vel_timeout is {timeout:g} s"
-        self._reference = (_within_fastest(linear), _within_fastest(angular))
+        self._reference = (
+            clamp(linear, -_FASTEST, _FASTEST),
+            clamp(angular, -_FASTEST, _FASTEST),
+        )
         self._age = age
         self._fresh = True
         return None
@@ -171,7 +174,3 @@ class DiffDriveController:
         )
         self._before_last, self._last = self._last, limited
         return limited
-
-
-def _within_fastest(speed: float) -> float:
-    return -_FASTEST if speed < -_FASTEST else _FASTEST if speed > _FASTEST else speed

@@ -109,9 +109,9 @@ class SpeedLimiter:
             command = self._limit_jerk(command, last, before_last, dt)
         if self._limits_acceleration:
             lower, upper = self._acceleration(last)
-            command = last + _clamp(command - last, lower * dt, upper * dt)
+            command = last + clamp(command - last, lower * dt, upper * dt)
         if self._limits_velocity:
-            command = _clamp(command, *self._velocity)
+            command = clamp(command, *self._velocity)
         return command
 
     def _limit_jerk(self, command: float, last: float, before_last: float, dt: float) -> float:
@@ -120,7 +120,7 @@ class SpeedLimiter:
         if (change - last_change) * change <= 0.0:
             return command
         lower, upper = self._jerk
-        return last + last_change + _clamp(change - last_change, lower * dt * dt, upper * dt * dt)
+        return last + last_change + clamp(change - last_change, lower * dt * dt, upper * dt * dt)
 
     def _acceleration(self, last: float) -> tuple[float, float]:
         if last > 0.0:
@@ -132,6 +132,7 @@ def _given(value: float, otherwise: float) -> float:
     return otherwise if math.isnan(value) else value
 
 
-def _clamp(value: float, lower: float, upper: float) -> float:
+def clamp(value: float, lower: float, upper: float) -> float:
+    """Return the number within the bounds that is nearest to ``value``."""
     # min() and max() take twice as long.
     return lower if value < lower else upper if value > upper else value

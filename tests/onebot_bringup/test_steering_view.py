@@ -124,9 +124,10 @@ def test_a_view_that_is_busy_does_not_stall_the_wheel(ros_domain, tmp_path):
             page = Page(driver)
             _read_the_note_on_a_shared_process(page, f"http://127.0.0.1:{own.port}/?{own.query}")
             # Rerun takes long to load: the second frame is busy before it has.
-            hosts = {own.netloc: lambda: page.view_is_shown}
-            hosts[f"127.0.0.1:{tunnel.port}"] = lambda: _has_page_of_view(page)
-            for host, ready in hosts.items():
+            for host, ready in (
+                (own.netloc, lambda: page.view_is_shown),
+                (f"127.0.0.1:{tunnel.port}", lambda: _has_page_of_view(page)),
+            ):
                 page.open(f"http://{host}/?{own.query}")
                 wait_for(ready, f"the view at {host}", DRAWING_PATIENCE)
                 assert "also delay" not in page.find("#slow").text
@@ -231,17 +232,19 @@ def _has_frame(page: Page) -> bool:
 
 
 def _has_page_of_view(page: Page) -> bool:
-    if not _has_frame(page):
-        return False
-    with page.view() as inside:
-        return "/view/" in str(inside.execute_script("return location.pathname"))
+    return _holds_in_view(page, "location.pathname.includes('/view/')")
 
 
 def _runs(page: Page) -> bool:
+    return _holds_in_view(page, "window._handle")
+
+
+def _holds_in_view(page: Page, condition: str) -> bool:
+    """Whether there is a frame, and a condition holds in it."""
     if not _has_frame(page):
         return False
     with page.view() as inside:
-        return bool(inside.execute_script("return !!window._handle"))
+        return bool(inside.execute_script(f"return !!({condition})"))
 
 
 def _press_keys_in_the_view(page: Page) -> None:
