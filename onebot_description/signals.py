@@ -35,6 +35,7 @@ class KeyboardInterrupts:
     def __exit__(self, *_: object) -> None:
         """Put the former handlers back."""
         _restore(self._old)
+        _forget_interrupt()
 
     def check(self) -> None:
         """Raise it again if a library has swallowed it."""
@@ -89,6 +90,7 @@ class StopSignals:
         signal.set_wakeup_fd(self._old_fd)
         _restore(self._old)
         self._write.close()  # ends the thread's recv
+        _forget_interrupt()
 
     def _handle(self, *_: object) -> None:
         self._arrived = True
@@ -99,6 +101,15 @@ class StopSignals:
     def _watch(self) -> None:
         if self._read.recv(1):
             self._on_stop()
+
+
+def _forget_interrupt() -> None:
+    """Have the process end by its exit code, where a KeyboardInterrupt was handled.
+
+    CPython kills it by SIGINT at its exit if one has passed through the exec() of a text, by which
+    dataclasses and named tuples are made while modules are imported. The next text resets that.
+    """
+    eval("None")
 
 
 def _restore(handlers: Mapping[signal.Signals, Any]) -> None:

@@ -1,6 +1,8 @@
 """Signals that ask to stop: as a call from another thread, and as KeyboardInterrupt."""
 
 import signal
+import subprocess
+import sys
 import threading
 
 import pytest
@@ -56,6 +58,30 @@ def test_a_command_is_interrupted(number: signal.Signals) -> None:
         with pytest.raises(KeyboardInterrupt):
             interrupts.check()
     assert signal.getsignal(number) == before
+
+
+HANDLED = """
+import signal
+from contextlib import suppress
+from onebot_description.signals import KeyboardInterrupts, StopSignals
+{block}
+"""
+
+
+@pytest.mark.parametrize(
+    "block",
+    [
+        "with suppress(KeyboardInterrupt), KeyboardInterrupts():\n"
+        "    exec('signal.raise_signal(signal.SIGINT)')",
+        "with StopSignals(lambda: None) as s, suppress(KeyboardInterrupt), s.interrupting():\n"
+        "    exec('signal.raise_signal(signal.SIGINT)')",
+    ],
+)
+def test_a_handled_interrupt_of_a_text_does_not_end_the_process_by_a_signal(block: str) -> None:
+    """Modules that are imported at that moment make their dataclasses by exec()."""
+    code = HANDLED.format(block=block)
+    done = subprocess.run([sys.executable, "-c", code], timeout=PATIENCE)
+    assert done.returncode == 0
 
 
 def test_nohup_is_respected() -> None:
