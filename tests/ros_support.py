@@ -82,13 +82,11 @@ class Peer:
         """
         client = self.node.create_client(kind, name)
         assert client.wait_for_service(PATIENCE), f"no service {name}"
-        asked, futures = 0.0, list[Any]()
+        start, futures = time.monotonic(), list[Any]()
 
         def answered() -> Any:
-            nonlocal asked
-            if not futures or time.monotonic() > asked + _LOST:
+            if time.monotonic() >= start + _LOST * len(futures):
                 futures.append(client.call_async(kind.Request(**request)))
-                asked = time.monotonic()
             return next((future for future in futures if future.done()), None)
 
         return wait_for(answered, f"{name} to answer").result()

@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 import rclpy
-from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -73,11 +72,7 @@ class Listener(Peer):
 
     def get(self, name: str) -> Any:
         """Get a parameter."""
-        client = self.node.create_client(GetParameters, "/joint_state_publisher/get_parameters")
-        future = client.call_async(GetParameters.Request(names=[name]))
-        wait_for(future.done, f"the value of {name}")
-        message = future.result().values[0]
-        return rclpy.parameter.parameter_value_to_python(message)
+        return self.parameter("joint_state_publisher", name)
 
 
 def says(node: NodeProcess, words: str) -> None:
