@@ -1,5 +1,6 @@
 """Fixtures shared by all tests."""
 
+import functools
 import os
 import signal
 from collections.abc import Callable, Iterator
@@ -8,6 +9,7 @@ from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
+from xdist.scheduler import LoadScopeScheduling
 
 from tests.orphans import end_with_this_process
 from tests.support import used_domain
@@ -21,6 +23,9 @@ for _number, _handler in (
 ):
     if signal.getsignal(_number) == signal.SIG_IGN:
         signal.signal(_number, _handler)
+
+# As a bringup has it: threads of OpenBLAS wait busily in each process that imports numpy.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # A later run must not discover the nodes of one that was killed.
 end_with_this_process()
@@ -48,6 +53,24 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     if config.option.markexpr != "slow" or not collection_path.name.startswith("test_"):
         return None
     return b"mark.slow" not in collection_path.read_bytes() or None
+
+
+class SlowScheduling(LoadScopeScheduling):
+    """Each test runs in the next free process, but those that share a browser in one."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        file = nodeid.partition("::")[0]
+        return file if _shares(self.config.rootpath / file) else nodeid
+
+
+@functools.cache
+def _shares(file: Path) -> bool:
+    return b'scope="module"' in file.read_bytes()
+
+
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> SlowScheduling | None:
+    """Of the slow tests some take a minute, too long for whole files in turn (--dist=loadfile)."""
+    return SlowScheduling(config, log) if config.option.markexpr == "slow" else None
 
 
 @pytest.fixture

@@ -246,7 +246,7 @@ def test_robots_of_two_kinds_in_one_world(ros_domain, tmp_path):
             ),
             "the frames of both",
         )
-        wait_for(lambda: all(described.values()), "both descriptions")
+        wait_for(lambda: odom and all(described.values()), "odometry and both descriptions")
         assert 'name="small"' in described["b"][-1].data
         assert 'name="small"' not in described["a"][-1].data
         publisher, command = peer.publisher(Twist, f"/b{CMD_VEL}"), Twist()

@@ -1,4 +1,4 @@
-"""OneBot drives about for 45 s of simulated time: no gap, no leak, odometry that holds."""
+"""OneBot drives about for 30 s of simulated time: no gap, no leak, odometry that holds."""
 
 import math
 import random
@@ -24,7 +24,7 @@ BRINGUP = "onebot_bringup.launch.onebot_bringup"
 # In simulated time a slow machine makes it last longer, and nothing else.
 WORDS = ("viewer:=none", "steer:=true", "port:=0")
 SIMULATED = ("--ros-args", "-p", "use_sim_time:=true")
-BEGIN, END = 10.0, 55.0  # s of simulated time; before, memory may grow
+BEGIN, END = 10.0, 40.0  # s of simulated time; before, memory may grow
 LONGEST_GAP = 0.5  # s of simulated time
 MOST_GROWTH = {"memory": 8.0, "handles": 8.0, "threads": 4.0}  # memory in MB
 LEAK = """
