@@ -1,6 +1,5 @@
 """Fixtures shared by all tests."""
 
-import functools
 import os
 import signal
 from collections.abc import Callable, Iterator
@@ -60,12 +59,8 @@ class SlowScheduling(LoadScopeScheduling):
 
     def _split_scope(self, nodeid: str) -> str:
         file = nodeid.partition("::")[0]
-        return file if _shares(self.config.rootpath / file) else nodeid
-
-
-@functools.cache
-def _shares(file: Path) -> bool:
-    return b'scope="module"' in file.read_bytes()
+        shared = b'scope="module"' in (self.config.rootpath / file).read_bytes()
+        return file if shared else nodeid
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> SlowScheduling | None:

@@ -289,6 +289,8 @@ def test_the_page_keeps_up_with_a_driving_robot_where_it_draws_in_software(tmp_p
             view = ShownView(page)
             wait_for(lambda: view.progress().reads, "data in the page", DRAWING_PATIENCE)
             _wait_for_pixels(page, 1000, 700)
+            _use_fine_screen(page, 1400, 900)
+            _wait_for_pixels(page, 1400, 900)
             last = robot.drive(_DRIVE)
             recording.stream.flush()
             most = view.progress().reads + _READS
