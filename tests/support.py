@@ -4,7 +4,7 @@ import os
 import shutil
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TypeVar
 
 import pytest
@@ -22,7 +22,8 @@ def wait_for(condition: Callable[[], T], what: str, timeout: float = PATIENCE) -
     """Poll ``condition`` until it is truthy and return its value.
 
     Args:
-        condition: called about every 20 ms.
+        condition: called about every 20 ms; an IndexError, such as of the last message of none, is
+            false.
         what: what is awaited, for the failure message.
         timeout: seconds; generous, because it only matters when the test fails.
 
@@ -31,9 +32,9 @@ def wait_for(condition: Callable[[], T], what: str, timeout: float = PATIENCE) -
     """
     deadline = time.monotonic() + timeout
     while True:
-        value = condition()
-        if value:
-            return value
+        with suppress(IndexError):
+            if value := condition():
+                return value
         if time.monotonic() > deadline:
             raise AssertionError(f"waited {timeout:g} s in vain for {what}")
         time.sleep(0.02)

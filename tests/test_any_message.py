@@ -36,7 +36,7 @@ from tests.support import wait_for
 
 ONEBOT = Path("onebot_description/urdf/onebot.urdf.xacro")
 NAMES = ("left_wheel_joint", "right_wheel_joint", "base_link", "left_wheel", "odom", "world")
-EXAMPLES = 60
+EXAMPLES = 40  # others in each run
 any_content = settings(max_examples=EXAMPLES, suppress_health_check=list(HealthCheck))
 
 
@@ -106,7 +106,7 @@ def test_robot_state_publisher(start_node: Callable[..., Node]) -> None:
     """Bytes of any kind; the next good message is published, whatever the stamps before it were."""
     node = start_node(lambda: RobotStatePublisher(parse_description(ARM)))
     published = Published(node)
-    feed(node, lambda: None, names=("lead", "follow"), examples=200)
+    feed(node, lambda: None, names=("lead", "follow"), examples=100)
     for second in (100, 200):
         state = JointState(name=["lead"], position=[0.5])
         state.header.stamp.sec = second
@@ -127,7 +127,7 @@ def test_joint_state_publisher(start_node: Callable[..., Node]) -> None:
         if "robot_description" in subscription.topic_name:
             subscription.callback(String(data=ARM))
     published.count = 0
-    feed(node, node._output.publish, names=("lead", "follow"), examples=100)
+    feed(node, node._output.publish, names=("lead", "follow"), examples=60)
     assert published.count > 0
     assert published.not_finite == []
 
@@ -151,7 +151,7 @@ def test_velocity_controller(start_node: Callable[..., Node], kind: str) -> None
         assert driving._failure is None
 
     feed(node, driven, ("teleport", "set_odometry", "description"))
-    feed(node, driven, ("cmd_vel",), examples=100)
+    feed(node, driven, ("cmd_vel",), examples=60)
     ticks = driving.loop.fleet.ticks
     wait_for(lambda: driving._failure or driving.loop.fleet.ticks > ticks + 10, "control cycles")
     assert driving._failure is None

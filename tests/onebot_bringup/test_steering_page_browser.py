@@ -459,7 +459,7 @@ def test_another_topic_of_the_other_type(peer: Peer, page: Page) -> None:
     stamped = peer.hear(TwistStamped, "/other/cmd_vel", 1000)
     offered = "return [...document.querySelectorAll('datalist option')].map((o) => o.value)"
     wait_for(lambda: "/other/cmd_vel" in page.driver.execute_script(offered), "the topic's offer")
-    assert page.text("#topic output") == "Twist, 1 subscriber"
+    wait_for(lambda: page.text("#topic output") == "Twist, 1 subscriber", "its own type")
     page.enter("#topic-name", "not-a-topic")
     wait_for(lambda: "name of a ROS topic" in page.text("#topic-hint"), "the error")
     field = page.find("#topic-name")
@@ -498,7 +498,7 @@ def test_another_robot_is_chosen(peer: Peer, tab: Page) -> None:
         tab.release_keys("w")
         tab.act().send_keys(Keys.ARROW_DOWN).perform()
         wait_for(lambda: tab.driver.title.startswith(topics["robot2"]), "the other robot")
-        assert _last(heard["robot1"]) == (0.0, 0.0)
+        wait_for(lambda: _last(heard["robot1"]) == (0.0, 0.0), "the stop")
         tab.act().send_keys(Keys.ARROW_DOWN).send_keys(Keys.ENTER).perform()
         assert select.get_property("value") == topics["robot2"] and not heard["robot2"]
         tab.drive_by_keys("w", lambda: _last(heard["robot2"]) == (0.5, 0.0))
