@@ -169,7 +169,7 @@ def test_steer_serves_the_page_and_a_restart_keeps_its_token(ros_domain):
     with NodeProcess(MODULE, *words) as node, Peer(ros_domain) as peer:
         views = peer.hear(String, "/rerun_viewer/page", LATCHED)
         find = re.compile(r"open (http://\S+)(\?token=\S+)")
-        wait_for(lambda: views and views[-1].data and find.search(node.output), "both pages")
+        wait_for(lambda: views[-1].data and find.search(node.output), "both pages")
         assert node.output.count("http://") == 1
         address = find.search(node.output)
         page = f"http://127.0.0.1:{urlsplit(address[1]).port}/"

@@ -252,7 +252,7 @@ def test_the_page_s_address_is_published(shown):
     """Latched, once the page is up: it names the page and the recording's server."""
     for _ in range(2):  # the second subscriber comes later
         pages = shown.peer.hear(String, f"{NODE}/page", LATCHED)
-        address = wait_for(lambda: pages and pages[-1].data, "the address")  # noqa: B023
+        address = wait_for(lambda: pages[-1].data, "the address")  # noqa: B023
         assert address.startswith("http://127.0.0.1:") and "url=rerun%2Bhttp" in address
     assert f"open {address.partition('/?')[0]}" in shown.node.output
 

@@ -123,7 +123,7 @@ def test_slow_motion_is_reported(ros_domain: int, tmp_path: Path) -> None:
         odometry = peer.hear(Odometry, "/r0/velocity_controller/odom", 1000)
         diagnostics = peer.hear(DiagnosticArray, "/diagnostics")
         peer.publisher(Twist, "/r0/velocity_controller/cmd_vel").publish(twist(0.3))
-        wait_for(lambda: odometry and odometry[-1].twist.twist.linear.x > 0.0, "the robot to drive")
+        wait_for(lambda: odometry[-1].twist.twist.linear.x > 0.0, "the robot to drive")
         first = len(odometry) + 20
         wait_for(lambda: len(odometry) > first + 40, "odometry of 0.8 simulated seconds")
         found = odometry[first:]

@@ -113,7 +113,7 @@ def test_both_kinds_of_command_are_heard(peer: Peer, model: str) -> None:
     limited = peer.hear(TwistStamped, f"{NODE}/cmd_vel_out")
     with NodeProcess(MODULE, model) as node:
         driver = Driver(peer, twist(0.1))
-        wait_for(lambda: limited and limited[-1].twist.linear.x == 0.1, "the Twist")
+        wait_for(lambda: limited[-1].twist.linear.x == 0.1, "the Twist")
         driver.leave()
         wait_for(lambda: limited[-1].twist.linear.x == 0.0, "the brakes")
         driver = Driver(peer, TwistStamped(twist=twist(0.3)))
@@ -140,7 +140,7 @@ def test_a_stopped_process_does_not_drive_on(peer: Peer, model: str, stamped: bo
     limited = peer.hear(TwistStamped, f"{NODE}/cmd_vel_out", 1000)
     with NodeProcess(MODULE, model) as node:
         driver = Driver(peer, message)
-        wait_for(lambda: limited and limited[-1].twist.linear.x == 0.3, "0.3 m/s")
+        wait_for(lambda: limited[-1].twist.linear.x == 0.3, "0.3 m/s")
         os.kill(node.process.pid, signal.SIGSTOP)
         stopped = time.monotonic()
         wait_for(lambda: time.monotonic() > stopped + 0.2, "commands that queue up")
@@ -164,7 +164,7 @@ def test_a_lock_stops_the_robot_whoever_drives(peer: Peer, model: str) -> None:
     limited = peer.hear(TwistStamped, f"{NODE}/cmd_vel_out", 1000)
     with NodeProcess(MODULE, model) as node:
         driver = Driver(peer, twist(0.3))
-        wait_for(lambda: limited and limited[-1].twist.linear.x == 0.3, "0.3 m/s")
+        wait_for(lambda: limited[-1].twist.linear.x == 0.3, "0.3 m/s")
         lock = peer.publisher(Bool, f"{NODE}/cmd_vel_lock")
         lock.publish(Bool(data=True))
         wait_for(lambda: limited[-1].twist.linear.x == 0.0, "rest")
@@ -219,7 +219,7 @@ def test_services_and_teleport(peer: Peer, model: str) -> None:
     odom = peer.hear(Odometry, f"{NODE}/odom")
     truth = peer.hear(Odometry, f"{NODE}/ground_truth")
     with NodeProcess(MODULE, model, *ros_args(x=1.0, world_frame_id="world")) as node:
-        wait_for(lambda: truth and x(truth[-1]) == pytest.approx(1.0, abs=1e-3), "the start")
+        wait_for(lambda: x(truth[-1]) == pytest.approx(1.0, abs=1e-3), "the start")
         pose = PoseStamped()
         pose.pose.position.x = 7.0
         peer.publisher(PoseStamped, f"{NODE}/teleport").publish(pose)
@@ -249,7 +249,7 @@ def test_parameters_take_effect_or_are_refused(peer: Peer, model: str) -> None:
     odom = peer.hear(Odometry, f"{NODE}/odom")
     with NodeProcess(MODULE, model, *ros_args(**{"angular.z.min_jerk": -1.0})) as node:
         Driver(peer, twist(0.3))
-        wait_for(lambda: limited and limited[-1].twist.linear.x == 0.3, "0.3 m/s")
+        wait_for(lambda: limited[-1].twist.linear.x == 0.3, "0.3 m/s")
         assert "angular.z.min_jerk: limits nothing while angular.z.max_jerk is not" in node.output
         assert all(r.successful for r in peer.set_parameters(NODE, **{"linear.x.min_jerk": -1.0}))
         wait_for(lambda: "linear.x.min_jerk: limits nothing" in node.output, "the warning")

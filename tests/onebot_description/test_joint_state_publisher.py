@@ -239,7 +239,7 @@ def test_a_namespace_applies_to_file_and_topics(
     states: list[JointState] = []
     listener.node.create_subscription(JointState, "/left/joint_states", states.append, 10)
     start(mrm, "--ros-args", "-r", "__ns:=/left", "--params-file", str(file))
-    wait_for(lambda: states and states[-1].position[0] == 0.1, "the position in the file")
+    wait_for(lambda: states[-1].position[0] == 0.1, "the position in the file")
     file.write_text(text.replace("0.1", "0.2"))
     wait_for(lambda: states[-1].position[0] == 0.2, "the position saved")
 
