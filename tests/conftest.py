@@ -52,10 +52,10 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection(session: pytest.Session) -> None:
-    """Import the test files, each process from another one on: a fresh clone's are compiled once.
+    """Import the test files, each process from another one on, without garbage collection.
 
-    If all began with the first file, each would compile all of them. Until the tests are collected
-    there is no garbage, which Python would look for ever longer.
+    If all began with the first file of a fresh clone, each would compile all of them. What is made
+    until the tests are collected is no garbage.
     """
     gc.disable()
     config = session.config
@@ -65,16 +65,15 @@ def pytest_collection(session: pytest.Session) -> None:
     files = sorted(config.rootpath.glob("tests/**/test_*.py"))
     begin = len(files) * int(worker["workerid"].removeprefix("gw")) // worker["workercount"]
     for file in files[begin:] + files[:begin]:
-        if not pytest_ignore_collect(file, config):
-            module = file.relative_to(config.rootpath).with_suffix("").parts
-            with contextlib.suppress(
-                Exception
-            ):  # pytest reports it when it imports the file itself
+        module = file.relative_to(config.rootpath).with_suffix("").parts
+        # pytest reports what is wrong, or skipped, when it imports the file itself.
+        with contextlib.suppress(Exception, pytest.skip.Exception):
+            if not pytest_ignore_collect(file, config):
                 importlib.import_module(".".join(module))
 
 
 def pytest_collection_finish() -> None:
-    """Look for garbage again, but not in what was collected."""
+    """Collect garbage again, but do not look for it among the tests."""
     gc.freeze()
     gc.enable()
 

@@ -27,9 +27,9 @@ _LATENCY_GOAL = 1.2
 
 
 def run(quick: bool) -> Report:
-    """Measure chains of 10 to 1000 joints."""
+    """Measure chains of 10 to 1000 joints; quickly, the shortest and the longest."""
     results = []
-    for joints, goal in _GOALS.items():
+    for joints, goal in list(_GOALS.items())[:: 3 if quick else 1]:
         ours, floor = _measure(joints, quick)
         what = f"{joints} joints:"
         cpu, latency = (
