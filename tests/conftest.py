@@ -62,14 +62,14 @@ def pytest_collection(session: pytest.Session) -> None:
     worker: dict[str, Any] | None = getattr(config, "workerinput", None)
     if worker is None or config.option.file_or_dir:
         return
-    files = sorted(config.rootpath.glob("tests/**/test_*.py"))
+    paths = sorted(config.rootpath.glob("tests/**/test_*.py"))
+    files = [path for path in paths if not pytest_ignore_collect(path, config)]
     begin = len(files) * int(worker["workerid"].removeprefix("gw")) // worker["workercount"]
     for file in files[begin:] + files[:begin]:
         module = file.relative_to(config.rootpath).with_suffix("").parts
         # pytest reports what is wrong, or skipped, when it imports the file itself.
         with contextlib.suppress(Exception, pytest.skip.Exception):
-            if not pytest_ignore_collect(file, config):
-                importlib.import_module(".".join(module))
+            importlib.import_module(".".join(module))
 
 
 def pytest_collection_finish() -> None:

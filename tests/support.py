@@ -22,8 +22,8 @@ def wait_for(condition: Callable[[], T], what: str, timeout: float = PATIENCE) -
     """Poll ``condition`` until it is truthy and return its value.
 
     Args:
-        condition: called about every 20 ms; an IndexError, such as of the last message of none, is
-            false.
+        condition: called about every 20 ms. An IndexError counts as false: the last message of a
+            list is asked for before one has come.
         what: what is awaited, for the failure message.
         timeout: seconds; generous, because it only matters when the test fails.
 

@@ -126,7 +126,7 @@ def test_a_view_that_is_busy_does_not_stall_the_wheel(ros_domain, tmp_path):
             # Rerun takes long to load: the frame is busy before it has.
             for host in (own.netloc, f"127.0.0.1:{tunnel.port}"):
                 page.open(f"http://{host}/?{own.query}")
-                wait_for(lambda: _has_page_of_view(page), f"the view at {host}", DRAWING_PATIENCE)  # noqa: B023
+                wait_for(lambda: _has_page_of_view(page), f"the view at {host}", DRAWING_PATIENCE)
                 assert "also delay" not in page.find("#slow").text
                 _drive_beside_a_busy_view(page, commands)
 
