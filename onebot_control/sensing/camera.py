@@ -196,15 +196,19 @@ COLORED_POINT = np.dtype(
 
 
 def cloud(
-    rays: Rays, depth_image: Singles, picture: Bytes | None, pose: tuple[Floats, Floats]
+    rays: Rays,
+    depth_image: Singles,
+    picture: Bytes | None,
+    pose: tuple[Floats, Floats],
+    nowhere: float = np.inf,
 ) -> NDArray[np.void]:
-    """Return the points (H, W) of these depths (H, W), infinite where there is none.
+    """Return the points (H, W) of these depths (H, W), at ``nowhere`` where there is none.
 
     ``pose`` is the camera's rotation (3, 3) and position (3,) in the frame of the points, which
     have the colours of ``picture`` (H, W, 3), or are black.
     """
     points = np.zeros(depth_image.shape, COLORED_POINT)
-    fill_points(points, rays, depth_image, pose)
+    fill_points(points, rays, depth_image, pose, nowhere)
     if picture is not None:
         red, green, blue = np.moveaxis(picture.astype(np.uint32), -1, 0)
         points["rgb"] = red << 16 | green << 8 | blue

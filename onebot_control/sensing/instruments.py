@@ -39,6 +39,7 @@ Floats = NDArray[np.float64]
 _OPTICAL = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 # Measurements of a sensor that may wait, in the order in which those of a robot are made.
 _WAITING = {Imu: 50, Lidar: 4, Camera: 1}
+_INFOS = frozenset({"camera_info", "depth_camera_info"})
 _FIRST_REPORT, _REPORT = 10.0, 60.0  # s between reports of dropped measurements
 _ENOUGH = 0.95  # share of the measurements due; a smaller one is reported
 _PATIENCE = 10.0  # s for the thread to end
@@ -179,10 +180,13 @@ class Instrument:
         hits = self._cast(world, pose, lidar.reach(model))
         hit = hits.surfaces != NOTHING
         ranges = lidar.ranges(model, hits.distances, hit, self._offsets[0], generator)
-        if "scan" in self.sensor.topics:
-            return {"scan": ranges}
+        (output,) = self.sensor.topics
+        if output == "scan":
+            return {output: lidar.middle_row(model, ranges)}
+        if output == "range":
+            return {output: ranges.min()}
         seen_from = self._seen_from(world, pose, np.eye(3))
-        return {"points": lidar.cloud(model, self._rays, ranges, seen_from)}
+        return {output: lidar.cloud(model, self._rays, ranges, seen_from)}
 
     def _picture(
         self,
@@ -192,8 +196,8 @@ class Instrument:
         wanted: frozenset[str],
         generator: "np.random.Generator | None",
     ) -> dict[str, Any]:
-        outputs: dict[str, Any] = {"camera_info": None}
-        if wanted == {"camera_info"}:
+        outputs: dict[str, Any] = dict.fromkeys(self.sensor.topics.keys() & _INFOS)
+        if wanted <= _INFOS:
             return outputs
         hits = self._cast(world, pose, camera.reach(model))
         if wanted & {"image", "points"} and "image" in self.sensor.topics:
@@ -205,7 +209,9 @@ class Instrument:
         if "points" in wanted:
             seen_from = self._seen_from(world, pose, _OPTICAL)
             picture = outputs.get("image")
-            outputs["points"] = camera.cloud(self._rays, outputs["depth"], picture, seen_from)
+            outputs["points"] = camera.cloud(
+                self._rays, outputs["depth"], picture, seen_from, model.blank
+            )
         return outputs
 
     def _seen_from(

@@ -58,17 +58,22 @@ def ranges(
 
 
 def fill_points(
-    points: NDArray[np.void], rays: Rays, distances: Singles, pose: tuple[Floats, Floats]
+    points: NDArray[np.void],
+    rays: Rays,
+    distances: Singles,
+    pose: tuple[Floats, Floats],
+    nowhere: float = np.inf,
 ) -> None:
     """Write x, y and z of ``points`` (R, C) that rays reach after ``distances``, if finite.
 
-    ``pose`` is the sensor's rotation (3, 3) and position (3,) in the frame of the points.
+    ``pose`` is the sensor's rotation (3, 3) and position (3,) in the frame of the points. Those of
+    other distances have ``nowhere``.
     """
     turned, missing = rays.turned(pose[0]), ~np.isfinite(distances).ravel()
     reached = np.where(missing, np.float32(0.0), distances.ravel())
     for axis, name in enumerate("xyz"):
         along = turned[:, axis] * reached + np.float32(pose[1][axis])
-        points[name] = np.where(missing, np.float32(np.inf), along).reshape(points.shape)
+        points[name] = np.where(missing, np.float32(nowhere), along).reshape(points.shape)
 
 
 POINT = np.dtype(
@@ -92,4 +97,17 @@ def cloud(
     points = np.zeros((lidar.vertical.samples, lidar.horizontal.samples), POINT)
     fill_points(points, rays, all_ranges, pose)
     points["ring"] = np.arange(len(points))[:, None]
-    return points
+    return points if lidar.is_organized else met(points)
+
+
+def met(points: NDArray[np.void]) -> NDArray[np.void]:
+    """Return in one row (1, N) those points at which a ray has met something in range."""
+    found: NDArray[np.void] = points[np.isfinite(points["x"])]
+    return found.reshape(1, -1)
+
+
+def middle_row(lidar: Lidar, all_ranges: Singles) -> Singles:
+    """Return the ranges of the row that a plane scan has; the upper one of two in the middle."""
+    rows = lidar.vertical.samples
+    row: Singles = all_ranges.reshape(rows, -1)[rows // 2]
+    return row

@@ -1,7 +1,9 @@
 """The topics of sensors, and who decides which sensors a robot has: its URDF and a file."""
 
+import struct
 from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -10,7 +12,16 @@ from numpy.typing import NDArray
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from sensor_msgs.msg import CameraInfo, Image, LaserScan, PointCloud2, PointField
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import (
+    CameraInfo,
+    Image,
+    LaserScan,
+    PointCloud,
+    PointCloud2,
+    PointField,
+    Range,
+)
 from sensor_msgs.msg import Imu as ImuMessage
 from std_msgs.msg import Header
 
@@ -18,10 +29,18 @@ from onebot_control.parameters import ControlConfig
 from onebot_control.poses import prefixed
 from onebot_control.sensing.camera import focal_length
 from onebot_control.sensing.instruments import Instrument, measuring_rate
-from onebot_control.sensing.lidar import angles
+from onebot_control.sensing.lidar import angles, met
 from onebot_control.sensing.rays import HAS_EMBREE
 from onebot_description.description import Description
-from onebot_description.description.description import Camera, Fan, Imu, Lidar, Sensor
+from onebot_description.description.description import (
+    RADIATIONS,
+    Camera,
+    Fan,
+    Imu,
+    Lidar,
+    Sensor,
+    clashes,
+)
 from onebot_description.description.loading import SensorFile, load_sensors
 from onebot_description.errors import OneBotError, listing
 from onebot_description.file_watch import FileWatch
@@ -69,7 +88,7 @@ class SensorPublisher:
             message = _MESSAGES[output][1](self, values)
             message.header = header
             try:
-                self._publishers[output].publish(message)
+                self._publishers[output].publish(_ready(message, values))
             except InvalidHandle:
                 return
 
@@ -87,6 +106,20 @@ class SensorPublisher:
             range_max=lidar.greatest,
             ranges=array("f", ranges.tobytes()),
         )
+
+    def _range(self, distance: np.float32) -> Range:
+        lidar = self._sensor.model
+        assert isinstance(lidar, Lidar)
+        return Range(
+            radiation_type=RADIATIONS.index(lidar.radiation),
+            field_of_view=lidar.field_of_view,
+            min_range=lidar.least,
+            max_range=lidar.greatest,
+            range=float(distance),
+        )
+
+    def _point_cloud(self, _: object) -> PointCloud:
+        return PointCloud()
 
     def _imu(self, values: tuple[NDArray[np.float64], ...]) -> ImuMessage:
         imu = self._sensor.model
@@ -130,7 +163,7 @@ class SensorPublisher:
             d=[0.0] * 5,
             k=[focal, 0.0, x, 0.0, focal, y, 0.0, 0.0, 1.0],
             r=[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
-            p=[focal, 0.0, x, 0.0, 0.0, focal, y, 0.0, 0.0, 0.0, 1.0, 0.0],
+            p=[focal, 0.0, x, -focal * camera.baseline, 0.0, focal, y, 0.0, 0.0, 0.0, 1.0, 0.0],
         )
 
     def _points(self, points: NDArray[np.void]) -> PointCloud2:
@@ -156,12 +189,27 @@ class SensorPublisher:
 # By output, the type of its messages and what makes them of arrays.
 _MESSAGES: Mapping[str, tuple[type, Callable[[SensorPublisher, Any], Any]]] = {
     "scan": (LaserScan, SensorPublisher._scan),
+    "range": (Range, SensorPublisher._range),
+    "point_cloud": (PointCloud, SensorPublisher._point_cloud),
     "imu": (ImuMessage, SensorPublisher._imu),
     "image": (Image, SensorPublisher._image),
     "depth": (Image, SensorPublisher._image),
     "camera_info": (CameraInfo, SensorPublisher._camera_info),
+    "depth_camera_info": (CameraInfo, SensorPublisher._camera_info),
     "points": (PointCloud2, SensorPublisher._points),
 }
+
+
+def _ready(message: Any, values: Any) -> Any:
+    """Return what to publish: of a PointCloud the bytes, as its points are objects in Python."""
+    if not isinstance(message, PointCloud):
+        return message
+    points = met(values)[0]
+    xyz = np.stack([points[name] for name in "xyz"], axis=-1)
+    head = serialize_message(message)[:-8]  # two empty sequences
+    count = struct.pack("<I", len(points))
+    intensities = struct.pack("<II12s", 1, 10, b"intensity") + count + bytes(4 * len(points))
+    return head + count + xyz.tobytes() + intensities
 
 
 class RobotSensors:
@@ -206,7 +254,8 @@ class RobotSensors:
             if sensor.name in bad and sensor.link in description.link_names:
                 warn(f'sensor "{sensor.name}" stays as it was: there is a fault in its block')
                 sensors.append(sensor)
-        self._sensors = [*_usable(sensors, config.update_rate, warn)]
+        named = [replace(sensor, topics=self._full_names(sensor)) for sensor in sensors]
+        self._sensors = [*_usable(named, config.update_rate, warn)]
         self._announce()
         space = self._node.get_namespace()
         instruments = []
@@ -254,29 +303,38 @@ class RobotSensors:
         }
         for key in self._publishers.keys() - keys:
             self._node.destroy_publisher(self._publishers.pop(key))
-        space = f"{self._node.get_namespace().strip('/')}/"
         for kind, topic in keys - self._publishers.keys():
-            name = topic.removeprefix(space)  # some robots have their namespace in it
-            publisher = self._node.create_publisher(kind, name, _DEPTH)
+            publisher = self._node.create_publisher(kind, topic, _DEPTH)
             self._publishers[kind, topic] = publisher
+
+    def _full_names(self, sensor: Sensor) -> dict[str, str]:
+        """Return a sensor's topics, absolute."""
+        space = self._node.get_namespace().strip("/")
+        names = {}
+        for output, topic in sensor.topics.items():
+            name = topic.removeprefix(f"{space}/")  # some robots have their namespace in it
+            names[output] = (
+                topic if topic.startswith("/") else f"/{space}/{name}".replace("//", "/")
+            )
+        return names
 
 
 def _usable(
     sensors: Sequence[Sensor], cycles: float, warn: Callable[[str], object]
 ) -> Iterator[Sensor]:
     """Yield the sensors that can be simulated together; warn of the others."""
-    used_topics: set[str] = set()
+    used: list[Sensor] = []
     for sensor in sensors:
-        topics = {*sensor.topics.values()}
+        shared = [topic for other in used for topic in clashes(other.topics, sensor.topics)]
         if isinstance(sensor.model, Camera) and not HAS_EMBREE:
             reason = "cameras need the package embreex, which is not installed here"
-        elif used_topics & topics:
-            reason = f"{listing(used_topics & topics)} is another sensor's topic"
+        elif shared:
+            reason = f"{listing(shared)} is another sensor's topic"
         else:
             if sensor.rate > cycles:
                 rates = f"{sensor.rate:g} Hz is more than update_rate, {cycles:g} Hz"
                 warn(f'sensor "{sensor.name}": {rates}, as often as which it is published')
-            used_topics |= topics
+            used.append(sensor)
             yield sensor
             continue
         warn(f'{sensor.where}: sensor "{sensor.name}" is not simulated: {reason}')

@@ -4,6 +4,7 @@ SI units and radians, frames as REP-103 has them. ``reading`` makes these values
 the URDF; each has the line it was written at, as ``robot.urdf:12``.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -162,6 +163,9 @@ class Noise:
     precision: float = 0.0  # step to which the sum is rounded; 0: no rounding
 
 
+RADIATIONS = ("ultrasound", "infrared")  # in the order of the constants of sensor_msgs/msg/Range
+
+
 class Fan(NamedTuple):
     """Directions evenly spread over an angle, both ends included."""
 
@@ -179,6 +183,15 @@ class Lidar:
     least: float  # range, m
     greatest: float
     noise: Noise = Noise()
+    is_organized: bool = True  # clouds have a point for each ray, also where it meets nothing
+    radiation: str = "infrared"  # of a Range: one of RADIATIONS
+    cone: float = 0.0  # of a Range: its field of view, rad; 0: the angle of the rays
+
+    @property
+    def field_of_view(self) -> float:
+        """The greatest angle between rays, or the one that was set, rad."""
+        spans = (fan.greatest - fan.least for fan in (self.horizontal, self.vertical))
+        return self.cone or max(spans)
 
 
 @dataclass(frozen=True)
@@ -193,6 +206,8 @@ class Camera:
     depth_near: float  # the same of the depth
     depth_far: float
     noise: Noise = Noise()  # unit: 1 for colours (0 to 1), m for the depth
+    baseline: float = 0.0  # m, from the left camera of a pair to this one
+    blank: float = math.inf  # x, y and z of a point without a depth, as in gz sim
 
 
 @dataclass(frozen=True)
@@ -203,19 +218,43 @@ class Imu:
     linear_acceleration: tuple[Noise, Noise, Noise] = (Noise(), Noise(), Noise())  # m/s^2
 
 
+MESSAGE_TYPES = {
+    "scan": "sensor_msgs/msg/LaserScan",
+    "range": "sensor_msgs/msg/Range",
+    "point_cloud": "sensor_msgs/msg/PointCloud",
+    "imu": "sensor_msgs/msg/Imu",
+    "image": "sensor_msgs/msg/Image",
+    "depth": "sensor_msgs/msg/Image",
+    "camera_info": "sensor_msgs/msg/CameraInfo",
+    "depth_camera_info": "sensor_msgs/msg/CameraInfo",
+    "points": "sensor_msgs/msg/PointCloud2",
+}
+"""The type of each output of sensors."""
+
+
 @dataclass(frozen=True)
 class Sensor:
-    """One <sensor> that is simulated."""
+    """One <sensor> that is simulated; of one with several plugins, what one of them publishes."""
 
     name: str
     link: str
     origin: Origin  # relative to the link
     rate: float  # measurements a simulated second, Hz; 0: one in each control cycle
-    # Relative names, keyed by content: scan, imu, image, depth, points or camera_info.
-    topics: Mapping[str, str]
+    topics: Mapping[str, str]  # by output: a name, relative or absolute
     frame: str  # frame_id of the messages; a link, unless set otherwise on purpose
     model: Lidar | Camera | Imu
     where: str = field(default="", compare=False)
+
+
+def clashes(first: Mapping[str, str], second: Mapping[str, str]) -> list[str]:
+    """Return the topics of two sensors that they cannot share, as cameras share a CameraInfo."""
+    kinds = {topic: MESSAGE_TYPES[output] for output, topic in first.items()}
+    info = MESSAGE_TYPES["camera_info"]
+    return [
+        topic
+        for output, topic in second.items()
+        if topic in kinds and {kinds[topic], MESSAGE_TYPES[output]} != {info}
+    ]
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,8 @@ plugins of Gazebo classic have it. A sensor with a fault is left out, and report
 import math
 import operator
 import re
-from collections import Counter
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 
 from onebot_description.description.description import (
     Camera,
@@ -20,15 +19,19 @@ from onebot_description.description.description import (
     Noise,
     Origin,
     Sensor,
+    clashes,
 )
+from onebot_description.description.misplaced_sensors import warn_of_misplaced
 from onebot_description.description.reading import Element, Findings, number_fault
-from onebot_description.description.sensor_topics import (
+from onebot_description.description.sensor_outputs import (
     CAMERA,
     DEPTH,
     IMU,
     LIDAR,
+    OUTPUT_TYPES,
     RGBD,
-    TopicNames,
+    Outputs,
+    publishing,
     text_of,
 )
 from onebot_description.errors import did_you_mean
@@ -44,12 +47,12 @@ _KINDS = {
 _MOST_RAYS, _MOST_PIXELS = 300_000, 1920 * 1200
 _TURN = 2 * math.pi + 1e-3  # full turns are written with few digits
 
+_RATES = ("update_rate", "updateRate", "updateRateHZ")  # the last two are plugins'
 # What is read, by its path: default (None: it is needed) and rule.
 _POSITIVE, _NOT_NEGATIVE, _ANY = Rule(above=0.0), Rule(at_least=0.0), Rule()
 _ANGLE, _COUNT = Rule(at_least=-_TURN, at_most=_TURN), Rule(at_least=1, at_most=_MOST_PIXELS)
 _VALUES: Mapping[str, tuple[float | None, Rule]] = {
-    "update_rate": (0.0, Rule(at_least=0.0, at_most=1000.0)),
-    "updateRate": (0.0, Rule(at_least=0.0, at_most=1000.0)),  # a plugin's
+    **dict.fromkeys(_RATES, (0.0, Rule(at_least=0.0, at_most=1000.0))),
     "samples": (None, Rule(at_least=1, at_most=_MOST_RAYS)),
     "resolution": (1.0, _POSITIVE),
     "min_angle": (0.0, _ANGLE),
@@ -67,6 +70,12 @@ _VALUES: Mapping[str, tuple[float | None, Rule]] = {
     "bias_mean": (0.0, _ANY),
     "bias_stddev": (0.0, _NOT_NEGATIVE),
     "precision": (0.0, _NOT_NEGATIVE),
+    # Of plugins.
+    **dict.fromkeys(("min_range", "min_depth", "pointCloudCutoff"), (0.0, _NOT_NEGATIVE)),
+    **dict.fromkeys(("max_range", "max_depth", "pointCloudCutoffMax"), (0.0, _POSITIVE)),
+    **dict.fromkeys(("gaussianNoise", "gaussian_noise"), (0.0, _NOT_NEGATIVE)),
+    **dict.fromkeys(("hackBaseline", "hack_baseline"), (0.0, _ANY)),
+    "fov": (0.0, _NOT_NEGATIVE),
 }
 _WHOLE = ("samples", "image/width", "image/height")
 # The elements in each that are read, or change nothing here.
@@ -87,9 +96,31 @@ _KNOWN = {
     "imu": "angular_velocity linear_acceleration noise orientation_reference_frame topic "
     "enable_orientation",
 }
+_OF_CAMERA_PLUGIN = (
+    "camera_name cameraName imageTopicName depthImageTopicName pointCloudTopicName "
+    "cameraInfoTopicName depthImageCameraInfoTopicName min_depth max_depth pointCloudCutoff "
+    "pointCloudCutoffMax hack_baseline hackBaseline border_crop borderCrop"
+)
+_KNOWN_IN_PLUGIN = {
+    LIDAR: "topicName output_type outputType min_range max_range gaussianNoise gaussian_noise "
+    "radiation_type radiationType radiation fov organize_cloud",
+    IMU: "topicName gaussianNoise",
+    **dict.fromkeys((CAMERA, DEPTH, RGBD), _OF_CAMERA_PLUGIN),
+}
+_KNOWN_IN_ANY_PLUGIN = (
+    "ros namespace remapping argument qos robotNamespace frame_name frameName gz_frame_id "
+    "ignition_frame_id frame_id always_on alwaysOn visualize"
+)
+_NOTHING = ("0", "false", "none", "")  # what a plugin's child has that asks for nothing
+_RADIATIONS = {
+    "ultrasound": "ultrasound",
+    "ultrasonic": "ultrasound",
+    "infrared": "infrared",
+    "infared": "infrared",  # as the plugin of ROS 1 spells it
+}
 _FRAMES = ("gz_frame_id", "ignition_frame_id", "frame_id", "frame_name", "frameName")
 _TOPIC = Rule(
-    pattern=re.compile(r"[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII),
+    pattern=re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII),
     write="a ROS name: words of letters, digits and _ that do not start with a digit, joined by /",
 )
 # Of a sensor from the frame of its messages; rounded angles such as 1.57 are no fault.
@@ -107,39 +138,35 @@ def read_sensors(
         for parent in parents
         for element in parent.iterfind("sensor")
     ]
-    for parent in parents:
-        for plugin in parent.iterfind("plugin"):
-            _warn_of_plugin(findings, plugin, links)
+    warn_of_misplaced(findings, parents, links)
     blocks = [block for block in blocks if block.kind]
-    unnamed = Counter(block.kind for block in blocks if not block.names.given)
-    sensors, blocks_by_topic = list[Sensor](), dict[str, _Block]()
     for block in blocks:
-        sensor = block.read(links, alone=unnamed[block.kind] < 2)
-        for topic in () if block.wrong else sensor.topics.values():
-            first_block = blocks_by_topic.setdefault(topic, block)
-            if first_block is not block:
-                text = f'publishes "{topic}", as the one at {first_block.place} does'
-                block.problem(f"{text}; give it a <topic> of its own")
+        block.read(links)
+    published = list[tuple[dict[str, str], _Block]]()
+    sensors = list[Sensor]()
+    for block in blocks:
+        found = () if block.wrong else block.sensors(_is_alone(block, blocks))
+        for sensor in found:
+            topics = {output: topic.lstrip("/") for output, topic in sensor.topics.items()}
+            block.compare(topics, published)
+            published.append((topics, block))
         if not block.wrong:
-            block.warn_of_frame(sensor, links, joints)
-            sensors.append(sensor)
+            block.warn_of_frames(found, links, joints)
+            sensors.extend(found)
     bad = dict.fromkeys(block.name for block in blocks if block.wrong)
     return tuple(sensors), tuple(bad)
 
 
-def _warn_of_plugin(findings: Findings, plugin: Element, links: Collection[str]) -> None:
-    """Warn of a plugin that stands for a sensor, outside of any."""
-    link = (plugin.findtext("bodyName") or "").strip()
-    if not link:
-        return
-    file, rate = plugin.get("filename", ""), plugin.findtext("updateRate", "100").strip()
-    text = f'is a sensor on link "{link}" without a <sensor>, so it is ignored'
-    if "imu" in file or "imu" in plugin.get("name", ""):
-        text += (
-            f'; write <gazebo reference="{link}"><sensor name="imu" type="imu"><update_rate>{rate}'
-            "</update_rate></sensor></gazebo>"
-        )
-    findings.warning(plugin, text)
+def _is_alone(block: "_Block", blocks: Iterable["_Block"]) -> bool:
+    """Whether no sensor like this one is without a name; one ray is none like a fan's."""
+    unnamed = [
+        other
+        for other in blocks
+        if other.kind == block.kind and (block.is_one_ray or not other.is_one_ray)
+        for outputs in other.outputs
+        if not outputs.given
+    ]
+    return len(unnamed) < 2
 
 
 def _pose_in_body(
@@ -171,7 +198,7 @@ class _Block:
         self.name, self.place = element.get("name", "").strip(), findings.where(element)
         kind = element.get("type", "")
         self.kind = _KINDS.get(kind, "")
-        self.names = TopicNames(element, self.kind)
+        self.outputs = publishing(element, self.kind) if self.kind else []
         if not kind:
             self.problem(f"has no type; write one of: {', '.join(_KINDS)}")
         elif not self.kind:
@@ -183,11 +210,8 @@ class _Block:
         self.wrong = True
         self._findings.problem(self._element if element is None else element, text)
 
-    def read(self, links: Collection[str], *, alone: bool) -> Sensor:
-        """Return the sensor, which is not to be used if the block is ``wrong``.
-
-        ``alone``: every other sensor of its kind names a topic.
-        """
+    def read(self, links: Collection[str]) -> None:
+        """Read what the sensor measures."""
         if not self._link:
             self.problem('lies in no link; write <gazebo reference="LINK"> around it')
         elif self._link not in links:
@@ -196,19 +220,146 @@ class _Block:
         if not self.name:
             self.problem('has no name; write <sensor name="...">')
         self._warn_of_unknown(self._element)
-        model = self._model()
-        rate, plugin = self._number(self._element, "update_rate"), self._element.find("plugin")
-        if not rate and plugin is not None:
-            rate = self._number(plugin, "updateRate")
-        frame = text_of(self._element, "optical_frame_id") if isinstance(model, Camera) else ""
-        frame = frame or text_of(self._element, *_FRAMES) or self._link
-        rows = model.vertical.samples if isinstance(model, Lidar) else 1
-        written = self.names.topics(rows=rows, alone=alone)
-        topics = {output: self._checked(topic) for output, topic in written.items()}
-        pose = self._pose()
-        return Sensor(self.name, self._link, pose, rate, topics, frame, model, self.place)
+        for plugin in self._element.iterfind("plugin"):
+            self._warn_of_unread(plugin)
+        self._model, self._pose = self._read_model(), self._read_pose()
+        self._rate = self._number(self._element, "update_rate")
 
-    def warn_of_frame(
+    @property
+    def is_one_ray(self) -> bool:
+        """Whether it is a lidar that measures one distance."""
+        model = self._model
+        return isinstance(model, Lidar) and model.horizontal.samples * model.vertical.samples == 1
+
+    def sensors(self, alone: bool) -> list[Sensor]:
+        """Return what each plugin publishes; not to be used if the block is ``wrong`` then.
+
+        ``alone``: every other sensor of its kind names its topics.
+        """
+        return [
+            self._sensor(outputs, topics)
+            for outputs in self.outputs
+            if (topics := self._topics(outputs, alone))
+        ]
+
+    def _topics(self, outputs: Outputs, alone: bool) -> dict[str, str]:
+        if outputs.unknown_type:
+            text = f"asks for {outputs.unknown_type}, which cannot be made of rays, so it"
+            types = ", ".join(f"sensor_msgs/{each}" for each in OUTPUT_TYPES)
+            text += f" publishes nothing; write one of: {types}"
+            self._findings.warning(outputs.plugin or self._element, text)
+        rows = self._model.vertical.samples if isinstance(self._model, Lidar) else 1
+        written = outputs.topics(rows=rows, alone=alone)
+        return {output: self._checked(topic) for output, topic in written.items()}
+
+    def _sensor(self, outputs: Outputs, topics: dict[str, str]) -> Sensor:
+        model, rate, plugin = self._model, self._rate, outputs.plugin
+        frame = text_of(self._element, "optical_frame_id") if isinstance(model, Camera) else ""
+        if plugin is not None:
+            rate = rate or next(filter(None, (self._number(plugin, tag) for tag in _RATES)), 0.0)
+            frame = frame or text_of(plugin, *_FRAMES)
+            model = self._as_published(model, plugin, topics)
+        frame = frame or text_of(self._element, *_FRAMES) or self._link
+        return Sensor(self.name, self._link, self._pose, rate, topics, frame, model, self.place)
+
+    def _as_published(
+        self, model: Lidar | Camera | Imu, plugin: Element, topics: Collection[str]
+    ) -> Lidar | Camera | Imu:
+        """Return what is measured within the limits that a plugin has."""
+        stddev = self._of_plugin(plugin, "gaussianNoise", "gaussian_noise") or 0.0
+        if isinstance(model, Imu):
+            rates, accelerations = (
+                (_noisier(x, stddev), _noisier(y, stddev), _noisier(z, stddev))
+                for x, y, z in (model.angular_velocity, model.linear_acceleration)
+            )
+            return replace(model, angular_velocity=rates, linear_acceleration=accelerations)
+        if isinstance(model, Camera):
+            lows, highs = ("min_depth", "pointCloudCutoff"), ("max_depth", "pointCloudCutoffMax")
+            near, far = self._narrowed(plugin, lows, highs, model.depth_near, model.depth_far)
+            return replace(
+                model,
+                depth_near=near,
+                depth_far=far,
+                baseline=self._of_plugin(plugin, "hack_baseline", "hackBaseline") or 0.0,
+                blank=math.nan
+                if any(plugin.find(tag) is not None for tag in (*lows, *highs))
+                else math.inf,
+            )
+        least, greatest = self._narrowed(
+            plugin, ("min_range",), ("max_range",), model.least, model.greatest
+        )
+        model = replace(
+            model,
+            least=least,
+            greatest=greatest,
+            noise=_noisier(model.noise, stddev),
+            is_organized=text_of(plugin, "organize_cloud") not in ("false", "0"),
+        )
+        if "range" not in topics:
+            return model
+        cone = self._of_plugin(plugin, "fov") or 0.0
+        return replace(model, cone=cone, radiation=self._radiation(plugin))
+
+    def _of_plugin(self, plugin: Element, *tags: str) -> float | None:
+        """Return the value of the first of these that a plugin has."""
+        written = (tag for tag in tags if plugin.find(tag) is not None)
+        return next((self._number(plugin, tag) for tag in written), None)
+
+    def _narrowed(
+        self,
+        plugin: Element,
+        lows: tuple[str, ...],
+        highs: tuple[str, ...],
+        least: float,
+        greatest: float,
+    ) -> tuple[float, float]:
+        """Return what limits that a plugin may have leave of a range."""
+        low, high = self._of_plugin(plugin, *lows), self._of_plugin(plugin, *highs)
+        if low is None and high is None:
+            return least, greatest
+        limits = max(least, low or 0.0), min(greatest, math.inf if high is None else high)
+        if not limits[0] < limits[1] and not self.wrong:
+            names = " and ".join(
+                f"<{tag}>" for tag in (*lows, *highs) if plugin.find(tag) is not None
+            )
+            text = f"{names} leave nothing of {least:g} to {greatest:g} m, which is measured"
+            self.problem(f"{text}; change them", plugin)
+        return limits
+
+    def _radiation(self, plugin: Element) -> str:
+        file = plugin.get("filename", "")
+        text = text_of(plugin, "radiation_type", "radiationType", "radiation")
+        if text and text not in _RADIATIONS:
+            kinds = "ultrasound, infrared"
+            fault = f'has the unknown radiation "{text}", so it is infrared; write one of: {kinds}'
+            self._findings.warning(plugin, fault)
+        is_sonar = not text and ("gazebo_ros_range" in file or "sonar" in file)
+        return "ultrasound" if is_sonar else _RADIATIONS.get(text, "infrared")
+
+    def compare(
+        self, topics: Mapping[str, str], published: Iterable[tuple[Mapping[str, str], "_Block"]]
+    ) -> None:
+        """Report topics that what is already ``published`` has, too."""
+        for others, block in published:
+            place = f"the one at {block.place}" if block is not self else "another plugin of it"
+            for topic in clashes(others, topics):
+                text = f'publishes "{topic}", as {place} does'
+                self.problem(f"{text}; give it a <topic> of its own")
+            info = topics.get("camera_info", "")
+            if not self.wrong and info and info in others.values():
+                text = f'its CameraInfo is on "{info}", as that of {place} is'
+                text += "; to tell them apart, write a <camera_info_topic> in it"
+                self._findings.warning(self._element, text)
+                return
+
+    def warn_of_frames(
+        self, sensors: Iterable[Sensor], links: Collection[str], joints: Iterable[Joint]
+    ) -> None:
+        """Warn once of each frame that is none of its plugins' messages can have."""
+        for sensor in {sensor.frame: sensor for sensor in sensors}.values():
+            self._warn_of_frame(sensor, links, joints)
+
+    def _warn_of_frame(
         self, sensor: Sensor, links: Collection[str], joints: Iterable[Joint]
     ) -> None:
         """Warn of a frame of the messages that is no link, or is not where the sensor is.
@@ -221,7 +372,7 @@ class _Block:
             self._findings.warning(self._element, text)
             return
         is_there = sensor.frame == sensor.link and sensor.origin == Origin()
-        if is_there or not sensor.topics.keys() & {"scan", "imu"}:
+        if is_there or not sensor.topics.keys() & {"scan", "range", "imu"}:
             return
         body, at, turn = _pose_in_body(sensor.link, sensor.origin, joints)
         frame_body, place, direction = _pose_in_body(sensor.frame, Origin(), joints)
@@ -239,15 +390,15 @@ class _Block:
         self._findings.warning(self._element, f"{text}; {remedy}")
 
     def _checked(self, topic: str) -> str:
-        """Return a topic relative to the robot's namespace."""
-        name = topic.strip("/").replace(" ", "_").replace("//", "/")
+        """Return a topic's name."""
+        name = topic.rstrip("/").replace(" ", "_").replace("//", "/")
         try:
             ValueType(str, _TOPIC).checked(name)
         except ValueError as error:
             self.problem(f"its topic {error}")
         return name
 
-    def _model(self) -> Lidar | Camera | Imu:
+    def _read_model(self) -> Lidar | Camera | Imu:
         if self.kind == LIDAR:
             return self._lidar()
         if self.kind == IMU:
@@ -368,7 +519,7 @@ class _Block:
         self.problem(fault, element)
         return 0.0
 
-    def _pose(self) -> Origin:
+    def _read_pose(self) -> Origin:
         element = self._element.find("pose")
         words = [] if element is None or not element.text else element.text.split()
         if element is None or not words:
@@ -394,3 +545,35 @@ class _Block:
                 text = f"is not simulated inside <{element.tag}>, so it is ignored{hint}"
                 self._findings.warning(child, text)
             self._warn_of_unknown(child)
+
+    def _warn_of_unread(self, plugin: Element) -> None:
+        """Warn of a plugin's children that are not read, in one warning."""
+        known = f"{_KNOWN_IN_ANY_PLUGIN} {_KNOWN_IN_PLUGIN[self.kind]}".split() + [*_RATES]
+        unread = [child.tag for child in plugin if child.tag not in known and _asks(child)]
+        rules = [
+            f"<remapping> {old}:={new}"
+            for outputs in self.outputs
+            if outputs.plugin is plugin
+            for old, new in outputs.idle
+        ]
+        names = ", ".join([*(f"<{tag}>" for tag in dict.fromkeys(unread)), *rules])
+        if len(unread) == 1 and not rules:
+            hint = self._findings.hint(unread[0], known)
+            hint = hint if "did you mean" in hint else ""  # else it lists all that is known
+            self._findings.warning(plugin, f"{names} is not simulated, so it is ignored{hint}")
+        elif names:
+            self._findings.warning(plugin, f"{names}: nothing of the sensor reads this")
+
+
+def _asks(element: Element) -> bool:
+    """Whether an element has anything but zeros, which change nothing."""
+    words = (element.text or "").split()
+    zeros = all(
+        word.lower() in _NOTHING or number_fault(word) is None and not float(word) for word in words
+    )
+    return len(element) > 0 or not zeros
+
+
+def _noisier(noise: Noise, stddev: float) -> Noise:
+    """Return noise with more of it, of another source."""
+    return replace(noise, stddev=math.hypot(noise.stddev, stddev)) if stddev else noise

@@ -6,6 +6,7 @@ from pathlib import PurePath
 from types import MappingProxyType
 
 from onebot_description.description.description import (
+    MESSAGE_TYPES,
     Box,
     Camera,
     Capsule,
@@ -25,7 +26,7 @@ from onebot_description.description.xml import shown_path
 from onebot_description.errors import printable
 
 _HEADINGS = ("link", "joint", "kind", "axis", "range", "at most", "mass", "shape")
-_SENSOR_HEADINGS = ("sensor", "measures", "rate", "topic", "frame")
+_SENSOR_HEADINGS = ("sensor", "measures", "rate", "topic", "type", "frame")
 _Row = tuple[str, ...]
 
 
@@ -43,8 +44,8 @@ def describe(description: Description, sizes: Mapping[Shape, Triple] = MappingPr
         rows.append((branch + first, *columns))
     lines = [_title(description), "", *aligned(rows)]
     if description.sensors:
-        sensors = [tuple(map(cell, _sensor_cells(sensor))) for sensor in description.sensors]
-        lines += ["", *aligned([_SENSOR_HEADINGS, *sensors])]
+        written = [row for sensor in description.sensors for row in _sensor_rows(sensor)]
+        lines += ["", *aligned([_SENSOR_HEADINGS, *(tuple(map(cell, row)) for row in written)])]
     return "\n".join(lines)
 
 
@@ -153,20 +154,25 @@ def _shape(shape: Shape, sizes: Mapping[Shape, Triple]) -> str:
     return f"{kind} r {shape.radius:.4g} l {shape.length:.4g}"
 
 
-def _sensor_cells(sensor: Sensor) -> _Row:
+def _sensor_rows(sensor: Sensor) -> list[_Row]:
+    """A row of each topic, the first one with what is the same for all."""
+    rate = f"{sensor.rate:.4g} Hz" if sensor.rate else "each cycle"
+    first, *others = ((topic, MESSAGE_TYPES[output]) for output, topic in sensor.topics.items())
+    return [
+        (sensor.name, _measures(sensor), rate, *first, sensor.frame),
+        *(("", "", "", *other, "") for other in others),
+    ]
+
+
+def _measures(sensor: Sensor) -> str:
     model = sensor.model
     if isinstance(model, Lidar):
         rows = f"{model.vertical.samples} × " if model.vertical.samples > 1 else ""
-        measures = f"{rows}{_count(model.horizontal.samples, 'range')} to {model.greatest:.4g} m"
-    elif isinstance(model, Camera):
-        measures = (
-            f"{model.width} × {model.height} pixels, {math.degrees(model.field_of_view):.4g}°"
-        )
-    else:
-        assert isinstance(model, Imu), model
-        measures = "acceleration, angular velocity"
-    rate = f"{sensor.rate:.4g} Hz" if sensor.rate else "each cycle"
-    return sensor.name, measures, rate, ", ".join(sensor.topics.values()), sensor.frame
+        return f"{rows}{_count(model.horizontal.samples, 'range')} to {model.greatest:.4g} m"
+    if isinstance(model, Camera):
+        return f"{model.width} × {model.height} pixels, {math.degrees(model.field_of_view):.4g}°"
+    assert isinstance(model, Imu), model
+    return "acceleration, angular velocity"
 
 
 def _count(number: int, one: str, many: str | None = None) -> str:

@@ -10,7 +10,7 @@ import pytest
 from nav_msgs.msg import Odometry
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import CameraInfo, Image, Imu, LaserScan, PointCloud2
+from sensor_msgs.msg import CameraInfo, Image, Imu, LaserScan, PointCloud, PointCloud2, Range
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
@@ -252,6 +252,133 @@ def test_robots_of_a_fleet_sense_each_other_in_their_namespaces(
         assert seen["a"][90] == pytest.approx(1.5 - 0.1 - 0.25, abs=1e-3)
         walls = in_room(angles_of(scans["b"][-1]), 0.6)
         np.testing.assert_allclose(seen["b"], walls, atol=1e-3)
+
+
+def plugin(name: str, kind: str, to: str, inside: str = "") -> str:
+    return f"""<plugin name="{name}" filename="libgazebo_ros_ray_sensor.so">
+      <ros><namespace>ray</namespace><remapping>~/out:={to}</remapping></ros>
+      <output_type>sensor_msgs/{kind}</output_type>{inside}</plugin>"""
+
+
+PLUGINS = (
+    plugin("p1", "LaserScan", "scan")
+    + plugin("p2", "PointCloud2", "/cloud", "<frame_name>base_link</frame_name>")
+    + plugin("p3", "PointCloud", "cloud")
+    + plugin("p4", "Range", "range", "<radiation_type>ultrasound</radiation_type>")
+    + """<plugin name="p5" filename="libgazebo_ros_velodyne_laser.so"><topicName>near</topicName>
+      <min_range>2.41</min_range><organize_cloud>false</organize_cloud></plugin>"""
+)
+ROWS = f"""
+  <gazebo reference="laser_link"><sensor name="rows" type="ray"><update_rate>10</update_rate>
+    <ray><scan><horizontal><samples>5</samples><min_angle>-0.2</min_angle>
+        <max_angle>0.2</max_angle></horizontal><vertical><samples>3</samples>
+        <min_angle>-0.1</min_angle><max_angle>0.1</max_angle></vertical></scan>
+      <range><min>0.05</min><max>10</max></range></ray>{PLUGINS}</sensor></gazebo>"""
+
+
+@pytest.mark.slow
+def test_each_plugin_of_a_sensor_publishes_the_type_it_asks_for(
+    ros_domain: int, tmp_path: Path
+) -> None:
+    """The wall is 2.4 m ahead; relative topics are in the robot's namespace, absolute ones not."""
+    (tmp_path / "bot.urdf").write_text(bot(ROWS))
+    arguments = ros_args(world=room(tmp_path), x=-0.5, sensor_noise=False)
+    own = ("--robot", "-r", "__ns:=/a")
+    with (
+        Peer(ros_domain) as peer,
+        NodeProcess(MODULE, str(tmp_path / "bot.urdf"), *own, *arguments),
+    ):
+        scans = peer.hear(LaserScan, "/a/ray/scan")
+        clouds = peer.hear(PointCloud2, "/cloud")
+        points = peer.hear(PointCloud, "/a/ray/cloud")
+        distances = peer.hear(Range, "/a/ray/range")
+        met = peer.hear(PointCloud2, "/a/near")
+        wait_for(lambda: scans and clouds and points and distances and met, "all five")
+    across, up = np.array([-0.2, -0.1, 0.0, 0.1, 0.2]), np.array([[-0.1], [0.0], [0.1]])
+    true = 2.4 / np.cos(across) / np.cos(up)
+    scan, distance = scans[-1], distances[-1]
+    assert (len(scan.ranges), scan.header.frame_id) == (5, "a/laser_link")
+    np.testing.assert_allclose(scan.ranges, true[1], atol=1e-3)  # the row in the middle
+    assert distance.range == pytest.approx(2.4, abs=1e-3)  # the nearest ray
+    assert distance.field_of_view == pytest.approx(0.4)
+    assert (distance.min_range, distance.max_range) == (pytest.approx(0.05), 10.0)
+    assert distance.radiation_type == Range.ULTRASOUND
+    assert distance.header.frame_id == "a/laser_link"
+    cloud = clouds[-1]
+    assert (cloud.height, cloud.width, cloud.header.frame_id) == (3, 5, "a/base_link")
+    xyz = np.frombuffer(cloud.data, np.float32).reshape(15, -1)[:, :3]
+    ahead = 2.4 * np.ones((3, 1)) @ np.tan(across)[None]
+    np.testing.assert_allclose(xyz[:, 0], 2.4 + AHEAD, atol=1e-3)
+    np.testing.assert_allclose(xyz[:, 1], ahead.ravel(), atol=1e-3)
+    old = points[-1]
+    assert old.header.frame_id == "a/laser_link" and len(old.points) == 15
+    np.testing.assert_allclose([each.x for each in old.points], 2.4, atol=1e-3)
+    np.testing.assert_allclose([each.y for each in old.points], ahead.ravel(), atol=1e-3)
+    (channel,) = old.channels
+    assert (channel.name, list(channel.values)) == ("intensity", [0.0] * 15)
+    far = int((true >= 2.41).sum())
+    assert (met[-1].height, met[-1].width) == (1, far) and 0 < far < 15
+
+
+DEPTH_PLUGIN = """
+  <gazebo reference="camera_link"><sensor name="cam" type="depth"><update_rate>20</update_rate>
+    <camera><horizontal_fov>1.0</horizontal_fov>
+      <image><width>64</width><height>48</height></image></camera>
+    <plugin name="p" filename="libgazebo_ros_camera.so">
+      <ros><namespace>left</namespace><remapping>eye/points:=/points</remapping></ros>
+      <camera_name>eye</camera_name><frame_name>optical</frame_name>
+      <min_depth>1.0</min_depth><max_depth>2.0</max_depth><hack_baseline>0.07</hack_baseline>
+    </plugin></sensor></gazebo>"""
+
+
+@pytest.mark.slow
+def test_a_depth_camera_has_its_plugin_s_limits_and_baseline(
+    ros_domain: int, tmp_path: Path
+) -> None:
+    """The ground is nearer than 1 m in the lowest rows, the wall ahead farther than 2 m."""
+    (tmp_path / "bot.urdf").write_text(bot(DEPTH_PLUGIN))
+    arguments = ros_args(world=room(tmp_path), x=-0.5, sensor_noise=False)
+    with Peer(ros_domain) as peer, NodeProcess(MODULE, str(tmp_path / "bot.urdf"), *arguments):
+        depths = peer.hear(Image, "/left/eye/depth/image_raw")
+        pictures = peer.hear(Image, "/left/eye/image_raw")
+        clouds = peer.hear(PointCloud2, "/points")
+        infos = peer.hear(CameraInfo, "/left/eye/camera_info")
+        others = peer.hear(CameraInfo, "/left/eye/depth/camera_info")
+        wait_for(lambda: depths and pictures and clouds and infos and others, "the camera")
+    depth = image(depths[-1])
+    assert (depth[:24] == np.inf).all() and (depth[-1] == -np.inf).all()
+    between = np.isfinite(depth)
+    assert between.any() and depth[between].min() >= 1.0 and depth[between].max() <= 2.0
+    rows = (depth == -np.inf).all(axis=1).argmax(), (depth == np.inf).all(axis=1).sum()
+    assert rows[1] < rows[0]  # from above: beyond, between, nearer
+    floats = np.frombuffer(clouds[-1].data, np.float32).reshape(48, 64, -1)[..., :3]
+    assert np.isnan(floats[~between]).all() and not clouds[-1].is_dense
+    np.testing.assert_allclose(floats[between][:, 2], depth[between], atol=1e-3)
+    focal = 64 / (2 * math.tan(0.5))
+    for info in (infos[-1], others[-1]):
+        assert info.p[3] == pytest.approx(-0.07 * focal) and info.header.frame_id == "optical"
+
+
+@pytest.mark.slow
+def test_two_cameras_share_their_camera_info(ros_domain: int, tmp_path: Path) -> None:
+    block = CAMERA.replace("rgbd_camera", "camera").replace(
+        "<camera>", "<topic>cam/{0}</topic><camera>"
+    )
+    blocks = [
+        block.format(name).replace('"cam"', f'"{name}"').replace("64", width)
+        for name, width in (("front", "64"), ("rear", "32"))
+    ]
+    (tmp_path / "bot.urdf").write_text(bot(*blocks))
+    with (
+        Peer(ros_domain) as peer,
+        NodeProcess(MODULE, str(tmp_path / "bot.urdf"), *ros_args(x=0.0)) as node,
+    ):
+        front, rear = peer.hear(Image, "/cam/front"), peer.hear(Image, "/cam/rear")
+        infos = peer.hear(CameraInfo, "/cam/camera_info")
+        wait_for(lambda: front and rear, "both pictures")
+        wait_for(lambda: {each.width for each in infos} == {64, 32}, "the CameraInfo of both")
+        assert (front[-1].width, rear[-1].width) == (64, 32)
+        assert "not simulated" not in node.output
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ from onebot_description.description import DescriptionError, describe, load_desc
 from onebot_description.description.description import Camera, Fan, Imu, Lidar, Noise, Origin
 from onebot_description.description.loading import load_sensors, parse_description
 from tests.onebot_bringup.cli_support import onebot
+from tests.onebot_description.sensor_blocks import RAY, VALUES, block, camera, read
 
 BLOCKS = Path(__file__).parents[1] / "robots" / "sensors"
 
@@ -19,6 +20,7 @@ CAMERA = {
 }
 # Name, link, rate, frame and topics of each sensor.
 OF_CAMERA = " ".join(f"{output}={topic}" for output, topic in CAMERA.items())
+OF_DEPTH_PLUGIN = "depth_camera_info=camera/depth/camera_info"
 OF_GZ = "image=camera/image depth=camera/depth_image camera_info=camera/camera_info"
 OF_GZ += " points=camera/points"
 PUBLIC_ROBOTS = {
@@ -35,18 +37,18 @@ PUBLIC_ROBOTS = {
         cliff_front_left cliff_front_left 62 cliff_front_left scan=scan
         cliff_front_right cliff_front_right 62 cliff_front_right
             scan=_internal/cliff_front_right/event""",
-    "husky": """
+    "husky": f"""
         front_laser base_laser 50 base_laser scan=front/scan
         camera camera_link 20 camera_frame_optical image=camera/rgb/image_raw
             depth=camera/depth/image_raw camera_info=camera/rgb/camera_info
-            points=camera/depth/points""",
+            points=camera/depth/points {OF_DEPTH_PLUGIN}""",
     "linorobot2": f"""
         laser laser 10 laser scan=scan
         imu_sensor imu_link 20 imu_link imu=imu/data
         camera camera_link 30 camera_color_optical_frame {OF_GZ}""",
     "articubot_one": f"""
         laser laser_frame 10 laser_frame scan=scan
-        camera camera_link 10 camera_link_optical {OF_CAMERA}""",
+        camera camera_link 10 camera_link_optical {OF_CAMERA} {OF_DEPTH_PLUGIN}""",
     "rosbot": f"""
         fl_range fl_range 5 fl_range scan=range/fl
         imu imu_link 25 imu_link imu=imu/data_raw
@@ -54,7 +56,7 @@ PUBLIC_ROBOTS = {
             {OF_GZ}""",
     "neobotix": """
         lidar_1 lidar_1_link 10 lidar_1_link scan=lidar_1/scan
-        lidar_2 lidar_2_link 40 lidar_2_link scan=scan2""",
+        lidar_2 lidar_2_link 40 lidar_2_link points=scan2""",
     "clearpath": """
         lidar3d_0 lidar3d_0_laser 10 lidar3d_0_laser
             points=a200_0000/sensors/lidar3d_0/scan/points
@@ -115,43 +117,19 @@ def test_what_is_not_simulated_is_one_warning():
 def test_check_lists_the_sensors():
     run = onebot("check", str(BLOCKS / "linorobot2.urdf"))
     assert run.returncode == 0 and not run.stderr
-    heading, laser, imu, _ = run.stdout.splitlines()[-4:]
-    assert heading.split() == ["sensor", "measures", "rate", "topic", "frame"]
-    assert laser.split() == ["laser", "360", "ranges", "to", "12", "m", "10", "Hz", "scan", "laser"]
-    assert imu.split()[-4:] == ["20", "Hz", "imu/data", "imu_link"]
+    heading, laser, imu, camera, *others = run.stdout.splitlines()[-7:]
+    assert heading.split() == ["sensor", "measures", "rate", "topic", "type", "frame"]
+    scan = ["scan", "sensor_msgs/msg/LaserScan", "laser"]
+    assert laser.split() == ["laser", "360", "ranges", "to", "12", "m", "10", "Hz", *scan]
+    assert imu.split()[-5:] == ["20", "Hz", "imu/data", "sensor_msgs/msg/Imu", "imu_link"]
+    picture = ["camera/image", "sensor_msgs/msg/Image", "camera_color_optical_frame"]
+    assert camera.split()[-3:] == picture
+    assert [each.split() for each in others] == [
+        ["camera/depth_image", "sensor_msgs/msg/Image"],
+        ["camera/camera_info", "sensor_msgs/msg/CameraInfo"],
+        ["camera/points", "sensor_msgs/msg/PointCloud2"],
+    ]
     assert "sensor" not in describe(parse_description('<robot name="r"><link name="a"/></robot>'))
-
-
-RAY = (
-    "<ray><scan><horizontal><samples>{samples}</samples><min_angle>{low}</min_angle>"
-    "<max_angle>{high}</max_angle></horizontal></scan>"
-    "<range><min>{near}</min><max>{far}</max></range></ray>"
-)
-VALUES = {"samples": 360, "low": -3, "high": 3, "near": 0.1, "far": 10, "rate": 10}
-
-
-def block(name="s", kind="ray", inside=None, link="a", **values):
-    """One block, in a line."""
-    values = VALUES | values
-    inside = RAY.format(**values) if inside is None else inside
-    rate = f"<update_rate>{values['rate']}</update_rate>"
-    return (
-        f'<gazebo reference="{link}"><sensor name="{name}" type="{kind}">{rate}{inside}'
-        "</sensor></gazebo>"
-    )
-
-
-def camera(inside="", kind="camera", fov=1, width=320, height=240, **others):
-    size = f"<width>{width}</width><height>{height}</height>"
-    values = f"<horizontal_fov>{fov}</horizontal_fov><image>{size}</image>"
-    return block(kind=kind, inside=f"<camera>{values}{inside}</camera>", **others)
-
-
-def read(*blocks):
-    """The description of a robot of one link; the blocks are on lines 2, 3, ..."""
-    return parse_description(
-        "\n".join(['<robot name="r"><link name="a"/>', *blocks, "</robot>"]), "r"
-    )
 
 
 @pytest.mark.parametrize(
