@@ -250,10 +250,14 @@ class RobotSensors:
         bad = {*description.bad_sensors, *self._read.bad_sensors} - {
             listed.name for listed in sensors
         }
-        for sensor in self._sensors:
-            if sensor.name in bad and sensor.link in description.link_names:
-                warn(f'sensor "{sensor.name}" stays as it was: there is a fault in its block')
-                sensors.append(sensor)
+        kept = [
+            sensor
+            for sensor in self._sensors
+            if sensor.name in bad and sensor.link in description.link_names
+        ]
+        for name in dict.fromkeys(sensor.name for sensor in kept):
+            warn(f'sensor "{name}" stays as it was: there is a fault in its block')
+        sensors += kept
         named = [replace(sensor, topics=self._full_names(sensor)) for sensor in sensors]
         self._sensors = [*_usable(named, config.update_rate, warn)]
         self._announce()

@@ -97,7 +97,8 @@ def _warn_of_plugin(
         return
     block = next((block for block in _BLOCKS if re.search(block.words, words)), None)
     is_truth = _TRUTH.search(words)
-    link = text_of(plugin, *_LINKS) or above
+    frame = text_of(plugin, "frame_name", "frameName")
+    link = text_of(plugin, *_LINKS) or above or (frame if frame in links else "")
     if not (block or is_truth or text_of(plugin, *_LINKS[:2])):
         return
     place = f' on link "{link}"' if link else ""

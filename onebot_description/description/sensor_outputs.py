@@ -163,17 +163,19 @@ class Outputs:
             return _joined(self._node, name[1:].lstrip("/"))
         return _joined(self._space, name)
 
-    def topics(self, *, rows: int, alone: bool) -> dict[str, str]:
+    def made(self, rows: int) -> tuple[str, ...]:
+        """Return the outputs; ``rows`` are those of a lidar's rays."""
+        if self.unknown_type:
+            return ()
+        if self._kind == LIDAR:
+            return (self._of_rays or ("points" if rows > 1 else "scan"),)
+        return (_OUTPUTS_OF_PLUGINS if self._named else _OUTPUTS)[self._kind]
+
+    def topics(self, outputs: tuple[str, ...], *, alone: bool) -> dict[str, str]:
         """Return the topic of each output, as written.
 
-        ``rows`` are those of a lidar's rays; ``alone``: every other sensor of its kind has names.
+        ``alone``: every other sensor with such outputs names its topics.
         """
-        if self.unknown_type:
-            return {}
-        if self._kind == LIDAR:
-            outputs: tuple[str, ...] = (self._of_rays or ("points" if rows > 1 else "scan"),)
-        else:
-            outputs = (_OUTPUTS_OF_PLUGINS if self._named else _OUTPUTS)[self._kind]
         names = self._named or self._as_in_gz_sim(outputs, alone)
         if self._info:
             names = names | {"camera_info": self._info}
@@ -183,7 +185,7 @@ class Outputs:
         """Return topics by the <topic> of the <sensor>; those without are ours."""
         topic, word = self._topic, re.sub(r"\W", "_", self._name)
         if self._kind in (LIDAR, IMU):
-            (output,) = outputs
+            output = outputs[0]
             name = topic or ("" if alone else f"{word}/") + output.replace("point_cloud", "points")
             below = topic and output == "points"
             return {output: _joined(self._space, f"{topic}/points" if below else name)}

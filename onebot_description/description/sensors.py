@@ -145,7 +145,7 @@ def read_sensors(
     published = list[tuple[dict[str, str], _Block]]()
     sensors = list[Sensor]()
     for block in blocks:
-        found = () if block.wrong else block.sensors(_is_alone(block, blocks))
+        found = [] if block.wrong else block.sensors(blocks)
         for sensor in found:
             topics = {output: topic.lstrip("/") for output, topic in sensor.topics.items()}
             block.compare(topics, published)
@@ -155,18 +155,6 @@ def read_sensors(
             sensors.extend(found)
     bad = dict.fromkeys(block.name for block in blocks if block.wrong)
     return tuple(sensors), tuple(bad)
-
-
-def _is_alone(block: "_Block", blocks: Iterable["_Block"]) -> bool:
-    """Whether no sensor like this one is without a name; one ray is none like a fan's."""
-    unnamed = [
-        other
-        for other in blocks
-        if other.kind == block.kind and (block.is_one_ray or not other.is_one_ray)
-        for outputs in other.outputs
-        if not outputs.given
-    ]
-    return len(unnamed) < 2
 
 
 def _pose_in_body(
@@ -225,32 +213,47 @@ class _Block:
         self._model, self._pose = self._read_model(), self._read_pose()
         self._rate = self._number(self._element, "update_rate")
 
-    @property
-    def is_one_ray(self) -> bool:
-        """Whether it is a lidar that measures one distance."""
+    def _rays(self) -> tuple[int, int]:
+        """Return the rows of a lidar's rays, and the rays of each."""
         model = self._model
-        return isinstance(model, Lidar) and model.horizontal.samples * model.vertical.samples == 1
+        return (
+            (model.vertical.samples, model.horizontal.samples)
+            if isinstance(model, Lidar)
+            else (1, 1)
+        )
 
-    def sensors(self, alone: bool) -> list[Sensor]:
+    def sensors(self, blocks: Iterable["_Block"]) -> list[Sensor]:
         """Return what each plugin publishes; not to be used if the block is ``wrong`` then.
 
-        ``alone``: every other sensor of its kind names its topics.
+        ``blocks`` are all that a robot has.
         """
         return [
             self._sensor(outputs, topics)
             for outputs in self.outputs
-            if (topics := self._topics(outputs, alone))
+            if (topics := self._topics(outputs, blocks))
         ]
 
-    def _topics(self, outputs: Outputs, alone: bool) -> dict[str, str]:
-        if outputs.unknown_type:
+    def _topics(self, outputs: Outputs, blocks: Iterable["_Block"]) -> dict[str, str]:
+        made = outputs.made(self._rays()[0])
+        if not made:
             text = f"asks for {outputs.unknown_type}, which cannot be made of rays, so it"
             types = ", ".join(f"sensor_msgs/{each}" for each in OUTPUT_TYPES)
             text += f" publishes nothing; write one of: {types}"
             self._findings.warning(outputs.plugin or self._element, text)
-        rows = self._model.vertical.samples if isinstance(self._model, Lidar) else 1
-        written = outputs.topics(rows=rows, alone=alone)
+            return {}
+        rivals = sum(block.unnamed(self.kind, made, self._rays()) for block in blocks)
+        written = outputs.topics(made, alone=rivals < 2)
         return {output: self._checked(topic) for output, topic in written.items()}
+
+    def unnamed(self, kind: str, made: tuple[str, ...], rays: tuple[int, int]) -> int:
+        """Return how many of its plugins publish this without names.
+
+        One ray, as of a cliff sensor, does not take the name of a scan from one of many ``rays``.
+        """
+        if self.kind != kind or (self._rays() == (1, 1) != rays):
+            return 0
+        rows = self._rays()[0]
+        return sum(not each.given and each.made(rows) == made for each in self.outputs)
 
     def _sensor(self, outputs: Outputs, topics: dict[str, str]) -> Sensor:
         model, rate, plugin = self._model, self._rate, outputs.plugin

@@ -32,7 +32,13 @@ PUBLIC_ROBOTS = {
     "turtlebot4": f"""
         rplidar rplidar_link 62 rplidar_link scan=scan
         rgbd_camera oakd_rgb_camera_frame 30 oakd_rgb_camera_frame {OF_CAMERA}
-        imu imu_link 62 imu_link imu=imu""",
+        imu imu_link 62 imu_link imu=imu
+        cliff_side_left cliff_side_left 62 cliff_side_left scan=cliff_side_left/scan
+        ir_intensity_left ir_intensity_left 62 ir_intensity_left points=points""",
+    "andino": """
+        sensor_ray_front rplidar_laser_link 20 rplidar_laser_link scan=scan
+        camera camera_link 30 camera_link image=camera/image_raw
+            camera_info=camera/camera_info""",
     "create3": """
         cliff_front_left cliff_front_left 62 cliff_front_left scan=scan
         cliff_front_right cliff_front_right 62 cliff_front_right
@@ -46,6 +52,9 @@ PUBLIC_ROBOTS = {
         laser laser 10 laser scan=scan
         imu_sensor imu_link 20 imu_link imu=imu/data
         camera camera_link 30 camera_color_optical_frame {OF_GZ}""",
+    "linorobot2_classic": """
+        head_hokuyo_sensor laser 10 laser scan=base/scan
+        imu_sensor imu_link 20 imu_link imu=imu/data""",
     "articubot_one": f"""
         laser laser_frame 10 laser_frame scan=scan
         camera camera_link 10 camera_link_optical {OF_CAMERA} {OF_DEPTH_PLUGIN}""",
@@ -89,6 +98,7 @@ def test_models_of_public_robots():
     assert model("turtlebot3_waffle_pi", "Pi Camera") == Camera(
         1.085595, 640, 480, 0.03, 100.0, 0.03, 100.0
     )
+    assert model("andino", "camera").baseline == 0.07
     assert model("create3", "cliff_front_left").noise.stddev == 0.01  # written beside the <ray>
     assert model("rosbot", "fl_range") == Lidar(Fan(), Fan(), 0.01, 0.9)
     assert model("rosbot", "camera_orbbec_astra_camera").near == 0.6  # without a <camera>
@@ -101,6 +111,8 @@ def test_models_of_public_robots():
 
 
 def test_what_is_not_simulated_is_one_warning():
+    for robot in ("andino", "linorobot2_classic", "articubot_one", "turtlebot4"):
+        assert load_description(BLOCKS / f"{robot}.urdf").notices == ()
     (contact,) = load_description(BLOCKS / "create3.urdf").warnings
     assert 'create3.urdf:39: <gazebo> sensor "bumper_contact_sensor"' in contact
     assert 'sensors of type "contact" are not simulated' in contact

@@ -215,6 +215,10 @@ def test_lidars_of_one_ray_leave_the_scan_to_the_one_that_scans():
     one = RAY.format(**VALUES | {"samples": 1})
     found = read(block("cliff", inside=one), block("laser"), block("ir", inside=one))
     assert [sensor.topics["scan"] for sensor in found.sensors] == ["cliff/scan", "scan", "ir/scan"]
+    assert topics(read(block("laser", inside=one))) == {"scan": "scan"}
+    found = read(rays(rows=5, name="left"), rays(rows=5, name="right"), block("laser"))
+    names = [*found.sensors[0].topics.values(), *found.sensors[2].topics.values()]
+    assert names == ["left/points", "scan"]  # clouds are no rivals of a scan
 
 
 # Types --------------------------------------------------------------------------------------------
