@@ -43,7 +43,9 @@ _BLOCKS = (
 )
 _TRUTH = re.compile(r"p3d|ground_?truth")
 # Plugins of gz sim's world, and what moves a body: these are no sensors.
-_NO_SENSOR = re.compile(r"-system|force|drive|gripper|wrench|control|joint")
+_NO_SENSOR = re.compile(
+    r"-system|force|drive|gripper|grasp|wrench|control|joint|attach|lift|buoy|thrust|propel|wind"
+)
 _LINKS, _RATES = ("bodyName", "body_name", "link"), ("updateRate", "update_rate", "updateRateHZ")
 
 
@@ -52,13 +54,11 @@ def warn_of_misplaced(
 ) -> None:
     """Warn of sensors that lie in none of ``parents``, and of plugins that lie in no sensor."""
     for element, path in _walk(findings.document.root, ()):
-        if element.tag == "sensor" and (not path or path[-1] not in parents):
-            link = _link_above(path) or _named(element, links)
-            where = f"in <{path[-1].tag}>" if path else "alone"
-            text = (
-                f'lies {where}, where it is not read; write <gazebo reference="{link or "LINK"}">'
-            )
-            findings.warning(element, f"{text} around it, directly in <robot>")
+        if element.tag == "sensor" and element.keys() and path[-1] not in parents:
+            link = _link_above(path) or _named(element, links) or "LINK"
+            text = f"lies in <{path[-1].tag}>, where it is not read; write <gazebo "
+            text += f'reference="{link}"> around it, directly in <robot>'
+            findings.warning(element, text)
         elif element.tag == "plugin":
             _warn_of_plugin(findings, element, _link_above(path), links)
 
@@ -96,17 +96,21 @@ def _warn_of_plugin(
     if _NO_SENSOR.search(words):
         return
     block = next((block for block in _BLOCKS if re.search(block.words, words)), None)
-    is_truth = _TRUTH.search(words)
-    frame = text_of(plugin, "frame_name", "frameName")
-    link = text_of(plugin, *_LINKS) or above or (frame if frame in links else "")
-    if not (block or is_truth or text_of(plugin, *_LINKS[:2])):
+    is_truth, named = _TRUTH.search(words), text_of(plugin, *_LINKS)
+    if not (block or is_truth or named):
         return
+    frame = text_of(plugin, "frame_name", "frameName")
+    link = named or above or (frame if frame in links else "")
     place = f' on link "{link}"' if link else ""
     text = f"is a sensor{place} without a <sensor>, so it is ignored"
     if is_truth:
         text += "; the true pose and twist are on ~/ground_truth of velocity_controller"
     elif block:
         text += f"; write {_written(block, plugin, link or 'LINK')}"
+    else:
+        known = ", ".join(dict.fromkeys(block.type for block in _BLOCKS))
+        text += f'; if it is like one, write <gazebo reference="{link}"><sensor name="NAME" '
+        text += f'type="TYPE"/></gazebo>, with TYPE one of: {known}'
     findings.warning(plugin, text)
 
 

@@ -69,6 +69,11 @@ def text_of(element: Element, *tags: str) -> str:
     return next((text for text in found if text and text not in _PLACEHOLDERS), "")
 
 
+def _word(name: str) -> str:
+    """Return a name as a part of a topic."""
+    return re.sub(r"\W", "_", name.strip())
+
+
 def _joined(*names: str) -> str:
     """Return names below each other; an absolute one is below none."""
     path = ""
@@ -89,7 +94,7 @@ class Outputs:
 
     def __init__(self, sensor: Element, kind: str, plugin: Element | None = None) -> None:
         self.plugin, self._kind, self.unknown_type = plugin, kind, ""
-        self._name = sensor.get("name", "").strip()
+        self._name = _word(sensor.get("name", ""))
         self._topic = text_of(sensor, "topic").strip("/")
         self._info = text_of(sensor, "camera_info_topic").strip("/")
         self._file = "" if plugin is None else plugin.get("filename", "")
@@ -114,7 +119,7 @@ class Outputs:
             self._of_rays = OUTPUT_TYPES.get(asked.rpartition("/")[2], "")
             self.unknown_type = "" if self._of_rays else asked
         self._space = text_of(plugin, "namespace", "robotNamespace").strip("/")
-        self._node = _joined(self._space, plugin.get("name", ""))
+        self._node = _joined(self._space, _word(plugin.get("name", "")))
         self.idle = [*_remappings(plugin)]
         if self._kind in (LIDAR, IMU):
             self._read_topic(plugin)
@@ -183,7 +188,7 @@ class Outputs:
 
     def _as_in_gz_sim(self, outputs: tuple[str, ...], alone: bool) -> dict[str, str]:
         """Return topics by the <topic> of the <sensor>; those without are ours."""
-        topic, word = self._topic, re.sub(r"\W", "_", self._name)
+        topic, word = self._topic, self._name
         if self._kind in (LIDAR, IMU):
             output = outputs[0]
             name = topic or ("" if alone else f"{word}/") + output.replace("point_cloud", "points")

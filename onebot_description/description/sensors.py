@@ -342,7 +342,7 @@ class _Block:
     def compare(
         self, topics: Mapping[str, str], published: Iterable[tuple[Mapping[str, str], "_Block"]]
     ) -> None:
-        """Report topics that what is already ``published`` has, too."""
+        """Report topics that a sensor already ``published`` has, too."""
         for others, block in published:
             place = f"the one at {block.place}" if block is not self else "another plugin of it"
             for topic in clashes(others, topics):
@@ -358,7 +358,7 @@ class _Block:
     def warn_of_frames(
         self, sensors: Iterable[Sensor], links: Collection[str], joints: Iterable[Joint]
     ) -> None:
-        """Warn once of each frame that is none of its plugins' messages can have."""
+        """Warn once of each frame that messages of these sensors cannot have."""
         for sensor in {sensor.frame: sensor for sensor in sensors}.values():
             self._warn_of_frame(sensor, links, joints)
 

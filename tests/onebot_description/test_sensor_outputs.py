@@ -459,6 +459,14 @@ def test_what_publishes_the_truth_is_told_where_it_is():
     assert 'on link "a" without a <sensor>' in warning and "~/ground_truth" in warning
 
 
+@pytest.mark.parametrize("tag", ["link", "body_name", "bodyName"])
+def test_any_other_plugin_on_a_link_is_one_warning_with_the_types_there_are(tag):
+    inside = plugin(located(tag), "libhector_gazebo_ros_gps.so")
+    (warning,) = read(f"<gazebo>{inside}</gazebo>").warnings
+    assert 'on link "a" without a <sensor>' in warning and "imu" in warning
+    assert '<gazebo reference="a"><sensor name="NAME" type="TYPE"/></gazebo>' in warning
+
+
 @pytest.mark.parametrize(
     "file",
     [
