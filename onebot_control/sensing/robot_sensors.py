@@ -156,6 +156,7 @@ class SensorPublisher:
         camera = self._sensor.model
         assert isinstance(camera, Camera)
         focal, x, y = focal_length(camera), camera.width / 2.0, camera.height / 2.0
+        shift = 0.0 - focal * camera.baseline  # of a pair's right camera, pixels times metres
         return CameraInfo(
             height=camera.height,
             width=camera.width,
@@ -163,7 +164,7 @@ class SensorPublisher:
             d=[0.0] * 5,
             k=[focal, 0.0, x, 0.0, focal, y, 0.0, 0.0, 1.0],
             r=[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
-            p=[focal, 0.0, x, -focal * camera.baseline, 0.0, focal, y, 0.0, 0.0, 0.0, 1.0, 0.0],
+            p=[focal, 0.0, x, shift, 0.0, focal, y, 0.0, 0.0, 0.0, 1.0, 0.0],
         )
 
     def _points(self, points: NDArray[np.void]) -> PointCloud2:

@@ -378,6 +378,7 @@ def test_two_cameras_share_their_camera_info(ros_domain: int, tmp_path: Path) ->
         wait_for(lambda: front and rear, "both pictures")
         wait_for(lambda: {each.width for each in infos} == {64, 32}, "the CameraInfo of both")
         assert (front[-1].width, rear[-1].width) == (64, 32)
+        wait_for(lambda: "<camera_info_topic>" in node.output, "the notice")
         assert "not simulated" not in node.output
 
 
