@@ -552,7 +552,8 @@ class _Block:
     def _warn_of_unread(self, plugin: Element) -> None:
         """Warn of a plugin's children that are not read, in one warning."""
         known = f"{_KNOWN_IN_ANY_PLUGIN} {_KNOWN_IN_PLUGIN[self.kind]}".split() + [*_RATES]
-        unread = [child.tag for child in plugin if child.tag not in known and _asks(child)]
+        children = [*plugin, *plugin.iterfind("ros/*")]
+        unread = [child.tag for child in children if child.tag not in known and _asks(child)]
         rules = [
             f"<remapping> {old}:={new}"
             for outputs in self.outputs

@@ -393,6 +393,7 @@ def test_an_unknown_radiation_is_a_warning():
         (child(fame_name="a"), "<fame_name> is not simulated, so it is ignored (did you mean"),
         (child(Cx=320.5, baseline=0.2), "<Cx>, <baseline>: nothing of the sensor reads this"),
         ("<scan><a/></scan>", "<scan> is not simulated"),
+        ("<ros><qos/><parameter>5</parameter></ros>", "<parameter> is not simulated"),
     ],
 )
 def test_a_plugin_s_children_that_nothing_reads_are_one_warning(inside, warning):
