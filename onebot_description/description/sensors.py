@@ -263,6 +263,7 @@ class _Block:
             frame = frame or text_of(plugin, *_FRAMES)
             model = self._as_published(model, plugin, topics)
         frame = frame or text_of(self._element, *_FRAMES) or self._link
+        frame = frame.lstrip("/")  # as ROS 1 had it; tf2 refuses it
         return Sensor(self.name, self._link, self._pose, rate, topics, frame, model, self.place)
 
     def _as_published(

@@ -221,6 +221,23 @@ def test_lidars_of_one_ray_leave_the_scan_to_the_one_that_scans():
     assert names == ["left/points", "scan"]  # clouds are no rivals of a scan
 
 
+@pytest.mark.parametrize(
+    ("inside", "expected"),
+    [
+        ("", "a"),
+        (child(frame_name="b"), "b"),
+        (child(frameName="/b"), "b"),
+    ],
+)
+def test_a_plugin_s_frame_is_that_of_its_messages(inside, expected):
+    joint = '<joint name="j" type="fixed"><parent link="a"/><child link="b"/></joint>'
+    own = plugin(ros("~/out:=own") + inside)
+    other = plugin(ros("~/out:=other"), name="q")
+    found = read(rays(own, other), f'<link name="b"/>{joint}')
+    assert [sensor.frame for sensor in found.sensors] == [expected, "a"]
+    assert found.notices == ()
+
+
 # Types --------------------------------------------------------------------------------------------
 
 
