@@ -157,7 +157,7 @@ class Outputs:
             if self._expanded(old).strip("/") in full:
                 self.idle.remove(rule)
                 return self._expanded(new)
-            if old in names:  # as the documentation of the camera's plugin has it
+            if old in names and base != self._node:  # as the camera's documentation has it
                 self.idle.remove(rule)
                 return _joined(base, new)
         return default

@@ -424,6 +424,8 @@ def test_a_remapping_of_no_topic_is_a_warning():
     found = read(rays(plugin(ros("~/out:=scan", "~/in:=x"))))
     (warning,) = found.warnings
     assert "~/in:=x" in warning and "~/out:=scan" not in warning
+    found = read(rays(plugin(ros("out:=scan"))))  # of another topic than ~/out
+    assert topics(found) == {"points": "p/out"} and "out:=scan" in found.warnings[0]
 
 
 def located(tag: str) -> str:
