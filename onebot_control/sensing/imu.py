@@ -1,11 +1,13 @@
-"""Inertial measurements from two states of a rigid body."""
+"""Inertial measurements from two states of a rigid body, and its orientation."""
 
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from onebot_control.poses import Quaternion
 from onebot_description.description.description import Imu, Noise
+from onebot_description.model import quaternions
 
 Floats = NDArray[np.float64]
 
@@ -54,3 +56,16 @@ def measure(
     first, last = (motion.linear + np.cross(motion.angular, arm) for motion in (before, now))
     acceleration = (last - first) / period + np.cross(spin, (first + last) / 2.0)
     return turn.T @ now.angular, turn.T @ (acceleration + gravity * now.rotation[2])
+
+
+def orientation(sensor: Imu, rotation: Floats, start: Quaternion) -> Floats | None:
+    """Return the orientation (4,), x y z w, in the axes of the sensor; None if it measures none.
+
+    ``rotation`` (3, 3) is the sensor's in the world, ``start`` the root link's when all began.
+    """
+    if sensor.reference is None:
+        return None
+    axes = quaternions.to_matrix(quaternions.from_rpy(sensor.reference.rpy))
+    if sensor.reference.at_start:
+        axes = quaternions.to_matrix(start) @ axes
+    return quaternions.from_matrix(axes.T @ rotation)

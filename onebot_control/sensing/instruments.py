@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from onebot_control.control_loop import Divider
 from onebot_control.driven_robot import Snapshot
-from onebot_control.poses import Transform
+from onebot_control.poses import Quaternion, Transform
 from onebot_control.sensing import camera, imu, lidar
 from onebot_control.sensing.noise import add_noise, bias, noise_of
 from onebot_control.sensing.rays import NOTHING, Hits, Rays, cast
@@ -55,6 +55,7 @@ class Frame(NamedTuple):
     before: Sequence[Snapshot] | None  # a cycle ago; None if that is not known
     boxes: Sequence[Transform]
     robots: Sequence[SensedRobot]
+    starts: Sequence[Quaternion]  # rotations of the robots in the first cycle
 
 
 class Outlet(Protocol):
@@ -246,7 +247,8 @@ class Instrument:
             for axis, noise in enumerate(imu.noises(model)):
                 part = values[axis : axis + 1]
                 part[:] = add_noise(part, noise, self._offsets[axis], generator)
-        return {"imu": (quaternions.from_matrix(pose.rotation), values[:3], values[3:])}
+        start = frame.starts[self.row]
+        return {"imu": (imu.orientation(model, pose.rotation, start), values[:3], values[3:])}
 
 
 def _motion(snapshot: Snapshot) -> imu.Motion:
@@ -282,6 +284,7 @@ class Sensing:
         self._instruments: dict[int, list[Instrument]] = {}
         self._due: list[tuple[Instrument, frozenset[str]]] = []
         self._last: tuple[int, Sequence[Snapshot]] | None = None
+        self._starts: Sequence[Quaternion] = ()
         self._jobs: SimpleQueue[tuple[Instrument, frozenset[str], Frame] | None] = SimpleQueue()
         self._built: tuple[Sequence[SensedRobot], Surroundings, camera.Painter] | None = None
         self._stopped = False
@@ -327,9 +330,10 @@ class Sensing:
     def take(self, stamp: int, snapshots: Sequence[Snapshot], boxes: Sequence[Transform]) -> None:
         """Have what is due measured at a stamp, ns; ``boxes`` are poses of what can be pushed."""
         tick, last = snapshots[0].tick, self._last
+        self._starts = self._starts or [snapshot.pose.rotation for snapshot in snapshots]
         if self._due:
             previous = last[1] if last and last[0] == tick - 1 else None
-            frame = Frame(tick, stamp, snapshots, previous, boxes, self._robots)
+            frame = Frame(tick, stamp, snapshots, previous, boxes, self._robots, self._starts)
             for instrument, topics in self._due:
                 if instrument.busy:
                     instrument.dropped += 1

@@ -121,18 +121,17 @@ class SensorPublisher:
     def _point_cloud(self, _: object) -> PointCloud:
         return PointCloud()
 
-    def _imu(self, values: tuple[NDArray[np.float64], ...]) -> ImuMessage:
+    def _imu(self, values: tuple[NDArray[np.float64] | None, ...]) -> ImuMessage:
         imu = self._sensor.model
         assert isinstance(imu, Imu)
         message = ImuMessage()
-        orientation, angular, linear = (vector.tolist() for vector in values)
-        for part, names, numbers in (
-            (message.orientation, "xyzw", orientation),
-            (message.angular_velocity, "xyz", angular),
-            (message.linear_acceleration, "xyz", linear),
-        ):
-            for name, number in zip(names, numbers, strict=True):
+        parts = message.orientation, message.angular_velocity, message.linear_acceleration
+        for part, vector in zip(parts, values, strict=True):
+            numbers = [] if vector is None else vector.tolist()
+            for name, number in zip("xyzw", numbers, strict=False):  # vectors have no w
                 setattr(part, name, number)
+        if imu.reference is None:
+            message.orientation_covariance[0] = -1.0  # as REP-145 and the message have it
         variances = [
             [noise.stddev**2 for noise in noises]
             for noises in (imu.angular_velocity, imu.linear_acceleration)

@@ -192,7 +192,8 @@ def _mesh(mesh: Mesh, state: tuple[int, int] | None) -> tuple[_Part, ...]:
     parts = []
     for surface in surfaces(scene):
         corners = np.asarray(surface.vertices, float) * mesh.scale
-        faces = np.asarray(surface.faces, np.intp)
+        # A mirrored triangle is wound the other way about.
+        faces = np.asarray(surface.faces, np.intp)[:, :: -1 if np.prod(mesh.scale) < 0.0 else 1]
         colors, texture = _look(surface.visual) if has_own_colors else (None, None)
         parts.append(_Part(corners, faces, colors, None, texture))
     return tuple(parts)

@@ -210,12 +210,20 @@ class Camera:
     blank: float = math.inf  # x, y and z of a point without a depth, as in gz sim
 
 
+class Reference(NamedTuple):
+    """The axes in which an IMU gives its orientation."""
+
+    rpy: Triple = ZERO  # fixed-axis roll, pitch, yaw in the world: x east, y north, z up; rad
+    at_start: bool = False  # they are those in the root link's frame instead, as it was at first
+
+
 @dataclass(frozen=True)
 class Imu:
     """An inertial measurement unit."""
 
     angular_velocity: tuple[Noise, Noise, Noise] = (Noise(), Noise(), Noise())  # rad/s
     linear_acceleration: tuple[Noise, Noise, Noise] = (Noise(), Noise(), Noise())  # m/s^2
+    reference: Reference | None = Reference()  # None: it measures no orientation
 
 
 MESSAGE_TYPES = {

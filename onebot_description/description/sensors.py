@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import fields, replace
 
 from onebot_description.description.description import (
+    ZERO,
     Camera,
     Fan,
     Imu,
@@ -18,9 +19,12 @@ from onebot_description.description.description import (
     Lidar,
     Noise,
     Origin,
+    Reference,
     Sensor,
+    Triple,
     clashes,
 )
+from onebot_description.description.frames import Frames, placed
 from onebot_description.description.misplaced_sensors import warn_of_misplaced
 from onebot_description.description.reading import Element, Findings, number_fault
 from onebot_description.description.sensor_outputs import (
@@ -95,6 +99,7 @@ _KNOWN = {
     "clip": "near far",
     "imu": "angular_velocity linear_acceleration noise orientation_reference_frame topic "
     "enable_orientation",
+    "orientation_reference_frame": "localization custom_rpy",
 }
 _OF_CAMERA_PLUGIN = (
     "camera_name cameraName imageTopicName depthImageTopicName pointCloudTopicName "
@@ -123,6 +128,13 @@ _TOPIC = Rule(
     pattern=re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII),
     write="a ROS name: words of letters, digits and _ that do not start with a digit, joined by /",
 )
+# Axes that an IMU may name: in the world, whose x points east, y north and z up (REP-103).
+_AXES: Mapping[str, Triple] = {
+    "ENU": (0.0, 0.0, 0.0),
+    "NED": (math.pi, 0.0, math.pi / 2.0),
+    "NWU": (0.0, 0.0, math.pi / 2.0),
+}
+_CUSTOM, _BY_GRAVITY = "CUSTOM", ("GRAV_UP", "GRAV_DOWN")
 # Of a sensor from the frame of its messages; rounded angles such as 1.57 are no fault.
 _APART, _TURNED = 1e-3, 1e-2  # m, rad
 
@@ -133,8 +145,10 @@ def read_sensors(
     """Return the sensors of a document, and the names of unreadable ones."""
     root = findings.document.root
     parents = [root] if root.tag == "gazebo" else root.findall("gazebo")
+    joints = [*joints]
+    frames = Frames(links, joints)
     blocks = [
-        _Block(findings, element, parent)
+        _Block(findings, element, parent, frames)
         for parent in parents
         for element in parent.iterfind("sensor")
     ]
@@ -157,31 +171,13 @@ def read_sensors(
     return tuple(sensors), tuple(bad)
 
 
-def _pose_in_body(
-    link: str, origin: Origin, joints: Iterable[Joint]
-) -> tuple[str, list[float], list[float]]:
-    """Return the first link of a link's rigid body, and a pose of the link in its frame.
-
-    The pose is a translation (3,), m, and a unit quaternion (4,), x y z w.
-    """
-    import numpy as np  # only now: it takes longer to import than all that is done here
-
-    from onebot_description.model import quaternions
-
-    above = {joint.child: joint for joint in joints if joint.kind == "fixed"}
-    at, turn = np.array(origin.xyz), quaternions.from_rpy(origin.rpy)
-    while joint := above.pop(link, None):
-        outer = quaternions.from_rpy(joint.origin.rpy)
-        at = quaternions.rotate(outer, at) + joint.origin.xyz
-        turn, link = quaternions.multiply(outer, turn), joint.parent
-    return link, at.tolist(), turn.tolist()
-
-
 class _Block:
     """One <sensor>, and what is wrong in it."""
 
-    def __init__(self, findings: Findings, element: Element, parent: Element) -> None:
-        self._findings, self._element = findings, element
+    def __init__(
+        self, findings: Findings, element: Element, parent: Element, frames: Frames
+    ) -> None:
+        self._findings, self._element, self._frames = findings, element, frames
         self._link, self.wrong = parent.get("reference", ""), False
         self.name, self.place = element.get("name", "").strip(), findings.where(element)
         kind = element.get("type", "")
@@ -210,7 +206,8 @@ class _Block:
         self._warn_of_unknown(self._element)
         for plugin in self._element.iterfind("plugin"):
             self._warn_of_unread(plugin)
-        self._model, self._pose = self._read_model(), self._read_pose()
+        self._pose = self._read_pose()
+        self._model = self._read_model()
         self._rate = self._number(self._element, "update_rate")
 
     def _rays(self) -> tuple[int, int]:
@@ -378,8 +375,9 @@ class _Block:
         is_there = sensor.frame == sensor.link and sensor.origin == Origin()
         if is_there or not sensor.topics.keys() & {"scan", "range", "imu"}:
             return
-        body, at, turn = _pose_in_body(sensor.link, sensor.origin, joints)
-        frame_body, place, direction = _pose_in_body(sensor.frame, Origin(), joints)
+        fixed = [joint for joint in joints if joint.kind == "fixed"]
+        body, at, turn = placed(sensor.link, sensor.origin, fixed)
+        frame_body, place, direction = placed(sensor.frame, Origin(), fixed)
         apart = math.dist(at, place)
         cosine = abs(sum(map(operator.mul, turn, direction)))  # cosine of half the angle
         angle = 2 * math.acos(min(1.0, cosine))
@@ -484,7 +482,34 @@ class _Block:
             elements = [imu.find(f"{tag}/{axis}/noise") for axis in "xyz"]
             noises = [self._noise(old if noise is None else noise) for noise in elements]
             groups.append((noises[0], noises[1], noises[2]))
-        return Imu(*groups)
+        has_orientation = imu.findtext("enable_orientation", "true").strip() not in ("false", "0")
+        reference = self._reference(imu) if has_orientation else None
+        return Imu(groups[0], groups[1], reference)
+
+    def _reference(self, imu: Element) -> Reference:
+        """Return the axes in which an IMU gives its orientation."""
+        element = imu.find("orientation_reference_frame")
+        if element is None:
+            return Reference()
+        name = element.findtext("localization", _CUSTOM).strip()
+        if name in _BY_GRAVITY:
+            text = f"{name} is not simulated: the orientation is that in the world, as of ENU"
+            self._findings.warning(element, f"{text}; write one of: {', '.join(_AXES)}, {_CUSTOM}")
+        elif name != _CUSTOM and name not in _AXES:
+            hint = did_you_mean(name, (*_AXES, _CUSTOM))
+            self.problem(f'there are no axes "{name}"{hint}', element)
+        if name != _CUSTOM:
+            return Reference(_AXES.get(name, _AXES["ENU"]))
+        custom = element.find("custom_rpy")
+        if custom is None:
+            return Reference(self._frames.turned(ZERO, self._pose, self._link), at_start=True)
+        x, y, z = self._numbers(custom, "roll pitch yaw")
+        parent = custom.get("parent_frame", "").strip()
+        if parent == "world":
+            return Reference((x, y, z))
+        link = self._frame(custom, parent)
+        pose = Origin() if parent else self._pose
+        return Reference(self._frames.turned((x, y, z), pose, link), at_start=True)
 
     def _noise(self, element: Element | None) -> Noise:
         if element is None:
@@ -525,18 +550,34 @@ class _Block:
 
     def _read_pose(self) -> Origin:
         element = self._element.find("pose")
-        words = [] if element is None or not element.text else element.text.split()
-        if element is None or not words:
+        if element is None:
             return Origin()
-        fault = next(filter(None, map(number_fault, words)), None)
-        if fault is not None or len(words) != 6:
-            text = fault or f"holds {len(words)} numbers; write x y z roll pitch yaw"
-            self.problem(text, element)
-            return Origin()
-        x, y, z, *angles = map(float, words)
+        frame = element.get("relative_to", "").strip()
+        link = self._frame(element, frame)
+        x, y, z, *angles = self._numbers(element, "x y z roll pitch yaw")
         if element.get("degrees") == "true":
             angles = [*map(math.radians, angles)]
-        return Origin((x, y, z), (angles[0], angles[1], angles[2]))
+        pose = Origin((x, y, z), (angles[0], angles[1], angles[2]))
+        return pose if link == self._link else self._frames.relative(pose, link, self._link)
+
+    def _frame(self, element: Element, name: str) -> str:
+        """Return the link whose frame has a ``name``; that of the sensor for ""."""
+        link = self._frames.link(name, self._link)
+        if link is None:
+            hint = self._findings.hint(name, self._frames.names, "links and joints")
+            self.problem(f'there is no frame "{name}"{hint}', element)
+        return link or self._link
+
+    def _numbers(self, element: Element, names: str) -> list[float]:
+        """Return the numbers called ``names`` of an element; zeros if it is empty or wrong."""
+        words, count = (element.text or "").split(), len(names.split())
+        fault = next(filter(None, map(number_fault, words)), None)
+        if fault is None and len(words) == count:
+            return [*map(float, words)]
+        if words:
+            text = fault or f"holds {len(words)} numbers; write {names}"
+            self.problem(text, element)
+        return [0.0] * count
 
     def _warn_of_unknown(self, element: Element) -> None:
         """Warn of elements that are not read: a name may be misspelt."""

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from PIL import Image
 
 from onebot_control.driven_robot import Snapshot
@@ -283,6 +284,56 @@ def test_a_texture_of_a_mesh_is_seen(tmp_path: Path):
         picture = camera.Painter(scene.still).picture(sensor, pixels, at, hits, placed.targets)
         above, below = picture[10, 20].astype(int), picture[30, 20].astype(int)
         assert above[0] > 60 and above[1] == 0 and below[1] > 60 and below[0] == 0, kind
+
+
+@pytest.mark.parametrize("scale", list(itertools.product((1.0, -1.0), repeat=3)))
+def test_a_mirrored_mesh_is_lit_from_outside(tmp_path: Path, scale: tuple[float, ...]):
+    """By the sign of its scale's product its triangles are wound as before or the other way."""
+    trimesh.creation.box((1.0, 1.0, 1.0)).export(tmp_path / "box.stl")
+    scales = " ".join(map(str, scale))
+    mirrored = f'<mesh filename="file://{tmp_path}/box.stl" scale="{scales}"/>'
+    sensor = Camera(0.6, 40, 40, 0.1, 9.0, 0.1, 9.0)
+    pixels, at = camera.camera_rays(sensor), np.array([0.0, 0.0, 1.2])
+    pictures = []
+    for text in (mirrored, '<box size="1 1 1"/>'):
+        scene = Surroundings(world(link("box", shape(text, "2 0 0.5"))), [])
+        outwards = scene.still.normals * scene.still.solid.corners[scene.still.solid.faces[:, 0]]
+        assert ((outwards - scene.still.normals * (2, 0, 0.5)).sum(axis=1) > 0.4).all()
+        targets = Placed(scene, (), []).targets
+        hits = cast(pixels, np.eye(3), at, scene.still, targets, 9.0)
+        pictures.append(camera.Painter(scene.still).picture(sensor, pixels, at, hits, targets))
+    np.testing.assert_array_equal(*pictures)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.02])
+def test_onebot_pushed_against_a_wall_looks_at_it_from_outside(yaw: float):
+    """Its camera stands 6 mm out of its base, and stops with it."""
+    onebot = load_description(
+        "package://onebot_description/urdf/onebot.urdf.xacro", {"sensors_enabled": "true"}
+    )
+    size = '<geometry><box size="0.2 8 3"/></geometry>'
+    scene = parse_description(
+        f'<robot name="w"><link name="world"/><link name="wall"><visual>{size}</visual>'
+        f'<collision>{size}</collision></link><joint name="j" type="fixed"><parent link="world"/>'
+        '<child link="wall"/><origin xyz="2.1 0 1.5"/></joint></robot>'
+    )
+    config = ControlConfig.from_parameters({"x": 1.7, "yaw": yaw, "cmd_vel_timeout": 9.0})
+    with Fleet.of([Member(onebot, config)], scene=scene) as fleet:
+        fleet.robots[0].accept(0.3, 0.0)
+        state = [fleet.cycle()[0] for _ in range(300)][-1]
+        plant, held = fleet.robots[0].plant, fleet.robots[0].held
+    around = Surroundings(scene, [SensedRobot(onebot, plant.joints, held)])
+    placed = Placed(around, (), [RobotState(*state.pose, state.joints.positions)])
+    camera_link = placed.link(0, "camera_link")
+    assert camera_link is not None
+    corners = np.array([*itertools.product((-0.003, 0.003), (-0.025, 0.025), (-0.007, 0.007))])
+    x = (corners @ camera_link.rotation.T + camera_link.position)[:, 0].max()
+    assert 1.995 < x < 2.0005, x  # the wall's face is at 2
+    model = next(each.model for each in onebot.sensors if each.name == "camera")
+    pixels = camera.camera_rays(model)
+    own = around.target(0, "camera_link")
+    hits = cast(pixels, *camera_link, around.still, placed.targets, 8.0, own)
+    assert (hits.surfaces == 0).all() and hits.distances.max() < 0.02
 
 
 def test_noise_depends_on_sensor_and_time_only():
