@@ -19,7 +19,7 @@ from onebot_control.simulation import (
     RobotSpawn,
     Twist,
 )
-from onebot_control.simulation.drivable import drivable
+from onebot_control.simulation.drivable import Follower, drivable
 from onebot_control.wheels.geometry import WheelGeometry, Wheels
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean
@@ -125,17 +125,18 @@ class DrivenSpawn(NamedTuple):
     wheels: Wheels
     spawn: RobotSpawn
     held: Mapping[str, float]  # joints that do not move, to their positions
+    followers: Sequence[Follower]  # joints that mimic wheels or casters
 
     @classmethod
     def of(cls, description: Description, config: ControlConfig, name: str = "") -> "DrivenSpawn":
         """Return the robot that ``config`` drives, at its start; ``name`` is for errors."""
         wheels = wheels_of(description, config)
         wheels.geometry(config.wheel_separation, config.wheel_radius)
-        simulated, held = drivable(wheels)
+        simulated, held, followers = drivable(wheels)
         if name:
             simulated = replace(simulated, source=f"{name}: {simulated.source}")
         spawn = RobotSpawn(simulated, wheels.names, config.x, config.y, config.yaw, name)
-        return cls(wheels, spawn, held)
+        return cls(wheels, spawn, held, followers)
 
 
 class DrivenRobot:
@@ -145,7 +146,8 @@ class DrivenRobot:
         config: the parameters in force.
         geometry: of the wheels, before multipliers.
         plant: the simulated robot.
-        held: joints that the plant has not, to the positions at which they are held still.
+        joints: that move: the plant's, and those that mimic them.
+        held: joints that do not move, to the positions at which they are held still.
         ticks: control cycles done.
         period: seconds of one.
     """
@@ -156,9 +158,12 @@ class DrivenRobot:
         config: ControlConfig,
         plant: Robot,
         held: Mapping[str, float] = MappingProxyType({}),
+        followers: Sequence[Follower] = (),
     ) -> None:
         """Stand still, with odometry at zero."""
         self.wheels, self.plant, self.held = wheels, plant, held
+        self.joints = (*plant.joints, *(follower.name for follower in followers))
+        self._followers = [(self.joints.index(each.leader), each) for each in followers]
         self.description = wheels.description
         self.geometry, kinematics, self.broadcaster = self.fitted(config)
         self.controller = DiffDriveController(config, kinematics)
@@ -194,7 +199,7 @@ class DrivenRobot:
             kinematics = config.kinematics(geometry)
         except ValueError as error:
             raise OneBotError(f"wheels, with their multipliers: {error}") from None
-        broadcaster = JointStateBroadcaster(config.broadcaster, self.plant.joints, self.held)
+        broadcaster = JointStateBroadcaster(config.broadcaster, self.joints, self.held)
         return geometry, kinematics, broadcaster
 
     def configure(self, config: ControlConfig) -> None:
@@ -300,6 +305,19 @@ class DrivenRobot:
 
     def _read_state(self) -> None:
         self._joints, self._pose, self._mass_velocity = self.plant.state()
+        if self._followers:
+            self._joints = self._followed(self._joints)
+
+    def _followed(self, states: JointStates) -> JointStates:
+        """Return the states of the plant's joints, and of those that mimic them."""
+        positions, velocities, efforts = map(list, states)
+        for leader, follower in self._followers:
+            at = follower.at(positions[leader])
+            moves = follower.lower < at < follower.upper
+            positions.append(at)
+            velocities.append(follower.multiplier * velocities[leader] if moves else 0.0)
+            efforts.append(0.0)
+        return JointStates(tuple(positions), tuple(velocities), tuple(efforts))
 
 
 def wheels_of(description: Description, config: ControlConfig) -> Wheels:

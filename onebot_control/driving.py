@@ -384,7 +384,7 @@ class RobotDriving:
         self, sensing: Sensing, robot: DrivenRobot, instruments: Sequence[Instrument] = ()
     ) -> None:
         """Sense with these ``instruments``; call it in the control thread, or before it starts."""
-        sensed = SensedRobot(robot.description, robot.plant.joints, robot.held)
+        sensed = SensedRobot(robot.description, robot.joints, robot.held)
         sensing.enter(self._row, sensed, instruments)
 
     def _sense_again(self) -> None:

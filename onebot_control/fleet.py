@@ -133,7 +133,7 @@ def _part(member: Member) -> DrivenSpawn:
 
 def _driven(member: Member, part: DrivenSpawn, plant: Robot) -> DrivenRobot:
     with located(member):
-        return DrivenRobot(part.wheels, member.config, plant, part.held)
+        return DrivenRobot(part.wheels, member.config, plant, part.held, part.followers)
 
 
 @contextmanager

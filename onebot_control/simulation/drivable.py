@@ -1,11 +1,13 @@
 """A description as the simulation drives it: which joints have motors, and how heavy wheels are.
 
 Motors without a limit get the torque at which the wheels slip. Arms, grippers and heads are held
-still: nobody controls them here. For friction and contacts see ``contacts``.
+still: nobody controls them here. What mimics a wheel is carried as it stands at the start: its
+position follows the wheel's, but has no part in the physics. For friction and contacts see
+``contacts``.
 """
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -15,7 +17,14 @@ from onebot_control.simulation.bodies import Body, SkidAxle, matrix, origin_of
 from onebot_control.simulation.contacts import with_contacts
 from onebot_control.wheels.geometry import Wheels
 from onebot_control.wheels.tyres import Tyre
-from onebot_description.description.description import Description, Inertial, Joint, Link, Origin
+from onebot_description.description.description import (
+    Description,
+    Inertial,
+    Joint,
+    Link,
+    Mimic,
+    Origin,
+)
 from onebot_description.model import quaternions
 
 _GRAVITY = 9.81  # m/s^2
@@ -25,27 +34,40 @@ _LIGHTEST = 0.005
 _LEAST_TURNING = 0.2  # share of a skidding wheel's mobility due to its own turning
 
 
+class Follower(NamedTuple):
+    """A joint that mimics one that moves."""
+
+    name: str
+    leader: str  # a wheel's or caster's joint, or a follower before this one
+    multiplier: float
+    offset: float  # rad or m
+    lower: float  # least position, rad or m
+    upper: float
+
+    def at(self, position: float) -> float:
+        """Return its position while its leader is at ``position``."""
+        return min(max(self.multiplier * position + self.offset, self.lower), self.upper)
+
+
 class Drivable(NamedTuple):
     """A description to simulate."""
 
     description: Description
     held: Mapping[str, float]  # joints that it has no longer, to the position they are held at
+    followers: Sequence[Follower]  # likewise, of joints that mimic what moves; leaders first
 
 
 def drivable(wheels: Wheels) -> Drivable:
     """Return a robot as the simulation drives it by these wheels."""
     description, tyres = wheels.description, {name: wheels.tyres.of(name) for name in wheels.names}
     casters = _casters(wheels)
-    held = {
-        joint.name: _rest(joint)
-        for joint in description.moving_joints
-        if joint.name not in (*tyres, *casters)
-    }
+    held, followers = _still(description, {*tyres, *casters})
+    starts = held | {follower.name: at for follower, at in followers.items()}
     weight = _GRAVITY * wheels.robot.mass
     joints = []
     for joint in description.joints:
-        if joint.name in held:
-            joint = _fixed(joint, held[joint.name])
+        if joint.name in starts:
+            joint = _fixed(joint, starts[joint.name])
         elif joint.name in tyres:
             joint = _motor(joint, weight, tyres[joint.name])
             if len(tyres) > 2:
@@ -53,13 +75,40 @@ def drivable(wheels: Wheels) -> Drivable:
         joints.append(joint)
     rigid = replace(description, joints=tuple(joints))
     links = [_massive(wheels, link) for link in with_contacts(rigid, tyres, casters)]
-    return Drivable(replace(rigid, links=tuple(links)), held)
+    return Drivable(replace(rigid, links=tuple(links)), held, list(followers))
 
 
-def _rest(joint: Joint) -> float:
-    """The position within the limits that is nearest to 0."""
-    upper = math.inf if joint.upper is None else joint.upper
-    return min(max(0.0, joint.lower or 0.0), upper)
+def _still(
+    description: Description, moving: Collection[str]
+) -> tuple[dict[str, float], dict[Follower, float]]:
+    """Return the joints that nothing moves, and those that mimic ``moving`` ones, to positions.
+
+    Those of followers are at the start, when all that moves is at 0. A joint that mimics none is
+    held where it is nearest to 0 within its limits.
+    """
+    held, followers = dict[str, float](), dict[Follower, float]()
+    starts = dict.fromkeys(moving, 0.0)
+    joints = {joint.name: joint for joint in description.moving_joints}
+
+    def start(joint: Joint) -> float:
+        if joint.name in starts:
+            return starts[joint.name]
+        mimic = joint.mimic or Mimic("", 0.0)
+        lower = -math.inf if joint.lower is None else joint.lower
+        upper = math.inf if joint.upper is None else joint.upper
+        factors = mimic.multiplier, mimic.offset
+        follower = Follower(joint.name, mimic.joint, *factors, lower, upper)
+        position = follower.at(start(joints[mimic.joint]) if mimic.joint else 0.0)
+        if mimic.joint in (*moving, *(each.name for each in followers)):
+            followers[follower] = position
+        else:
+            held[joint.name] = position
+        starts[joint.name] = position
+        return position
+
+    for joint in joints.values():
+        start(joint)
+    return {name: held[name] for name in joints if name in held}, followers
 
 
 def _casters(wheels: Wheels) -> Collection[str]:

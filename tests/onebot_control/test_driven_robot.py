@@ -8,6 +8,12 @@ import pytest
 
 from onebot_control.driven_robot import DrivenRobot, Snapshot, wheels_of
 from onebot_control.poses import PlanarPose
+from onebot_control.sensing.surroundings import (
+    Placed,
+    RobotState,
+    SensedRobot,
+    Surroundings,
+)
 from onebot_control.simulation import JointStates, Robot
 from onebot_description.description import parse_description
 from onebot_description.errors import OneBotError
@@ -281,3 +287,78 @@ def test_several_wheels_a_side_count_by_their_mean(by_position: bool) -> None:
     drive = DrivenRobot(wheels_of(robot(*wheels), chosen), chosen, cast(Robot, FourWheels()))
     snapshot = run(drive, 0.5, 0.3, 20)
     assert snapshot.twist == pytest.approx((0.5, 0.3))
+
+
+def moving(name: str, kind: str, limit: str, leader: str, factor: float, offset: float) -> str:
+    """A link that mimics a joint."""
+    return (
+        f'<link name="{name}"/><joint name="{name}_joint" type="{kind}">'
+        f'<parent link="base_link"/><child link="{name}"/><axis xyz="0 0 1"/>{limit}'
+        f'<mimic joint="{leader}" multiplier="{factor}" offset="{offset}"/></joint>'
+    )
+
+
+LIMIT = '<limit lower="{}" upper="{}" effort="1" velocity="9"/>'
+ARM = (
+    '<link name="arm"/><joint name="arm_joint" type="revolute"><parent link="base_link"/>'
+    f'<child link="arm"/><axis xyz="0 0 1"/>{LIMIT.format(0.25, 1)}</joint>'
+)
+
+
+def test_mimic_joints_stand_where_their_masters_have_them() -> None:
+    """Of held masters and of driven wheels, in chains, within their limits."""
+    wheels = wheel("left", 0.2), wheel("right", -0.2)
+    leader, wide = "left_wheel_joint", LIMIT.format(-900, 900)
+    description = parse_description(
+        urdf(
+            *wheels,
+            CASTER,
+            # Followers before their masters, too.
+            moving("tip", "revolute", wide, "finger_joint", 2.0, 0.1),
+            moving("finger", "revolute", wide, "arm_joint", -1.0, 0.5),
+            moving("stop", "revolute", LIMIT.format(-1, 0.125), "arm_joint", 1.0, 0.5),
+            moving("slide", "prismatic", LIMIT.format(-1, 0.3), leader, 0.5, 0.1),
+            moving("gauge", "continuous", "", "gear_joint", -1.0, 0.25),
+            moving("gear", "revolute", wide, leader, 3.0, 0.5),
+            ARM,
+        )
+    )
+    with alone(description, config()) as fleet:
+        (drive,) = fleet.robots
+        for cycles in (1, 150):
+            for _ in range(cycles):
+                drive.accept(0.1, 0.0)
+                snapshot = fleet.cycle()[0]
+            names = drive.broadcaster.names
+            positions, velocities, _ = (
+                dict(zip(names, values, strict=True))
+                for values in drive.broadcaster.values(snapshot.joints)
+            )
+            turned, speed = positions[leader], velocities[leader]
+            expected = {
+                "arm_joint": (0.25, 0.0),
+                "finger_joint": (0.25, 0.0),
+                "tip_joint": (0.6, 0.0),
+                "stop_joint": (0.125, 0.0),
+                "slide_joint": (0.1 + 0.5 * turned, 0.5 * speed),
+                "gear_joint": (0.5 + 3.0 * turned, 3.0 * speed),
+                "gauge_joint": (-0.25 - 3.0 * turned, -3.0 * speed),
+            }
+            if turned > 0.4:
+                expected["slide_joint"] = 0.3, 0.0
+            for name, (position, velocity) in expected.items():
+                assert positions[name] == pytest.approx(position, abs=1e-9), name
+                assert velocities[name] == pytest.approx(velocity, abs=1e-9), name
+        assert turned > 1.0 and len(names) == len(set(names)) == 9
+        # The physics and the sensors have them there, too.
+        held = {joint.name: joint for joint in drive.plant.spawn.description.joints}
+        assert held["tip_joint"].origin.rpy[2] == pytest.approx(0.6)
+        assert held["gear_joint"].origin.rpy[2] == pytest.approx(0.5)
+        around = Surroundings(None, [SensedRobot(description, drive.joints, drive.held)])
+        placed = Placed(around, (), [RobotState(*snapshot.pose, snapshot.joints.positions)])
+        for link, (position, _) in expected.items():
+            pose = placed.link(0, link.removesuffix("_joint"))
+            assert pose is not None
+            if link != "slide_joint":
+                yaw = np.arctan2(pose.rotation[1, 0], pose.rotation[0, 0])
+                assert np.exp(1j * yaw) == pytest.approx(np.exp(1j * position), abs=1e-4), link

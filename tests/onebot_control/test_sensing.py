@@ -28,9 +28,11 @@ from onebot_description.description import load_description, parse_description
 from onebot_description.description.description import (
     Camera,
     Fan,
+    Imu,
     Lidar,
     Noise,
     Origin,
+    Reference,
     Sensor,
 )
 from onebot_description.description.loading import load_world
@@ -445,6 +447,31 @@ def test_an_imu_measures_the_truth_s_derivatives(scene, command, expected):
         if cycle > 200:
             np.testing.assert_allclose(angular, rate, atol=1e-4, err_msg=str(cycle))
             np.testing.assert_allclose(linear, MOUNT[0].T @ expected, atol=0.05)
+
+
+AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+
+
+@pytest.mark.parametrize(
+    ("reference", "forward"),
+    [
+        (Reference(), (math.cos(0.7), math.sin(0.7), 0.0)),  # east, north, up
+        (Reference((math.pi, 0.0, math.pi / 2)), (math.sin(0.7), math.cos(0.7), 0.0)),  # NED
+        (Reference((0.0, 0.0, math.pi / 2)), (math.sin(0.7), -math.cos(0.7), 0.0)),  # NWU
+        (Reference(at_start=True), (math.cos(0.5), math.sin(0.5), 0.0)),  # has turned by 0.5
+        (Reference((0.0, 0.0, 0.5), at_start=True), (1.0, 0.0, 0.0)),
+    ],
+)
+def test_an_orientation_is_in_the_axes_that_the_imu_names(reference, forward):
+    """Where the robot's x, which faces 0.7 rad to the left of east, points in these axes."""
+    rotation = quaternions.to_matrix(quaternions.from_rpy((0.0, 0.0, 0.7)))
+    start = quaternions.from_rpy((0.0, 0.0, 0.2)).tolist()
+    turn = imu.orientation(Imu(reference=reference), rotation, start)
+    assert turn is not None
+    assert quaternions.rotate(turn, np.array(AXES["x"])) == pytest.approx(forward, abs=1e-9)
+    up = quaternions.rotate(turn, np.array(AXES["z"]))
+    assert up[2] == pytest.approx(-1.0 if reference.rpy[0] else 1.0)
+    assert imu.orientation(Imu(reference=None), rotation, start) is None
 
 
 # The thread -------------------------------------------------------------------------------------

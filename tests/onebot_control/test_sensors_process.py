@@ -320,6 +320,45 @@ def test_each_plugin_of_a_sensor_publishes_the_type_it_asks_for(
     assert (met[-1].height, met[-1].width) == (1, far) and 0 < far < 15
 
 
+def compass(name: str, inside: str) -> str:
+    return f"""<gazebo reference="base_link"><sensor name="{name}" type="imu"><topic>{name}</topic>
+      <update_rate>50</update_rate><imu>{inside}</imu></sensor></gazebo>"""
+
+
+def axes(name: str) -> str:
+    return (
+        f"<orientation_reference_frame><localization>{name}</localization>"
+        "</orientation_reference_frame>"
+    )
+
+
+@pytest.mark.slow
+def test_imus_have_the_axes_that_they_name_or_no_orientation(
+    ros_domain: int, tmp_path: Path
+) -> None:
+    """The robot faces 0.7 rad to the left of east all the time."""
+    blocks = compass("plain", ""), compass("ned", axes("NED")), compass("own", axes("CUSTOM"))
+    none = compass("none", "<enable_orientation>false</enable_orientation>")
+    (tmp_path / "bot.urdf").write_text(bot(*blocks, none))
+    with (
+        Peer(ros_domain) as peer,
+        NodeProcess(MODULE, str(tmp_path / "bot.urdf"), *ros_args(yaw=0.7)),
+    ):
+        heard = {name: peer.hear(Imu, f"/{name}") for name in ("plain", "ned", "own", "none")}
+        wait_for(lambda: all(heard.values()), "all four")
+    half = math.pi / 4 - 0.35
+    for name, (x, y, z, w) in {
+        "plain": (0.0, 0.0, math.sin(0.35), math.cos(0.35)),
+        "ned": (math.cos(half), math.sin(half), 0.0, 0.0),  # a half turn about between both x
+        "own": (0.0, 0.0, 0.0, 1.0),
+    }.items():
+        turn = heard[name][-1].orientation
+        cosine = abs(x * turn.x + y * turn.y + z * turn.z + w * turn.w)
+        assert cosine == pytest.approx(1.0, abs=1e-6), (name, turn)
+        assert heard[name][-1].orientation_covariance[0] == 0.0
+    assert heard["none"][-1].orientation_covariance[0] == -1.0
+
+
 DEPTH_PLUGIN = """
   <gazebo reference="camera_link"><sensor name="cam" type="depth"><update_rate>20</update_rate>
     <camera><horizontal_fov>1.0</horizontal_fov>

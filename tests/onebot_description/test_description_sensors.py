@@ -1,5 +1,6 @@
 """Sensors: the blocks of public robots as they are written, and faults with line and remedy."""
 
+import math
 from pathlib import Path
 
 import pytest
@@ -218,6 +219,86 @@ def test_poses_are_in_the_frame_of_the_link():
     pose = '<pose degrees="true">1 2 3 90 0 0</pose>'
     (sensor,) = read(block(inside=RAY.format(**VALUES) + pose)).sensors
     assert sensor.origin == Origin((1, 2, 3), (pytest.approx(1.5707963), 0, 0))
+
+
+FRAMES = (
+    '<link name="laser"/><joint name="mount" type="fixed"><parent link="a"/><child link="laser"/>'
+    '<origin xyz="0.1 0 0.2" rpy="0 0 1.5707963267948966"/></joint><link name="arm"/>'
+    '<joint name="elbow" type="revolute"><parent link="laser"/><child link="arm"/>'
+    '<origin xyz="1 0 0"/><axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/>'
+    "</joint>"
+)
+
+
+@pytest.mark.parametrize(
+    ("link", "frame", "xyz", "yaw"),
+    [
+        ("laser", "a", (0.0, -0.2, -0.2), -math.pi / 2),
+        ("laser", "", (0.3, 0, 0), 0.0),
+        ("a", "laser", (0.1, 0.3, 0.2), math.pi / 2),
+        ("a", "mount", (0.1, 0.3, 0.2), math.pi / 2),  # a joint's frame is that of its child
+        ("a", "arm", (0.1, 1.3, 0.2), math.pi / 2),  # while what moves between them is at 0
+        ("arm", "__model__", (-1.0, -0.2, -0.2), -math.pi / 2),
+        ("laser", "r::a", (0.0, -0.2, -0.2), -math.pi / 2),
+    ],
+)
+def test_a_pose_is_relative_to_the_frame_that_it_names(link, frame, xyz, yaw):
+    pose = f'<pose relative_to="{frame}">0.3 0 0 0 0 0</pose>'
+    (sensor,) = read(block(inside=RAY.format(**VALUES) + pose, link=link), FRAMES).sensors
+    assert sensor.origin.xyz == pytest.approx(xyz, abs=1e-9)
+    assert sensor.origin.rpy == pytest.approx((0, 0, yaw), abs=1e-9)
+
+
+def test_an_unknown_frame_of_a_pose_is_an_error_that_lists_those_that_exist():
+    pose = '<pose relative_to="lasser">0.3 0 0 0 0 0</pose>'
+    found = read(block(inside=RAY.format(**VALUES) + pose), FRAMES)
+    assert not found.sensors and found.bad_sensors == ("s",)
+    (problem,) = found.problems
+    assert '<pose>: there is no frame "lasser"' in problem and 'did you mean "laser"?' in problem
+
+
+@pytest.mark.parametrize(
+    ("axes", "rpy", "at_start"),
+    [
+        ("<localization>ENU</localization>", (0, 0, 0), False),
+        ("<localization> NED </localization>", (math.pi, 0, math.pi / 2), False),
+        ("<localization>NWU</localization>", (0, 0, math.pi / 2), False),
+        ("<localization>CUSTOM</localization>", (0, 0, 0.5), True),  # the sensor's own at first
+        ("", (0, 0, 0.5), True),  # CUSTOM is the default
+        ('<custom_rpy parent_frame="world">0.1 0.2 0.3</custom_rpy>', (0.1, 0.2, 0.3), False),
+        ("<custom_rpy>0 0 0.3</custom_rpy>", (0, 0, 0.8), True),
+        ('<custom_rpy parent_frame="laser">0 0 0.3</custom_rpy>', (0, 0, math.pi / 2 + 0.3), True),
+    ],
+)
+def test_an_imu_has_the_axes_that_its_block_names(axes, rpy, at_start):
+    frame = f"<orientation_reference_frame>{axes}</orientation_reference_frame>"
+    inside = f"<pose>0 0 0 0 0 0.5</pose><imu>{frame}</imu>"
+    found = read(block(kind="imu", inside=inside), FRAMES)
+    (sensor,) = found.sensors
+    assert sensor.model.reference.rpy == pytest.approx(rpy, abs=1e-9)
+    assert sensor.model.reference.at_start == at_start
+
+
+@pytest.mark.parametrize(
+    ("axes", "text"),
+    [
+        ("<localization>GRAV_UP</localization>", "GRAV_UP is not simulated"),
+        ("<localization>NEDD</localization>", 'did you mean "NED"?'),
+        ('<custom_rpy parent_frame="lasser">0 0 0</custom_rpy>', 'did you mean "laser"?'),
+        ("<custom_rpy>0 0</custom_rpy>", "holds 2 numbers; write roll pitch yaw"),
+    ],
+)
+def test_axes_that_an_imu_cannot_have_are_reported(axes, text):
+    frame = f"<orientation_reference_frame>{axes}</orientation_reference_frame>"
+    found = read(block(kind="imu", inside=f"<imu>{frame}</imu>"), FRAMES)
+    assert any(text in each for each in found.notices), found.notices
+
+
+@pytest.mark.parametrize("text", ["false", "0", "true", "1"])
+def test_an_imu_may_have_no_orientation(text):
+    inside = f"<imu><enable_orientation>{text}</enable_orientation></imu>"
+    (sensor,) = read(block(kind="imu", inside=inside)).sensors
+    assert (sensor.model.reference is None) == (text in ("false", "0"))
 
 
 @pytest.mark.parametrize(
