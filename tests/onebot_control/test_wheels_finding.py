@@ -195,7 +195,7 @@ def test_a_mesh_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 def test_what_is_simulated() -> None:
     """Wheels are thin and have motors, casters glide, an arm is held; a swivel follows."""
     description = base(*TWO, *BALLS, SWIVEL, ARM)
-    simulated, held = drivable(Wheels(description))
+    simulated, held, _ = drivable(Wheels(description))
     assert held == {"arm_joint": 0.0, "hand_joint": 0.0}
     names = [joint.name for joint in simulated.moving_joints]
     assert names == ["l_joint", "r_joint", "fork_joint", "roller_joint"]
