@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 from geometry_msgs.msg import Twist, TwistStamped
 from rclpy.node import Node
@@ -10,6 +10,7 @@ from rclpy.qos import QoSProfile
 from std_msgs.msg import Bool
 
 from onebot_description.clock_check import StampCheck
+from onebot_description.message_age import Age, Delivery, SenderClock
 from onebot_description.node import LATCHED, Lasting
 from onebot_description.topic_subscription import TopicSubscription, choose_type, offers
 from onebot_description.wire.cdr import nanoseconds
@@ -23,6 +24,15 @@ _USUAL = "cmd_vel"  # tutorials publish commands there
 _SETTLED = 2.0  # s after which a subscriber of that would have been discovered
 
 Warn = Callable[[str, str], None]  # key, text
+
+
+class Command(NamedTuple):
+    """A velocity, as received."""
+
+    linear: float  # m/s, forward
+    angular: float  # rad/s, to the left
+    stamp: int | None  # ns, of its header; None of a Twist
+    age: Age  # since it was sent
 
 
 class CommandLock:
@@ -69,13 +79,10 @@ class CommandSubscription:
         self,
         node: Node,
         choice: str,
-        received: Callable[[float, float, int | None], None],
+        received: Callable[[Command], None],
         warn: Warn,
     ) -> None:
-        """Subscribe to "Twist" or "TwistStamped"; the choice "auto" follows the publishers.
-
-        ``received`` gets linear.x in m/s, angular.z in rad/s, and the stamp in ns, None of a Twist.
-        """
+        """Subscribe to "Twist" or "TwistStamped"; the choice "auto" follows the publishers."""
         self._node, self._received, self._warn = node, received, warn
         self._topic = node.resolve_topic_name(_TOPIC)
         self._usual = node.resolve_topic_name(_USUAL)
@@ -83,8 +90,14 @@ class CommandSubscription:
         self._choice = choice
         self._check = StampCheck.of(node, _TOPIC)
         self._wanted = _TWIST if choice == "auto" else f"{_PACKAGE}{choice}"
+        self._sender, self._age = SenderClock(), Age(0.0, 0.0)
         self._subscription = TopicSubscription(
-            node, _TOPIC, self._on_message, _TYPES.__getitem__, raw=False
+            node,
+            _TOPIC,
+            self._on_message,
+            _TYPES.__getitem__,
+            raw=False,
+            delivered=self._on_delivery,
         )
         self._subscribe()
 
@@ -133,10 +146,12 @@ class CommandSubscription:
         self._subscription.update(self._wanted, _QOS)
         self.kind = self._wanted.removeprefix(_PACKAGE)
 
+    def _on_delivery(self, delivery: Delivery) -> None:
+        self._age = self._sender.age(delivery, time.time_ns())
+
     def _on_message(self, kind: str, message: Any) -> None:
-        if kind == _TWIST:
-            self._received(message.linear.x, message.angular.z, None)
-        else:
+        twist, stamp = message, None
+        if kind != _TWIST:
             twist, stamp = message.twist, nanoseconds(message.header.stamp)
             self._check.take(stamp, time.time_ns())
-            self._received(twist.linear.x, twist.angular.z, stamp)
+        self._received(Command(twist.linear.x, twist.angular.z, stamp, self._age))

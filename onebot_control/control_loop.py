@@ -18,6 +18,7 @@ from onebot_control.driven_robot import Snapshot
 from onebot_control.fleet import Fleet
 from onebot_control.real_time import PaceMeter
 from onebot_description.errors import OneBotError
+from onebot_description.message_age import WAKE, WakeDetector
 from onebot_description.wire.cdr import NANO
 
 T = TypeVar("T")
@@ -157,6 +158,7 @@ class ControlLoop:
         fleet: the robots; for other threads to read, not to change.
         simulated: whether stamps are simulated time, else the system's.
         paused: whether simulated time is stopped.
+        wake: when the process last woke from a stop; the robots brake then.
     """
 
     def __init__(
@@ -166,6 +168,7 @@ class ControlLoop:
         *,
         simulated: bool = False,
         meter: PaceMeter | None = None,
+        wake: WakeDetector = WAKE,
         failed: Callable[[BaseException], None] = lambda error: None,
     ) -> None:
         """Get ready; ``start`` starts.
@@ -175,7 +178,7 @@ class ControlLoop:
         """
         self.fleet, self.simulated, self.paused = fleet, simulated, False
         self._publish, self._failed = publish, failed
-        self._meter = meter or PaceMeter()
+        self._meter, self.wake = meter or PaceMeter(), wake
         self._inbox: SimpleQueue[Callable[[], Any]] = SimpleQueue()
         self._stopped = False
         # Held as long as the loop runs: waiting for a lock is much cheaper than for an Event.
@@ -189,6 +192,7 @@ class ControlLoop:
         self._pacer = Pacer(self.fleet.period, factor)
         self._stamps = SystemStamps()
         self._meter.set(self._pacer.due, factor)
+        self._woke = self.wake.check()
         self._thread.start()
 
     def stop(self) -> None:
@@ -285,6 +289,10 @@ class ControlLoop:
         self.fleet.finish()
 
     def _call_posted(self) -> None:
+        if self.wake.check() > self._woke:
+            self._woke = self.wake.woke
+            for robot in self.fleet.robots:
+                robot.accept(0.0, 0.0)
         while not self._inbox.empty():
             self._inbox.get()()
 

@@ -54,7 +54,6 @@ class DiffDriveController:
         self._passed: deque[tuple[float, float]] = deque(maxlen=window)
         self.pace = 1.0
         self._stalled = 0.0
-        self._unsure = 0.0
         self._config = config
         self.configure(config, kinematics)
         self.halt()
@@ -89,11 +88,7 @@ class DiffDriveController:
         if not (math.isfinite(linear) and math.isfinite(angular)):
             return f"not finite: linear.x {linear}, angular.z {angular}"
         timeout = self._config.cmd_vel_timeout
-        if age is None or age < 0.0:
-            if self._unsure > 0.0:
-                stamp = "no stamp" if age is None else f"a stamp {-age:.3f} s ahead"
-                return f"it has {stamp}, and may be from before the process was stopped"
-            age = 0.0
+        age = max(0.0, age or 0.0)
         if timeout and age >= timeout:
             return f"{age:.3f} s old, and cmd_vel_timeout is {timeout:g} s"
         self._reference = (
@@ -109,7 +104,6 @@ class DiffDriveController:
         # A command's first cycle comes less than dt after it, so do not age it yet.
         self._age += 0.0 if self._fresh else dt
         self._fresh = False
-        self._unsure -= dt
         self._pass(dt + self._stalled, dt)
         self._stalled = 0.0
         self._follow(wheels, dt)
@@ -125,15 +119,9 @@ class DiffDriveController:
         self._pass(seconds, 0.0)
 
     def stalled(self, seconds: float) -> None:
-        """As ``wait``, because this process did not run.
-
-        If that was longer than cmd_vel_timeout, commands of unknown age are ignored for as long:
-        those that came meanwhile are delivered now.
-        """
+        """As ``wait``, because this process did not run."""
         self._age += seconds
         self._stalled += seconds
-        if seconds > self._config.cmd_vel_timeout:
-            self._unsure = self._config.cmd_vel_timeout
 
     def halt(self) -> None:
         """Forget command and speed: the wheels stop, and the next command starts from rest."""

@@ -16,7 +16,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
-from onebot_control.commands import CommandLock, CommandSubscription, Warn
+from onebot_control.commands import Command, CommandLock, CommandSubscription, Warn
 from onebot_control.control_loop import ControlLoop, Divider
 from onebot_control.driven_robot import DrivenRobot, Snapshot
 from onebot_control.fleet import Fleet, Member, located
@@ -32,6 +32,7 @@ from onebot_control.simulation.scene_bodies import load_scene
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.loading import load_sensors
 from onebot_description.errors import OneBotError, printable
+from onebot_description.message_age import boot_time
 from onebot_description.node import (
     DescriptionTopic,
     RosArguments,
@@ -40,6 +41,7 @@ from onebot_description.node import (
     is_path,
 )
 from onebot_description.parameters.reader import ConfigError, Problem, refuse_undeclared
+from onebot_description.wire.cdr import NANO
 
 _DEPTH = 10  # ROS's system default
 _POLL_PERIOD = 0.1  # s between polls of who publishes commands
@@ -398,28 +400,30 @@ class RobotDriving:
         except OneBotError as error:
             self._refuse("sensors", f"sensors not applied: {error}")
 
-    def _on_command(self, linear: float, angular: float, stamp: int | None) -> None:
-        loop = self._driving.loop
+    def _on_command(self, command: Command) -> None:
+        loop, now = self._driving.loop, boot_time()
         if loop is None:
             return
-        if stamp == 0:
-            text = "~/cmd_vel has stamp 0, which is taken as now (logged once)"
+        if command.stamp == 0:
+            text = "~/cmd_vel has stamp 0, which is taken as when it was sent (logged once)"
             self._warn("stamp", text, every=math.inf)
         if self.lock.locked:
-            if linear or angular:
+            if command.linear or command.angular:
                 self._warn("locked", f"~/cmd_vel is ignored: {self.lock}", every=_LOCKED_EVERY)
             return
-        if stamp and not loop.simulated:
-            # From here on it ages by a clock that nobody sets.
-            stamp += time.monotonic_ns() - time.time_ns()
-        loop.post(lambda: self._command(loop, linear, angular, stamp))
+        # From here on it ages by a clock that nobody sets.
+        given = now - command.age.least
+        if command.stamp and not loop.simulated:
+            given = now - (time.time_ns() - command.stamp) / NANO
+        loop.post(lambda: self._command(loop, command, given, now - command.age.most))
 
-    def _command(self, loop: ControlLoop, linear: float, angular: float, given: int | None) -> None:
-        # Its age when it takes effect: the process may have been stopped since it came.
-        now = loop.now_ns() if loop.simulated else time.monotonic_ns()
-        left = 0.0 if loop.simulated else loop.left
-        age = (now - given) * 1e-9 + left if given else None
-        refused = loop.fleet.robots[self._row].accept(linear, angular, age)
+    def _command(self, loop: ControlLoop, command: Command, given: float, sent: float) -> None:
+        if sent < loop.wake.check():
+            refused: str | None = "it was sent before this process woke from a stop"
+        else:
+            robot = loop.fleet.robots[self._row]
+            age = _age(loop, command, given)
+            refused = robot.accept(command.linear, command.angular, age)
         if refused:
             self._warn("command", f"~/cmd_vel is ignored: {refused}")
 
@@ -469,6 +473,13 @@ class RobotDriving:
         robot.configure(config)
         loop.set_factor(config.real_time_factor)
         self.publishing.use(robot)
+
+
+def _age(loop: ControlLoop, command: Command, given: float) -> float | None:
+    """Return the age of a command as it takes effect: it may have waited since it came."""
+    if loop.simulated:
+        return (loop.now_ns() - command.stamp) / NANO if command.stamp else None
+    return boot_time() - given + (loop.left if command.stamp else 0.0)
 
 
 class Requests:

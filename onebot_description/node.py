@@ -33,6 +33,7 @@ from onebot_description.description import Description, load_description, parse_
 from onebot_description.description.packages import cache_folder, use_environment_prefix
 from onebot_description.discovery import configure_discovery, question, server
 from onebot_description.errors import OneBotError, shortened
+from onebot_description.message_age import WAKE
 from onebot_description.parameters.reader import help_text
 from onebot_description.signals import StopSignals
 
@@ -83,7 +84,7 @@ def run_node(
     use_writable_log_folder()
     configure_discovery(whole_graph=whole_graph)
     stop: Future = Future()
-    with StopSignals(lambda: _finish(stop)) as signals:
+    with StopSignals(lambda: _finish(stop), WAKE.resumed) as signals:
         try:
             rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         except Exception as error:  # rclpy raises several kinds, none of them public

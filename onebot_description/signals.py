@@ -54,8 +54,11 @@ class StopSignals:
     wake-up socket is written by the C-level handler, whatever the main thread is in.
     """
 
-    def __init__(self, on_stop: Callable[[], None]) -> None:
-        self._on_stop = on_stop
+    def __init__(
+        self, on_stop: Callable[[], None], on_resume: Callable[[], None] = lambda: None
+    ) -> None:
+        """``on_resume`` is called, from any thread, when SIGCONT ends a SIGSTOP."""
+        self._on_stop, self._on_resume = on_stop, on_resume
         self._arrived = self._interrupting = False
         self._read, self._write = socket.socketpair()
         self._write.setblocking(False)
@@ -82,6 +85,9 @@ class StopSignals:
         """Install the handlers."""
         self._old_fd = signal.set_wakeup_fd(self._write.fileno(), warn_on_full_buffer=False)
         self._old = {number: signal.signal(number, self._handle) for number in _STOP}
+        # The main thread calls it before any Python code that came after the signal, others may
+        # run before that: they get it from ``_watch``.
+        self._old[signal.SIGCONT] = signal.signal(signal.SIGCONT, lambda *_: self._on_resume())
         threading.Thread(target=self._watch, daemon=True).start()
         return self
 
@@ -99,8 +105,11 @@ class StopSignals:
             raise KeyboardInterrupt
 
     def _watch(self) -> None:
-        if self._read.recv(1):
-            self._on_stop()
+        while number := self._read.recv(1):
+            if number[0] == signal.SIGCONT:
+                self._on_resume()
+            else:
+                self._on_stop()
 
 
 def _forget_interrupt() -> None:

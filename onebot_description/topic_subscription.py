@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from functools import partial
+from inspect import Parameter, Signature
 from typing import Any
 
 from rclpy.event_handler import SubscriptionEventCallbacks
@@ -11,6 +12,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
 from onebot_description.errors import OneBotError
+from onebot_description.message_age import Delivery
 
 RCLError = rclpy_implementation.RCLError
 
@@ -100,6 +102,7 @@ class TopicSubscription:
         *,
         raw: bool = True,
         lost: Callable[[int], None] | None = None,
+        delivered: Callable[[Delivery], None] | None = None,
     ) -> None:
         """Prepare; ``update`` subscribes.
 
@@ -110,8 +113,9 @@ class TopicSubscription:
             message_class: returns the Python class of a type such as "std_msgs/msg/String".
             raw: receive messages as bytes.
             lost: called with the number of messages that DDS lost.
+            delivered: called before ``received`` with what DDS says of the message.
         """
-        self._node, self._topic = node, topic
+        self._node, self._topic, self._delivered = node, topic, delivered
         self._received, self._message_class, self._raw = received, message_class, raw
 
         def on_lost(status: Any) -> None:
@@ -140,7 +144,9 @@ class TopicSubscription:
         self._subscription = self.type = self.qos = None
 
     def _subscribe(self, kind: str, qos: QoSProfile) -> None:
-        received = partial(self._receive, kind)
+        received: Callable[..., None] = partial(self._receive, kind)
+        if self._delivered is not None:
+            received = _WithInfo(partial(self._receive_dated, kind))
         try:
             self._subscription = self._node.create_subscription(
                 self._message_class(kind),
@@ -160,3 +166,26 @@ class TopicSubscription:
     def _receive(self, kind: str, message: Any) -> None:
         if kind == self.type:  # not what was in flight when the subscription was closed
             self._received(kind, message)
+
+    def _receive_dated(self, kind: str, message: Any, info: Mapping[str, Any]) -> None:
+        if kind == self.type and self._delivered is not None:
+            sent, received = info["source_timestamp"], info["received_timestamp"]
+            self._delivered(Delivery(sent, received, info["publication_sequence_number"]))
+            self._received(kind, message)
+
+
+class _WithInfo:
+    """A callback that rclpy calls with a message and its info.
+
+    Executors pass two arguments, but the events executor a tuple of both.
+    """
+
+    __signature__ = Signature(
+        [Parameter(name, Parameter.POSITIONAL_ONLY) for name in ("message", "info")]
+    )
+
+    def __init__(self, receive: Callable[[Any, Mapping[str, Any]], None]) -> None:
+        self._receive = receive
+
+    def __call__(self, *taken: Any) -> None:
+        self._receive(*(taken[0] if len(taken) == 1 else taken))

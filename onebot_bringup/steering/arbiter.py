@@ -1,17 +1,19 @@
 """Decides which of several steering pages drives the robot, and when it is stopped.
 
 The last page that starts to hold a control drives. A page that lost control, for any reason, has to
-release before it can drive again.
+release before it can drive again. A limit that is lowered holds at once; one that is raised, from
+the driver's next press on.
 """
 
+import math
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 from onebot_bringup.steering.command_limits import Limits
 from onebot_bringup.steering.protocol import Drive, Release, SetLimits, Stop, Velocity
+from onebot_description.message_age import boot_time
 
 COMMAND_TIMEOUT = 0.25  # s without a message from the driver until the robot is stopped
 MAX_AGE = 0.5  # s since the stamp of a command, which is the round trip, until it is too late
@@ -51,7 +53,8 @@ class Arbiter:
         limits: Limits,
         publish: Callable[[Velocity], None],
         lock: Callable[[bool], None],
-        clock: Callable[[], float] = time.monotonic,
+        clock: Callable[[], float] = boot_time,
+        woke: Callable[[], float] = lambda: -math.inf,
     ) -> None:
         """Start without pages.
 
@@ -61,8 +64,10 @@ class Arbiter:
             lock: called likewise, with True when a page stops the robot, and with False before the
                 first velocity other than zero of a page that took control.
             clock: the time, s; that of the stamps of commands.
+            woke: when this process last woke from a stop, by that clock; what was sent before that
+                does not drive.
         """
-        self._publish, self._lock_robot, self._clock = publish, lock, clock
+        self._publish, self._lock_robot, self._clock, self._woke = publish, lock, clock, woke
         self._lock = threading.Lock()
         self.changed: Callable[[], None] = lambda: None
         self.timeouts = 0
@@ -71,7 +76,9 @@ class Arbiter:
         self._driver: str | None = None
         self._velocity = Velocity()
         self._moving = False  # commands are published, even if their velocity is zero
-        self._deadline = 0.0  # until when the driver's command holds
+        self._granted = limits.range  # since the driver's press, which no raised limit widens
+        self._stamp = 0.0  # of the driver's command
+        self._deadline = 0.0  # until when it holds
         self._zeros = 0  # left to publish
         self._stops = 0  # presses of the stop button
 
@@ -123,7 +130,8 @@ class Arbiter:
         It drives on when its commands are in time again.
         """
         with self._update():
-            if self._moving and self._driver is not None and self._clock() > self._deadline:
+            is_late = self._clock() > self._deadline or self._stamp < self._woke()
+            if self._moving and self._driver is not None and is_late:
                 self._halt()
                 self._pages[self._driver].late = True
                 self.timeouts += 1
@@ -149,18 +157,19 @@ class Arbiter:
         sender, now = self._pages[page], self._clock()
         # The page sent it after the server sent that stamp.
         deadline = min(now + COMMAND_TIMEOUT, message.stamp + MAX_AGE)
-        sender.late = now > deadline
+        sender.late = now > deadline or message.stamp < self._woke()
         if sender.late:
             return  # a command that it gave before has its own deadline
         if not sender.holding:
             sender.holding = True
             self._set_driver(page)
+            self._granted = self._limits.range
         if self._driver != page:
             return
         if not sender.moved and message.velocity != Velocity():
             sender.moved = True
             self._lock_robot(False)
-        self._velocity, self._deadline = message.velocity, deadline
+        self._velocity, self._stamp, self._deadline = message.velocity, message.stamp, deadline
         self._moving, self._zeros = True, ZEROS
 
     def _drop(self, page: str) -> bool:
@@ -190,6 +199,7 @@ class Arbiter:
         with self._lock:
             previous_state, acts = self._state(), (self._driver, self._moving, self._stops)
             yield
+            self._granted = self._granted.within(self._limits.range)
             state = self._state()
             if acts != (self._driver, self._moving, self._stops):
                 self._publish_next()
@@ -208,7 +218,7 @@ class Arbiter:
             self._publish(Velocity())
 
     def _command(self) -> Velocity:
-        return self._limits.clamp(self._velocity) if self._moving else Velocity()
+        return self._granted.clamp(self._velocity) if self._moving else Velocity()
 
     def _state(self) -> DrivingState:
         late = frozenset(name for name, page in self._pages.items() if page.late)

@@ -8,6 +8,7 @@ import dataclasses
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from onebot_bringup.steering.protocol import SetLimits, Velocity
 from onebot_control.speed_limiter import SpeedLimiter, SpeedLimits
@@ -72,6 +73,21 @@ class Bound:
     source: str = ""
 
 
+class Range(NamedTuple):
+    """The commands that are allowed."""
+
+    most: Velocity  # forward, and to the left
+    reverse: Velocity  # backward, and to the right; positive
+
+    def within(self, other: "Range") -> "Range":
+        """Return the commands in both ranges."""
+        return Range(self.most.at_most(other.most), self.reverse.at_most(other.reverse))
+
+    def clamp(self, command: Velocity) -> Velocity:
+        """Return the fastest command in the range, on the same arc."""
+        return command.clamped(Velocity(-self.reverse.linear, -self.reverse.angular), self.most)
+
+
 @dataclass(frozen=True)
 class Limits:
     """The limits of commands."""
@@ -87,13 +103,11 @@ class Limits:
             _in_force(self.linear, self.chosen.linear), _in_force(self.angular, self.chosen.angular)
         )
 
-    def clamp(self, command: Velocity) -> Velocity:
-        """Return the fastest command within the limits, on the same arc."""
+    @property
+    def range(self) -> "Range":
+        """The commands within the limits."""
         most = self.in_force
-        least = Velocity(
-            -min(most.linear, self.linear.reverse), -min(most.angular, self.angular.reverse)
-        )
-        return command.clamped(least, most)
+        return Range(most, most.at_most(Velocity(self.linear.reverse, self.angular.reverse)))
 
 
 def _in_force(bound: Bound, chosen: float | None) -> float:

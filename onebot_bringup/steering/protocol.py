@@ -36,6 +36,10 @@ class Velocity:
     linear: float = 0.0
     angular: float = 0.0
 
+    def at_most(self, other: "Velocity") -> "Velocity":
+        """Return the lower of both speeds, for limits."""
+        return Velocity(min(self.linear, other.linear), min(self.angular, other.angular))
+
     def clamped(self, least: "Velocity", most: "Velocity") -> "Velocity":
         """Return the fastest command between ``least`` and ``most`` along the same arc.
 
@@ -67,7 +71,7 @@ class Drive:
 
     linear: float  # m/s
     angular: float  # rad/s
-    stamp: float  # s, by the server's time.monotonic(); ms in the message
+    stamp: float  # s, by the server's boot_time(); ms in the message
 
     @property
     def velocity(self) -> Velocity:

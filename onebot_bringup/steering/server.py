@@ -3,7 +3,6 @@
 import asyncio
 import mimetypes
 import secrets
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -18,6 +17,7 @@ from onebot_bringup.steering.arbiter import Arbiter
 from onebot_bringup.steering.protocol import ChooseTopic, ProtocolError, message_text, parse
 from onebot_bringup.steering.tool_requests import ToolRequests
 from onebot_bringup.steering.view_proxy import ViewProxy
+from onebot_description.message_age import boot_time
 
 STATIC = Path(__file__).parent / "static"
 STATE_PERIOD = 0.1  # s
@@ -244,7 +244,7 @@ class SteeringServer:
 
 def _stamp() -> int:
     """The present time, ms: a page that knows it sends its next message later."""
-    return int(time.monotonic() * 1000.0)
+    return int(boot_time() * 1000.0)
 
 
 def _policy(request: web.Request, status: int) -> dict[str, str]:

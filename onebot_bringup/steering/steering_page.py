@@ -69,6 +69,7 @@ from onebot_bringup.steering.tool_requests import OtherThread, ToolRequests
 from onebot_bringup.steering.tools import ToolPublishers
 from onebot_bringup.steering.view_proxy import Viewer, ViewProxy
 from onebot_description.errors import OneBotError
+from onebot_description.message_age import WAKE
 from onebot_description.node import run_node
 from onebot_description.parameters.reader import declare, read, refuse_undeclared
 
@@ -116,7 +117,9 @@ class SteeringPage(Node):
         self._topics: tuple[str, ...] = ()
         self._robots: tuple[CommandedRobot, ...] = ()
         self._choices: dict[str, str] = {}  # the topic that each page chose last
-        self._arbiter = Arbiter(settings.limits(()), commands.publish, commands.lock)
+        self._arbiter = Arbiter(
+            settings.limits(()), commands.publish, commands.lock, woke=WAKE.check
+        )
         self._viewer = Viewer(self, settings.viewer_page, self._on_view)
         self._timeouts = 0  # number of drivers' timeouts that were logged
         self._ground = Ground(self, self._odometry)

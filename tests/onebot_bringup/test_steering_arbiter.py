@@ -1,5 +1,8 @@
 """Who drives, of several pages, and what is published when. No ROS, network or clock."""
 
+import math
+from dataclasses import replace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -20,12 +23,16 @@ class Steered:
     """An arbiter of some pages, what it published and locked, and how often it notified pages."""
 
     def __init__(self, pages: str) -> None:
-        self.now = 100.0
+        self.now, self.woke = 100.0, -math.inf
         self.published: list[Velocity] = []
         self.changes = 0
         self.locks: list[bool] = []
         self.arbiter = Arbiter(
-            limits(3.0, 4.0), self.published.append, self.locks.append, lambda: self.now
+            limits(3.0, 4.0),
+            self.published.append,
+            self.locks.append,
+            lambda: self.now,
+            lambda: self.woke,
         )
         self.arbiter.handle("", SetLimits(1.0, 2.0))
         for page in pages:
@@ -310,7 +317,68 @@ def test_what_an_operator_chose_outlasts_the_robot(steered: Steered) -> None:
     assert arbiter.state.limits.in_force == Velocity(0.125, 1.0)
     arbiter.set_limits(limits(2.0, 6.0))
     assert arbiter.state.limits.in_force == Velocity(0.5, 6.0)
+    assert steered.command == Velocity(0.125, 0.0), "faster without another press"
+    steered.release("a")
+    steered.drive("a", Velocity(0.5, 0.0))
     assert steered.command == Velocity(0.5, 0.0)
+
+
+def _choose(steered: Steered, linear: float | None, angular: float | None = None) -> None:
+    steered.arbiter.handle("b", SetLimits(linear, angular))
+
+
+@pytest.mark.parametrize("raised", [1.0, None], ids=["a number", "the field emptied"])
+def test_a_raised_limit_waits_for_the_next_press(steered: Steered, raised: float | None) -> None:
+    """Another page's; a lowered one holds at once, and for the rest of the press."""
+    _choose(steered, 0.3, 0.5)
+    steered.drive("a", Velocity(0.3, 0.5))
+    _choose(steered, raised)
+    steered.drive("a", Velocity(1.0, 0.5))  # as a page of an earlier version scales it
+    assert steered.command == Velocity(0.3, 0.5 * 0.3)
+    steered.drive("a", Velocity(0.0, 2.0))
+    assert steered.command == Velocity(0.0, 0.5)
+    _choose(steered, 0.2, 0.1)
+    steered.drive("a", Velocity(1.0, 0.0))
+    assert steered.command == Velocity(0.2, 0.0)
+    _choose(steered, raised)
+    assert steered.command == Velocity(0.2, 0.0)
+    steered.wait(COMMAND_TIMEOUT + 0.001)  # a pause of the connection is no press
+    steered.drive("a", Velocity(1.0, 0.0))
+    assert steered.command == Velocity(0.2, 0.0)
+    steered.release("a")
+    steered.drive("a", Velocity(9.0, 0.0))
+    assert steered.command == Velocity(raised or 3.0, 0.0)
+    steered.drive("b", Velocity(-9.0, 0.0))  # another driver presses, too
+    assert steered.command == Velocity(-(raised or 3.0), 0.0)
+
+
+def test_a_robot_that_may_go_back_faster_waits_for_the_next_press(steered: Steered) -> None:
+    one = limits(1.0, 1.0)
+    steered.arbiter.set_limits(replace(one, linear=replace(one.linear, reverse=0.25)))
+    steered.drive("a", Velocity(-1.0, 0.0))
+    steered.arbiter.set_limits(one)
+    assert steered.command == Velocity(-0.25, 0.0)
+    steered.release("a")
+    steered.drive("a", Velocity(-1.0, 0.0))
+    assert steered.command == Velocity(-1.0, 0.0)
+
+
+def test_what_was_sent_before_the_process_woke_does_not_drive(steered: Steered) -> None:
+    """However short the stop was: neither the command in force nor those that waited."""
+    steered.drive("a")
+    steered.now += 0.1
+    steered.woke = steered.now
+    steered.sent()
+    steered.arbiter.tick()
+    assert set(steered.sent()) == {ZERO} and steered.arbiter.state.late == {"a"}
+    steered.drive("a", age=0.05)
+    steered.arbiter.tick()
+    assert steered.command == ZERO and not any(sent.linear for sent in steered.sent())
+    steered.drive("b", age=0.05)
+    assert steered.driver == "a" and steered.command == ZERO
+    steered.now += 0.01
+    steered.drive("a")
+    assert steered.sent() == [FORWARD] and steered.driver == "a"
 
 
 def test_pages_come_and_go(steered: Steered) -> None:

@@ -45,7 +45,7 @@ def test_the_strictest_limit_of_each_axis_counts():
     limits = limits_of([FAST, SLOW], Velocity(0.75, 2.0))
     assert limits.in_force == Velocity(0.5, 2.0)
     assert (limits.linear.source, limits.angular.source) == ("/slow", "max_angular")
-    assert limits.clamp(Velocity(-9.0, 0.0)) == Velocity(-0.25, 0.0)
+    assert limits.range.clamp(Velocity(-9.0, 0.0)) == Velocity(-0.25, 0.0)
     limits = limits_of([FAST, SLOW])
     assert limits.in_force == Velocity(0.5, 6.0) and limits.angular.source == "/fast"
     assert limits_of([], Velocity(9.0, 0.0)).in_force == Velocity(9.0, DEFAULT.angular)
@@ -56,7 +56,7 @@ def test_a_chosen_limit_is_lower_or_does_nothing():
     limits = limits_of([SLOW])
     assert _in_force(limits, 0.125, 9.0) == Velocity(0.125, 8.0)
     chosen = replace(limits, chosen=SetLimits(0.125, None))
-    assert chosen.clamp(Velocity(-1.0, 0.0)) == Velocity(-0.125, 0.0)
+    assert chosen.range.clamp(Velocity(-1.0, 0.0)) == Velocity(-0.125, 0.0)
 
 
 def test_a_limit_of_zero_is_one():
@@ -64,8 +64,8 @@ def test_a_limit_of_zero_is_one():
     still = Controller("/rails", SpeedLimits(max_velocity=1.0), SpeedLimits(max_velocity=0.0))
     limits = limits_of([still])
     assert limits.in_force == Velocity(1.0, 0.0)
-    assert limits.clamp(Velocity(0.5, 0.0)) == Velocity(0.5, 0.0)
-    assert limits.clamp(Velocity(0.0, 1.0)) == Velocity(0.0, 0.0)
+    assert limits.range.clamp(Velocity(0.5, 0.0)) == Velocity(0.5, 0.0)
+    assert limits.range.clamp(Velocity(0.0, 1.0)) == Velocity(0.0, 0.0)
 
 
 def test_a_controller_is_known_by_its_parameters():

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from geometry_msgs.msg import Twist, TwistStamped
 
-from onebot_control.commands import CommandSubscription
+from onebot_control.commands import Command, CommandSubscription
 from tests.ros_support import Peer
 from tests.support import wait_for
 
@@ -21,7 +21,7 @@ class Driver:
     def __init__(self, domain: int) -> None:
         self.peer = Peer(domain, "driver")
         self.looks = 0
-        self.commands: list[tuple[float, float, int | None]] = []
+        self.commands: list[Command] = []
         self.warnings: list[tuple[str, str]] = []
         self._jobs: SimpleQueue[Callable[[], object]] = SimpleQueue()
         self.topic: CommandSubscription
@@ -30,7 +30,7 @@ class Driver:
         self.topic = CommandSubscription(
             self.peer.node,
             choice,
-            lambda *command: self.commands.append(command),
+            self.commands.append,
             lambda *warning: self.warnings.append(warning),
         )
         self.peer.node.create_timer(0.02, self._look)
@@ -63,7 +63,7 @@ def sender(ros_domain: int) -> Iterator[Peer]:
         yield peer
 
 
-def send(publisher: Any, message: Any, driver: Driver) -> tuple[float, float, int | None]:
+def send(publisher: Any, message: Any, driver: Driver) -> Command:
     """Publish until something comes; the last of what came."""
     count = len(driver.commands)
 
@@ -93,7 +93,7 @@ def test_a_fixed_type_follows_nobody(driver: Driver, sender: Peer) -> None:
     driver.look_again()
     assert driver.topic.kind == "Twist"
     driver.choose("TwistStamped")
-    assert send(publisher, stamped(), driver) == (0.3, -0.4, 7_000_000_008)
+    assert send(publisher, stamped(), driver)[:3] == (0.3, -0.4, 7_000_000_008)
     driver.choose("auto")
     driver.look_again()
     assert driver.topic.kind == "TwistStamped"

@@ -24,6 +24,7 @@ from onebot_control.fleet import Fleet
 from onebot_control.real_time import PaceMeter
 from onebot_control.simulation import World
 from onebot_description.errors import OneBotError
+from onebot_description.message_age import WakeDetector
 from onebot_description.wire.cdr import NANO
 from tests.onebot_control.control_support import IdealPlant, IdealWorld, ideal_drive
 from tests.support import PATIENCE, wait_for
@@ -50,12 +51,14 @@ class Run:
         self.missed: list[int] = []
         self.published: list[tuple[Snapshot, int]] = []
         self.failures: list[BaseException] = []
+        self.now = 0.0  # of the clock by which a stop is noticed
         self.loop = ControlLoop(
             Fleet([self.drive], cast(World, IdealWorld([self.plant]))),
             lambda snapshots, stamp: self.published.append((snapshots[0], stamp)),
             simulated=simulated,
             meter=RecordingMeter(self.missed),
             failed=self.failures.append,
+            wake=WakeDetector(lambda: self.now),
         )
 
     def __enter__(self) -> "Run":
@@ -140,6 +143,20 @@ def test_a_command_ages_by_the_clock_in_force(simulated: bool) -> None:
         speeds = [snapshot.command.linear for snapshot, _ in run.published]
         assert speeds[at] == (0.6 if simulated else 0.0)
         assert max(run.missed) >= 28  # cycles
+
+
+@pytest.mark.parametrize("simulated", [False, True])
+def test_a_command_ends_when_the_process_wakes(simulated: bool) -> None:
+    """Also one without a timeout, in simulated time and in a suspended computer's, which jumps."""
+    with Run(simulated=simulated, cmd_vel_timeout=0.0) as run:
+        run.loop.call(lambda: run.drive.accept(0.6, 0.0))
+        wait_for(lambda: run.published[-1][0].command.linear == 0.6, "the robot to drive")
+        run.now += 3600.0
+        wait_for(lambda: run.published[-1][0].command.linear == 0.0, "the robot to stop")
+        run.loop.call(lambda: run.drive.accept(0.5, 0.0))
+        count = len(run.published)
+        wait_for(lambda: len(run.published) > count + 20, "cycles")
+        assert run.published[-1][0].command.linear == 0.5
 
 
 def test_a_command_ages_while_paused_on_the_systems_time() -> None:

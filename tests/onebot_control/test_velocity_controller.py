@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from geometry_msgs.msg import PoseStamped, TwistStamped
+from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rcl_interfaces.srv import GetParameters
 from rosgraph_msgs.msg import Clock
@@ -153,7 +153,38 @@ def test_a_stopped_process_does_not_drive_on(peer: Peer, model: str, stamped: bo
         wait_for(lambda: len(limited) > count + 10, "cycles at rest")
         speeds = [m.twist.linear.x for m in limited if seconds(m) >= resumed]
         assert speeds[0] < 0.3 and speeds == sorted(speeds, reverse=True) and speeds[-1] == 0.0
-        assert "the process was stopped" in node.output
+        assert "it was sent before this process woke from a stop" in node.output
+
+
+@pytest.mark.parametrize("seconds_stopped", [0.1, 1.5])
+@pytest.mark.parametrize("simulated", [False, True])
+def test_a_command_of_before_the_process_woke_does_not_drive(
+    peer: Peer, model: str, simulated: bool, seconds_stopped: float
+) -> None:
+    """However short the stop, and however long a command holds; what is sent afterwards drives.
+
+    Neither the first message of a publisher nor those that follow a stream.
+    """
+    limited = peer.hear(TwistStamped, f"{NODE}/cmd_vel_out", 1000)
+    forever = ros_args(cmd_vel_timeout=0.0, use_sim_time=simulated)
+    with NodeProcess(MODULE, model, *forever) as node:
+        commands = peer.publisher(Twist, f"{NODE}/cmd_vel")
+        wait_for(lambda: limited, "the node")
+        for _ in range(3):
+            at_rest = len(limited)
+            os.kill(node.process.pid, signal.SIGSTOP)
+            stopped = time.monotonic()
+            commands.publish(twist(0.3))
+            wait_for(lambda: time.monotonic() > stopped + seconds_stopped, "the stop")  # noqa: B023
+            os.kill(node.process.pid, signal.SIGCONT)
+            count = len(limited)
+            wait_for(lambda: len(limited) > count + 50, "cycles")  # noqa: B023
+            assert not any(m.twist.linear.x for m in limited[at_rest:])
+            commands.publish(twist(0.2))
+            wait_for(lambda: limited[-1].twist.linear.x == 0.2, "a command of afterwards")
+            os.kill(node.process.pid, signal.SIGSTOP)
+            os.kill(node.process.pid, signal.SIGCONT)
+            wait_for(lambda: limited[-1].twist.linear.x == 0.0, "rest")
 
 
 def test_a_lock_stops_the_robot_whoever_drives(peer: Peer, model: str) -> None:

@@ -19,6 +19,17 @@ def test_a_signal_calls_and_does_not_interrupt(number: signal.Signals) -> None:
         assert called.wait(PATIENCE)
 
 
+def test_a_continued_process_is_not_asked_to_stop() -> None:
+    stopped, resumed = threading.Event(), threading.Event()
+    with StopSignals(stopped.set, resumed.set):
+        signal.raise_signal(signal.SIGCONT)
+        assert resumed.wait(PATIENCE)
+        signal.raise_signal(signal.SIGCONT)
+        assert not stopped.is_set()
+        signal.raise_signal(signal.SIGTERM)
+        assert stopped.wait(PATIENCE)
+
+
 def test_what_may_be_given_up_is_interrupted() -> None:
     called = threading.Event()
     with StopSignals(called.set) as signals:

@@ -29,6 +29,7 @@ export class CommandSender {
     this.enabled = false;
     this.stopped = false; // the stop is pressed
     this.limits = { linear: 0, angular: 0 };
+    this.granted = this.limits; // those of the press: a limit raised since then waits for the next
     this.linear = this.angular = 0;
     this.ticks = 0;
   }
@@ -92,6 +93,10 @@ export class CommandSender {
   /** Apply the server's state; cancel the active input if another page took control. */
   update(state) {
     this.limits = state.limits;
+    this.granted = {
+      linear: Math.min(this.granted.linear, this.limits.linear),
+      angular: Math.min(this.granted.angular, this.limits.angular),
+    };
     // A state sent before our first command arrived does not name us yet; nor if it came too late.
     if (!state.you && !state.late && state.received >= this.first) this.drop();
   }
@@ -99,13 +104,14 @@ export class CommandSender {
   /** The command now, m/s and rad/s. */
   get command() {
     return {
-      linear: this.linear * this.limits.linear,
-      angular: this.angular * this.limits.angular,
+      linear: this.linear * this.granted.linear,
+      angular: this.angular * this.granted.angular,
     };
   }
 
   setHolder(source) {
     const before = this.holder;
+    if (!before) this.granted = this.limits;
     this.holder = source;
     this.linear = this.angular = 0;
     clearInterval(this.timer);
