@@ -1,7 +1,9 @@
 """Messages of any type and any content, for property tests."""
 
 import math
+import time
 from collections.abc import Sequence
+from inspect import signature
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -114,7 +116,10 @@ def received(subscription: Any, data: bytes) -> None:
         message = deserialize_message(data, subscription.msg_type)
     except Exception:  # of many kinds
         return
-    subscription.callback(message)
+    now = time.time_ns()
+    info = {"source_timestamp": now, "received_timestamp": now, "publication_sequence_number": None}
+    takes_info = len(signature(subscription.callback).parameters) == 2
+    subscription.callback(message, *([info] if takes_info else []))
 
 
 def serialized(message: Any) -> bytes:
