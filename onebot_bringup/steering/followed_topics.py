@@ -1,7 +1,7 @@
 """Subscriptions to a set of topics that changes, each with the QoS that its publishers offer."""
 
 import contextlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 
 from rclpy.node import Node
 
@@ -11,6 +11,22 @@ from onebot_description.topic_subscription import (
     compatible_qos,
     offers,
 )
+
+
+def own_topics(
+    node: Node, namespace: str, robots: Iterable[str], types: Container[str]
+) -> dict[str, str]:
+    """Return the topics of some types that are published in a robot's namespace, with their types.
+
+    Those in the namespaces of other ``robots`` are not among them.
+    """
+    others = tuple(f"{other}/" for other in robots if other.startswith(f"{namespace}/"))
+    return {
+        name: kinds[0]
+        for name, kinds in node.get_topic_names_and_types()
+        if name.startswith(f"{namespace}/") and not name.startswith(others)
+        if kinds[0] in types and node.count_publishers(name)
+    }
 
 
 class FollowedTopics:

@@ -43,6 +43,7 @@ from onebot_bringup.serving.http_server import ServerThread
 from onebot_bringup.serving.ports import is_loopback, listen, open_in_browser, reachable_as
 from onebot_bringup.steering.access import Access, choose_bind_address
 from onebot_bringup.steering.arbiter import Arbiter
+from onebot_bringup.steering.camera import Camera
 from onebot_bringup.steering.command_limits import (
     Braking,
     Controller,
@@ -60,10 +61,10 @@ from onebot_bringup.steering.command_topic import (
 )
 from onebot_bringup.steering.controllers import Controllers
 from onebot_bringup.steering.ground import Ground
+from onebot_bringup.steering.obstacles import Obstacles
 from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_bringup.steering.page_parameters import PageParameters
 from onebot_bringup.steering.protocol import Velocity
-from onebot_bringup.steering.senses import Senses
 from onebot_bringup.steering.server import ServerContext, SteeringServer
 from onebot_bringup.steering.tool_requests import OtherThread, ToolRequests
 from onebot_bringup.steering.tools import ToolPublishers
@@ -123,7 +124,8 @@ class SteeringPage(Node):
         self._viewer = Viewer(self, settings.viewer_page, self._on_view)
         self._timeouts = 0  # number of drivers' timeouts that were logged
         self._ground = Ground(self, self._odometry)
-        self._senses = Senses(self, self._odometry)
+        self._camera = Camera(self)
+        self._obstacles = Obstacles(self, self._odometry, lambda: self._arbiter.state.command)
         self._thread = OtherThread(self)
         self._serve()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -147,7 +149,7 @@ class SteeringPage(Node):
         access = Access(bind.token, address, port)
         publishers = ToolPublishers(self, self._commands)
         tools = ToolRequests(
-            self._thread, self._commands, self._ground, self._senses, publishers, self._nodes
+            self._thread, self._commands, self._ground, self._camera, publishers, self._nodes
         )
         self._page_server = server = SteeringServer(
             ServerContext(
@@ -200,8 +202,8 @@ class SteeringPage(Node):
             "controllers": self._controllers.names,  # the nodes whose limits are known
             "braking": asdict(self._braking) if self._braking else None,
             "odometry": self._odometry.fields(),
-            "camera": self._senses.camera,  # the topic of its pictures
-            "obstacle": self._senses.obstacle,  # m until it meets what its scan sees
+            "camera": self._camera.topic,  # the topic of its pictures
+            "obstacle": self._obstacles.clearance,  # m until it meets what its sensors see
         }
 
     def _nodes(self) -> Mapping[str, Any]:
@@ -248,7 +250,8 @@ class SteeringPage(Node):
         namespace = namespace_of(commands.topic)
         self._ground.update(namespace)
         other_namespaces = {namespace_of(robot.topic) for robot in self._robots} - {namespace}
-        self._senses.update(namespace, other_namespaces, self._arbiter.state.pages > 0)
+        self._camera.update(namespace, other_namespaces)
+        self._obstacles.update(namespace, other_namespaces, self._arbiter.state.pages > 0)
         self._viewer.update()
         if previous != (commands.kind, commands.topic, len(commands.listeners)):
             self._arbiter.changed()

@@ -28,10 +28,10 @@ from rclpy.node import Node
 from onebot_bringup.introspection.parameter_client import ParameterClient
 from onebot_bringup.introspection.parameter_values import text_of, type_label
 from onebot_bringup.serving.http_server import body_of
+from onebot_bringup.steering.camera import Camera
 from onebot_bringup.steering.command_topic import CommandTopic
 from onebot_bringup.steering.ground import Ground
 from onebot_bringup.steering.protocol import ProtocolError, read_request, text
-from onebot_bringup.steering.senses import Senses
 from onebot_bringup.steering.tools import ToolPublishers, parse_click
 from onebot_description.errors import OneBotError
 
@@ -113,12 +113,12 @@ class ToolRequests:
         thread: OtherThread,
         commands: CommandTopic,
         ground: Ground,
-        senses: Senses,
+        camera: Camera,
         publishers: ToolPublishers,
         nodes: Callable[[], Mapping[str, Any]],
     ) -> None:
         self._thread, self._commands, self._nodes = thread, commands, nodes
-        self._ground, self._senses, self._publishers = ground, senses, publishers
+        self._ground, self._camera, self._publishers = ground, camera, publishers
 
     def add_to(self, app: web.Application) -> None:
         router = app.router
@@ -147,7 +147,7 @@ class ToolRequests:
         return web.Response(body=picture, content_type="image/png")
 
     async def _get_camera(self, _: web.Request) -> web.Response:
-        picture = await asyncio.to_thread(self._senses.picture)
+        picture = await asyncio.to_thread(self._camera.picture)
         if picture is None:
             raise web.HTTPNotFound(text="There is no picture yet.\n")
         return web.Response(body=picture, content_type="image/jpeg")

@@ -640,8 +640,10 @@ def test_it_shows_the_camera_and_an_obstacle_in_the_way(
     (tmp_path / "onebot.urdf").write_text(urdf)
     robot = str(tmp_path / "onebot.urdf"), *ros_args(world=room(tmp_path), x=1.6)
     camera = "/camera/image_raw"
-    with NodeProcess("onebot_control.velocity_controller", *robot):
-        peer.publisher(String, "robot_description", LATCHED).publish(String(data=urdf))
+    with (
+        NodeProcess("onebot_description.robot_state_publisher", robot[0]),
+        NodeProcess("onebot_control.velocity_controller", *robot),
+    ):
         # The page replaces the element with each picture: an element found once is soon stale.
         picture = "const i = document.querySelector('#camera img'); return [i.naturalWidth, i.alt]"
         wait_for(lambda: page.driver.execute_script(picture) == [160, camera], "a picture")

@@ -1,0 +1,227 @@
+"""How far the robot that is steered can go until it meets what its sensors see.
+
+Each LaserScan and Range counts, where /tf has its frame, and in the direction that the robot is
+driven. The ground is no obstacle: a cliff sensor sees it all the time, a tilted scanner far away.
+"""
+
+import math
+import time
+from collections.abc import Callable, Iterable
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.node import Node
+from sensor_msgs.msg import LaserScan, Range
+from std_msgs.msg import String
+
+from onebot_bringup.introspection.transforms import FrameTree
+from onebot_bringup.steering.followed_topics import FollowedTopics, own_topics
+from onebot_bringup.steering.odometry_topic import OdometryTopic
+from onebot_bringup.steering.protocol import Velocity
+from onebot_description.description import parse_description
+from onebot_description.errors import OneBotError
+from onebot_description.model import quaternions
+from onebot_description.model.robot_model import RobotModel
+from onebot_description.topic_subscription import TopicSubscription
+from onebot_description.wire.messages import tf_arrays
+from onebot_description.wire.tf_message import TFMessage
+
+Floats = NDArray[np.float64]
+
+_TYPES = {
+    "sensor_msgs/msg/LaserScan": LaserScan,
+    "sensor_msgs/msg/Range": Range,
+    "std_msgs/msg/String": String,
+    "tf2_msgs/msg/TFMessage": TFMessage,
+}
+_SCAN, _RANGE, _STRING, _TF = _TYPES
+_DEPTH = 100  # messages; /tf has several publishers
+_CONE_RAYS = 9  # across the cone of a Range
+_OLD = 1.0  # s after which a scan counts no more
+_STANDING = 0.01  # m/s; slower is no direction
+_ROUGHNESS, _TILT = 0.03, 0.03  # m, rad: the ground, and the robot on it, are not quite level
+_HEADROOM = 0.1  # m
+
+
+class Rays(NamedTuple):
+    """What a sensor measured along its rays that met something."""
+
+    directions: Floats  # (N, 3), of length 1 in the sensor's frame
+    ranges: Floats  # (N,), m
+
+    @classmethod
+    def of_scan(cls, scan: LaserScan) -> "Rays":
+        """Return those of a scan."""
+        ranges = np.asarray(scan.ranges, float)
+        angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
+        met = (ranges >= scan.range_min) & (ranges <= scan.range_max)
+        return cls._level(angles[met], ranges[met])
+
+    @classmethod
+    def of_range(cls, message: Range) -> "Rays":
+        """Return those across its cone: what it met may be on any of them.
+
+        A detector of one fixed distance says -inf for something within it (REP-117).
+        """
+        met = message.range if message.range != -math.inf else message.max_range
+        if not message.min_range <= met <= message.max_range:
+            return cls._level(np.empty(0), np.empty(0))
+        half = message.field_of_view / 2.0
+        return cls._level(np.linspace(-half, half, _CONE_RAYS), np.full(_CONE_RAYS, met))
+
+    @classmethod
+    def _level(cls, angles: Floats, ranges: Floats) -> "Rays":
+        return cls(np.stack((np.cos(angles), np.sin(angles), 0.0 * angles), axis=1), ranges)
+
+
+class Footprint(NamedTuple):
+    """A robot as its description has it, in the frame of its root link."""
+
+    low: Floats  # (3,): a box around it, m
+    high: Floats
+    links: tuple[str, ...]  # the first is the root
+
+    @classmethod
+    def of(cls, urdf: str) -> "Footprint | None":
+        """Return the robot of a URDF; None if it is none, or has no shapes."""
+        from onebot_control.sensing.solids import solid_of
+
+        try:
+            robot = parse_description(urdf, "robot_description")
+            robot.require_tree()
+        except OneBotError:
+            return None
+        poses = {}
+        for name, pose in zip(robot.link_names, RobotModel(robot).link_poses({}), strict=True):
+            poses[name] = np.eye(4)
+            poses[name][:3, :3], poses[name][:3, 3] = quaternions.to_matrix(pose[3:]), pose[:3]
+        shapes = [
+            (shape, poses[link.name])
+            for link in robot.links
+            for shape in link.collisions or link.visuals
+        ]
+        solid = solid_of(shapes)
+        if not len(solid.corners):
+            return None
+        low, high = solid.box
+        return cls(low, high, (robot.roots[0], *robot.link_names))
+
+    def root_frame(self, base: str) -> str:
+        """Return the frame of the root link; ``base``, of some link, has the prefix of all."""
+        link = max((name for name in self.links if base.endswith(name)), key=len, default=base)
+        return base.removesuffix(link) + self.links[0]
+
+    def points(self, rays: Rays, sensor: Floats) -> Floats:
+        """Return what a sensor at a pose (4, 4) sees beside the robot, x and y (N, 2) in m.
+
+        What is above the robot, and the ground, does not count.
+        """
+        directions = rays.directions @ sensor[:3, :3].T
+        points = rays.ranges[:, None] * directions + sensor[:3, 3]
+        own = ((points > self.low) & (points < self.high)).all(axis=1)
+        floor = self.low[2] + _ROUGHNESS + _TILT * rays.ranges
+        ground = (directions[:, 2] < -_TILT) & (points[:, 2] < floor)
+        above = points[:, 2] > max(self.high[2], sensor[2, 3]) + _HEADROOM
+        seen: Floats = points[~(own | ground | above), :2]
+        return seen
+
+    def clearance(self, points: Floats, linear: float, angular: float) -> float:
+        """Return how far the robot can go, in m, until it meets a point; infinite without one.
+
+        Args:
+            points: (N, 2), x and y in m.
+            linear: m/s, not 0; the robot goes on along its arc.
+            angular: rad/s.
+        """
+        ahead = math.copysign(1.0, linear)
+        x, y = ahead * points[:, 0], points[:, 1]
+        along, aside = x, y
+        if abs(angular) > 1e-3 * abs(linear):
+            radius = linear / angular  # positive: left
+            side = math.copysign(1.0, radius)
+            along = abs(radius) * np.arctan2(x, side * (radius - y))
+            aside = np.hypot(x, y - radius) - abs(radius)
+        front = self.high[0] if linear > 0.0 else -self.low[0]
+        half = max(-self.low[1], self.high[1])
+        met = along[(along > 0.0) & (np.abs(aside) < half)] - front
+        return max(0.0, float(met.min(initial=math.inf)))
+
+
+class Obstacles:
+    """Follows the sensors of the robot that is steered, in the node's thread."""
+
+    def __init__(
+        self, node: Node, odometry: OdometryTopic, command: Callable[[], Velocity]
+    ) -> None:
+        """``command`` is what the robot is told now; at zero, the odometry has its direction."""
+        self._node, self._odometry, self._command = node, odometry, command
+        self._topics = FollowedTopics(node, _DEPTH, self._subscription)
+        self._transforms = FrameTree()
+        self._footprint: Footprint | None = None
+        self._seen: dict[str, tuple[float, str, Rays]] = {}  # when, and the frame; by the topic
+
+    @property
+    def clearance(self) -> float | None:
+        """How far the robot can go until it meets something, m; None: nothing known."""
+        footprint, odometry = self._footprint, self._odometry.sample
+        velocity = self._velocity()
+        if footprint is None or odometry is None or abs(velocity.linear) < _STANDING:
+            return None
+        root = footprint.root_frame(odometry.child_frame_id.removeprefix("/"))
+        least = math.inf
+        for when, frame, rays in self._seen.values():
+            pose = self._transforms.pose(frame, root)
+            if pose is not None and time.monotonic() < when + _OLD:
+                points = footprint.points(rays, pose)
+                least = min(least, footprint.clearance(points, velocity.linear, velocity.angular))
+        return least if least < math.inf else None
+
+    def _velocity(self) -> Velocity:
+        command, odometry = self._command(), self._odometry.sample
+        if odometry is None or abs(command.linear) >= _STANDING:
+            return command
+        return Velocity(float(odometry.linear[0]), float(odometry.angular[2]))
+
+    def update(self, namespace: str, robots: Iterable[str], watched: bool) -> None:
+        """Follow publishers that come and go; to be called several times per second.
+
+        ``robots`` are the namespaces of other robots; ``watched``: there is a page.
+        """
+        topics = {}
+        if watched:
+            topics = own_topics(self._node, namespace, robots, {_SCAN, _RANGE})
+            if topics:
+                topics |= {"/tf": _TF, "/tf_static": _TF}
+            topics[f"{namespace}/robot_description"] = _STRING
+        left = self._topics.update(topics)
+        if _STRING in left:
+            self._footprint = None
+        if _TF in left:
+            self._transforms = FrameTree()
+        self._seen = {topic: seen for topic, seen in self._seen.items() if topic in topics}
+
+    def _subscription(self, name: str, kind: str) -> TopicSubscription:
+        received: dict[str, Callable[[str, Any], None]] = {
+            _SCAN: partial(self._on_sensor, name, Rays.of_scan),
+            _RANGE: partial(self._on_sensor, name, Rays.of_range),
+            _STRING: self._on_robot,
+            _TF: partial(self._on_transforms, name == "/tf_static"),
+        }
+        return TopicSubscription(
+            self._node, name, received[kind], _TYPES.__getitem__, raw=kind == _TF
+        )
+
+    def _on_sensor(self, topic: str, rays_of: Callable[[Any], Rays], _: str, message: Any) -> None:
+        frame = message.header.frame_id.removeprefix("/")
+        self._seen[topic] = time.monotonic(), frame, rays_of(message)
+
+    def _on_robot(self, _: str, message: String) -> None:
+        self._footprint = Footprint.of(message.data)
+
+    def _on_transforms(self, static: bool, _: str, data: bytes) -> None:
+        try:
+            self._transforms.add(tf_arrays(data), static=static)
+        except ValueError:
+            pass  # other nodes report it
