@@ -17,10 +17,12 @@ class Driver:
     def __init__(self, peer: Peer, message: Any, node: str = NODE) -> None:
         self._publisher = peer.publisher(type(message), f"{node}/cmd_vel")
         self._peer, self.message = peer, message
+        self.sent = 0
         self._timer = peer.node.create_timer(0.02, self._publish)
 
     def _publish(self) -> None:
         self._publisher.publish(self.message)
+        self.sent += 1
 
     def stop(self) -> None:
         self._timer.cancel()
