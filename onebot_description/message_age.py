@@ -11,10 +11,10 @@ from typing import NamedTuple
 from onebot_description.wire.cdr import NANO
 
 _LONGEST_GAP = 0.5  # s between two checks; a longer one means that the process did not run
-_SAME_WAKE = 0.25  # s within which a wake is noticed in several ways
+_SAME_SIGNAL = 0.25  # s within which two threads notice one SIGCONT
 _STEADY_NS = NANO // 10  # transit times of one sender differ by less
 _SAMPLES, _SPAN_NS = 5, NANO // 2  # messages, and their time, from which a sender's clock is known
-_LONGEST_TRANSIT = 10.0  # s; counts where a stamp does not tell how long a message was under way
+_LONGEST_TRANSIT = 10.0  # s; counts where no stamp shows how long a message was under way
 # Unlike the monotonic clock, it counts the time in which the computer is suspended.
 _CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
 
@@ -34,7 +34,7 @@ class WakeDetector:
     def __init__(self, clock: Callable[[], float] = boot_time) -> None:
         self._clock = clock
         self._checked = clock()
-        self.woke = -math.inf
+        self.woke = self._resumed = -math.inf
 
     def check(self) -> float:
         """Return ``woke``; to be called several times a second, from any thread."""
@@ -47,20 +47,20 @@ class WakeDetector:
     def resumed(self) -> None:
         """Note a SIGCONT, which also follows a stop too short for ``check``."""
         now = self._clock()
-        if now - self.woke > _SAME_WAKE:
-            self.woke = now
+        if now - self._resumed > _SAME_SIGNAL:
+            self.woke = self._resumed = now
 
 
 WAKE = WakeDetector()
-"""That of this process; ``run_node`` passes it each SIGCONT."""
+"""The wake detector of this process; ``run_node`` notifies it of each SIGCONT."""
 
 
 class Delivery(NamedTuple):
-    """What DDS says of a message."""
+    """The times of a message, and its number, as DDS reports them."""
 
     source_ns: int  # when it was sent, by the sender's system clock
     received_ns: int  # by this computer's
-    number: int | None  # the publisher counts its messages; None where DDS does not tell
+    number: int | None  # the publisher counts its messages; None where DDS has no number
 
 
 class Age(NamedTuple):

@@ -176,6 +176,7 @@ def test_a_command_of_before_the_process_woke_does_not_drive(
         for _ in range(3):
             at_rest = len(limited)
             os.kill(node.process.pid, signal.SIGSTOP)
+            os.waitid(os.P_PID, node.process.pid, os.WSTOPPED)  # its threads run on until then
             stopped = time.monotonic()
             commands.publish(twist(0.3))
             wait_for(lambda: time.monotonic() > stopped + seconds_stopped, "the stop")  # noqa: B023

@@ -110,6 +110,17 @@ def test_a_process_that_did_not_run_has_woken() -> None:
     assert wake.check() == first
 
 
+def test_a_stop_soon_after_a_gap_counts() -> None:
+    """A process that starts slowly has a gap, and may be stopped before it has run for long."""
+    now = [100.0]
+    wake = WakeDetector(lambda: now[0])
+    now[0] += 0.6
+    assert wake.check() == now[0]
+    now[0] += 0.1
+    wake.resumed()
+    assert wake.woke == now[0]
+
+
 def test_the_clock_goes_on() -> None:
     before = boot_time()
     assert before <= boot_time() < before + 60.0
