@@ -113,7 +113,7 @@ class TopicSubscription:
             message_class: returns the Python class of a type such as "std_msgs/msg/String".
             raw: receive messages as bytes.
             lost: called with the number of messages that DDS lost.
-            delivered: called before ``received`` with what DDS says of the message.
+            delivered: called before ``received`` with the times that DDS reports.
         """
         self._node, self._topic, self._delivered = node, topic, delivered
         self._received, self._message_class, self._raw = received, message_class, raw

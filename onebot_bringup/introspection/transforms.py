@@ -274,7 +274,7 @@ class FrameTree:
         pose, top = np.eye(4), self.top(frame)
         while frame != top:
             block, row = self._places[frame]
-            pose, frame = _matrix(*block.at(row, time_ns)) @ pose, block.parents[row]
+            pose, frame = matrix(*block.at(row, time_ns)) @ pose, block.parents[row]
         return pose
 
     def span(self, frame: str) -> tuple[int, int] | None:
@@ -335,7 +335,7 @@ class FrameTree:
         return StampedTransform(time_ns, transform)
 
 
-def _matrix(translation: Floats, rotation: Floats) -> Floats:
+def matrix(translation: Floats, rotation: Floats) -> Floats:
     """Return the (4, 4) matrix of one transform; a tenth of the time that arrays would take.
 
     A rotation of no length is none.

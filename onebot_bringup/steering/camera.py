@@ -44,7 +44,7 @@ def jpeg(message: ImageMessage) -> bytes | None:
     return file.getvalue()
 
 
-class Camera:
+class CameraFeed:
     """Follows the robot's first camera; all but ``picture`` in the node's thread.
 
     Attributes:

@@ -73,15 +73,15 @@ class Bound:
     source: str = ""
 
 
-class Range(NamedTuple):
+class CommandRange(NamedTuple):
     """The commands that are allowed."""
 
     most: Velocity  # forward, and to the left
     reverse: Velocity  # backward, and to the right; positive
 
-    def within(self, other: "Range") -> "Range":
+    def within(self, other: "CommandRange") -> "CommandRange":
         """Return the commands in both ranges."""
-        return Range(self.most.at_most(other.most), self.reverse.at_most(other.reverse))
+        return CommandRange(self.most.at_most(other.most), self.reverse.at_most(other.reverse))
 
     def clamp(self, command: Velocity) -> Velocity:
         """Return the fastest command in the range, on the same arc."""
@@ -104,10 +104,10 @@ class Limits:
         )
 
     @property
-    def range(self) -> "Range":
+    def range(self) -> CommandRange:
         """The commands within the limits."""
         most = self.in_force
-        return Range(most, most.at_most(Velocity(self.linear.reverse, self.angular.reverse)))
+        return CommandRange(most, most.at_most(Velocity(self.linear.reverse, self.angular.reverse)))
 
 
 def _in_force(bound: Bound, chosen: float | None) -> float:

@@ -5,12 +5,19 @@ from collections.abc import Callable, Container, Iterable, Mapping
 
 from rclpy.node import Node
 
+from onebot_bringup.introspection.transforms import FrameTree
 from onebot_description.topic_subscription import (
     TopicSubscription,
     TypeConflictError,
     compatible_qos,
     offers,
 )
+from onebot_description.wire.messages import tf_arrays
+from onebot_description.wire.tf_message import TFMessage
+
+_STATIC = "/tf_static"
+_TF_TOPICS = dict.fromkeys(("/tf", _STATIC), "tf2_msgs/msg/TFMessage")
+_TF_DEPTH = 100  # messages; /tf has several publishers
 
 
 def own_topics(
@@ -56,3 +63,27 @@ class FollowedTopics:
                     qos = compatible_qos(offered, self._depth)
                     self._subscriptions[name, kind].update(kind, qos)
         return {kind for _, kind in gone}
+
+
+class FollowedTransforms:
+    """Subscribes to TF while somebody needs it.
+
+    Attributes:
+        tree: the frames received; a new one after each pause.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node, self.tree = node, FrameTree()
+        self._topics = FollowedTopics(node, _TF_DEPTH, self._subscription)
+
+    def update(self, needed: bool) -> None:
+        """Follow TF if it is ``needed``; to be called several times per second."""
+        if self._topics.update(_TF_TOPICS if needed else {}):
+            self.tree = FrameTree()
+
+    def _subscription(self, name: str, _: str) -> TopicSubscription:
+        def received(_: str, data: bytes) -> None:
+            with contextlib.suppress(ValueError):  # other nodes report it
+                self.tree.add(tf_arrays(data), static=name == _STATIC)
+
+        return TopicSubscription(self._node, name, received, lambda _: TFMessage)

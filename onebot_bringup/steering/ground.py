@@ -16,18 +16,16 @@ from nav_msgs.msg import OccupancyGrid
 from PIL import Image
 from rclpy.node import Node
 
-from onebot_bringup.introspection.transforms import FrameTree, TransformError
-from onebot_bringup.steering.followed_topics import FollowedTopics
+from onebot_bringup.introspection.transforms import TransformError
+from onebot_bringup.steering.followed_topics import FollowedTopics, FollowedTransforms
 from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_control.poses import Transform, compose, yaw_of
 from onebot_description.topic_subscription import TopicSubscription
-from onebot_description.wire.messages import OdometrySample, tf_arrays
-from onebot_description.wire.tf_message import TFMessage
+from onebot_description.wire.messages import OdometrySample
 
 _MAP = "map"  # the name of the topic, and of the frame
-_TF = "tf2_msgs/msg/TFMessage"
 _GRID = "nav_msgs/msg/OccupancyGrid"
-_DEPTH = 100
+_DEPTH = 100  # messages
 _KNOWN = np.arange(256) <= 100  # a cell's byte is a share of 100, or unknown
 _SHADES = np.where(_KNOWN, 255 - np.arange(256) * 255 // 100, 0).astype(np.uint8)
 _ALPHA = (_KNOWN * 255).astype(np.uint8).tobytes()
@@ -66,7 +64,7 @@ class Ground:
     def __init__(self, node: Node, odometry: OdometryTopic) -> None:
         self._node, self._odometry = node, odometry
         self._topics = FollowedTopics(node, _DEPTH, self._subscription)
-        self._transforms = FrameTree()
+        self._transforms = FollowedTransforms(node)
         self._used = self._since = -math.inf  # the last request, and the first one of its row
         self.grid: PublishedMap | None = None
 
@@ -76,27 +74,15 @@ class Ground:
         if time.monotonic() < self._used + _UNUSED:
             own_map = f"{namespace}/{_MAP}"
             grid = own_map if self._node.count_publishers(own_map) else f"/{_MAP}"
-            topics = {"/tf": _TF, "/tf_static": _TF, grid: _GRID}
-        left = self._topics.update(topics)
-        if _TF in left:
-            self._transforms = FrameTree()
-        if _GRID in left:
+            topics = {grid: _GRID}
+        self._transforms.update(bool(topics))
+        if self._topics.update(topics):
             self.grid = None
 
-    def _subscription(self, name: str, kind: str) -> TopicSubscription:
-        if kind == _GRID:
-            return TopicSubscription(
-                self._node, name, self._on_grid, lambda _: OccupancyGrid, raw=False
-            )
-        static = name == "/tf_static"
-
-        def received(_: str, data: bytes) -> None:
-            try:
-                self._transforms.add(tf_arrays(data), static=static)
-            except ValueError:
-                pass  # other nodes report it
-
-        return TopicSubscription(self._node, name, received, lambda _: TFMessage)
+    def _subscription(self, name: str, _: str) -> TopicSubscription:
+        return TopicSubscription(
+            self._node, name, self._on_grid, lambda _: OccupancyGrid, raw=False
+        )
 
     def _on_grid(self, _: str, message: OccupancyGrid) -> None:
         grid = PublishedMap(message)
@@ -123,7 +109,7 @@ class Ground:
         return {"frame": frame, "base": base, "robot": robot, "map": self._grid_fields(frame)}
 
     def _frame(self, odometry: OdometrySample | None) -> str:
-        buffer = self._transforms
+        buffer = self._transforms.tree
         if odometry is None:
             return _MAP if _MAP in buffer.names else next(iter(buffer.roots), "")
         above = buffer.above(odometry.frame_id.removeprefix("/"))
@@ -148,7 +134,7 @@ class Ground:
         of = of.removeprefix("/")
         if of != frame:
             try:
-                transform = compose(self._transforms.lookup(frame, of).transform, transform)
+                transform = compose(self._transforms.tree.lookup(frame, of).transform, transform)
             except TransformError:
                 return None
         pose = {"x": transform[0][0], "y": transform[0][1], "yaw": yaw_of(*transform[1])}

@@ -16,17 +16,14 @@ from rclpy.node import Node
 from sensor_msgs.msg import LaserScan, Range
 from std_msgs.msg import String
 
-from onebot_bringup.introspection.transforms import FrameTree
-from onebot_bringup.steering.followed_topics import FollowedTopics, own_topics
+from onebot_bringup.introspection.transforms import matrix
+from onebot_bringup.steering.followed_topics import FollowedTopics, FollowedTransforms, own_topics
 from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_bringup.steering.protocol import Velocity
 from onebot_description.description import parse_description
 from onebot_description.errors import OneBotError
-from onebot_description.model import quaternions
 from onebot_description.model.robot_model import RobotModel
 from onebot_description.topic_subscription import TopicSubscription
-from onebot_description.wire.messages import tf_arrays
-from onebot_description.wire.tf_message import TFMessage
 
 Floats = NDArray[np.float64]
 
@@ -34,10 +31,8 @@ _TYPES = {
     "sensor_msgs/msg/LaserScan": LaserScan,
     "sensor_msgs/msg/Range": Range,
     "std_msgs/msg/String": String,
-    "tf2_msgs/msg/TFMessage": TFMessage,
 }
-_SCAN, _RANGE, _STRING, _TF = _TYPES
-_DEPTH = 100  # messages; /tf has several publishers
+_SCAN, _RANGE, _STRING = _TYPES
 _CONE_RAYS = 9  # across the cone of a Range
 _OLD = 1.0  # s after which a scan counts no more
 _STANDING = 0.01  # m/s; slower is no direction
@@ -45,25 +40,25 @@ _ROUGHNESS, _TILT = 0.03, 0.03  # m, rad: the ground, and the robot on it, are n
 _HEADROOM = 0.1  # m
 
 
-class Rays(NamedTuple):
+class Hits(NamedTuple):
     """What a sensor measured along its rays that met something."""
 
     directions: Floats  # (N, 3), of length 1 in the sensor's frame
     ranges: Floats  # (N,), m
 
     @classmethod
-    def of_scan(cls, scan: LaserScan) -> "Rays":
-        """Return those of a scan."""
+    def of_scan(cls, scan: LaserScan) -> "Hits":
+        """Return the hits of a scan."""
         ranges = np.asarray(scan.ranges, float)
         angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
         met = (ranges >= scan.range_min) & (ranges <= scan.range_max)
         return cls._level(angles[met], ranges[met])
 
     @classmethod
-    def of_range(cls, message: Range) -> "Rays":
-        """Return those across its cone: what it met may be on any of them.
+    def of_range(cls, message: Range) -> "Hits":
+        """Return hits across the cone: the one that was measured may be on any of its rays.
 
-        A detector of one fixed distance says -inf for something within it (REP-117).
+        A detector of one fixed distance reports -inf for something within it (REP-117).
         """
         met = message.range if message.range != -math.inf else message.max_range
         if not message.min_range <= met <= message.max_range:
@@ -72,7 +67,7 @@ class Rays(NamedTuple):
         return cls._level(np.linspace(-half, half, _CONE_RAYS), np.full(_CONE_RAYS, met))
 
     @classmethod
-    def _level(cls, angles: Floats, ranges: Floats) -> "Rays":
+    def _level(cls, angles: Floats, ranges: Floats) -> "Hits":
         return cls(np.stack((np.cos(angles), np.sin(angles), 0.0 * angles), axis=1), ranges)
 
 
@@ -93,10 +88,8 @@ class Footprint(NamedTuple):
             robot.require_tree()
         except OneBotError:
             return None
-        poses = {}
-        for name, pose in zip(robot.link_names, RobotModel(robot).link_poses({}), strict=True):
-            poses[name] = np.eye(4)
-            poses[name][:3, :3], poses[name][:3, 3] = quaternions.to_matrix(pose[3:]), pose[:3]
+        link_poses = zip(robot.link_names, RobotModel(robot).link_poses({}), strict=True)
+        poses = {name: matrix(pose[:3], pose[3:]) for name, pose in link_poses}
         shapes = [
             (shape, poses[link.name])
             for link in robot.links
@@ -113,15 +106,15 @@ class Footprint(NamedTuple):
         link = max((name for name in self.links if base.endswith(name)), key=len, default=base)
         return base.removesuffix(link) + self.links[0]
 
-    def points(self, rays: Rays, sensor: Floats) -> Floats:
+    def points(self, hits: Hits, sensor: Floats) -> Floats:
         """Return what a sensor at a pose (4, 4) sees beside the robot, x and y (N, 2) in m.
 
         What is above the robot, and the ground, does not count.
         """
-        directions = rays.directions @ sensor[:3, :3].T
-        points = rays.ranges[:, None] * directions + sensor[:3, 3]
+        directions = hits.directions @ sensor[:3, :3].T
+        points = hits.ranges[:, None] * directions + sensor[:3, 3]
         own = ((points > self.low) & (points < self.high)).all(axis=1)
-        floor = self.low[2] + _ROUGHNESS + _TILT * rays.ranges
+        floor = self.low[2] + _ROUGHNESS + _TILT * hits.ranges
         ground = (directions[:, 2] < -_TILT) & (points[:, 2] < floor)
         above = points[:, 2] > max(self.high[2], sensor[2, 3]) + _HEADROOM
         seen: Floats = points[~(own | ground | above), :2]
@@ -155,12 +148,12 @@ class Obstacles:
     def __init__(
         self, node: Node, odometry: OdometryTopic, command: Callable[[], Velocity]
     ) -> None:
-        """``command`` is what the robot is told now; at zero, the odometry has its direction."""
+        """``command`` returns the present one; while it is zero, the odometry has the direction."""
         self._node, self._odometry, self._command = node, odometry, command
-        self._topics = FollowedTopics(node, _DEPTH, self._subscription)
-        self._transforms = FrameTree()
+        self._topics = FollowedTopics(node, 1, self._subscription)
+        self._transforms = FollowedTransforms(node)
         self._footprint: Footprint | None = None
-        self._seen: dict[str, tuple[float, str, Rays]] = {}  # when, and the frame; by the topic
+        self._seen: dict[str, tuple[float, str, Hits]] = {}  # when, and the frame; by the topic
 
     @property
     def clearance(self) -> float | None:
@@ -171,10 +164,10 @@ class Obstacles:
             return None
         root = footprint.root_frame(odometry.child_frame_id.removeprefix("/"))
         least = math.inf
-        for when, frame, rays in self._seen.values():
-            pose = self._transforms.pose(frame, root)
+        for when, frame, hits in self._seen.values():
+            pose = self._transforms.tree.pose(frame, root)
             if pose is not None and time.monotonic() < when + _OLD:
-                points = footprint.points(rays, pose)
+                points = footprint.points(hits, pose)
                 least = min(least, footprint.clearance(points, velocity.linear, velocity.angular))
         return least if least < math.inf else None
 
@@ -189,39 +182,24 @@ class Obstacles:
 
         ``robots`` are the namespaces of other robots; ``watched``: there is a page.
         """
-        topics = {}
-        if watched:
-            topics = own_topics(self._node, namespace, robots, {_SCAN, _RANGE})
-            if topics:
-                topics |= {"/tf": _TF, "/tf_static": _TF}
-            topics[f"{namespace}/robot_description"] = _STRING
-        left = self._topics.update(topics)
-        if _STRING in left:
+        sensors = own_topics(self._node, namespace, robots, {_SCAN, _RANGE}) if watched else {}
+        description = {f"{namespace}/robot_description": _STRING} if watched else {}
+        self._transforms.update(bool(sensors))
+        if _STRING in self._topics.update(sensors | description):
             self._footprint = None
-        if _TF in left:
-            self._transforms = FrameTree()
-        self._seen = {topic: seen for topic, seen in self._seen.items() if topic in topics}
+        self._seen = {topic: seen for topic, seen in self._seen.items() if topic in sensors}
 
     def _subscription(self, name: str, kind: str) -> TopicSubscription:
         received: dict[str, Callable[[str, Any], None]] = {
-            _SCAN: partial(self._on_sensor, name, Rays.of_scan),
-            _RANGE: partial(self._on_sensor, name, Rays.of_range),
+            _SCAN: partial(self._on_sensor, name, Hits.of_scan),
+            _RANGE: partial(self._on_sensor, name, Hits.of_range),
             _STRING: self._on_robot,
-            _TF: partial(self._on_transforms, name == "/tf_static"),
         }
-        return TopicSubscription(
-            self._node, name, received[kind], _TYPES.__getitem__, raw=kind == _TF
-        )
+        return TopicSubscription(self._node, name, received[kind], _TYPES.__getitem__, raw=False)
 
-    def _on_sensor(self, topic: str, rays_of: Callable[[Any], Rays], _: str, message: Any) -> None:
+    def _on_sensor(self, topic: str, hits_of: Callable[[Any], Hits], _: str, message: Any) -> None:
         frame = message.header.frame_id.removeprefix("/")
-        self._seen[topic] = time.monotonic(), frame, rays_of(message)
+        self._seen[topic] = time.monotonic(), frame, hits_of(message)
 
     def _on_robot(self, _: str, message: String) -> None:
         self._footprint = Footprint.of(message.data)
-
-    def _on_transforms(self, static: bool, _: str, data: bytes) -> None:
-        try:
-            self._transforms.add(tf_arrays(data), static=static)
-        except ValueError:
-            pass  # other nodes report it

@@ -43,7 +43,7 @@ from onebot_bringup.serving.http_server import ServerThread
 from onebot_bringup.serving.ports import is_loopback, listen, open_in_browser, reachable_as
 from onebot_bringup.steering.access import Access, choose_bind_address
 from onebot_bringup.steering.arbiter import Arbiter
-from onebot_bringup.steering.camera import Camera
+from onebot_bringup.steering.camera import CameraFeed
 from onebot_bringup.steering.command_limits import (
     Braking,
     Controller,
@@ -124,7 +124,7 @@ class SteeringPage(Node):
         self._viewer = Viewer(self, settings.viewer_page, self._on_view)
         self._timeouts = 0  # number of drivers' timeouts that were logged
         self._ground = Ground(self, self._odometry)
-        self._camera = Camera(self)
+        self._camera = CameraFeed(self)
         self._obstacles = Obstacles(self, self._odometry, lambda: self._arbiter.state.command)
         self._thread = OtherThread(self)
         self._serve()

@@ -28,7 +28,7 @@ from rclpy.node import Node
 from onebot_bringup.introspection.parameter_client import ParameterClient
 from onebot_bringup.introspection.parameter_values import text_of, type_label
 from onebot_bringup.serving.http_server import body_of
-from onebot_bringup.steering.camera import Camera
+from onebot_bringup.steering.camera import CameraFeed
 from onebot_bringup.steering.command_topic import CommandTopic
 from onebot_bringup.steering.ground import Ground
 from onebot_bringup.steering.protocol import ProtocolError, read_request, text
@@ -113,7 +113,7 @@ class ToolRequests:
         thread: OtherThread,
         commands: CommandTopic,
         ground: Ground,
-        camera: Camera,
+        camera: CameraFeed,
         publishers: ToolPublishers,
         nodes: Callable[[], Mapping[str, Any]],
     ) -> None:
