@@ -7,6 +7,9 @@ from collections.abc import Collection, Iterable, Sequence
 _MAX_LISTED = 12
 _MAX_COMPARED = 1000  # names; comparing one with them takes some hundredths of a second
 _MAX_ALIKE = 20
+_LEAST_ALIKE = 0.6  # difflib's ratio of a name that is suggested
+_LESS_ALIKE = 0.05  # less than the most similar name's ratio
+_MAX_SUGGESTED = 3
 _MAX_LENGTH = 2000  # characters of one message
 # Messages of one kind differ in names, numbers and hints.
 _PARTICULARS = re.compile(r' ?\([^()]*\)|"[^"]*"|\d+')
@@ -19,8 +22,29 @@ def nearest(name: str, candidates: Iterable[str]) -> str | None:
     from difflib import get_close_matches  # slow to import, and all commands import this module
 
     as_written = {candidate.lower(): candidate for candidate in sorted(candidates, reverse=True)}
-    matches = get_close_matches(name.lower(), as_written, n=1, cutoff=0.6)
+    matches = get_close_matches(name.lower(), as_written, n=1, cutoff=_LEAST_ALIKE)
     return as_written[matches[0]] if matches else None
+
+
+def alike(name: str, candidates: Iterable[str]) -> list[str]:
+    """Return up to three candidates whose path, or its last word, is similar to ``name``.
+
+    So ``/odom`` finds ``/robot1/odom``. The most similar one is the first; far less similar ones
+    are left out.
+    """
+    from difflib import SequenceMatcher  # slow to import
+
+    def ratio(one: str, other: str) -> float:
+        return SequenceMatcher(None, one.lower(), other.lower()).ratio()
+
+    end = name.rpartition("/")[2]
+    ratios = {
+        candidate: max(ratio(name, candidate), ratio(end, candidate.rpartition("/")[2]))
+        for candidate in sorted(set(candidates) - {name})[:_MAX_COMPARED]
+    }
+    least = max(_LEAST_ALIKE, max(ratios.values(), default=0.0) - _LESS_ALIKE)
+    matches = [candidate for candidate in ratios if ratios[candidate] >= least]
+    return sorted(matches, key=ratios.__getitem__, reverse=True)[:_MAX_SUGGESTED]
 
 
 def natural_order(name: str) -> tuple[list[tuple[int, str]], str]:

@@ -1,12 +1,13 @@
 """The commands that topics and services have in common: list, type and find."""
 
+import json
 from argparse import Namespace
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from onebot_bringup.cli.options import Subcommand, flag, positional, print_rows
 from onebot_bringup.cli.session import SPIN_TIME, Session, in_session
-from onebot_description.errors import OneBotError, did_you_mean, nearest
+from onebot_description.errors import OneBotError, alike, did_you_mean
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,11 @@ class Named:
             OneBotError: it was not discovered; the message lists similar names.
         """
         full = session.full_name(name)
-        types = session.look_for(lambda: self.types(session, full), f"the {self.word} {full}")
+        types = session.look_for(
+            lambda: self.types(session, full),
+            f"the {self.word} {full}",
+            lambda: self.question(session, full),
+        )
         if not types:
             names = [name for name, _ in self.discovered(session, False)]
             hint = did_you_mean(full, names, f"{self.word}s")
@@ -38,10 +43,9 @@ class Named:
         return full, types
 
     def question(self, session: Session, name: str) -> str:
-        """Return a question for the most similar name, such as `` (did you mean "/a"?)``."""
-        names = [candidate for candidate, _ in self.discovered(session, False) if candidate != name]
-        guess = nearest(name, names)
-        return f' (did you mean "{guess}"?)' if guess else ""
+        """Return a question for the similar names, such as ``did you mean "/a"?``; "" for none."""
+        names = alike(name, [candidate for candidate, _ in self.discovered(session, False)])
+        return f"did you mean {' or '.join(map(json.dumps, names))}?" if names else ""
 
     def print_names(self, session: Session, args: Namespace) -> None:
         """List them, with their types if asked for."""

@@ -57,7 +57,9 @@ def _await_service(session: Session, client: Any, name: str, kind: str) -> None:
         return False
 
     session.await_or_report(
-        ready, lambda: f"note: no server of {name} yet{SERVICES.question(session, name)}"
+        ready,
+        lambda: f"note: no server of {name} yet",
+        hint=lambda: SERVICES.question(session, name),
     )
 
 

@@ -6,6 +6,7 @@ command waits until the entity that it needs is discovered; lists wait until the
 
 import argparse
 import functools
+import math
 import os
 import sys
 import time
@@ -191,9 +192,12 @@ class Session:
             raise OneBotError(f'node "{full}" not found{did_you_mean(full, self.nodes(), "nodes")}')
         return full
 
-    def look_for(self, condition: Callable[[], Any], what: str) -> Any:
+    def look_for(
+        self, condition: Callable[[], Any], what: str, hint: Callable[[], str] = lambda: ""
+    ) -> Any:
         """Wait for a condition as long as discovery can take; return its last value."""
-        return self.await_or_report(condition, lambda: f"looking for {what} ...", _LOOKUP)
+        notice = f"looking for {what} ..."
+        return self.await_or_report(condition, lambda: notice, _LOOKUP, hint=hint)
 
     def await_or_report(
         self,
@@ -201,20 +205,34 @@ class Session:
         notice: Callable[[], str],
         timeout: float | None = None,
         patience: float = PATIENCE,
+        hint: Callable[[], str] = lambda: "",
     ) -> Any:
         """Wait for a condition, at most ``timeout`` (s); return its last value.
 
-        After ``patience`` (s), print what ``notice`` returns.
+        After ``patience`` (s), print what ``notice`` returns, and the question of ``hint``, now or
+        as soon as it has one: what it is about may be discovered later.
         """
-        first = patience if timeout is None else min(patience, timeout)
-        value = self.spin(condition, first)
-        if not value and first != timeout:
-            print(f"{notice()}{self._hint()}", file=sys.stderr)
-            value = self.spin(condition, None if timeout is None else timeout - first)
-        return value
+        left = math.inf if timeout is None else timeout
+        value = self.spin(condition, min(patience, left))
+        left -= patience
+        if value or left <= 0.0:
+            return value
+        asked = hint()
+        print(f"{notice()}{_in_brackets(asked)}{self._hint()}", file=sys.stderr)
+        while not asked and left > 0.0:
+            if value := self.spin(condition, min(PATIENCE, left)):
+                return value
+            left -= PATIENCE
+            if asked := hint():
+                print(asked, file=sys.stderr)
+        return value if left <= 0.0 else self.spin(condition, None if timeout is None else left)
 
     def _hint(self) -> str:
-        return f" ({question()})" if server() and not self._sees_other_nodes() else ""
+        return _in_brackets(question() if server() and not self._sees_other_nodes() else "")
+
+
+def _in_brackets(hint: str) -> str:
+    return f" ({hint})" if hint else ""
 
 
 def _visible(names: Iterable[tuple[str, list[str]]], hidden: bool) -> list[tuple[str, list[str]]]:

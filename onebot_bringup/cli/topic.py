@@ -54,12 +54,12 @@ def _await_class(
         session.spin(lambda: session.node.count_publishers(topic), 1.0)
         session.spin_for(_SETTLE)
         return topic, kind
-
-    def notice() -> str:
-        text = f"WARNING: topic [{topic}] does not appear to be published yet"
-        return f"{text}{TOPICS.question(session, topic)}; waiting for it"
-
-    if not session.await_or_report(lambda: TOPICS.types(session, topic), notice, timeout):
+    if not session.await_or_report(
+        lambda: TOPICS.types(session, topic),
+        lambda: f"WARNING: topic [{topic}] does not appear to be published yet; waiting for it",
+        timeout,
+        hint=partial(TOPICS.question, session, topic),
+    ):
         raise OneBotError(f"no topic {topic} within {timeout:g} s")
     # Other publishers may have another QoS or even another type.
     session.spin_for(_SETTLE)
@@ -112,7 +112,8 @@ def echo(session: Session, args: Namespace) -> None:
     left = args.timeout and max(0.0, args.timeout - (time.monotonic() - began))
     message = "message that passes --filter" if args.filter else "message"
     notice = partial(_no_message, session, topic, message)
-    if not session.await_or_report(lambda: printed, notice, left, _NO_MESSAGE):
+    hint = partial(_other_topics, session, topic)
+    if not session.await_or_report(lambda: printed, notice, left, _NO_MESSAGE, hint):
         raise OneBotError(f"no {message} on {topic} within {args.timeout:g} s")
     session.spin(lambda: args.once)
 
@@ -164,6 +165,11 @@ def _no_message(session: Session, topic: str, message: str = "message") -> str:
     publishers = session.node.count_publishers(topic)
     who = f"{publishers} publisher(s)" if publishers else "no publisher"
     return f"note: no {message} on {topic} yet; {who}"
+
+
+def _other_topics(session: Session, topic: str) -> str:
+    """Return a question for topics like one that nobody publishes."""
+    return "" if session.node.count_publishers(topic) else TOPICS.question(session, topic)
 
 
 @in_session

@@ -176,6 +176,46 @@ def test_echo_waits_for_the_topic(ros_domain: int, tmp_path: Path) -> None:
         assert command.interrupt() == 0 and command.out == "data: one\n---\ndata: two\n---\n"
 
 
+@pytest.mark.parametrize(
+    ("words", "waiting", "shown"),
+    [
+        (("echo", "/odom"), "waiting for it", "data: x"),
+        (("echo", "/odom", "std_msgs/msg/String"), "no message on /odom yet", "data: x"),
+        (("hz", "/odom"), "waiting for it", "average rate"),
+        (("bw", "/odom"), "waiting for it", "B/s from"),
+    ],
+)
+def test_it_suggests_a_like_topic_and_waits_on(
+    ros_domain: int, tmp_path: Path, words: tuple[str, ...], waiting: str, shown: str
+) -> None:
+    """Also if the like one comes later; then what was asked for comes."""
+    with running(tmp_path, "topic", *words) as command, Peer(ros_domain) as peer:
+        command.says(waiting)
+        assert "did you mean" not in command.err
+        for name in ("/robot1/odom", "/robot1/status", "/odometry"):
+            peer.node.create_publisher(String, name, 10)
+        command.says('did you mean "/robot1/odom"')
+        assert "status" not in command.err
+        publisher = peer.node.create_publisher(String, "/odom", 10)
+        peer.node.create_timer(0.05, lambda: publisher.publish(String(data="x")))
+        wait_for(lambda: shown in command.out, "what was asked for")
+        assert command.interrupt() == 0 and command.err.count("did you mean") == 1
+
+
+def test_info_suggests_like_topics_before_it_gives_up(ros_domain: int) -> None:
+    with Peer(ros_domain) as peer:
+        for name in ("/robot0/scan", "/robot1/scan", "/chatter"):
+            peer.node.create_publisher(String, name, 10)
+        for name, question in (
+            ("/chater", r'did you mean "/chatter"\?'),
+            ("scan", r'did you mean "/robot\d/scan"( or "/robot\d/scan")?\?'),
+        ):
+            wrong = onebot("topic", "info", name)
+            notice, error, _ = wrong.stderr.partition("error: ")
+            assert wrong.returncode == 1 and re.search(question, notice) and error, wrong.stderr
+        assert "did you mean" not in onebot("topic", "info", "/voltage").stderr
+
+
 def test_echo_into_head(ros_domain: int) -> None:
     """A reader that leaves ends it quietly."""
     with Peer(ros_domain) as peer:

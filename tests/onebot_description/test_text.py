@@ -1,7 +1,7 @@
 """Words for error messages."""
 
 from onebot_description.description import DescriptionError
-from onebot_description.errors import OneBotError, condensed, did_you_mean, listing, nearest
+from onebot_description.errors import OneBotError, alike, condensed, did_you_mean, listing, nearest
 
 
 def test_nearest_forgives_slips_and_case() -> None:
@@ -10,6 +10,13 @@ def test_nearest_forgives_slips_and_case() -> None:
     assert nearest("BASE_LINK", ["base_link", "link1"]) == "base_link"
     assert nearest("zzz", ["base_link", "link1"]) is None
     assert nearest("a", []) is None
+
+
+def test_alike_are_the_most_similar_paths_and_those_with_that_last_word() -> None:
+    topics = ["/drive/cmd_vel", "/drive/odom", "/r1/odom", "/r2/odom", "/r3/odom", "/odometry"]
+    assert alike("/Drive/odm", topics) == ["/drive/odom"]
+    assert alike("/odom", topics) == ["/drive/odom", "/r1/odom", "/r2/odom"]
+    assert alike("/r1/odom", ["/r1/odom"]) == alike("/voltage", topics) == alike("/x", []) == []
 
 
 def test_did_you_mean_lists_what_exists() -> None:
