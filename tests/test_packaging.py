@@ -1,6 +1,7 @@
 """One tree that pip installs and colcon builds, registered where ROS tools look."""
 
 import ast
+import importlib
 import os
 import re
 import shutil
@@ -8,6 +9,7 @@ import site
 import subprocess
 import sys
 import venv
+from importlib import metadata
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -170,6 +172,36 @@ def test_extras_in_messages_are_the_projects():
     named = re.findall(r"[\w-]*onebot[\w-]*\[\w+\]", "".join(path.read_text() for path in files))
     extras = {f"onebot-robots[{extra}]" for extra in project["optional-dependencies"]}
     assert project["name"] == "onebot-robots" and named and {*named} <= extras
+
+
+@pytest.mark.parametrize("package", MAY_IMPORT)
+def test_each_package_has_the_installed_version(package):
+    module = importlib.import_module(package)
+    assert module.__version__ == metadata.version("onebot-robots")
+    with pytest.raises(AttributeError, match="no_such"):
+        _ = module.no_such
+
+
+@pytest.mark.parametrize(
+    ("words", "program"),
+    [
+        ("-m onebot_bringup --version", "onebot_bringup"),
+        ("-m onebot_bringup.launch.onebot_bringup viewer:=none -V", "onebot_bringup"),
+        ("-m mrm_description.launch.mrm_bringup --version", "mrm_bringup"),
+        ("-m onebot_bringup.cli.main --version", "onebot"),
+    ],
+)
+def test_each_command_prints_the_installed_version(words, program):
+    """They start nothing."""
+    done = subprocess.run([sys.executable, *words.split()], capture_output=True, text=True)
+    version = metadata.version("onebot-robots")
+    assert (done.returncode, done.stdout, done.stderr) == (0, f"{program} {version}\n", "")
+
+
+def test_python_m_onebot_bringup_is_the_command():
+    words = [sys.executable, "-m", "onebot_bringup", "no_such:=1"]
+    done = subprocess.run(words, capture_output=True, text=True)
+    assert done.returncode == 2 and done.stderr.endswith("see: onebot_bringup --help\n")
 
 
 @pytest.mark.slow

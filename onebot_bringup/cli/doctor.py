@@ -12,7 +12,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import NamedTuple
 
-from onebot_bringup.cli.main import version
+import onebot_description
 from onebot_bringup.cli.options import Parser, flag, option, positive
 from onebot_description.description.packages import package_share
 from onebot_description.discovery import MAX_DOMAIN, RANGE, SERVER, use_local_discovery
@@ -49,7 +49,8 @@ def run(argv: Sequence[str]) -> int:
     summary = "check what ROS and this project need of this computer"
     args = Parser("onebot doctor", summary, options).parse(argv)
     use_local_discovery()
-    print(f"onebot {version()}, Python {platform.python_version()} on {platform.platform()}")
+    python = f"Python {platform.python_version()} on {platform.platform()}"
+    print(f"onebot {onebot_description.__version__}, {python}")
     checks: dict[str, Callable[[], Verdict]] = {
         "dependencies": lambda: dependencies(_required()),
         "compiled library": _library,

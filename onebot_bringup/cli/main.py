@@ -12,6 +12,7 @@ import sys
 from collections import namedtuple
 from collections.abc import Callable, Mapping, Sequence
 
+import onebot_description
 from onebot_description.errors import DescriptionError, OneBotError, UsageError, did_you_mean
 
 TYPE_CHECKING = False  # typing's constant; typing is slow to import
@@ -66,6 +67,7 @@ _FORMER = {
     **dict.fromkeys(("teleop_twist_keyboard", "rqt_robot_steering"), "teleop"),
 }
 _LAUNCH = ("launch", "roslaunch")
+_VERSION = ("-V", "--version")
 
 
 def start_process(interrupted: int) -> None:
@@ -136,6 +138,8 @@ def run_bringup(command: "Callable[[], Bringup]", program: str, argv: Sequence[s
         start_process(interrupted=0)
 
     def launch() -> int:
+        if any(word in _VERSION for word in words):
+            return print_version(program)
         from onebot_bringup.launch.bringup import bring_up
 
         return bring_up(command(), words)
@@ -179,9 +183,8 @@ def run_verb(words: list[str]) -> int:
     if first in ("-h", "--help", "help"):
         print(usage())
         return 0
-    if first in ("-V", "--version"):
-        print(f"onebot {version()}")
-        return 0
+    if first in _VERSION:
+        return print_version("onebot")
     if first not in VERBS:
         raise UsageError(f'onebot has no command "{first}"{_instead(first, arguments)}')
     from importlib import import_module
@@ -206,6 +209,12 @@ def take_settings(words: list[str]) -> list[str]:
     return words[count:]
 
 
+def print_version(program: str) -> int:
+    """Print the installed version of a program; return the exit code."""
+    print(program, onebot_description.__version__)
+    return 0
+
+
 def _instead(verb: str, rest: Sequence[str]) -> str:
     """What to write in place of a verb that does not exist."""
     if verb in _LAUNCH:
@@ -223,18 +232,6 @@ def usage() -> str:
 
     text = commands_text("onebot", VERBS, "[discovery:=WHERE] [domain_id:=N] ")
     return f"{text}; onebot --version shows the version."
-
-
-def version() -> str:
-    """Return the installed version."""
-    from importlib import metadata  # slow to import
-
-    for name in ("onebot-robots", "onebot_bringup"):  # installed by pip, built by colcon
-        try:
-            return metadata.version(name)
-        except metadata.PackageNotFoundError:
-            pass
-    return "(not installed: run from a checkout)"
 
 
 def main(argv: Sequence[str] | None = None) -> int:

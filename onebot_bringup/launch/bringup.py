@@ -247,6 +247,7 @@ def help_text(
     if complete:
         parts.append(
             "An argument given twice: the last one counts. --ros-args goes to every node.\n"
+            f"{command.program.split()[0]} --version shows the version.\n"
             "Ctrl-C stops everything. Exit codes: 0 stopped by the user, 1 a file is wrong or a\n"
             "node failed, 2 the command line is wrong."
         )
