@@ -14,6 +14,7 @@ from onebot_description.description.description import Triple
 from onebot_description.description.packages import PACKAGE_PATH, use_package_path
 from onebot_description.errors import OneBotError, UsageError
 from onebot_description.signals import KeyboardInterrupts
+from onebot_description.whole_file import refuse_unwritable
 
 
 def run(argv: Sequence[str]) -> int:
@@ -43,8 +44,10 @@ def check_picture(png: Path) -> None:
         raise OneBotError(f"{png}: there is no folder {png.parent}")
     if png.is_dir():
         raise OneBotError(f"{png}: is a folder")
-    if not os.access(png.parent, os.W_OK):
-        raise OneBotError(f"{png}: the folder {png.parent} cannot be written to")
+    try:
+        refuse_unwritable(png.with_name(f".{png.name}-{os.getpid()}"))  # it is written beside it
+    except OSError as error:
+        raise OneBotError(f"{png} cannot be written: {error.strerror}") from None
 
 
 # --- the command line -----------------------------------------------------------------------------

@@ -31,6 +31,7 @@ from onebot_description.discovery import discovery_variables
 from onebot_description.errors import OneBotError, UsageError, did_you_mean
 from onebot_description.shared_memory import remove_stale_in_background
 from onebot_description.signals import KeyboardInterrupts
+from onebot_description.whole_file import refuse_unwritable
 
 if TYPE_CHECKING:
     from onebot_bringup.launch.robots import PlacedRobot
@@ -149,7 +150,7 @@ def _with_model(command: Bringup, arguments: Arguments) -> dict[str, str]:
 
 
 def _check_files(values: Mapping[str, str]) -> None:
-    """Refuse files to read that do not exist, and recordings that have no place."""
+    """Refuse files to read that do not exist, recordings that have no place, and a bad world."""
     view_file(values["view"])
     for name in ("joints", "params_file"):
         path = Path(values.get(name, ""))
@@ -158,14 +159,28 @@ def _check_files(values: Mapping[str, str]) -> None:
             raise OneBotError(
                 f"{name}:={path}: no such file{did_you_mean(path.name, files, 'there')}"
             )
-    for name in ("save", "record"):
-        folder = output_path(values[name]).parent
-        if values[name] and not folder.is_dir():
-            raise OneBotError(f"{name}:={values[name]}: the folder {folder} does not exist")
     if values["save"] and output_path(values["save"]).suffix != ".rrd":
         raise OneBotError(f"save:={values['save']}: a recording's name must end in .rrd")
-    if values["record"] and output_path(values["record"]).exists():
-        raise OneBotError(f"record:={values['record']} exists already: name a new folder")
+    for name in ("save", "record"):
+        if values[name]:
+            _check_output(name, values[name])
+    if values.get("world"):
+        from onebot_description.description.loading import load_world
+
+        load_world(values["world"])
+
+
+def _check_output(name: str, value: str) -> None:
+    """Refuse a recording that cannot be written: a file, or with ``record:=`` a new folder."""
+    path, is_folder = output_path(value), name == "record"
+    if not path.parent.is_dir():
+        raise OneBotError(f"{name}:={value}: the folder {path.parent} does not exist")
+    if is_folder and path.exists():
+        raise OneBotError(f"record:={value} exists already: name a new folder")
+    try:
+        refuse_unwritable(path, folder=is_folder)
+    except OSError as error:
+        raise OneBotError(f"{name}:={value} cannot be written: {error.strerror}") from None
 
 
 def _check_sections(

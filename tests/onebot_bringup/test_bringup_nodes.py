@@ -508,7 +508,15 @@ def test_unknown_arguments_are_refused_if_the_model_is_known(view: Bringup, arm:
         (["record:=nowhere/bag"], "nowhere does not exist"),
         (["save:=x.mcap"], "must end in .rrd"),
         (["record:=taken"], "record:=taken exists already"),
+        (["save:=/proc/x.rrd"], "save:=/proc/x.rrd cannot be written: "),
+        (["save:=taken.rrd"], "save:=taken.rrd cannot be written: Is a directory"),
+        (["record:=/proc/bag"], "record:=/proc/bag cannot be written: "),
+        (["world:=mase"], 'no world "mase" (did you mean "maze"?'),
+        (["world:=walls.urdf"], "walls.urdf"),
+        (["world:=joints.yaml"], "joints.yaml:1"),
+        (["world:=nowhere/maze.urdf"], "there is no folder"),
         (["joints:=joints.yaml", "view:=none", "save:=x.rrd", "record:=bag"], "absent.xacro"),
+        (["world:=maze", "save:=kept.rrd"], "absent.xacro"),
     ],
 )
 def test_files_are_checked_before_anything_starts(
@@ -519,9 +527,13 @@ def test_files_are_checked_before_anything_starts(
     said: str,
 ) -> None:
     monkeypatch.chdir(arm.parent)
-    (arm.parent / "taken").mkdir()
+    for name in ("taken", "taken.rrd"):
+        (arm.parent / name).mkdir()
+    Path("kept.rrd").write_text("kept")
+    before = sorted(arm.parent.iterdir())
     # The model comes after all these checks, so a correct one would be refused here.
     assert said in refused(driven, *words, "model:=absent.xacro")
+    assert sorted(arm.parent.iterdir()) == before and Path("kept.rrd").read_text() == "kept"
 
 
 OF_JOINTS = JOINTS.replace("/**", "joint_state_publisher")

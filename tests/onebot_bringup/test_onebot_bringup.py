@@ -188,10 +188,13 @@ def test_steer_serves_the_page_and_a_restart_keeps_its_token(ros_domain):
         assert again[0][1] == address[2]
 
 
-def test_what_a_node_refuses_ends_the_bringup(ros_domain):
-    with NodeProcess(MODULE, "world:=mase", "viewer:=none", check=False) as node:
+def test_what_a_node_refuses_ends_the_bringup(ros_domain, tmp_path):
+    """As what it alone knows, such as that a robot has no wheels."""
+    (tmp_path / "robot.urdf").write_text('<robot name="r"><link name="base"/></robot>')
+    words = f"model:={tmp_path / 'robot.urdf'}", "viewer:=none"
+    with NodeProcess(MODULE, *words, check=False) as node:
         assert node.wait() == 1
-        assert 'no world "mase" (did you mean "maze"' in node.output
+        assert "velocity_controller exited unexpectedly: exit code 1" in node.output
         assert "Traceback" not in node.output
 
 

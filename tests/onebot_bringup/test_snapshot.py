@@ -86,7 +86,8 @@ def test_wrong_command_lines_are_refused(words: list[str]):
 def test_where_a_picture_can_be_written(tmp_path: Path):
     """A .png in a folder that exists; this is said before anything is drawn."""
     check_picture(tmp_path / "a.png")
-    for wrong in (tmp_path / "a.jpg", tmp_path / "none/a.png"):
+    assert list(tmp_path.iterdir()) == []
+    for wrong in (tmp_path / "a.jpg", tmp_path / "none/a.png", Path("/proc/a.png")):
         with pytest.raises(OneBotError, match=r"a\.(jpg|png)"):
             check_picture(wrong)
     (tmp_path / "b.png").mkdir()
