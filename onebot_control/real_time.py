@@ -3,8 +3,11 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-_SECOND, _MINUTE = 1.0, 60.0
-_SLOW = 0.9  # share of the wanted factor below which it is logged
+_SECOND = 1.0
+# Shares of the wanted factor: a second below the first one is logged, and that the pace is back
+# when all seconds for as long as _STEADY have reached the second one.
+_SLOW, _BACK = 0.9, 0.95
+_STEADY = 5.0  # s
 
 
 @dataclass
@@ -52,8 +55,8 @@ class PaceMeter:
 
         Args:
             measured: called about each second with the pace in it, and whether that is slow.
-            log: called with a line for the log, and whether the pace is slow: when it falls, then
-                each minute with that minute's sums, until one in which no cycle was missed.
+            log: called with a line for the log, and whether the pace is slow: once when it falls,
+                and once when it is back.
         """
         self._measured, self._log = measured, log
         self._is_slow = False
@@ -61,7 +64,7 @@ class PaceMeter:
     def set(self, due: float, wanted: float) -> None:
         """Measure anew, from the cycle due at ``due`` (monotonic, s) on."""
         self._due, self.wanted = due, wanted
-        self._second, self._minute = Pace(), Pace()
+        self._second, self._steady = Pace(), Pace()
 
     def skip(self, due: float) -> None:
         """Leave out the time until ``due``: simulated time was stopped on purpose."""
@@ -74,7 +77,7 @@ class PaceMeter:
         """
         seconds, self._due = due - self._due, due
         self._second.add(seconds, simulated, missed)
-        self._minute.add(seconds, simulated, missed)
+        self._steady.add(seconds, simulated, missed)
         if self._second.seconds >= _SECOND:
             self._report()
 
@@ -82,10 +85,11 @@ class PaceMeter:
         pace, self._second = self._second, Pace()
         is_slow = pace.factor < _SLOW * self.wanted
         self._measured(pace, is_slow)
-        if self._is_slow and self._minute.seconds >= _MINUTE:
-            pace = self._minute
-            is_slow = pace.missed > 0
-        elif self._is_slow or not is_slow:
-            return
-        self._is_slow, self._minute = is_slow, Pace()
-        self._log(f"slow motion: {pace}" if is_slow else str(pace), is_slow)
+        if pace.factor < _BACK * self.wanted:
+            self._steady = Pace()
+        if is_slow and not self._is_slow:
+            self._is_slow = True
+            self._log(f"slow motion: {pace}", True)
+        elif self._is_slow and self._steady.seconds >= _STEADY:
+            self._is_slow = False
+            self._log(f"the pace is back: {self._steady}", False)

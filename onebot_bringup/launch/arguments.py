@@ -405,6 +405,7 @@ def simulation_arguments(control: str) -> list[Argument]:
         of_controller("world", examples=tuple(shipped_worlds())),
         of_controller("sensors"),
         of_controller("update_rate", "rate"),
+        of_controller("real_time_factor"),
     ]
 
 
@@ -424,7 +425,7 @@ def checked_values(declared: list[Argument], given: Mapping[str, str]) -> dict[s
         raise UsageError("left_wheel:= and right_wheel:= belong together: name both, or neither")
     if values.get("robots"):
         _check_robots(values, given)
-    for name in ("world", "sensors"):
+    for name in ("world", "sensors", "real_time_factor"):
         if values.get(name) and values["sim"] == "false":
             text = "is for the simulation: leave out sim:=false"
             raise UsageError(f"{name}:={values[name]} {text}")

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 
 # Parameters of the controller that name the frames.
 _FRAME_PREFIX = ("tf_frame_prefix_enable", "tf_frame_prefix")
+_FACTOR = "real_time_factor"
 
 
 class Bringup(NamedTuple):
@@ -217,17 +218,34 @@ def with_params_file(values: Mapping[str, str], given: Mapping[str, str]) -> dic
 
     space = "/" + values["namespace"].strip("/")
     written = read_control_files([Path(values["params_file"])], space, "velocity_controller")
-    frames = {name: written.values[name] for name in _FRAME_PREFIX if name in written.values}
-    config = read(ControlConfig, frames, written.places)
-    if frames and "frame_prefix" not in given and not values.get("robots"):
+    names = {*_FRAME_PREFIX, _FACTOR} & written.values.keys()
+    config = read(ControlConfig, {name: written.values[name] for name in names}, written.places)
+    if names - {_FACTOR} and "frame_prefix" not in given and not values.get("robots"):
         enabled, prefix = config.tf_frame_prefix_enable, config.tf_frame_prefix
         values["frame_prefix"] = prefixed("", enabled, prefix, space)
     if "use_sim_time" not in given and written.values.get("use_sim_time") is True:
         values["use_sim_time"] = "true"
+    _use_simulated_time(values, given, config.real_time_factor)
     if place := written.places.get("robot_description"):
         text = "robot_description is not used by a bringup; write model:=FILE"
         print(f"warning: {place}: {text}", file=sys.stderr)
     return values
+
+
+def _use_simulated_time(values: dict[str, str], given: Mapping[str, str], factor: float) -> None:
+    """Have all nodes take the time from /clock where the simulation publishes it for its factor.
+
+    ``factor`` is that of the ``params_file``.
+    """
+    factor = float(values[_FACTOR] or factor)
+    if factor == 1.0:
+        return
+    if "use_sim_time" in given and values["use_sim_time"] == "false":
+        raise UsageError(
+            f"use_sim_time:=false does not go together with {_FACTOR} {factor:g}, which makes the "
+            "time that of /clock; leave one out"
+        )
+    values["use_sim_time"] = "true"
 
 
 def environment(values: Mapping[str, str], *, forced: bool) -> dict[str, str]:

@@ -376,6 +376,10 @@ ENABLED = "tf_frame_prefix_enable: true"
         ("tf_frame_prefix: a", {"sim": "false"}, {"frame_prefix": ""}),
         ("use_sim_time: true", {}, {"use_sim_time": "true"}),
         ("use_sim_time: true", {"use_sim_time": "false"}, {"use_sim_time": "false"}),
+        ("x: 1.0", {"real_time_factor": "2"}, {"use_sim_time": "true"}),
+        ("x: 1.0", {"real_time_factor": "0"}, {"use_sim_time": "true"}),
+        ("real_time_factor: 2.0", {}, {"use_sim_time": "true"}),
+        ("real_time_factor: 2.0", {"real_time_factor": "1.0"}, {"use_sim_time": "false"}),
     ],
 )
 def test_the_command_line_overrides_the_file_and_that_the_defaults(
@@ -387,6 +391,20 @@ def test_the_command_line_overrides_the_file_and_that_the_defaults(
     found = with_params_file(make(**given).values, given)
     assert wanted.items() <= found.items()
     assert set(found) == set(make().values)
+
+
+@pytest.mark.parametrize("written", ["x: 1.0", "real_time_factor: 2.0"])
+def test_another_time_than_that_of_the_simulation_is_refused(
+    make: Make, arm: Path, written: str
+) -> None:
+    """The other nodes would wait for transforms of another time."""
+    file = arm.parent / "control.yaml"
+    file.write_text(f"/**/velocity_controller:\n  ros__parameters: {{{written}}}\n")
+    given = {"use_sim_time": "false"}
+    if "real" not in written:
+        given["real_time_factor"] = "2"
+    with pytest.raises(UsageError, match="use_sim_time:=false does not .*real_time_factor 2,"):
+        with_params_file(make(**given).values, given)
 
 
 def test_a_wrong_prefix_in_the_file_is_refused_with_its_line(make: Make, arm: Path) -> None:
@@ -635,6 +653,8 @@ def test_the_summary_says_what_runs(make: Make, sim: bool, given: str, text: str
         ("frame_prefix:=left", "frame_prefix:=left/"),
         ("port:=8081", "add steer:=true"),
         ("world:=maze sim:=false", "world:=maze is for the simulation"),
+        ("real_time_factor:=2 sim:=false", "real_time_factor:=2 is for the simulation"),
+        ("real_time_factor:=-1", "real_time_factor:=-1 is not possible; write a number"),
         ("left_wheel:=a", "name both, or neither"),
         ("rate:=0", "rate:=0 is not possible; write a number from 0.001 to 1000"),
         ("robots:=3 x:=1", "x:=1 does not go together with robots:=3: robots:= places them"),

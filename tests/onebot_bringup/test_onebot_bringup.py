@@ -13,6 +13,7 @@ from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from rclpy.duration import Duration
 from rosbags.highlevel import AnyReader
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, LaserScan
 from std_msgs.msg import String
 
@@ -186,6 +187,20 @@ def test_steer_serves_the_page_and_a_restart_keeps_its_token(ros_domain):
         process.kill()
         again = wait_for(lambda: find.findall(node.output)[1:], "the page's return")
         assert again[0][1] == address[2]
+
+
+def test_another_pace_is_the_time_of_all_nodes(ros_domain):
+    """With /clock; robot_state_publisher's transforms of the wheels have that time, too."""
+    words = ("real_time_factor:=0.5", "viewer:=none", "steer:=true", "port:=0")
+    with NodeProcess(MODULE, *words), Peer(ros_domain) as peer:
+        clock, tf = peer.hear(Clock, "/clock"), peer.hear(TFMessage, "/tf")
+        wait_for(lambda: clock[-1].clock.sec >= 1, "a second of simulated time")
+        for node in ("velocity_controller", "robot_state_publisher", "steering_page"):
+            assert peer.parameter(f"/{node}", "use_sim_time") is True
+        assert peer.parameter("/velocity_controller", "real_time_factor") == 0.5
+        wait_for(lambda: tf, "transforms")
+        latest = tf[-1].transforms[0].header.stamp.sec
+        assert 0 <= latest <= clock[-1].clock.sec + 1
 
 
 def test_what_a_node_refuses_ends_the_bringup(ros_domain, tmp_path):

@@ -48,21 +48,35 @@ def test_it_is_measured_each_second() -> None:
     assert loop.slow == [False, False, True]
 
 
-def test_it_is_logged_when_it_falls_then_once_a_minute_with_sums() -> None:
-    """Until a minute in which no cycle was missed; a single cycle is not worth a line."""
+def test_it_is_logged_once_when_it_falls_and_once_when_it_is_back() -> None:
+    """A single cycle is not worth a line; nor is a good second among slow ones."""
     loop = Loop()
     loop.run(9.5)
     loop.run(2 * PERIOD, missed=1)
     loop.run(90.5 - 2 * PERIOD)
     loop.run(80.0, missed=3)
-    loop.run(200.0)
-    sums = [(at, line.split(": ")[-1], is_slow) for at, line, is_slow in loop.log]
-    assert sums == [
-        (101, "real-time factor 0.25 in the last 1 s, 48 of 64 control cycles missed", True),
-        (161, "real-time factor 0.25 in the last 60 s, 2880 of 3840 control cycles missed", True),
-        (221, "real-time factor 0.76 in the last 60 s, 912 of 3840 control cycles missed", True),
-        (281, "real-time factor 1 in the last 60 s, 0 of 3840 control cycles missed", False),
+    for _ in range(20):
+        loop.run(1.0)
+        loop.run(1.0, missed=3)
+    loop.run(1000.0)
+    loop.run(1.0, missed=3)
+    loop.run(1000.0)
+    missed, back = "48 of 64 control cycles missed", "real-time factor 1 in the last 5 s, 0 of 320"
+    assert loop.log == [
+        (101, f"slow motion: real-time factor 0.25 in the last 1 s, {missed}", True),
+        (225, f"the pace is back: {back} control cycles missed", False),
+        (1221, f"slow motion: real-time factor 0.25 in the last 1 s, {missed}", True),
+        (1226, f"the pace is back: {back} control cycles missed", False),
     ]
+
+
+def test_it_is_back_at_95_percent_of_what_is_wanted() -> None:
+    loop = Loop(2.0)
+    loop.run(1.0, factor=1.0)
+    loop.run(60.0, factor=1.89)
+    assert [is_slow for *_, is_slow in loop.log] == [True]
+    loop.run(10.0, factor=1.91)
+    assert [is_slow for *_, is_slow in loop.log] == [True, False]
 
 
 @pytest.mark.parametrize(("wanted", "slow"), [(0.0, False), (4.0, False), (5.0, True)])
