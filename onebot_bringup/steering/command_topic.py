@@ -14,13 +14,12 @@ from std_msgs.msg import Bool
 from onebot_bringup.steering.arbiter import ZEROS
 from onebot_bringup.steering.protocol import Velocity
 from onebot_description.errors import natural_order
-from onebot_description.node import LATCHED
+from onebot_description.node import LATCHED, Throttled
 from onebot_description.topic_subscription import RCLError
 
 _TYPES = {"geometry_msgs/msg/Twist": Twist, "geometry_msgs/msg/TwistStamped": TwistStamped}
 _DEPTH = 10
 _CONTROLLER = re.compile(r"/\w*controller$")  # its command topic is in its namespace
-_WARN_EVERY = 5.0  # s
 _OBSERVERS = (  # they subscribe to commands, but are certainly not robots
     "rerun_viewer",
     "steering_viewer",
@@ -154,6 +153,7 @@ class CommandTopic:
 
     def __init__(self, node: Node, topic: str, locked: Callable[[bool], None]) -> None:
         self._node, self._locked = node, locked
+        self._warn = Throttled(node.get_logger().warning)
         self._lock = threading.Lock()
         self._publisher: Any = None
         self._driven = False  # a page has driven
@@ -200,10 +200,10 @@ class CommandTopic:
         if foreign:  # do not add a second type to the topic
             self._destroy_publisher()
             if self._driven:
-                self._node.get_logger().warning(
+                self._warn(
+                    f"{self.topic} {foreign}",
                     f"{self.topic} has the type {foreign}, not Twist or TwistStamped: nothing is "
                     "published",
-                    throttle_duration_sec=_WARN_EVERY,
                 )
             return
         robots = [end for end in self.subscribers if end.node in controllers] or self.listeners

@@ -18,13 +18,13 @@ from onebot_bringup.steering.protocol import ChooseTopic, ProtocolError, message
 from onebot_bringup.steering.tool_requests import ToolRequests
 from onebot_bringup.steering.view_proxy import ViewProxy
 from onebot_description.message_age import boot_time
+from onebot_description.node import Throttled
 
 STATIC = Path(__file__).parent / "static"
 STATE_PERIOD = 0.1  # s
 _MIN_PERIOD = 0.02  # s between two states, even if more changes
 _HEARTBEAT = 5.0  # s between two pings; a page that does not respond counts as closed
 _MAX_MESSAGE = 1 << 16  # bytes; beyond it the connection is closed
-_WARN_EVERY = 5.0  # s
 _STOPPED = "; it drove, so the robot is stopped"
 _HEADERS = {
     "X-Content-Type-Options": "nosniff",
@@ -67,6 +67,7 @@ class SteeringServer:
         self._context = context
         self._pages: list[_Page] = []
         self._rejected = 0  # messages
+        self._warn = Throttled(context.logger.warning)
         self.app = web.Application(middlewares=[self._guard], client_max_size=_MAX_MESSAGE)
         self.app.on_response_prepare.append(self._add_headers)
         self.app.on_shutdown.append(self._close_pages)
@@ -182,17 +183,13 @@ class SteeringServer:
     def _reject(self, page: _Page, problem: str) -> None:
         drove = self._context.arbiter.reject(page.name)
         self._rejected += 1
-        self._context.logger.warning(
-            f"rejected a message of a page ({self._rejected} so far): {problem}{_STOPPED * drove}",
-            throttle_duration_sec=_WARN_EVERY,
-        )
+        end = f"{problem}{_STOPPED * drove}"
+        self._warn(end, f"rejected a message of a page ({self._rejected} so far): {end}")
 
     def _report_end(self, reason: str, drove: bool) -> None:
         if reason:
-            self._context.logger.warning(
-                f"lost the connection to a page: {reason}{_STOPPED * drove}",
-                throttle_duration_sec=_WARN_EVERY,
-            )
+            text = f"lost the connection to a page: {reason}{_STOPPED * drove}"
+            self._warn(text, text)
         else:
             self._context.logger.info(f"a page was closed{_STOPPED * drove}")
 

@@ -71,12 +71,11 @@ from onebot_bringup.steering.tools import ToolPublishers
 from onebot_bringup.steering.view_proxy import Viewer, ViewProxy
 from onebot_description.errors import OneBotError
 from onebot_description.message_age import WAKE
-from onebot_description.node import run_node
+from onebot_description.node import Throttled, run_node
 from onebot_description.parameters.reader import declare, read, refuse_undeclared
 
 _TIMEOUT_PERIOD = 0.05  # s between checks of the driver's timeout
 _GRAPH_PERIOD = 0.25  # s between polls of the ROS graph
-_WARN_EVERY = 5.0  # s
 _SHORT_TOKEN = 8  # characters; a token shorter than this can be guessed
 
 _TOPICS = ("topic", "odom_topic", "viewer_page")  # parameters that are names of topics
@@ -122,6 +121,7 @@ class SteeringPage(Node):
             settings.limits(()), commands.publish, commands.lock, woke=WAKE.check
         )
         self._viewer = Viewer(self, settings.viewer_page, self._on_view)
+        self._warn = Throttled(self.get_logger().warning)
         self._timeouts = 0  # number of drivers' timeouts that were logged
         self._ground = Ground(self, self._odometry)
         self._camera = CameraFeed(self)
@@ -216,9 +216,8 @@ class SteeringPage(Node):
         self._arbiter.check_timeout()
         if self._timeouts != self._arbiter.timeouts:
             self._timeouts = self._arbiter.timeouts
-            self.get_logger().warning(
-                "stopped: no message from the page that drives, or one that is too old",
-                throttle_duration_sec=_WARN_EVERY,
+            self._warn(
+                "timeout", "stopped: no message from the page that drives, or one that is too old"
             )
         if self._choices:  # one at a time: a page that floods must not keep the driver unchecked
             self._choose(*self._choices.popitem())

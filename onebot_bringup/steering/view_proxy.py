@@ -27,12 +27,11 @@ from std_msgs.msg import String
 
 from onebot_bringup.serving.rerun_proxy import SERVICE, RerunProxy, content_policy, data_url
 from onebot_bringup.steering.access import other_site
-from onebot_description.node import LATCHED
+from onebot_description.node import LATCHED, Throttled
 
 _SANDBOX = "allow-scripts allow-downloads allow-popups allow-popups-to-escape-sandbox"
 _POLICY = f"{content_policy()}; base-uri 'none'; form-action 'none'; sandbox {_SANDBOX}"
 _SCRIPT = Path(__file__).parent / "static" / "view_frame.js"
-_WARN_EVERY = 5.0  # s
 _PAGE = re.compile(r"http://127\.0\.0\.1:(\d{1,5})/\?(\S+)")
 
 
@@ -74,6 +73,7 @@ class Viewer:
     def __init__(self, node: Node, page_topic: str, changed: Callable[[], None]) -> None:
         """Subscribe to its ~/page and ~/displays; ``changed`` is called when ``view`` may have."""
         self._node, self._topic, self._changed = node, page_topic, changed
+        self._warn = Throttled(node.get_logger().warning)
         self._name = page_topic.rpartition("/")[0]
         self._shown: list[Mapping[str, Any]] = []
         self.view: View | None = None
@@ -95,10 +95,7 @@ class Viewer:
     def _on_page(self, message: String) -> None:
         self.view = View.parse(message.data)
         if message.data and self.view is None:
-            self._node.get_logger().warning(
-                f"{self._topic} has no address of a page on this computer",
-                throttle_duration_sec=_WARN_EVERY,
-            )
+            self._warn("page", f"{self._topic} has no address of a page on this computer")
         self._changed()
 
     def _on_displays(self, message: String) -> None:

@@ -129,6 +129,25 @@ def test_nonsense_is_refused_and_stops_the_robot(shared):
             page.let_go()
 
 
+def test_a_kind_of_warning_does_not_swallow_another(peer):
+    """Each is logged at most every five seconds, whatever the others do."""
+    with steered(2) as (node, flooding, driving):
+        robot = Commands(peer, driving)
+        for _ in range(30):
+            flooding.say("{}")
+        kind = "the type must be one of"
+        wait_for(lambda: kind in node.output, "the first refusal")
+        wait_for(lambda: len(flooding.errors) == 30, "all refusals")
+        assert node.output.count(kind) < 15
+        flooding.say("no JSON")
+        wait_for(lambda: "a message must be JSON\n" in node.output, "the other kind")
+        driving.hold(0.2)
+        robot.reach(0.2)
+        driving.say("{}")
+        stopped = "; it drove, so the robot is stopped\n"
+        wait_for(lambda: f"limits{stopped}" in node.output, "the refusal that stops the robot")
+
+
 def test_the_log_says_how_a_page_was_lost_and_ctrl_c_stops_the_robot(peer):
     """Refused, closed, broken off, not responding: four things; and whether it drove.
 
@@ -149,7 +168,7 @@ def test_the_log_says_how_a_page_was_lost_and_ctrl_c_stops_the_robot(peer):
             wait_for(lambda words=words: words in node.output, words)
             page.silence()
         lost = "to a page: it does not respond\n"
-        with raw_page(node.address):  # from now on: warnings within 5 s of another are not logged
+        with raw_page(node.address):
             wait_for(lambda: lost in node.output, "the lost heartbeat")
         assert node.output.count("rejected a message") == 1
         assert f"topic, limits{stopped}" in node.output
