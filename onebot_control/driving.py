@@ -4,7 +4,7 @@ import gc
 import logging
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from dataclasses import replace
 from functools import partial
 
@@ -20,6 +20,7 @@ from onebot_control.commands import Command, CommandLock, CommandSubscription, W
 from onebot_control.control_loop import ControlLoop, Divider
 from onebot_control.driven_robot import DrivenRobot, Snapshot
 from onebot_control.fleet import Fleet, Member, located
+from onebot_control.localization import Localizer, ParentTransform, TransformsOf, TransformTap
 from onebot_control.parameters import ControlConfig, ControlParameters
 from onebot_control.poses import PlanarPose, yaw_of
 from onebot_control.publishing import Frames, Publishers, ScenePublisher
@@ -88,6 +89,8 @@ class Driving:
         self._failure: BaseException | None = None
         self._diagnostics = self._node.create_publisher(DiagnosticArray, "/diagnostics", _DEPTH)
         self._warn = Throttled(self._node.get_logger().warning)
+        self._transforms = TransformTap(self._node)
+        self._of_odom = TransformsOf(())
         simulation_log.handlers = [NodeLog(self._node)]
         settings = list(map(ControlParameters, nodes, arguments))
         self.simulated = _is_simulated(nodes, settings)
@@ -171,6 +174,24 @@ class Driving:
             robot.commands.follow()
             robot.report_drift()
             robot.sensors.poll()
+        if self.loop is not None:
+            self._follow_localizers()
+
+    def _follow_localizers(self) -> None:
+        """Leave the parents of odom to other nodes that publish any."""
+        robots = {r.publishing.odom_frame: r for r in self.robots if r.publishing.world_frame}
+        if not robots:
+            self._transforms.close()
+            return
+        if self._of_odom.children != robots.keys():
+            self._of_odom = TransformsOf(robots)
+        now = time.monotonic_ns()
+        for message in self._transforms.poll(self.nodes, now):
+            for transform in self._of_odom.find(message):
+                robots[transform.child].receive_transform(transform, now)
+        changes = [robot.follow_localizer(self._transforms.nodes, now) for robot in self.robots]
+        if any(changes):
+            self._transforms.close()  # latched transforms of others are received again
 
     def _fail(self, error: BaseException) -> None:
         self._failure = error
@@ -264,6 +285,7 @@ class RobotDriving:
         self._warn = Throttled(node.get_logger().warning)
         self._refuse = Throttled(lambda text: node.get_logger().error(text))
         self.publishing = Publishers(node, clock=driving.simulated and row == 0)
+        self._localizer = Localizer("")
         self.sensors = RobotSensors(node, self._sense_again)
         choice = settings.config.cmd_vel_type
         # Before the commands: of an unlock and a command at once it is received first.
@@ -334,6 +356,34 @@ class RobotDriving:
         """Warn once if the robot's odometry and the truth drift apart."""
         if (loop := self._driving.loop) and (text := loop.fleet.robots[self._row].drift.warning):
             self._warn(text, text, every=math.inf)
+
+    def receive_transform(self, transform: ParentTransform, now: int) -> None:
+        """Note who is odom's parent by a transform on TF; ``now`` in ns, by a steady clock."""
+        publishing = self.publishing
+        if self._localizer.odom != publishing.odom_frame:
+            self._localizer = Localizer(publishing.odom_frame)
+        self._localizer.receive(transform, publishing.world_frame, publishing.truths, now)
+
+    def follow_localizer(self, nodes: Set[str], now: int) -> bool:
+        """Stop or resume the truth on TF; return whether it was resumed.
+
+        ``nodes`` are the other nodes that publish TF.
+        """
+        localizer, publishing = self._localizer, self.publishing
+        parent = localizer.parent
+        localizer.expire(nodes, now)
+        if publishing.localized == bool(localizer.parent):
+            return False
+        publishing.localized = bool(localizer.parent)
+        own = f"{publishing.world_frame} -> {publishing.odom_frame}"
+        if publishing.localized:
+            text = f"another node publishes {localizer.parent} -> {localizer.odom} on TF, so {own} "
+            text += "is not published; set ground_truth_tf to false where that is always so"
+        else:
+            text = f"nobody publishes {parent} -> {localizer.odom} any more: {own} is published"
+        if publishing.publishes_truth:
+            self._node.get_logger().info(text)
+        return not publishing.localized
 
     def set_factor(self, factor: float) -> None:
         """Set real_time_factor."""
@@ -435,6 +485,7 @@ class RobotDriving:
         loop = self._driving.loop
         try:
             config = self._settings.changed(parameters, self._driving.simulated)
+            self._check_effect(config)
             if loop is not None:
                 robot = loop.fleet.robots[self._row]
                 robot.fitted(config)
@@ -444,6 +495,25 @@ class RobotDriving:
         except OneBotError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
+
+    def _check_effect(self, config: ControlConfig) -> None:
+        """Refuse changes of what is on TF that would change nothing there.
+
+        Raises:
+            ConfigError: with the reason.
+        """
+        previous, in_scene = self._settings.config, self._driving.scene is not None
+        if in_scene and not config.world_frame_id and previous.world_frame_id:
+            text = "the frames of a world need a parent; ground_truth_tf: false takes odom off it"
+            raise ConfigError([Problem("world_frame_id", text)])
+        if config.ground_truth_tf and not previous.ground_truth_tf:
+            localizer = self._localizer
+            if not config.world_frame(in_scene=in_scene):
+                text = "there is no frame to publish odom in; set world_frame_id first"
+                raise ConfigError([Problem("ground_truth_tf", text)])
+            if localizer.parent:
+                text = f"another node publishes {localizer.parent} -> {localizer.odom}"
+                raise ConfigError([Problem("ground_truth_tf", text)])
 
     def _apply(self, parameters: Sequence[Parameter]) -> None:
         previous_config, warned = self._settings.config, self._settings.warnings

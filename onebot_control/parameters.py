@@ -152,6 +152,9 @@ class ControlConfig:
         WORLD_FRAME,
         "frame of the truth and parent of odom; empty: the truth in odom, unless there is a world",
     )
+    ground_truth_tf: bool = parameter(
+        True, "publish world_frame_id -> odom_frame_id on TF, unless another node localizes"
+    )
     world: str = parameter(
         "",
         "walls, ramps and boxes around it: maze, ramp, or a URDF or xacro file",

@@ -3,6 +3,7 @@
 The messages are made once and filled anew each cycle: rclpy has read them when ``publish`` returns.
 """
 
+from collections import deque
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
@@ -20,6 +21,7 @@ from std_msgs.msg import String
 
 from onebot_control.control_loop import Divider
 from onebot_control.driven_robot import DrivenRobot, Snapshot
+from onebot_control.localization import Truth
 from onebot_control.parameters import ControlConfig
 from onebot_control.poses import PlanarPose, Transform, compose, inverse, prefixed
 from onebot_control.simulation import SceneBodies, Twist
@@ -32,6 +34,7 @@ from onebot_description.wire.messages import time_message, transforms_message
 from onebot_description.wire.tf_message import TFMessage
 
 _DEPTH = 10  # ROS's system default
+_KEPT = 200  # transforms of the truth
 _TWO_CLOCKS = (
     "time jumps between two simulations. Start one apart from the other with domain_id:=N, or one "
     "of them in real time without /clock: use_sim_time:=false and real_time_factor 1.0"
@@ -96,7 +99,13 @@ class Frames(NamedTuple):
 
 
 class Publishers:
-    """Turns a robot's snapshots into messages. Used by the control thread only."""
+    """Turns a robot's snapshots into messages. Used by the control thread only.
+
+    Attributes:
+        world_frame: the frame of the truth; "" for none.
+        localized: another node publishes a parent of odom, so that the truth is not on TF.
+        truths: what was published of it lately.
+    """
 
     def __init__(self, node: Node, *, clock: bool) -> None:
         self._node, self._namespace = node, node.get_namespace()
@@ -105,6 +114,9 @@ class Publishers:
         self._truth = node.create_publisher(Odometry, "~/ground_truth", _DEPTH)
         self._tf = node.create_publisher(TFMessage, "/tf", _DEPTH)
         self._tf_static = node.create_publisher(TFMessage, "/tf_static", LATCHED)
+        self.localized = False
+        self.truths: deque[Truth] = deque(maxlen=_KEPT)
+        self._origin: tuple[str, str, PlanarPose] | None = None  # the static truth, last published
         self._limited: Publisher | None = None
         self._clock: Publisher | None = None
         if clock:
@@ -116,7 +128,7 @@ class Publishers:
         self._robot, config = robot, robot.config
         self._in_scene = robot.plant.world.scene is not None  # a scene stops and tilts the robot
         frames = Frames.of(config, robot.description, self._namespace, in_scene=self._in_scene)
-        self._world, odom, base, _ = frames
+        self.world_frame, odom, base, _ = frames
         self.odom_frame = odom
         self._stamp = Time()  # one for all messages of a cycle
         self._clock_message = Clock(clock=self._stamp)
@@ -124,7 +136,7 @@ class Publishers:
         self._odom_message = self._odometry(odom, base)
         self._odom_message.pose.covariance = np.diag(config.pose_covariance_diagonal).ravel()
         self._odom_message.twist.covariance = np.diag(config.twist_covariance_diagonal).ravel()
-        self._truth_message = self._odometry(self._world or odom, base)
+        self._truth_message = self._odometry(self.world_frame or odom, base)
         self._transform = TransformStamped(child_frame_id=base)
         self._tf_message = TFMessage(transforms=[self._transform])
         self._origin_transform = TransformStamped(child_frame_id=odom)
@@ -133,14 +145,18 @@ class Publishers:
         self._joint_message = JointState(name=robot.broadcaster.names)
         for message, frame in (
             (self._transform, odom),
-            (self._origin_transform, self._world),
+            (self._origin_transform, self.world_frame),
             (self._limited_message, base),
             (self._joint_message, robot.broadcaster.frame_id),
         ):
             message.header.frame_id, message.header.stamp = frame, self._stamp
         self._advertise(config.publish_limited_velocity)
         self._due = Divider(config.publish_rate, config.update_rate)
-        self._origin: PlanarPose | None = None
+
+    @property
+    def publishes_truth(self) -> bool:
+        """Whether the truth is on TF by the parameters."""
+        return bool(self.world_frame) and self._robot.config.ground_truth_tf
 
     def _advertise(self, limited: bool) -> None:
         """Have a topic for the limited command, or none."""
@@ -171,18 +187,18 @@ class Publishers:
         due = self._due.due()
         if due or sensed:
             pose = snapshot.odometry.transform
-            self._publish_transforms(snapshot, pose)
+            self._publish_transforms(snapshot, stamp_ns, pose)
             if due:
                 self._publish_odometry(snapshot, pose)
-        if not self._in_scene and robot.odom_in_world != self._origin:
+        if not self._in_scene:
             self._publish_origin(stamp_ns)
 
-    def _publish_transforms(self, snapshot: Snapshot, pose: Transform) -> None:
+    def _publish_transforms(self, snapshot: Snapshot, stamp_ns: int, pose: Transform) -> None:
         if self._robot.config.enable_odom_tf:
             _fill_transform(self._transform.transform, pose)
             self._tf.publish(self._tf_message)
-        if self._in_scene:
-            self._publish_true_origin(snapshot)
+        if self._in_scene and self.publishes_truth and not self.localized:
+            self._publish_true_origin(snapshot, stamp_ns)
 
     def _publish_odometry(self, snapshot: Snapshot, pose: Transform) -> None:
         _fill_pose(self._odom_message.pose.pose, pose)
@@ -191,29 +207,41 @@ class Publishers:
         _fill_planar(self._odom_message.twist.twist, *snapshot.twist)
         self._odom.publish(self._odom_message)
         truth: Transform = snapshot.pose
-        if not self._world:
+        if not self.world_frame:
             truth = compose(self._robot.odom_in_world.inverse().transform, truth)
         _fill_pose(self._truth_message.pose.pose, truth)
         _fill_twist(self._truth_message.twist.twist, snapshot.velocity)
         self._truth.publish(self._truth_message)
 
     def _publish_origin(self, stamp_ns: int) -> None:
-        """Publish where the odometry's zero is in the world."""
-        self._origin = self._robot.odom_in_world
-        if self._world:
-            message = TransformStamped(child_frame_id=self.odom_frame)
-            message.header.frame_id = self._world
-            message.header.stamp = time_message(stamp_ns)
-            _fill_transform(message.transform, self._origin.transform)
-            self._tf_static.publish(TFMessage(transforms=[message]))
+        """Publish where the odometry's zero is in the world if that has changed, or is withdrawn.
 
-    def _publish_true_origin(self, snapshot: Snapshot) -> None:
+        A message without transforms takes the place of the last one: late subscribers get that.
+        """
+        origin = None
+        if self.publishes_truth and not self.localized:
+            origin = self.world_frame, self.odom_frame, self._robot.odom_in_world
+        if origin == self._origin:
+            return
+        self._origin, message = origin, TFMessage()
+        if origin is not None:
+            pose = origin[2].transform
+            transform = TransformStamped(child_frame_id=self.odom_frame)
+            transform.header.frame_id = self.world_frame
+            transform.header.stamp = time_message(stamp_ns)
+            _fill_transform(transform.transform, pose)
+            message.transforms = [transform]
+            self.truths.append((stamp_ns, pose))
+        self._tf_static.publish(message)
+
+    def _publish_true_origin(self, snapshot: Snapshot, stamp_ns: int) -> None:
         """Publish where the odometry's zero is for the robot to be where it really is.
 
         At a wall wheels slip, and a ramp tilts the robot: neither is in its odometry.
         """
         origin = compose(snapshot.pose, inverse(snapshot.odometry.transform))
         _fill_transform(self._origin_transform.transform, origin)
+        self.truths.append((stamp_ns, origin))
         self._tf.publish(self._origin_message)
 
 

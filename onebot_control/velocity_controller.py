@@ -28,7 +28,8 @@ Publishes (reliable, depth 10, unless noted):
         the pose grows with the distance, unless pose_covariance_diagonal is given.
     ~/ground_truth (nav_msgs/msg/Odometry): the true ones, with ~/odom.
     /tf (tf2_msgs/msg/TFMessage): odom_frame_id -> base_frame_id, with ~/odom; in a world also
-        world_frame_id -> odom_frame_id, by the truth, and the boxes that can be pushed.
+        world_frame_id -> odom_frame_id, by the truth, and the boxes that can be pushed. The truth
+        is left out where ground_truth_tf is false or another node publishes a parent of odom.
     /tf_static (tf2_msgs/msg/TFMessage, transient local): world_frame_id -> odom_frame_id; in a
         world instead its links that stand still.
     /world_description (std_msgs/msg/String, transient local): the URDF of the world, if any.

@@ -31,7 +31,7 @@ from std_msgs.msg import String
 
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.packages import cache_folder, use_environment_prefix
-from onebot_description.discovery import configure_discovery, question, server
+from onebot_description.discovery import configure_discovery, node_name, question, server
 from onebot_description.errors import OneBotError, shortened
 from onebot_description.message_age import WAKE
 from onebot_description.parameters.reader import help_text
@@ -454,7 +454,7 @@ class OnlyPublisher:
     def _names(self) -> list[str]:
         """Return the nodes that publish it; of several of one name, the name as often."""
         ends = self._node.get_publishers_info_by_topic(self._topic)
-        names = sorted(f"{end.node_namespace.rstrip('/')}/{end.node_name}" for end in ends)
+        names = sorted(map(node_name, ends))
         if self._own in names:
             names.remove(self._own)
         return names

@@ -18,6 +18,7 @@ from onebot_bringup.introspection.interfaces import is_hidden
 from onebot_description.description.packages import use_environment_prefix
 from onebot_description.discovery import (
     configure_discovery,
+    node_name,
     question,
     server,
     use_local_discovery,
@@ -31,7 +32,6 @@ _MOST = 2.0  # s of discovery
 _LOOKUP = 3.5  # s to discover a name: all participants announce themselves every 3 s
 PATIENCE = 1.0  # s until a waiting command prints what it waits for
 _POLL = 0.02  # s
-_UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"  # rcl's name for an unknown node
 
 
 class Session:
@@ -175,11 +175,8 @@ class Session:
 
         A node's name is discovered after its publishers; until then they are left out.
         """
-        return [
-            f"{end.node_namespace.rstrip('/')}/{end.node_name}"
-            for end in self.node.get_publishers_info_by_topic(topic)
-            if end.node_name != _UNKNOWN_NODE
-        ]
+        ends = self.node.get_publishers_info_by_topic(topic)
+        return [name for name in map(node_name, ends) if name]
 
     def find_node(self, name: str) -> str:
         """Return the full name of a running node.

@@ -13,6 +13,7 @@ from onebot_bringup.cli.options import Subcommand, flag, natural, option, positi
 from onebot_bringup.cli.session import PATIENCE, Session, in_session
 from onebot_bringup.introspection.rates import Intervals
 from onebot_description.description.tree_text import aligned, branches, cell
+from onebot_description.discovery import node_name
 from onebot_description.errors import OneBotError
 
 _STATIC = "/tf_static"
@@ -20,6 +21,7 @@ _TOPICS = ("/tf", _STATIC)
 _DEPTH = 100  # messages, as tf2's subscriptions have it
 _WINDOW = 1000  # samples of a rate
 _NANO = 1e-9
+_PARTICIPANT = 12  # bytes of a GID that all of a participant have in common
 
 
 @in_session
@@ -72,13 +74,29 @@ def _faults(transforms: "_Transforms") -> list[str]:
     for root in roots:
         if root in children:
             faults.append(f"{cell(root)} is in a loop: it is below itself")
-    for name, count in Counter(transforms.session.publishers("/tf")).items():
+    for child, parents in sorted(transforms.parents.items()):
+        if len(parents) > 1:
+            names = " and ".join(map(cell, sorted(parents)))
+            faults.append(
+                f"{cell(child)} has {len(parents)} parents, {names}: it jumps between them"
+            )
+    for name, count in _publishing_nodes(transforms.session).items():
         if count > 1:
             faults.append(
                 f"/tf is published by {count} nodes named {name}: their frames jump between two "
                 "robots. Stop one, or start one with namespace:=NAME"
             )
     return faults
+
+
+def _publishing_nodes(session: Session) -> Counter[str]:
+    """Return how many nodes of a name publish /tf, however many publishers each has.
+
+    They are told apart by their processes' participants, the first bytes of a publisher's GID.
+    """
+    ends = session.node.get_publishers_info_by_topic("/tf")
+    nodes = {(node_name(end), bytes(end.endpoint_gid[:_PARTICIPANT])) for end in ends}
+    return Counter(name for name, _ in nodes if name)
 
 
 @in_session
@@ -166,6 +184,7 @@ class _Transforms:
 
         self.frames = FrameTree()
         self.arrivals: dict[str, Intervals] = {}  # keys: child frames
+        self.parents: dict[str, set[str]] = {}  # of each child frame, by name
         self.session = session
         self._warned: set[str] = set()
         for topic in _TOPICS:
@@ -186,8 +205,9 @@ class _Transforms:
         for warning in self.frames.add(message, static=topic == _STATIC):
             self.warn(warning)
         now = time.monotonic()
-        for child in message.children:
+        for parent, child in zip(message.parents, message.children, strict=True):
             name = child.removeprefix("/")
+            self.parents.setdefault(name, set()).add(parent.removeprefix("/"))
             self.arrivals.setdefault(name, Intervals(_WINDOW)).arrived(now)
 
     def warn(self, text: str) -> None:

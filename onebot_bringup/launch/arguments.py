@@ -70,14 +70,17 @@ class Argument:
     @property
     def suggested(self) -> Sequence[str]:
         """What tab completion offers as its value."""
-        switched = _TRUE[0], _FALSE[0]
-        return switched if self.default in switched else self.choices or self.examples or ("",)
+        if self.type.base is bool:
+            return _TRUE[0], _FALSE[0]
+        return self.choices or self.examples or ("",)
 
     def problem(self, text: str) -> str:
         """Return what is wrong with the argument written as ``text``, and what would be right."""
+        if not (text or self.default):
+            return ""
         if self.choices and text not in self.choices:
             return self._not_possible(text, f"it can be one of: {', '.join(self.choices)}")
-        if self.type.many or not (text or self.default):
+        if self.type.many:
             return ""  # the node checks a list
         try:
             self.type.checked(self.value(text))
@@ -404,6 +407,8 @@ def simulation_arguments(control: str) -> list[Argument]:
         *map(of_controller, ("x", "y", "yaw")),
         of_controller("world", examples=tuple(shipped_worlds())),
         of_controller("sensors"),
+        of_controller("ground_truth_tf"),
+        switch("nav2_topics", False, "the topics that Nav2 expects, cmd_vel and odom"),
         of_controller("update_rate", "rate"),
         of_controller("real_time_factor"),
     ]
@@ -425,8 +430,8 @@ def checked_values(declared: list[Argument], given: Mapping[str, str]) -> dict[s
         raise UsageError("left_wheel:= and right_wheel:= belong together: name both, or neither")
     if values.get("robots"):
         _check_robots(values, given)
-    for name in ("world", "sensors", "real_time_factor"):
-        if values.get(name) and values["sim"] == "false":
+    for name in ("world", "sensors", "ground_truth_tf", "nav2_topics", "real_time_factor"):
+        if values.get(name, "false") not in ("", "false") and values["sim"] == "false":
             text = "is for the simulation: leave out sim:=false"
             raise UsageError(f"{name}:={values[name]} {text}")
     if values.get("steer") == "false":

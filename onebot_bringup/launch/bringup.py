@@ -22,11 +22,11 @@ from onebot_bringup.launch.arguments import (
     unknown,
     with_positional,
 )
-from onebot_bringup.launch.nodes import Launch, output_path
+from onebot_bringup.launch.nodes import Launch, command_topic, output_path, world_frame
 from onebot_bringup.launcher.console import wants_colour
 from onebot_bringup.launcher.launcher import Launcher
 from onebot_bringup.viewer.viewer_parameters import view_file
-from onebot_control.poses import prefixed
+from onebot_control.poses import WORLD_FRAME, prefixed
 from onebot_description.discovery import discovery_variables
 from onebot_description.errors import OneBotError, UsageError, did_you_mean
 from onebot_description.shared_memory import remove_stale_in_background
@@ -110,8 +110,11 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     _check_files(values)
     values = with_params_file(values, command_arguments)
-    if values.get("world"):
-        values["view"] = command_arguments.get("view", command.world_view)
+    if values.get("world") and "view" not in command_arguments:
+        values["view"] = command.world_view
+        frame = world_frame(values, [Path(values["params_file"])])
+        if frame != WORLD_FRAME:  # the view's
+            values["fixed_frame"] = values["fixed_frame"] or frame
     read_ns = time.time_ns()
     description = load_description(model, for_xacro)
     description.require_tree()
@@ -292,7 +295,7 @@ def summary_text(
 ) -> str:
     """Return what is running, where to find it and how to stop it."""
     space = f"/{values['namespace'].strip('/')}".rstrip("/")
-    lines = _robots(robots, space) if robots else _robot(description, values, space)
+    lines = _robots(robots, values, space) if robots else _robot(description, values, space)
     if values.get("world"):
         lines.insert(1, f"  world    {values['world']}")
     if values.get("steer") == "true":
@@ -316,7 +319,7 @@ def _robot(description: "Description", values: Mapping[str, str], space: str) ->
     if values["frame_prefix"]:
         lines.append(f"  frames   begin with {values['frame_prefix']}")
     if values.get("sim") == "true":
-        drive = f"{space}/velocity_controller/cmd_vel"
+        drive = command_topic(values, f"{space}/")
         lines.append(
             f"  drive    onebot teleop{f' {drive}' if space else ''}, or a Twist on {drive}"
         )
@@ -327,9 +330,9 @@ def _robot(description: "Description", values: Mapping[str, str], space: str) ->
     return lines
 
 
-def _robots(robots: Sequence["PlacedRobot"], space: str) -> list[str]:
+def _robots(robots: Sequence["PlacedRobot"], values: Mapping[str, str], space: str) -> list[str]:
     first, last = robots[0].name, robots[-1].name
-    drive = f"{space}/{first}/velocity_controller/cmd_vel"
+    drive = command_topic(values, f"{space}/{first}/")
     return [
         f"{len(robots)} robots in one world, {first} to {last}",
         f"  topics   /tf /tf_static, and in each robot's namespace, such as "

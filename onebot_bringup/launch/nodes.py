@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 
 # The address of the steering page is the one to open: it is printed when the page's view is there.
 AWAIT_VIEW = 15.0  # s at most
+_MAP = "map"  # where somebody localizes (REP-105)
+# Of velocity_controller, and what Nav2 calls them.
+_NAV2_TOPICS = {"velocity_controller/cmd_vel": "cmd_vel", "velocity_controller/odom": "odom"}
 # Of joint_state_publisher without a file: Hz, and seconds for one swing.
 _SWINGING = {"rate": 30.0, "swing": 8.0}
 
@@ -84,7 +87,20 @@ class Launch:
     def ros_nodes(self) -> RosNodes:
         """What the nodes share."""
         values = self.values
-        return RosNodes(self.folder, values["namespace"], self.ros_args, values["log_level"])
+        ros_args = [*self._remappings(), *self.ros_args]
+        return RosNodes(self.folder, values["namespace"], ros_args, values["log_level"])
+
+    def _remappings(self) -> list[str]:
+        """Return the remappings of nav2_topics:=true; these are in each robot's namespace."""
+        if not self.is_true("nav2_topics"):
+            return []
+        of_robots = [f"{robot.name}/" for robot in self.robots if self.robot is None]
+        return [
+            word
+            for space in of_robots or [""]
+            for topic, name in _NAV2_TOPICS.items()
+            for word in ("-r", f"{space}{topic}:={space}{name}")
+        ]
 
     def _of_robot(self, robot: PlacedRobot) -> Launch:
         """Return what the nodes of one of several robots are made from."""
@@ -127,20 +143,22 @@ def _controller_parameters(launch: Launch) -> Parameters:
         "tf_frame_prefix_enable": bool(prefix),
         "tf_frame_prefix": prefix,
     }
-    if values["world"]:
-        parameters["world_frame_id"] = WORLD_FRAME
-    elif launch.robot:
-        parameters["world_frame_id"] = _world_frame(launch)
+    if values["world"] or launch.robot:
+        parameters["world_frame_id"] = world_frame(values, launch.params_files)
     return parameters
 
 
-def _world_frame(launch: Launch) -> str:
-    """Return the frame that all robots of a world have in common, world unless a file names one."""
+def world_frame(values: Mapping[str, str], params_files: Sequence[Path]) -> str:
+    """Return the frame that all robots of a world have in common, unless a file names one.
+
+    That is world; where the truth is not on TF it is map, so that TF is one tree.
+    """
     from onebot_control.parameters import read_control_files
 
-    node = f"/{launch.values['namespace']}", "velocity_controller"
-    written = read_control_files(launch.params_files, *node).values
-    return str(written.get("world_frame_id") or WORLD_FRAME)
+    node = f"/{values['namespace']}", "velocity_controller"
+    written = read_control_files(params_files, *node).values
+    truth = values["ground_truth_tf"] or written.get("ground_truth_tf", True)
+    return str(written.get("world_frame_id") or (WORLD_FRAME if truth in ("true", True) else _MAP))
 
 
 def _state_parameters(launch: Launch) -> Parameters:
@@ -177,8 +195,14 @@ def _page_parameters(launch: Launch) -> Parameters:
     if values["viewer"] == "web":
         parameters["await_view"] = AWAIT_VIEW
     if launch.robots:
-        parameters["topic"] = f"{launch.robots[0].name}/velocity_controller/cmd_vel"
+        parameters["topic"] = command_topic(values, f"{launch.robots[0].name}/")
     return parameters
+
+
+def command_topic(values: Mapping[str, str], space: str = "") -> str:
+    """Return the topic of commands of the robot in a namespace; ``space`` ends with /."""
+    topic = "velocity_controller/cmd_vel"
+    return space + (_NAV2_TOPICS[topic] if values.get("nav2_topics") == "true" else topic)
 
 
 def page_address(values: Mapping[str, str]) -> Parameters:

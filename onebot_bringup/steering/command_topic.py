@@ -13,6 +13,7 @@ from std_msgs.msg import Bool
 
 from onebot_bringup.steering.arbiter import ZEROS
 from onebot_bringup.steering.protocol import Velocity
+from onebot_description.discovery import node_name
 from onebot_description.errors import natural_order
 from onebot_description.node import LATCHED, Throttled
 from onebot_description.topic_subscription import RCLError
@@ -46,15 +47,10 @@ class CommandSubscriber:
 def command_subscribers(node: Node, topic: str) -> list[CommandSubscriber]:
     """Return the nodes that subscribe to commands on ``topic``."""
     return [
-        CommandSubscriber(full_name(end), end.topic_type)
+        CommandSubscriber(node_name(end), end.topic_type)
         for end in node.get_subscriptions_info_by_topic(topic)
         if end.topic_type in _TYPES
     ]
-
-
-def full_name(end: Any) -> str:
-    """Return the full name of the node of a TopicEndpointInfo."""
-    return f"{end.node_namespace.rstrip('/')}/{end.node_name}"
 
 
 def command_topics(node: Node) -> tuple[str, ...]:
@@ -221,7 +217,7 @@ class CommandTopic:
             publisher.wait_for_all_acked(Duration(seconds=0.1))
 
     def _other_publishers(self) -> list[str]:
-        names = [full_name(end) for end in self._node.get_publishers_info_by_topic(self.topic)]
+        names = [node_name(end) for end in self._node.get_publishers_info_by_topic(self.topic)]
         own_name = self._node.get_fully_qualified_name()
         if self._publisher is not None and own_name in names:
             names.remove(own_name)  # another page's server may have the same name

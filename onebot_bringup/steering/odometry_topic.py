@@ -8,9 +8,9 @@ from typing import Any
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 
-from onebot_bringup.steering.command_topic import full_name
 from onebot_bringup.steering.followed_topics import FollowedTopics
 from onebot_control.poses import yaw_of
+from onebot_description.discovery import node_name
 from onebot_description.topic_subscription import TopicSubscription
 from onebot_description.wire.messages import OdometrySample, odometry_sample
 
@@ -99,7 +99,7 @@ class OdometryTopic:
     def _publishers(self) -> dict[str, list[str]]:
         find = self._node.get_publishers_info_by_topic
         publishers = {
-            name: [full_name(end) for end in find(name)]
+            name: [node_name(end) for end in find(name)]
             for name, kinds in self._node.get_topic_names_and_types()
             if _ODOMETRY in kinds
         }

@@ -288,6 +288,38 @@ def test_velocity_controller_starts_where_it_is_put(
     assert (world["world"], world["world_frame_id"]) == ("maze", "world")
 
 
+def test_the_frame_of_a_world(make: Make, arm: Path) -> None:
+    """It is map where the truth is not on TF, so that TF is one tree, unless the file names one."""
+    file, section = arm.parent / "control.yaml", "/velocity_controller:\n  ros__parameters: "
+    given = {"world": "maze", "ground_truth_tf": "false"}
+    found = parameters_of(make(**given), "velocity_controller")
+    assert (found["ground_truth_tf"], found["world_frame_id"]) == (False, "map")
+    for written, values, frame in (
+        ("{world_frame_id: hall}", {"world": "maze"}, "hall"),
+        ("{ground_truth_tf: false}", {"world": "maze"}, "map"),
+        ("{ground_truth_tf: false}", {"world": "maze", "ground_truth_tf": "true"}, "world"),
+    ):
+        file.write_text(section + written)
+        assert parameters_of(make(**values), "velocity_controller")["world_frame_id"] == frame
+
+
+def test_the_topics_of_nav2(make: Make, described: Description) -> None:
+    """Every node has them: one of one robot in its namespace, the viewer's of each of several."""
+    single = make(nav2_topics="true", namespace="yard")
+    rules = ["-r", "velocity_controller/cmd_vel:=cmd_vel", "-r", "velocity_controller/odom:=odom"]
+    for node in single.nodes():
+        assert " ".join(rules) in " ".join(node.command)
+    assert "a Twist on /yard/cmd_vel" in summary_text(described, single.values)
+    robots = [PlacedRobot(name, 0.0, 0.0, 0.0, described) for name in ("a", "b")]
+    fleet = replace(make(nav2_topics="true", robots="2", steer="true", port="0"), robots=robots)
+    words = " ".join(process_of(fleet, "velocity_controller").command)
+    assert words.count(" ".join(rules)) == 2
+    words = " ".join(process_of(fleet, "rerun_viewer").command)
+    assert "a/velocity_controller/cmd_vel:=a/cmd_vel" in words and "b/odom" in words
+    assert parameters_of(fleet, "steering_page")["topic"] == "a/cmd_vel"
+    assert "a Twist on /a/cmd_vel" in summary_text(described, fleet.values, robots)
+
+
 def of_each(node: NodeProcess) -> dict[str, dict[str, Any]]:
     """The parameters of each robot's node in one process, by namespace."""
     words, found = list(node.command), {}

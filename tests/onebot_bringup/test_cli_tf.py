@@ -87,6 +87,27 @@ def test_two_robots_in_one(frames: None, ros_domain: int) -> None:
     assert done.stderr.count("warning: /tf is published by 2 nodes named /driver: ") == 1
 
 
+def test_two_publishers_of_one_node_are_no_two_robots(frames: None, ros_domain: int) -> None:
+    """A node may have several publishers of one topic, such as tf2's broadcasters have."""
+    with Peer(ros_domain, "mapper") as other:
+        for _ in range(2):
+            other.node.create_publisher(TFMessage, "/tf", 100)
+        assert "/mapper" not in onebot("tf", "tree").stderr
+
+
+def test_a_frame_with_two_parents(frames: None, ros_domain: int) -> None:
+    """Both are named; a frame of one parent is not, however many messages it has."""
+    message = TransformStamped(child_frame_id="base")
+    message.header.frame_id = "map"
+    message.transform.rotation.w = 1.0
+    with Peer(ros_domain, "amcl") as other:
+        publisher = other.node.create_publisher(TFMessage, "/tf", 100)
+        other.node.create_timer(0.05, lambda: publisher.publish(TFMessage(transforms=[message])))
+        done = onebot("tf", "tree")
+    assert "warning: base has 2 parents, map and odom: it jumps between them" in done.stderr
+    assert done.stderr.count("parents") == 1
+
+
 def test_without_transforms(ros_domain: int) -> None:
     """One line, with who publishes, or the reason; half a pair is a usage error."""
     done = onebot("tf", "tree")

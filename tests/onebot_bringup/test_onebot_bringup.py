@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 
 import psutil
 import pytest
-from geometry_msgs.msg import Twist
+from geometry_msgs.msg import TransformStamped, Twist
 from nav_msgs.msg import Odometry
 from rclpy.duration import Duration
 from rosbags.highlevel import AnyReader
@@ -19,7 +19,9 @@ from std_msgs.msg import String
 
 from onebot_description.shared_memory import FOLDER
 from onebot_description.wire.tf_message import TFMessage
+from tests.onebot_bringup.cli_support import onebot
 from tests.onebot_control.control_support import urdf
+from tests.readme import CHECKOUT
 from tests.ros_support import LATCHED, NodeProcess, Peer
 from tests.support import PATIENCE, wait_for
 
@@ -187,6 +189,36 @@ def test_steer_serves_the_page_and_a_restart_keeps_its_token(ros_domain):
         process.kill()
         again = wait_for(lambda: find.findall(node.output)[1:], "the page's return")
         assert again[0][1] == address[2]
+
+
+def test_the_recipe_for_a_localizer(ros_domain):
+    """As the README has it: Nav2's topics, and with a node that publishes map -> odom one tree."""
+    readme = (CHECKOUT / "onebot_control/README.md").read_text()
+    [words] = re.findall(r"^onebot_bringup (.* nav2_topics:=true)$", readme, re.MULTILINE)
+    arguments = [word for word in words.split() if word != "steer:=true"]
+    with NodeProcess(MODULE, "viewer:=none", *arguments), Peer(ros_domain, "amcl") as amcl:
+        odom, tf = amcl.hear(Odometry, "/odom"), amcl.hear(TFMessage, "/tf", 1000)
+        static = amcl.hear(TFMessage, "/tf_static", LATCHED)
+        commands = amcl.publisher(Twist, "/cmd_vel")
+        localizing = amcl.node.create_publisher(TFMessage, "/tf", 10)
+        correction = TransformStamped(child_frame_id="odom")
+        correction.header.frame_id = "map"
+        amcl.node.create_timer(0.1, lambda: localizing.publish(TFMessage(transforms=[correction])))
+        command = Twist()
+        command.linear.x = 0.2
+        wait_for(lambda: commands.publish(command) or (odom and _position(odom[-1])[0] > 0.2), "x")
+        assert odom[-1].header.frame_id == "odom" and odom[-1].child_frame_id == "base_link"
+        wait_for(lambda: len(tf) > 200 and static, "transforms")
+        found = {
+            each.header.frame_id
+            for message in tf
+            for each in message.transforms
+            if each.child_frame_id == "odom"
+        }
+        assert found == {"map"}
+        done = onebot("tf", "tree")
+        assert done.returncode == 0 and not done.stderr, done.stderr
+        assert done.stdout.splitlines()[1].strip() == "map" and "base_link" in done.stdout
 
 
 def test_another_pace_is_the_time_of_all_nodes(ros_domain):
