@@ -1,12 +1,14 @@
-"""The picture of the camera of the robot that is steered.
+"""The pictures of the cameras of the robot that is steered.
 
-A camera may cost the robot much, so its topic is subscribed to while a page shows the picture.
+A camera may cost the robot much, so its topic is subscribed to while a page shows its picture, and
+once for a single one: what is no picture for people, such as depth, is seen by its encoding.
 """
 
 import io
 import math
 import time
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 from PIL import Image
 from rclpy.node import Node
@@ -26,7 +28,7 @@ _MODES = {
     "mono8": ("L", "L"),
 }
 _SIZE = (480, 360)  # pixels at most
-_UNUSED = 3.0  # s without a request until the camera is left
+_UNUSED = 3.0  # s without a request until a camera is left
 
 
 def jpeg(message: ImageMessage) -> bytes | None:
@@ -44,42 +46,77 @@ def jpeg(message: ImageMessage) -> bytes | None:
     return file.getvalue()
 
 
-class CameraFeed:
-    """Follows the robot's first camera; all but ``picture`` in the node's thread.
+@dataclass(eq=False)
+class _Camera:
+    """What is known of a topic.
 
     Attributes:
-        topic: that of its pictures, "" for none.
+        shows: whether its pictures are for people; None if that is not known yet.
+        used: when a picture was requested.
+        newest: the last message while it is followed.
+        drawn: a message, and its JPEG.
     """
 
-    def __init__(self, node: Node) -> None:
-        self._node, self.topic = node, ""
-        self._topics = FollowedTopics(node, 1, self._subscription)
-        self._used = -math.inf  # when a picture was requested
-        self._picture: bytes | None = None  # the newest message
-        self._drawn: tuple[bytes | None, bytes | None] = None, None  # a message and its JPEG
+    shows: bool | None = None
+    used: float = -math.inf
+    newest: bytes | None = None
+    drawn: tuple[bytes | None, bytes | None] = None, None
 
-    def update(self, namespace: str, robots: Iterable[str]) -> None:
+    @property
+    def is_used(self) -> bool:
+        return time.monotonic() < self.used + _UNUSED
+
+
+class CameraFeed:
+    """Follows the robot's cameras; all but ``picture`` in the node's thread."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._topics = FollowedTopics(node, 1, self._subscription)
+        self._cameras: dict[str, _Camera] = {}
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """Those with pictures for people, the shortest name first."""
+        names = [name for name, camera in self._cameras.items() if camera.shows]
+        return tuple(sorted(names, key=lambda name: (name.count("/"), name)))
+
+    def update(self, namespace: str, robots: Iterable[str], watched: bool) -> None:
         """Follow publishers that come and go; to be called several times per second.
 
-        ``robots`` are the namespaces of other robots.
+        ``robots`` are the namespaces of other robots; ``watched``: there is a page.
         """
         names = own_topics(self._node, namespace, robots, {_IMAGE})
-        rank = [("depth" in name, name.count("/"), name) for name in names]
-        self.topic = min(rank)[-1] if rank else ""
-        used = self.topic and time.monotonic() < self._used + _UNUSED
-        if self._topics.update({self.topic: _IMAGE} if used else {}):
-            self._picture = None
+        self._cameras = {name: self._cameras.get(name) or _Camera() for name in names}
+        followed = {
+            name
+            for name, camera in self._cameras.items()
+            if camera.is_used or (watched and camera.shows is None)
+        }
+        self._topics.update(dict.fromkeys(followed, _IMAGE))
+        for name in self._cameras.keys() - followed:
+            self._cameras[name].newest = None
 
     def _subscription(self, name: str, _: str) -> TopicSubscription:
-        return TopicSubscription(self._node, name, self._on_picture, lambda _: ImageMessage)
+        return TopicSubscription(
+            self._node, name, lambda _, data: self._on_picture(name, data), lambda _: ImageMessage
+        )
 
-    def _on_picture(self, _: str, data: bytes) -> None:
-        self._picture = data
+    def _on_picture(self, name: str, data: bytes) -> None:
+        camera = self._cameras.get(name)
+        if camera is None:
+            return  # its publisher has gone
+        camera.newest = data
+        if camera.shows is None:
+            camera.shows = deserialize_message(data, ImageMessage).encoding in _MODES
 
-    def picture(self) -> bytes | None:
-        """Return the newest picture as JPEG, in any thread; the camera is followed for a while."""
-        self._used = time.monotonic()
-        data, drawn = self._picture, self._drawn
+    def picture(self, name: str) -> bytes | None:
+        """Return a camera's newest picture as JPEG, in any thread; it is followed for a while."""
+        camera = self._cameras.get(name)
+        if camera is None:
+            return None
+        camera.used = time.monotonic()
+        data, drawn = camera.newest, camera.drawn
         if data is not None and data is not drawn[0]:
-            self._drawn = drawn = data, jpeg(deserialize_message(data, ImageMessage))
+            camera.drawn = drawn = data, jpeg(deserialize_message(data, ImageMessage))
         return drawn[1] if data is not None else None

@@ -20,7 +20,7 @@ from onebot_bringup.introspection.transforms import matrix
 from onebot_bringup.steering.followed_topics import FollowedTopics, FollowedTransforms, own_topics
 from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_bringup.steering.protocol import Velocity
-from onebot_description.description import parse_description
+from onebot_description.description import Description, parse_description
 from onebot_description.errors import OneBotError
 from onebot_description.model.robot_model import RobotModel
 from onebot_description.topic_subscription import TopicSubscription
@@ -79,15 +79,10 @@ class Footprint(NamedTuple):
     links: tuple[str, ...]  # the first is the root
 
     @classmethod
-    def of(cls, urdf: str) -> "Footprint | None":
-        """Return the robot of a URDF; None if it is none, or has no shapes."""
+    def of(cls, robot: Description) -> "Footprint | None":
+        """Return the footprint of a robot; None if it has no shapes."""
         from onebot_control.sensing.solids import solid_of
 
-        try:
-            robot = parse_description(urdf, "robot_description")
-            robot.require_tree()
-        except OneBotError:
-            return None
         link_poses = zip(robot.link_names, RobotModel(robot).link_poses({}), strict=True)
         poses = {name: matrix(pose[:3], pose[3:]) for name, pose in link_poses}
         shapes = [
@@ -142,8 +137,22 @@ class Footprint(NamedTuple):
         return max(0.0, float(met.min(initial=math.inf)))
 
 
+def described(urdf: str) -> Description | None:
+    """Return the robot of a URDF; None if it is none."""
+    try:
+        robot = parse_description(urdf, "robot_description")
+        robot.require_tree()
+    except OneBotError:
+        return None
+    return robot
+
+
 class Obstacles:
-    """Follows the sensors of the robot that is steered, in the node's thread."""
+    """Follows the sensors of the robot that is steered, in the node's thread.
+
+    Attributes:
+        robot_name: as its description has it, "" if that is not known.
+    """
 
     def __init__(
         self, node: Node, odometry: OdometryTopic, command: Callable[[], Velocity]
@@ -153,6 +162,7 @@ class Obstacles:
         self._topics = FollowedTopics(node, 1, self._subscription)
         self._transforms = FollowedTransforms(node)
         self._footprint: Footprint | None = None
+        self.robot_name = ""
         self._seen: dict[str, tuple[float, str, Hits]] = {}  # when, and the frame; by the topic
 
     @property
@@ -186,7 +196,7 @@ class Obstacles:
         description = {f"{namespace}/robot_description": _STRING} if watched else {}
         self._transforms.update(bool(sensors))
         if _STRING in self._topics.update(sensors | description):
-            self._footprint = None
+            self._footprint, self.robot_name = None, ""
         self._seen = {topic: seen for topic, seen in self._seen.items() if topic in sensors}
 
     def _subscription(self, name: str, kind: str) -> TopicSubscription:
@@ -202,4 +212,6 @@ class Obstacles:
         self._seen[topic] = time.monotonic(), frame, hits_of(message)
 
     def _on_robot(self, _: str, message: String) -> None:
-        self._footprint = Footprint.of(message.data)
+        robot = described(message.data)
+        self.robot_name = robot.robot_name if robot is not None else ""
+        self._footprint = Footprint.of(robot) if robot is not None else None

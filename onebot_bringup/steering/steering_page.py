@@ -13,6 +13,7 @@ Publishes:
         a page drives a locked one.
     goal_pose (geometry_msgs/PoseStamped), initialpose (PoseWithCovarianceStamped), clicked_point
         (PointStamped), in the namespace of the robot that is steered: the page's tools.
+    page_cameras (std_msgs/String, latched), of the viewer: see there.
 
 Subscribes:
     the parameter topic with _locked at its end (std_msgs/Bool, latched): whether the robot is.
@@ -21,7 +22,7 @@ Subscribes:
     displays (std_msgs/String, latched), of the same node: the topics that are shown in the view.
     /tf, /tf_static, map (nav_msgs/OccupancyGrid): while a page shows its map.
     robot_description (std_msgs/String), the first LaserScan in the robot's namespace: while there
-        is a page. The first Image there: while a page shows it.
+        is a page. Each Image there: while a page shows it, and once to see if it is for people.
     /parameter_events (rcl_interfaces/ParameterEvent): changes of the controller's limits.
 
 Calls:
@@ -124,7 +125,7 @@ class SteeringPage(Node):
         self._warn = Throttled(self.get_logger().warning)
         self._timeouts = 0  # number of drivers' timeouts that were logged
         self._ground = Ground(self, self._odometry)
-        self._camera = CameraFeed(self)
+        self._cameras = CameraFeed(self)
         self._obstacles = Obstacles(self, self._odometry, lambda: self._arbiter.state.command)
         self._thread = OtherThread(self)
         self._serve()
@@ -149,7 +150,7 @@ class SteeringPage(Node):
         access = Access(bind.token, address, port)
         publishers = ToolPublishers(self, self._commands)
         tools = ToolRequests(
-            self._thread, self._commands, self._ground, self._camera, publishers, self._nodes
+            self._thread, self._commands, self._ground, self._cameras, publishers, self._nodes
         )
         self._page_server = server = SteeringServer(
             ServerContext(
@@ -196,13 +197,14 @@ class SteeringPage(Node):
             "topic_type": commands.kind,
             "topics": self._topics,  # choices, those with subscribers first
             "robots": [asdict(robot) for robot in self._robots],  # choices
+            "robot_name": self._obstacles.robot_name,  # in its description; "" if not known
             "listeners": len(commands.listeners),
             "others": commands.others,  # the other nodes that publish commands
             "locked": commands.locked,  # it ignores all commands until a page drives again
             "controllers": self._controllers.names,  # the nodes whose limits are known
             "braking": asdict(self._braking) if self._braking else None,
             "odometry": self._odometry.fields(),
-            "camera": self._camera.topic,  # the topic of its pictures
+            "cameras": self._cameras.topics,  # the topics of its pictures
             "obstacle": self._obstacles.clearance,  # m until it meets what its sensors see
         }
 
@@ -249,8 +251,10 @@ class SteeringPage(Node):
         namespace = namespace_of(commands.topic)
         self._ground.update(namespace)
         other_namespaces = {namespace_of(robot.topic) for robot in self._robots} - {namespace}
-        self._camera.update(namespace, other_namespaces)
-        self._obstacles.update(namespace, other_namespaces, self._arbiter.state.pages > 0)
+        watched = self._arbiter.state.pages > 0
+        self._cameras.update(namespace, other_namespaces, watched)
+        self._viewer.publish_cameras(self._cameras.topics)
+        self._obstacles.update(namespace, other_namespaces, watched)
         self._viewer.update()
         if previous != (commands.kind, commands.topic, len(commands.listeners)):
             self._arbiter.changed()

@@ -3,14 +3,15 @@
     GET ground[?frame=F]: the robot and the map in a frame, see ``Ground.fields``, and the
         ``command_topic`` of that robot.
     GET map.png: the picture of that map.
-    GET camera.jpg: the newest picture of the robot's camera, which is subscribed to meanwhile.
+    GET camera.jpg?topic=T: the newest picture of a camera, which is subscribed to meanwhile.
     POST click: publishes a click, see ``Click``; responds with ``topic`` and ``subscribers``.
     GET nodes: ``nodes`` with parameters, the robot's controllers first; the ``viewer``, "" for
         none; and what is ``shown`` in it: ``topic``, ``type`` and ``visible`` of each.
     GET parameters?node=N: its ``parameters``.
     POST parameters: ``node`` and ``values``, YAML by name; responds with why each was refused.
 
-A request that fails has ``error``, a sentence, and a status from 400 on.
+While there is no picture, its response has no content (204). A request that fails has ``error``, a
+sentence, and a status from 400 on.
 """
 
 import asyncio
@@ -113,12 +114,12 @@ class ToolRequests:
         thread: OtherThread,
         commands: CommandTopic,
         ground: Ground,
-        camera: CameraFeed,
+        cameras: CameraFeed,
         publishers: ToolPublishers,
         nodes: Callable[[], Mapping[str, Any]],
     ) -> None:
         self._thread, self._commands, self._nodes = thread, commands, nodes
-        self._ground, self._camera, self._publishers = ground, camera, publishers
+        self._ground, self._cameras, self._publishers = ground, cameras, publishers
 
     def add_to(self, app: web.Application) -> None:
         router = app.router
@@ -141,16 +142,13 @@ class ToolRequests:
         return await _json(lambda: self._thread.spin(lambda: self._thread.call(look), _TIMEOUT))
 
     async def _get_map(self, _: web.Request) -> web.Response:
-        if self._ground.grid is None:
-            raise web.HTTPNotFound(text="There is no map.\n")
-        picture = await asyncio.to_thread(self._ground.grid.picture)
-        return web.Response(body=picture, content_type="image/png")
+        grid = self._ground.grid
+        picture = await asyncio.to_thread(grid.picture) if grid is not None else None
+        return _picture(picture, "image/png")
 
-    async def _get_camera(self, _: web.Request) -> web.Response:
-        picture = await asyncio.to_thread(self._camera.picture)
-        if picture is None:
-            raise web.HTTPNotFound(text="There is no picture yet.\n")
-        return web.Response(body=picture, content_type="image/jpeg")
+    async def _get_camera(self, request: web.Request) -> web.Response:
+        topic = request.query.get("topic", "")
+        return _picture(await asyncio.to_thread(self._cameras.picture, topic), "image/jpeg")
 
     async def _get_nodes(self, _: web.Request) -> web.Response:
         return await _json(lambda: self._thread.call(self._nodes))
@@ -191,6 +189,11 @@ class ToolRequests:
         if node not in self._thread.call(self._nodes)["nodes"]:
             raise OneBotError(f'there is no node "{node}"')
         return ParameterClient(self._thread, node)
+
+
+def _picture(data: bytes | None, kind: str) -> web.Response:
+    """Return a response; without a picture (yet) it has no content, which is no error."""
+    return web.Response(status=204) if data is None else web.Response(body=data, content_type=kind)
 
 
 async def _json(action: Callable[[], Mapping[str, Any]]) -> web.Response:

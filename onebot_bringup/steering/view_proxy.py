@@ -15,7 +15,7 @@ import hmac
 import json
 import re
 import secrets
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -71,12 +71,14 @@ class Viewer:
     """
 
     def __init__(self, node: Node, page_topic: str, changed: Callable[[], None]) -> None:
-        """Subscribe to its ~/page and ~/displays; ``changed`` is called when ``view`` may have."""
+        """Follow its ~/page and ~/displays; ``changed`` is called when ``view`` may have."""
         self._node, self._topic, self._changed = node, page_topic, changed
         self._warn = Throttled(node.get_logger().warning)
         self._name = page_topic.rpartition("/")[0]
         self._shown: list[Mapping[str, Any]] = []
         self.view: View | None = None
+        self._cameras = node.create_publisher(String, f"{self._name}/page_cameras", LATCHED)
+        self._published_cameras = ""
         node.create_subscription(String, page_topic, self._on_page, LATCHED)
         node.create_subscription(String, f"{self._name}/displays", self._on_displays, LATCHED)
 
@@ -85,6 +87,13 @@ class Viewer:
         if self.view is not None and not self._node.count_publishers(self._topic):
             self.view = None
             self._changed()
+
+    def publish_cameras(self, topics: Sequence[str]) -> None:
+        """Publish whose pictures the page shows, so that the view in it leaves them out."""
+        cameras = json.dumps({"cameras": topics})
+        if cameras != self._published_cameras:
+            self._published_cameras = cameras
+            self._cameras.publish(String(data=cameras))
 
     def fields(self) -> Mapping[str, Any]:
         """Return its name, "" for none, and the topics that it shows."""

@@ -1,6 +1,6 @@
 """The viewer's blueprint: the robot on its grid, the displays' views beside it, quiet panels."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Container, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, groupby
 from typing import Any
@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from onebot_bringup.viewer.columns import TIMELINE
 from onebot_bringup.viewer.displays.display import LayoutPart, last
+from onebot_bringup.viewer.displays.drawing import topic_entity
+from onebot_bringup.viewer.displays.image import ImageDrawing
 from onebot_bringup.viewer.robot_size import (
     axes_lengths,
     box_around,
@@ -30,6 +32,7 @@ from onebot_bringup.viewer.view_config import (
 )
 
 ROBOT_VIEW = "Robot"
+_BESIDE = "Plots and pictures"  # a tab
 _IN_A_COLUMN = 4  # views, one above the other; more are in two columns
 
 Floats = NDArray[np.float64]
@@ -51,6 +54,7 @@ class Layout:
     fixed_frame: str
     complete: bool  # transforms lead to every link
     robots: tuple[str, ...]  # namespaces of the robots whose description is known
+    tabs: bool = False  # the robots have all of the room; what is beside them is in a tab
 
     @classmethod
     def of(
@@ -69,6 +73,12 @@ class Layout:
     def without_plots(self) -> "Layout":
         """Return the layout with nothing beside the robot."""
         return replace(self, parts=tuple(replace(part, views=(), wide=()) for part in self.parts))
+
+    def in_page(self, cameras: Collection[str]) -> "Layout":
+        """Return the layout for a page that has little room, and shows these topics' pictures."""
+        pictures = {topic_entity(ImageDrawing.key, topic) for topic in cameras}
+        parts = tuple(_without(part, pictures) for part in self.parts)
+        return replace(self, parts=parts, tabs=True)
 
 
 class BlueprintSender:
@@ -162,6 +172,14 @@ class BlueprintSender:
         return None
 
 
+def _without(part: LayoutPart, entities: Container[str]) -> LayoutPart:
+    return replace(
+        part,
+        views=tuple(view for view in part.views if view.entity not in entities),
+        shown=tuple(entity for entity in part.shown if entity not in entities),
+    )
+
+
 def _same_frames(layout: Layout, other: Layout) -> bool:
     return (layout.fixed_frame, layout.robots) == (other.fixed_frame, other.robots)
 
@@ -174,26 +192,28 @@ def make_blueprint(
     wide = [view.view() for part in layout.parts for view in part.wide]
     if wide:
         robot = rrb.Vertical(robot, *wide, row_shares=[4, *[1] * len(wide)])
-    beside = _beside(layout.parts)
-    shares = [3, 2 if isinstance(beside, rrb.Grid) else 1]
-    root = rrb.Horizontal(robot, beside, column_shares=shares) if beside is not None else robot
-    return rrb.Blueprint(root, *_panels(layout.panels, from_start))
+    columns = _columns(layout)
+    if layout.tabs:
+        robot = rrb.Tabs(robot, *columns) if columns else robot
+    elif columns:
+        # Several robots have a tab each, and one is drawn.
+        beside = rrb.Tabs(*columns) if len(columns) > 1 else columns[0]
+        shares = [3, 2 if isinstance(beside, rrb.Grid) else 1]
+        robot = rrb.Horizontal(robot, beside, column_shares=shares)
+    return rrb.Blueprint(robot, *_panels(layout.panels, from_start))
 
 
-def _beside(parts: Iterable[LayoutPart]) -> rrb.Container | None:
-    """The views beside the robots' own; several robots have a tab each, and one is drawn."""
-    columns = []
-    for robot, of_robot in groupby(parts, key=lambda part: part.robot):
+def _columns(layout: Layout) -> list[rrb.Container]:
+    """Return the views beside the robots' own, those of each robot in a container."""
+    columns: list[rrb.Container] = []
+    for robot, of_robot in groupby(layout.parts, key=lambda part: part.robot):
         views = [view.view() for part in of_robot for view in part.views]
-        if views:
-            few = len(views) <= _IN_A_COLUMN
-            name = robot or None
-            columns.append(
-                rrb.Vertical(*views, name=name)
-                if few
-                else rrb.Grid(*views, grid_columns=2, name=name)
-            )
-    return rrb.Tabs(*columns) if len(columns) > 1 else next(iter(columns), None)
+        name = robot or (_BESIDE if layout.tabs else None)
+        if len(views) > (1 if layout.tabs else _IN_A_COLUMN):
+            columns.append(rrb.Grid(*views, grid_columns=2, name=name))
+        elif views:
+            columns.append(rrb.Vertical(*views, name=name))
+    return columns
 
 
 def _robot_view(layout: Layout, follow: str | None) -> rrb.Spatial3DView:

@@ -9,6 +9,8 @@ Subscribes, in the namespace of each robot:
         and shown.
     /tf, /tf_static (tf2_msgs/TFMessage): the transforms of all frames; nothing is computed here.
     /world_description (std_msgs/String, latched): the URDF of what stands around the robots.
+    ~/page_cameras (std_msgs/String, latched): in JSON, the topics of pictures (cameras) that a page
+        around the view shows; the view leaves them out, and has its plots in a tab.
 
 Publishes:
     ~/page (std_msgs/String, latched): the page's address, once it is up; it names the recording's
@@ -92,6 +94,7 @@ class RerunViewer(Node):
         self._displays_publisher = self.create_publisher(String, "~/displays", LATCHED)
         self._published_displays = ""
         self._feed = ViewFeed(self, self._view)
+        self._page_cameras = PageCameras(self)
         self._update_feed()
         # Not ROS time: it may stop or run fast.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -139,6 +142,7 @@ class RerunViewer(Node):
         if address != self._published_page:
             self._published_page = address
             self._page_publisher.publish(String(data=address))
+        self._view.page_cameras = self._page_cameras.topics
         self._update_feed()
         self._live_view.poll()
 
@@ -164,6 +168,33 @@ class RerunViewer(Node):
                 server.close()
         finally:
             super().destroy_node()
+
+
+class PageCameras:
+    """Follows whose pictures are shown by the page that the view is a part of."""
+
+    def __init__(self, node: Node) -> None:
+        self._node, self._topics = node, frozenset[str]()
+        self._subscription = node.create_subscription(
+            String, "~/page_cameras", self._receive, LATCHED
+        )
+
+    def _receive(self, message: String) -> None:
+        self._topics = camera_topics(message.data)
+
+    @property
+    def topics(self) -> frozenset[str] | None:
+        """Topics of pictures; None without a page."""
+        name = self._subscription.topic_name
+        return self._topics if self._node.count_publishers(name) else None
+
+
+def camera_topics(data: str) -> frozenset[str]:
+    """Return the topics of ~/page_cameras; none for a text that is no such message."""
+    try:
+        return frozenset(str(topic) for topic in json.loads(data)["cameras"])
+    except (ValueError, LookupError, TypeError, RecursionError):
+        return frozenset()
 
 
 def main(args: list[str] | None = None) -> int:

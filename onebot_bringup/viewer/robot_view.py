@@ -99,6 +99,8 @@ class RobotView:
         self._selection = TopicSelection(stage)
         self._blueprint = BlueprintSender(recording, stage.robots, from_start=from_start)
         self._own_blueprint = True
+        # Topics whose pictures are shown by a page that the view is a part of; None without one.
+        self.page_cameras: Collection[str] | None = None
         self._tf = TfDisplay(stage)
         stage.message_displays = [MessageDisplay(stage, draws) for draws in MESSAGE_DRAWINGS]
         self._shared_displays: Sequence[Display[Any]] = [self._tf, *stage.message_displays]
@@ -344,6 +346,8 @@ class RobotView:
         layout = Layout.of(stage.view, parts, stage.fixed_frame, complete, stage.robots)
         if not self._plots:
             layout = layout.without_plots()
+        if self.page_cameras is not None:
+            layout = layout.in_page(self.page_cameras)
         self._blueprint.update(layout, send=self._own_blueprint)
 
 

@@ -22,7 +22,7 @@ from std_srvs.srv import Trigger
 
 from onebot_bringup.viewer.live_view import LiveView
 from onebot_bringup.viewer.rendering import headless_viewer, still
-from onebot_bringup.viewer.rerun_viewer import RerunViewer
+from onebot_bringup.viewer.rerun_viewer import PageCameras, RerunViewer
 from onebot_bringup.viewer.rrd import has_content
 from onebot_bringup.viewer.view_config import load_view
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
@@ -255,6 +255,20 @@ def test_the_page_s_address_is_published(shown):
         address = wait_for(lambda: pages[-1].data, "the address")  # noqa: B023
         assert address.startswith("http://127.0.0.1:") and "url=rerun%2Bhttp" in address
     assert f"open {address.partition('/?')[0]}" in shown.node.output
+
+
+def test_the_page_around_the_view_says_which_pictures_it_shows(ros_domain: int) -> None:
+    """As long as it is there; a message that is none names none."""
+    with Peer(ros_domain, "rerun_viewer") as viewer, Peer(ros_domain, "page") as page:
+        cameras = PageCameras(viewer.node)
+        assert cameras.topics is None
+        publisher = page.publisher(String, f"{NODE}/page_cameras", LATCHED)
+        wait_for(lambda: cameras.topics == frozenset(), "the page")
+        for text, topics in (('{"cameras": ["/a", "/b"]}', {"/a", "/b"}), ("[]", set())):
+            publisher.publish(String(data=text))
+            wait_for(lambda topics=topics: cameras.topics == topics, text)
+        page.node.destroy_publisher(publisher)
+        wait_for(lambda: cameras.topics is None, "its end")
 
 
 # --- the view: switched, edited and saved while it runs -------------------------------------------

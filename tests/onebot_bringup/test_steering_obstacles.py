@@ -8,7 +8,7 @@ import pytest
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import LaserScan, Range
 
-from onebot_bringup.steering.obstacles import Footprint, Hits
+from onebot_bringup.steering.obstacles import Footprint, Hits, described
 from onebot_description.model.quaternions import from_rpy, to_matrix
 from tests.onebot_bringup.steering_support import steered
 from tests.onebot_control.control_support import CASTER, SEPARATION, urdf, wheel
@@ -38,7 +38,7 @@ def scan(angle: float, *ranges: float) -> Hits:
 
 @pytest.fixture
 def footprint() -> Footprint:
-    return Footprint.of(ROBOT)
+    return Footprint.of(described(ROBOT))
 
 
 @pytest.mark.parametrize(
@@ -99,8 +99,8 @@ def test_frames_have_the_prefix_of_the_robot(footprint):
     """The root's is found by the frame of any link; a description may be no robot."""
     assert footprint.root_frame("base") == "base"
     assert footprint.root_frame("robot1/lidar") == "robot1/base"
-    assert Footprint.of("<robot") is None
-    assert Footprint.of('<robot name="x"><link name="a"/></robot>') is None
+    assert described("<robot") is None
+    assert Footprint.of(described('<robot name="x"><link name="a"/></robot>')) is None
 
 
 def sensor(topic: str, kind: str, place: str, rays: int, half: float) -> str:
@@ -141,7 +141,7 @@ def test_every_sensor_counts_in_the_direction_driven(
     robot = urdf(wheel("left", sides), wheel("right", -sides), CASTER, FRONT, sensors)
     Path(model).write_text(robot)
     simulated = ros_args(world=room(tmp_path), sensor_noise=False)
-    footprint = Footprint.of(robot)
+    footprint = Footprint.of(described(robot))
     reach = footprint.high[0] if speed > 0.0 else -footprint.low[0]
     with (
         Peer(ros_domain) as peer,

@@ -466,7 +466,7 @@ def test_another_topic_of_the_other_type(peer: Peer, page: Page) -> None:
     wait_for(lambda: field.get_property("value") == TOPIC, "the topic to be put back")
     page.enter("#topic-name", "/other/cmd_vel")
     wait_for(lambda: page.text("#topic output") == "TwistStamped, 1 subscriber", "its type")
-    assert page.driver.title == "/other/cmd_vel \N{EN DASH} Steering"
+    assert page.driver.title == "other \N{EN DASH} Steering"
     page.enter("#topic-name", "/rosout")
     wait_for(lambda: "/rosout has the type" in page.text("#topic-hint"), "the refusal")
     assert page.text("#message") == ""
@@ -497,7 +497,7 @@ def test_another_robot_is_chosen(peer: Peer, tab: Page) -> None:
         tab.driver.execute_script("arguments[0].focus()", select)
         tab.release_keys("w")
         tab.act().send_keys(Keys.ARROW_DOWN).perform()
-        wait_for(lambda: tab.driver.title.startswith(topics["robot2"]), "the other robot")
+        wait_for(lambda: tab.driver.title.startswith("robot2"), "the other robot")
         wait_for(lambda: _last(heard["robot1"]) == (0.0, 0.0), "the stop")
         tab.act().send_keys(Keys.ARROW_DOWN).send_keys(Keys.ENTER).perform()
         assert select.get_property("value") == topics["robot2"] and not heard["robot2"]

@@ -30,6 +30,8 @@ from rcl_interfaces.msg import (
     SetParametersResult,
 )
 from rcl_interfaces.srv import GetParameters
+from sensor_msgs.msg import Image as ImageMessage
+from std_msgs.msg import String
 
 from onebot_bringup.introspection.parameter_values import parse_value, text_of
 from onebot_bringup.steering.ground import Ground, PublishedMap
@@ -40,7 +42,7 @@ from onebot_bringup.steering.tools import Click, message_of, parse_click
 from onebot_bringup.steering.view_proxy import shown_topics
 from onebot_description.errors import OneBotError
 from onebot_description.wire.tf_message import TFMessage
-from tests.onebot_bringup.steering_support import address_of, steering
+from tests.onebot_bringup.steering_support import PageClient, address_of, steering
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.support import PATIENCE, used_domain, wait_for
 
@@ -338,6 +340,43 @@ def test_a_page_sees_and_sets_the_parameters_of_a_node(shared: tuple[int, Reques
         assert "speed" in found["refused"]["speed"]
         assert "no node" in request("parameters?node=/nobody")["error"]
         assert request.raw("parameters", {}, Origin="http://evil.example")[0] == 403
+
+
+def picture(encoding: str) -> ImageMessage:
+    """A picture of one pixel."""
+    data = bytes({"rgb8": 3, "32FC1": 4}[encoding])
+    return ImageMessage(encoding=encoding, width=1, height=1, step=len(data), data=data)
+
+
+def test_the_cameras_of_a_robot_are_found_by_their_pictures(peer: Peer) -> None:
+    """One message of each is enough; the viewer gets their topics; depth is left to it."""
+    front, rear, depth = (f"/{name}/image_raw" for name in ("front", "rear", "measured"))
+    encodings = {front: "rgb8", rear: "rgb8", depth: "32FC1"}
+    create = peer.node.create_publisher
+    publishers = {topic: create(ImageMessage, topic, 1) for topic in encodings}
+    shown = peer.hear(String, "/rerun_viewer/page_cameras", LATCHED)
+
+    def publish() -> None:
+        for topic, publisher in publishers.items():
+            publisher.publish(picture(encodings[topic]))
+
+    timer = peer.node.create_timer(0.05, publish)
+    with steering(topic="/cmd_vel") as node:
+        request = Requests(node.address)
+        wait_for(lambda: shown, "the topic of the page's cameras")
+        assert json.loads(shown[-1].data) == {"cameras": []}, "there is no page yet"
+        with PageClient(node.address) as page:
+            wait_for(lambda: page.state["cameras"] == [front, rear], "both cameras")
+            for topic in encodings:
+                wait_for(lambda topic=topic: not peer.node.count_subscribers(topic), "its end")
+            assert json.loads(shown[-1].data) == {"cameras": [front, rear]}
+            assert request.raw("camera.jpg?topic=/nowhere") == (204, b"")
+            assert request.raw(f"camera.jpg?topic={depth}") == (204, b"")
+            asked = f"camera.jpg?topic={rear}"
+            wait_for(lambda: request.raw(asked)[0] == 200, "the picture of the rear")
+            assert Image.open(io.BytesIO(request.raw(asked)[1])).format == "JPEG"
+            assert not peer.node.count_subscribers(front)
+    peer.node.destroy_timer(timer)
 
 
 @pytest.mark.slow

@@ -10,7 +10,8 @@ from sensor_msgs.msg import CompressedImage, Image
 
 from onebot_bringup.viewer.blueprint import Layout, make_blueprint
 from onebot_bringup.viewer.columns import BytesMaker
-from onebot_bringup.viewer.displays.display import LayoutPart
+from onebot_bringup.viewer.displays.display import LayoutPart, Plot
+from onebot_bringup.viewer.displays.drawing import topic_entity
 from onebot_bringup.viewer.displays.image import ImageView
 from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_description.wire.messages import time_message
@@ -177,6 +178,32 @@ def test_many_pictures_are_in_two_columns(count, kind, shares):
     root = make_blueprint(layout).root_container
     assert isinstance(root.contents[1], kind) and list(root.column_shares) == [3, shares]
     assert len(root.contents[1].contents) == count
+
+
+def test_in_a_page_the_robot_has_the_room_and_no_picture_is_there_twice():
+    """The page's cameras are left out, in the frustum too; what is beside the robot is in a tab."""
+    front, depth = "/front/image_raw", "/front/depth/image_raw"
+    pictures = tuple(ImageView(topic_entity("image", topic), topic) for topic in (front, depth))
+    speeds = Plot("speeds/linear", "Speed (m/s)", 20.0)
+    of_pictures = LayoutPart(
+        views=pictures,
+        hidden=tuple(picture.entity for picture in pictures),
+        shown=tuple(picture.entity for picture in pictures),
+    )
+    parts = [of_pictures, LayoutPart(views=(speeds,))]
+    layout = Layout.of(ViewConfig(), parts, "base", complete=True, robots=[])
+    root = make_blueprint(layout.in_page({front})).root_container
+    assert isinstance(root, rrb.Tabs)
+    robot, beside = root.contents
+    assert isinstance(robot, rrb.Spatial3DView)
+    assert [view.name for view in beside.contents] == [depth, "Speed (m/s)"]
+    assert f"+ /{pictures[0].entity}/**" not in robot.contents
+    assert f"- /{pictures[0].entity}/**" in robot.contents
+    assert f"+ /{pictures[1].entity}/**" in robot.contents
+    alone = Layout.of(ViewConfig(), [of_pictures], "base", complete=True, robots=[])
+    alone = alone.in_page({front, depth})
+    root = make_blueprint(alone).root_container
+    assert [type(view) for view in root.contents] == [rrb.Spatial3DView]
 
 
 def test_each_picture_has_a_view(tmp_path):

@@ -1,6 +1,7 @@
 """Another view of a robot that is on show, and layouts arranged and saved in the viewer."""
 
 import numpy as np
+import rerun.blueprint as rrb
 
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import parse_view
@@ -77,6 +78,24 @@ def test_only_what_is_in_a_layout_sends_another(tmp_path, monkeypatch):
     ):
         view = view.replace(old, new)
         assert _sent(live, sent, view, 20 * (20 + number)) == 1, new
+
+
+def test_a_page_around_the_view_lays_it_out_anew(tmp_path, monkeypatch):
+    """Once when it comes, when it shows another camera, and when it is gone."""
+    live = Shown(tmp_path, VIEW).view
+    sent: list[rrb.Blueprint] = []
+    stream = live.stage.recording
+    monkeypatch.setattr(stream, "send_blueprint", lambda item, **_: sent.append(item))
+    live.offer({"/cam/image_raw": "sensor_msgs/msg/Image"})
+    kinds = []
+    for number, cameras in enumerate([None, {"/other"}, {"/cam/image_raw"}, None]):
+        live.page_cameras = cameras
+        _drive(live, 20 * number)
+        assert len(sent) == number + 1
+        kinds.append(sent[-1].root_container)
+    assert [type(kind) for kind in kinds[1:3]] == [rrb.Tabs, rrb.Tabs]
+    assert [len(kind.contents) for kind in kinds[1:3]] == [2, 1]
+    assert isinstance(kinds[0], rrb.Horizontal) and isinstance(kinds[3], rrb.Horizontal)
 
 
 def test_axes_change_their_length_without_another_layout(tmp_path):

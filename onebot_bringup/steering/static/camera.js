@@ -1,27 +1,42 @@
-/** The picture of the robot's camera: the newest one only, and none while nobody looks. */
+/** The picture of a camera of the robot: the newest one only, and none while nobody looks. */
 
 import { toolAddress } from "./requests.js";
 
 export class Camera {
-  /** @param {HTMLDetailsElement} pane shown where there is a camera; it is asked while open. */
+  /** @param {HTMLDetailsElement} pane shown where there are cameras; it asks while it is open. */
   constructor(pane) {
     this.pane = pane;
+    this.select = pane.querySelector("select");
+    this.select.addEventListener("change", () => this.select.blur()); // the keys drive again
+    this.offered = "";
     this.busy = false;
     this.number = 0;
   }
 
   /** Show a state of the server: no more than a picture for each. */
-  async show({ camera }) {
-    this.pane.hidden = !camera;
-    if (!camera || !this.pane.open || document.hidden || this.busy) return;
+  async show({ cameras }) {
+    this.offer(cameras);
+    const topic = this.select.value;
+    if (!topic || !this.pane.open || document.hidden || this.busy) return;
     this.busy = true;
     const picture = new Image();
-    picture.alt = camera;
-    picture.src = toolAddress("camera.jpg", { number: this.number++ });
+    picture.alt = topic;
+    picture.src = toolAddress("camera.jpg", { topic, number: this.number++ });
     await picture.decode().then(
       () => this.pane.querySelector("img").replaceWith(picture),
       () => {}, // no picture yet
     );
     this.busy = false;
+  }
+
+  /** Have a choice of these topics; the one that is shown stays. */
+  offer(cameras) {
+    this.pane.hidden = cameras.length === 0;
+    this.select.hidden = cameras.length < 2;
+    if (cameras.join() === this.offered) return;
+    const shown = this.select.value;
+    this.select.replaceChildren(...cameras.map((topic) => new Option(topic)));
+    this.select.value = cameras.includes(shown) ? shown : (cameras[0] ?? "");
+    this.offered = cameras.join();
   }
 }

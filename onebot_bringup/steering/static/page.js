@@ -9,7 +9,7 @@ import { GroundMap } from "./map.js";
 import { Displays, Parameters } from "./panels.js";
 import { Pad } from "./pad.js";
 import { Readout, share } from "./readout.js";
-import { Limits, Robot, Topic, write } from "./settings.js";
+import { Limits, nameOf, Robot, Topic, write } from "./settings.js";
 import { Sliders } from "./sliders.js";
 import { Stop } from "./stop.js";
 import { Tools } from "./tools.js";
@@ -125,7 +125,7 @@ function receive(message) {
     sender.update(message);
     topic.show(message);
     robot.show(message);
-    showTitle(message.topic);
+    showTitle(message);
     limits.show(message);
     readout.show(message);
     braking.show(message);
@@ -160,7 +160,9 @@ function showSlow(slow) {
 }
 
 /** Several robots' pages are told apart by it. */
-function showTitle(name) {
+function showTitle(state) {
+  const name = nameOf(state);
+  write(document.querySelector("h1 span"), name);
   const title = `${name} – Steering`;
   if (document.title !== title) document.title = title;
 }

@@ -43,6 +43,13 @@ export class Robot {
   }
 }
 
+/** The robot that is steered, by its namespace and its description, or else by its topic. */
+export function nameOf({ topic, robots, robot_name: described }) {
+  const name = robots.find((robot) => robot.topic === topic)?.name ?? topic;
+  if (!described) return name;
+  return name === topic ? described : `${name} (${described})`;
+}
+
 export class Topic {
   /**
    * @param {HTMLElement} group with an input, a datalist and an output.

@@ -4,6 +4,7 @@ import { fixed } from "./readout.js";
 import { get, post } from "./requests.js";
 
 const HEIGHT = 3; // m, of the eye that looks down
+const COVERS = matchMedia("(max-width: 899px)"); // a panel covers the map; see style.css
 const LEAN = 0.03; // of that height: straight down, and with 0.01, Rerun turns the picture around
 
 export class Tools {
@@ -32,6 +33,7 @@ export class Tools {
   }
 
   open(yes) {
+    if (yes && COVERS.matches) this.toggle("");
     this.map.open(yes);
     this.show();
   }

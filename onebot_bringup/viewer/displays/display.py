@@ -60,6 +60,10 @@ def drawable(rows: NDArray[Any]) -> NDArray[Any]:
 class SideView(Protocol):
     """A view beside the robot's; equal ones look the same."""
 
+    @property
+    def entity(self) -> str:
+        """What it shows, with everything below."""
+
     def view(self) -> rrb.View:
         """Return the view for Rerun."""
 

@@ -1,0 +1,166 @@
+"""How the parts of the steering page share the screen: the view, cameras, panels and the map."""
+
+from collections.abc import Iterator
+from itertools import combinations
+
+import pytest
+from geometry_msgs.msg import Twist
+from selenium.webdriver.support.select import Select
+from sensor_msgs.msg import Image
+from std_msgs.msg import String
+
+from tests.onebot_bringup.steering_support import Steering, steering
+from tests.onebot_bringup.viewer_support import ARM
+from tests.ros_support import LATCHED, Peer
+from tests.steering_browser_support import Page
+from tests.support import used_domain, wait_for
+from tests.support_browser import browser
+
+pytestmark = pytest.mark.slow
+
+SCREENS = [(1280, 800), (1280, 657), (1920, 1080)]
+ROBOTS = {name: f"/{name}/velocity_controller/cmd_vel" for name in ("bare", "seeing")}
+CAMERAS = {"/seeing/front/image_raw": (200, 60, 30), "/seeing/rear/image_raw": (30, 60, 200)}
+Box = dict[str, float]
+
+
+@pytest.fixture(scope="module")
+def node() -> Iterator[Steering]:
+    """Two robots with the same description; one of them has two cameras."""
+    with (
+        used_domain() as domain,
+        Peer(domain) as peer,
+        steering(topic=ROBOTS["seeing"]) as node,
+    ):
+        for name, topic in ROBOTS.items():
+            peer.hear(Twist, topic)
+            description = peer.node.create_publisher(String, f"/{name}/robot_description", LATCHED)
+            description.publish(String(data=ARM))
+        pictures = {
+            peer.node.create_publisher(Image, topic, 1): picture(color)
+            for topic, color in CAMERAS.items()
+        }
+        timer = peer.node.create_timer(0.1, lambda: [p.publish(m) for p, m in pictures.items()])
+        yield node
+        peer.node.destroy_timer(timer)
+
+
+def picture(color: tuple[int, int, int]) -> Image:
+    """A picture of one colour."""
+    return Image(width=160, height=120, step=480, encoding="rgb8", data=bytes(color) * 160 * 120)
+
+
+@pytest.fixture(scope="module")
+def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+    with browser(tmp_path_factory.mktemp("profile")) as driver:
+        yield Page(driver)
+
+
+@pytest.fixture(params=ROBOTS)
+def page(request: pytest.FixtureRequest, node: Steering, chromium: Page) -> Iterator[Page]:
+    """The page of each robot, with a frame where its view is."""
+    chromium.open(node.address)
+    robot = Select(chromium.find("#robot select"))
+    wait_for(lambda: len(robot.options) == len(ROBOTS), "the robots")
+    robot.select_by_visible_text(request.param)
+    title = f"{request.param} (arm)"
+    wait_for(lambda: chromium.text("h1") == title, "the robot's name")
+    cameras = request.param == "seeing"
+    wait_for(lambda: chromium.find("#camera").is_displayed() == cameras, "its cameras")
+    chromium.driver.execute_script(VIEW)
+    yield chromium
+    chromium.emulate_nothing()
+
+
+VIEW = """
+const frame = document.createElement("iframe");
+document.querySelector("#view").append(frame);
+document.querySelector("#view").className = "";
+"""
+
+
+# The page replaces the element with each picture: an element found once is soon stale.
+PICTURE = """
+const { width, height } = document.querySelector("#camera img").getBoundingClientRect();
+return [width, height];
+"""
+
+
+def boxes(page: Page, *selectors: str) -> dict[str, Box]:
+    """Where the elements are that are shown."""
+    found = {selector: page.find(selector) for selector in selectors}
+    return {name: element.rect for name, element in found.items() if element.is_displayed()}
+
+
+def area(box: Box) -> float:
+    return box["width"] * box["height"]
+
+
+def overlap(one: Box, other: Box) -> float:
+    """How much of two boxes is common, in square pixels."""
+    sides = [
+        min(one[at] + one[size], other[at] + other[size]) - max(one[at], other[at])
+        for at, size in (("x", "width"), ("y", "height"))
+    ]
+    return max(0.0, sides[0]) * max(0.0, sides[1])
+
+
+@pytest.mark.parametrize("screen", SCREENS)
+def test_the_view_is_the_largest_part(page: Page, screen: tuple[int, int]) -> None:
+    """Whatever panel is open: panels are beside it, and their rows are in reach by scrolling."""
+    page.emulate(*screen)
+    for panel in ("", "displays", "parameters"):
+        if panel:
+            page.find(f"[name={panel}]").click()
+        found = boxes(page, "iframe", "aside", "#readout", "#camera", "#displays", "#parameters")
+        assert panel == "" or f"#{panel}" in found
+        view = found["iframe"]
+        assert area(view) == max(map(area, found.values())), found
+        assert view["width"] > 0.4 * screen[0]
+        assert [pair for pair in combinations(found, 2) if overlap(*map(found.get, pair))] == []
+        for box in found.values():
+            assert box["x"] + box["width"] <= screen[0] and box["y"] + box["height"] <= screen[1]
+        if "#camera" in found:
+            wait_for(lambda: page.driver.execute_script(PICTURE)[1], "the picture")
+            width, height = page.driver.execute_script(PICTURE)
+            assert width >= 320 and height == pytest.approx(0.75 * width, abs=1.0)
+    page.find("[name=parameters]").click()
+
+
+def test_goal_poses_keep_their_fields_beside_a_panel(page: Page) -> None:
+    """On a laptop both are seen; on a phone the panel makes room."""
+    for width, height in ((1280, 657), (390, 844)):
+        page.emulate(width, height, mobile=width < 900)
+        page.find("[name=displays]").click()
+        assert page.in_sight("#displays")
+        page.find("[data-tool=goal]").click()
+        for field in ("x", "y", "yaw", "publish"):
+            assert page.in_sight(f"#ground [name={field}]"), (width, field)
+        assert page.in_sight("#displays") == (width > 900)
+        page.find("[name=map]").click()
+        if width > 900:
+            page.find("[name=displays]").click()
+
+
+def test_a_page_names_its_robot_and_logs_no_problem(page: Page, node: Steering) -> None:
+    """In its title and in the browser's tab; each request of a page that runs succeeds."""
+    assert page.driver.title == f"{page.text('h1')} \N{EN DASH} Steering"
+    page.find("[name=map]").click()
+    page.wait_for_states(10)
+    page.find("[name=map]").click()
+    logged = [entry["message"] for entry in page.driver.get_log("browser")]
+    assert [message for message in logged if f":{node.port}/" in message] == []
+
+
+@pytest.mark.parametrize("page", ["seeing"], indirect=True)
+def test_each_camera_can_be_chosen(page: Page) -> None:
+    """One is shown at a time, and the keys drive after the choice."""
+
+    def shown() -> str:
+        script = "return document.querySelector('#camera img').alt"
+        return str(page.driver.execute_script(script))
+
+    for topic in (*CAMERAS, next(iter(CAMERAS))):
+        Select(page.find("#camera select")).select_by_visible_text(topic)
+        wait_for(lambda topic=topic: shown() == topic, "its picture")
+    assert page.driver.execute_script("return document.activeElement.tagName") == "BODY"
