@@ -205,6 +205,7 @@ class SteeringPage(Node):
             "braking": asdict(self._braking) if self._braking else None,
             "odometry": self._odometry.fields(),
             "cameras": self._cameras.topics,  # the topics of its pictures
+            "legend": self._viewer.legend,  # of the view
             "obstacle": self._obstacles.clearance,  # m until it meets what its sensors see
         }
 

@@ -76,6 +76,7 @@ class Viewer:
         self._warn = Throttled(node.get_logger().warning)
         self._name = page_topic.rpartition("/")[0]
         self._shown: list[Mapping[str, Any]] = []
+        self._legend: list[Mapping[str, str]] = []
         self.view: View | None = None
         self._cameras = node.create_publisher(String, f"{self._name}/page_cameras", LATCHED)
         self._published_cameras = ""
@@ -101,6 +102,11 @@ class Viewer:
             return {"viewer": "", "shown": []}
         return {"viewer": self._name, "shown": self._shown}
 
+    @property
+    def legend(self) -> list[Mapping[str, str]]:
+        """The trails and covariances in the view: ``kind``, ``name`` and CSS ``color`` of each."""
+        return self._legend if self.view is not None else []
+
     def _on_page(self, message: String) -> None:
         self.view = View.parse(message.data)
         if message.data and self.view is None:
@@ -108,7 +114,7 @@ class Viewer:
         self._changed()
 
     def _on_displays(self, message: String) -> None:
-        self._shown = shown_topics(message.data)
+        self._shown, self._legend = shown_topics(message.data), legend_of(message.data)
 
 
 def shown_topics(data: str) -> list[Mapping[str, Any]]:
@@ -117,6 +123,21 @@ def shown_topics(data: str) -> list[Mapping[str, Any]]:
         return [
             {"topic": str(row["topic"]), "type": str(row["type"]), "visible": bool(row["visible"])}
             for row in json.loads(data)["shown"]
+        ]
+    except (ValueError, LookupError, TypeError, RecursionError):
+        return []
+
+
+def legend_of(data: str) -> list[Mapping[str, str]]:
+    """Return the legend of a viewer's ~/displays; none for a text that is no such message."""
+    try:
+        return [
+            {
+                "kind": str(row["kind"]),
+                "name": str(row["name"]),
+                "color": "#{:02x}{:02x}{:02x}".format(*row["color"]),
+            }
+            for row in json.loads(data)["legend"]
         ]
     except (ValueError, LookupError, TypeError, RecursionError):
         return []

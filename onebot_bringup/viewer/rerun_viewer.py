@@ -16,7 +16,8 @@ Publishes:
     ~/page (std_msgs/String, latched): the page's address, once it is up; it names the recording's
         server, too, so that another page can show the robot.
     ~/displays (std_msgs/String, latched): in JSON, the topics that could be shown: the topic, its
-        type, and whether it is visible. Parameters hidden and shown change that.
+        type, and whether it is visible. Parameters hidden and shown change that. And a legend: the
+        kind, name and colour of each trail and covariance.
 
 Serves:
     ~/save_view (std_srvs/Trigger): writes the settings of now into the view file.
@@ -129,7 +130,8 @@ class RerunViewer(Node):
         for problem in self._feed.update():
             self._warn(problem, problem, every=60.0)
         offered = [topic._asdict() for topic in self._view.offered]
-        displays = json.dumps({"shown": offered})
+        legend = [entry._asdict() for entry in self._view.legend]
+        displays = json.dumps({"shown": offered, "legend": legend})
         if displays != self._published_displays:
             self._published_displays = displays
             self._displays_publisher.publish(String(data=displays))

@@ -15,7 +15,7 @@ from onebot_bringup.introspection.interfaces import full_definition
 from onebot_bringup.viewer.automatic import OfferedTopic, TopicSelection
 from onebot_bringup.viewer.blueprint import BlueprintSender, Layout
 from onebot_bringup.viewer.displays import MESSAGE_DRAWINGS, ROBOT_DISPLAYS
-from onebot_bringup.viewer.displays.display import SELDOM, Display
+from onebot_bringup.viewer.displays.display import SELDOM, Display, LegendEntry
 from onebot_bringup.viewer.displays.drawing import MessageDisplay
 from onebot_bringup.viewer.displays.tf_display import TfDisplay
 from onebot_bringup.viewer.inbox import (
@@ -137,6 +137,17 @@ class RobotView:
     def offered(self) -> Sequence[OfferedTopic]:
         """The topics that could be shown, by full names, and whether they are."""
         return self._selection.offered
+
+    @property
+    def legend(self) -> list[LegendEntry]:
+        """What a legend has to explain; once for robots that are drawn alike."""
+        entries = (
+            entry
+            for robot in self.stage.robots
+            for display in robot.displays
+            for entry in display.legend()
+        )
+        return list(dict.fromkeys(entries))
 
     def offer(self, topics: Mapping[str, str]) -> list[str]:
         """Show the topics, of all that exist now, that have a display and are not hidden.

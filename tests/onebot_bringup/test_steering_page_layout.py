@@ -1,7 +1,13 @@
 """How the parts of the steering page share the screen: the view, cameras, panels and the map."""
 
+import json
 from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from itertools import combinations
+from pathlib import Path
+from threading import Thread
 
 import pytest
 from geometry_msgs.msg import Twist
@@ -21,13 +27,23 @@ pytestmark = pytest.mark.slow
 SCREENS = [(1280, 800), (1280, 657), (1920, 1080)]
 ROBOTS = {name: f"/{name}/velocity_controller/cmd_vel" for name in ("bare", "seeing")}
 CAMERAS = {"/seeing/front/image_raw": (200, 60, 30), "/seeing/rear/image_raw": (30, 60, 200)}
+# A viewer's page that has something to show at once, in place of Rerun, which draws for long.
+VIEWER_PAGE = '<html><head></head><body><p id="center_text" class="visible">View</p></body></html>'
+DISPLAYS = {
+    "shown": [],
+    "legend": [
+        {"kind": "trail", "name": "truth", "color": [77, 208, 225]},
+        {"kind": "covariance", "name": "odometry", "color": [255, 176, 32]},
+    ],
+}
 Box = dict[str, float]
 
 
 @pytest.fixture(scope="module")
-def node() -> Iterator[Steering]:
+def node(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Steering]:
     """Two robots with the same description; one of them has two cameras."""
     with (
+        viewer_page(tmp_path_factory.mktemp("viewer")) as port,
         used_domain() as domain,
         Peer(domain) as peer,
         steering(topic=ROBOTS["seeing"]) as node,
@@ -41,8 +57,30 @@ def node() -> Iterator[Steering]:
             for topic, color in CAMERAS.items()
         }
         timer = peer.node.create_timer(0.1, lambda: [p.publish(m) for p, m in pictures.items()])
+        address = f"http://127.0.0.1:{port}/?url=rerun%2Bhttp://127.0.0.1:{port}/proxy"
+        for topic, text in {"page": address, "displays": json.dumps(DISPLAYS)}.items():
+            latched = peer.node.create_publisher(String, f"/rerun_viewer/{topic}", LATCHED)
+            latched.publish(String(data=text))
         yield node
         peer.node.destroy_timer(timer)
+
+
+@contextmanager
+def viewer_page(folder: Path) -> Iterator[int]:
+    """Serve the viewer's page; gives the port."""
+    (folder / "index.html").write_text(VIEWER_PAGE)
+    handler = partial(QuietHandler, directory=str(folder))
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        yield server.server_port
+        server.shutdown()
+
+
+class QuietHandler(SimpleHTTPRequestHandler):
+    """Serves files."""
+
+    def log_message(self, *_: object) -> None:
+        """Log nothing."""
 
 
 def picture(color: tuple[int, int, int]) -> Image:
@@ -58,7 +96,7 @@ def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
 
 @pytest.fixture(params=ROBOTS)
 def page(request: pytest.FixtureRequest, node: Steering, chromium: Page) -> Iterator[Page]:
-    """The page of each robot, with a frame where its view is."""
+    """The page of each robot."""
     chromium.open(node.address)
     robot = Select(chromium.find("#robot select"))
     wait_for(lambda: len(robot.options) == len(ROBOTS), "the robots")
@@ -67,16 +105,9 @@ def page(request: pytest.FixtureRequest, node: Steering, chromium: Page) -> Iter
     wait_for(lambda: chromium.text("h1") == title, "the robot's name")
     cameras = request.param == "seeing"
     wait_for(lambda: chromium.find("#camera").is_displayed() == cameras, "its cameras")
-    chromium.driver.execute_script(VIEW)
+    wait_for(lambda: chromium.view_is_shown, "its view")
     yield chromium
     chromium.emulate_nothing()
-
-
-VIEW = """
-const frame = document.createElement("iframe");
-document.querySelector("#view").append(frame);
-document.querySelector("#view").className = "";
-"""
 
 
 # The page replaces the element with each picture: an element found once is soon stale.
@@ -145,11 +176,32 @@ def test_goal_poses_keep_their_fields_beside_a_panel(page: Page) -> None:
 def test_a_page_names_its_robot_and_logs_no_problem(page: Page, node: Steering) -> None:
     """In its title and in the browser's tab; each request of a page that runs succeeds."""
     assert page.driver.title == f"{page.text('h1')} \N{EN DASH} Steering"
+    page.driver.get_log("browser")  # of other tests
+    page.driver.refresh()
+    wait_for(lambda: page.view_is_shown, "the page anew")
     page.find("[name=map]").click()
     page.wait_for_states(10)
     page.find("[name=map]").click()
     logged = [entry["message"] for entry in page.driver.get_log("browser")]
     assert [message for message in logged if f":{node.port}/" in message] == []
+
+
+def test_a_legend_names_the_lines_in_the_view(page: Page) -> None:
+    """Below it, each with its colour; with the view it goes."""
+    trail, sector = page.driver.execute_script(LEGEND)
+    assert trail == ["truth: trail", "rgb(77, 208, 225)"]
+    assert sector[0].startswith("odometry: covariance") and "sector" in sector[0]
+    assert sector[1] == "rgb(255, 176, 32)"
+    assert page.in_sight("#legend")
+    page.find("[name=map]").click()
+    assert not page.find("#legend").is_displayed()
+    page.find("[name=map]").click()
+
+
+LEGEND = """
+return [...document.querySelectorAll("#legend li")].map((item) =>
+  [item.textContent, getComputedStyle(item, "::before").borderTopColor]);
+"""
 
 
 @pytest.mark.parametrize("page", ["seeing"], indirect=True)

@@ -39,7 +39,7 @@ from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_bringup.steering.protocol import ProtocolError
 from onebot_bringup.steering.tool_requests import OtherThread, parse_values
 from onebot_bringup.steering.tools import Click, message_of, parse_click
-from onebot_bringup.steering.view_proxy import shown_topics
+from onebot_bringup.steering.view_proxy import legend_of, shown_topics
 from onebot_description.errors import OneBotError
 from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_bringup.steering_support import PageClient, address_of, steering
@@ -160,7 +160,19 @@ def test_a_request_to_set_parameters_that_is_none_is_refused(text: str, problem:
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"shown": 1}', '{"shown": [{"topic": "/a"}]}'])
 def test_what_is_no_list_of_displays_shows_none(text: str) -> None:
-    assert shown_topics(text) == []
+    assert shown_topics(text) == [] == legend_of(text)
+
+
+@pytest.mark.parametrize("color", ["red", [1, 2], ["1", 2, 3], [1.5, 2, 3]])
+def test_a_legend_has_colours_of_css(color: Any) -> None:
+    """Another colour is none, and leaves the legend empty."""
+
+    def legend(color: Any) -> list[Mapping[str, str]]:
+        entry = {"kind": "trail", "name": "odometry", "color": color}
+        return legend_of(json.dumps({"legend": [entry]}))
+
+    assert legend(color) == []
+    assert legend([255, 176, 2]) == [{"kind": "trail", "name": "odometry", "color": "#ffb002"}]
 
 
 # --- a node, and what a page requests ----------------------------------------------------------

@@ -3,7 +3,9 @@
 import numpy as np
 import rerun.blueprint as rrb
 
+from onebot_bringup.viewer.displays.display import COLORS
 from onebot_bringup.viewer.robot_view import RobotView
+from onebot_bringup.viewer.shown_robot import RobotToShow
 from onebot_bringup.viewer.view_config import parse_view
 from tests.onebot_bringup.drive_support import column, odometry
 from tests.onebot_bringup.viewer_support import (
@@ -96,6 +98,19 @@ def test_a_page_around_the_view_lays_it_out_anew(tmp_path, monkeypatch):
     assert [type(kind) for kind in kinds[1:3]] == [rrb.Tabs, rrb.Tabs]
     assert [len(kind.contents) for kind in kinds[1:3]] == [2, 1]
     assert isinstance(kinds[0], rrb.Horizontal) and isinstance(kinds[3], rrb.Horizontal)
+
+
+def test_a_legend_explains_trails_and_covariances(tmp_path):
+    """As the view names and colours them; robots that are drawn alike share its entries."""
+    view = VIEW + "covariance: {b: {topic: odom, color: [1, 2, 3]}, c: {topic: pose}}\n"
+    robots = [RobotToShow(f"/robot{number}") for number in range(2)]
+    for shown in (Shown(tmp_path, view), Shown(tmp_path, view, robot=False, robots=robots)):
+        assert shown.view.legend == [
+            ("trail", "a", (0, 220, 60)),
+            ("covariance", "b", (1, 2, 3)),
+            ("covariance", "c", COLORS[1]),
+        ]
+        shown.end()
 
 
 def test_axes_change_their_length_without_another_layout(tmp_path):

@@ -13,7 +13,7 @@ import { Limits, nameOf, Robot, Topic, write } from "./settings.js";
 import { Sliders } from "./sliders.js";
 import { Stop } from "./stop.js";
 import { Tools } from "./tools.js";
-import { View } from "./view.js";
+import { Legend, View } from "./view.js";
 import { CommandSender } from "./command_sender.js";
 
 const MESSAGE_MS = 6000;
@@ -38,6 +38,7 @@ const readout = new Readout(element("readout"));
 const braking = new Braking(element("braking"));
 const camera = new Camera(element("camera"));
 const view = new View(element("view"), stop);
+const legend = new Legend(element("legend"));
 const map = new GroundMap(element("ground"), (tool, place) => tools.publish(tool, place));
 const panels = {
   displays: new Displays(element("displays")),
@@ -134,6 +135,7 @@ function receive(message) {
       input.show(share(command.linear, most.linear), share(command.angular, most.angular));
     }
     view.show(message.view);
+    legend.show(message.legend);
     camera.show(message);
     showDriver(message);
     showSlow(message.late || connection.overdue);

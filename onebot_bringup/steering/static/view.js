@@ -16,6 +16,37 @@ async function findView(addresses) {
   return null;
 }
 
+const KINDS = {
+  trail: (name) => `${name}: trail`,
+  covariance: (name) => `${name}: covariance, an ellipse of place, a sector of heading`,
+};
+
+/** What the lines in the view are; Rerun has legends in its plots only. */
+export class Legend {
+  /** @param {HTMLUListElement} list */
+  constructor(list) {
+    this.list = list;
+    this.shown = "";
+  }
+
+  /** @param {{kind: string, name: string, color: string}[]} entries */
+  show(entries) {
+    const text = JSON.stringify(entries);
+    if (text === this.shown) return;
+    this.shown = text;
+    this.list.hidden = entries.length === 0;
+    this.list.replaceChildren(...entries.map(legendItem));
+  }
+}
+
+function legendItem({ kind, name, color }) {
+  const item = document.createElement("li");
+  item.className = kind;
+  item.style.setProperty("--color", color);
+  item.textContent = KINDS[kind]?.(name) ?? `${name}: ${kind}`;
+  return item;
+}
+
 export class View {
   /**
    * @param {HTMLElement} place holds the frame, and a sentence to be seen while there is none.

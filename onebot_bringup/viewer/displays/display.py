@@ -10,7 +10,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 import rerun.blueprint as rrb
@@ -95,6 +95,14 @@ class LayoutPart:
     windows: tuple[tuple[str, float], ...] = ()  # entity, and how many seconds of it are shown
     robot: str = ""  # the views' owner, where there are several robots
     wide: tuple[SideView, ...] = ()  # below the robot's
+
+
+class LegendEntry(NamedTuple):
+    """A line or shape in the robots' view, as a legend explains it."""
+
+    kind: str  # the noun of its display, such as "trail"
+    name: str  # in the view
+    color: Color
 
 
 def below(root: str, entity: str) -> str:
@@ -192,6 +200,10 @@ class Display(ABC, Generic[S]):
     def layout(self) -> LayoutPart:
         """Return its part of the layout, by the settings of now."""
         return LayoutPart()
+
+    def legend(self) -> Sequence[LegendEntry]:
+        """Return what a legend has to explain."""
+        return ()
 
     def warnings(self) -> list[str]:
         """Return what cannot be shown, a sentence each."""

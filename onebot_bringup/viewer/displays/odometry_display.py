@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 import rerun as rr
 
-from onebot_bringup.viewer.displays.display import LARGEST, SELDOM, LayoutPart
+from onebot_bringup.viewer.displays.display import LARGEST, SELDOM, LayoutPart, LegendEntry
 from onebot_bringup.viewer.displays.drawing import (
     Archetypes,
     Drawing,
@@ -94,6 +94,10 @@ class OdometryDisplay(NamedDisplay):
         """Return its drawings, without the drawings of an earlier view."""
         entities = tuple(drawing.entity for drawing in self.items.values())
         return replace(super().layout(), hidden=(self.entity(self.key),), shown=entities)
+
+    def legend(self) -> Sequence[LegendEntry]:
+        items = self.items.items()
+        return [LegendEntry(self.noun, name, drawing.color) for name, drawing in items]
 
 
 class PlaceDrawing(Drawing[T]):
