@@ -1,4 +1,4 @@
-"""What the page's map shows: the robot and the map (nav_msgs/OccupancyGrid), in one frame.
+"""What the page's map shows: the robot, its scans and the map (nav_msgs/OccupancyGrid), in a frame.
 
 That frame is ``map`` where the robot's odometry is below one, or else the root of its tree. Nothing
 is subscribed while no page looks.
@@ -8,28 +8,33 @@ import io
 import math
 import secrets
 import time
+from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
 from nav_msgs.msg import OccupancyGrid
 from PIL import Image
 from rclpy.node import Node
+from sensor_msgs.msg import LaserScan
 
 from onebot_bringup.introspection.transforms import TransformError
-from onebot_bringup.steering.followed_topics import FollowedTopics, FollowedTransforms
+from onebot_bringup.steering.followed_topics import FollowedTopics, FollowedTransforms, own_topics
+from onebot_bringup.steering.obstacles import Hits
 from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_control.poses import Transform, compose, yaw_of
 from onebot_description.topic_subscription import TopicSubscription
 from onebot_description.wire.messages import OdometrySample
 
 _MAP = "map"  # the name of the topic, and of the frame
-_GRID = "nav_msgs/msg/OccupancyGrid"
+_GRID, _SCAN = "nav_msgs/msg/OccupancyGrid", "sensor_msgs/msg/LaserScan"
 _DEPTH = 100  # messages
 _KNOWN = np.arange(256) <= 100  # a cell's byte is a share of 100, or unknown
 _SHADES = np.where(_KNOWN, 255 - np.arange(256) * 255 // 100, 0).astype(np.uint8)
 _ALPHA = (_KNOWN * 255).astype(np.uint8).tobytes()
 _UNUSED = 3.0  # s without a request until it unsubscribes
+_OLD = 5.0  # s after which a scan is no longer shown
 _SETTLING = 0.8  # s for the first transforms to come
 
 
@@ -59,7 +64,7 @@ class PublishedMap:
 
 
 class Ground:
-    """Subscribes to the transforms and the map while pages look; all in the node's thread."""
+    """Subscribes to what the map shows while pages look; all in the node's thread."""
 
     def __init__(self, node: Node, odometry: OdometryTopic) -> None:
         self._node, self._odometry = node, odometry
@@ -67,22 +72,33 @@ class Ground:
         self._transforms = FollowedTransforms(node)
         self._used = self._since = -math.inf  # the last request, and the first one of its row
         self.grid: PublishedMap | None = None
+        self._scans: dict[str, tuple[float, LaserScan]] = {}  # when each was received, by topic
 
-    def update(self, namespace: str) -> None:
-        """Follow publishers of the robot's map, or of the common map; call this often."""
+    def update(self, namespace: str, robots: Iterable[str]) -> None:
+        """Follow publishers of the robot's map, or of the common map, and of its scans.
+
+        To be called several times per second; ``robots`` are the namespaces of other robots.
+        """
         topics: dict[str, str] = {}
         if time.monotonic() < self._used + _UNUSED:
             own_map = f"{namespace}/{_MAP}"
             grid = own_map if self._node.count_publishers(own_map) else f"/{_MAP}"
-            topics = {grid: _GRID}
+            topics = own_topics(self._node, namespace, robots, {_SCAN}) | {grid: _GRID}
         self._transforms.update(bool(topics))
-        if self._topics.update(topics):
+        if _GRID in self._topics.update(topics):
             self.grid = None
+        self._scans = {name: scan for name, scan in self._scans.items() if name in topics}
 
-    def _subscription(self, name: str, _: str) -> TopicSubscription:
-        return TopicSubscription(
-            self._node, name, self._on_grid, lambda _: OccupancyGrid, raw=False
+    def _subscription(self, name: str, kind: str) -> TopicSubscription:
+        message_type, receive = (
+            (OccupancyGrid, self._on_grid)
+            if kind == _GRID
+            else (LaserScan, partial(self._on_scan, name))
         )
+        return TopicSubscription(self._node, name, receive, lambda _: message_type, raw=False)
+
+    def _on_scan(self, topic: str, _: str, message: LaserScan) -> None:
+        self._scans[topic] = time.monotonic(), message
 
     def _on_grid(self, _: str, message: OccupancyGrid) -> None:
         grid = PublishedMap(message)
@@ -106,7 +122,24 @@ class Ground:
         if odometry is not None:
             robot = self._pose(frame, odometry.frame_id, _transform(odometry))
         base = odometry.child_frame_id if odometry is not None else ""
-        return {"frame": frame, "base": base, "robot": robot, "map": self._grid_fields(frame)}
+        return {
+            "frame": frame,
+            "base": base,
+            "robot": robot,
+            "map": self._grid_fields(frame),
+            "scans": self._scan_points(frame),
+        }
+
+    def _scan_points(self, frame: str) -> list[list[float]]:
+        """Return what the scans hit, x and y each, where their sensors were then."""
+        points = []
+        for when, scan in self._scans.values():
+            header = scan.header
+            stamp_ns = header.stamp.sec * 10**9 + header.stamp.nanosec
+            pose = self._transforms.tree.pose(header.frame_id.removeprefix("/"), frame, stamp_ns)
+            if pose is not None and time.monotonic() < when + _OLD:
+                points += Hits.of_scan(scan).points(pose)[:, :2].round(3).tolist()
+        return points
 
     def _frame(self, odometry: OdometrySample | None) -> str:
         buffer = self._transforms.tree

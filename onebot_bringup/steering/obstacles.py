@@ -51,7 +51,7 @@ class Hits(NamedTuple):
         """Return the hits of a scan."""
         ranges = np.asarray(scan.ranges, float)
         angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
-        met = (ranges >= scan.range_min) & (ranges <= scan.range_max)
+        met = (ranges >= scan.range_min) & (ranges <= scan.range_max) & np.isfinite(ranges + angles)
         return cls._level(angles[met], ranges[met])
 
     @classmethod
@@ -65,6 +65,11 @@ class Hits(NamedTuple):
             return cls._level(np.empty(0), np.empty(0))
         half = message.field_of_view / 2.0
         return cls._level(np.linspace(-half, half, _CONE_RAYS), np.full(_CONE_RAYS, met))
+
+    def points(self, sensor: Floats) -> Floats:
+        """Return where a sensor at a pose (4, 4) has hit something, (N, 3) in m."""
+        points: Floats = self.ranges[:, None] * self.directions @ sensor[:3, :3].T + sensor[:3, 3]
+        return points
 
     @classmethod
     def _level(cls, angles: Floats, ranges: Floats) -> "Hits":
@@ -106,8 +111,8 @@ class Footprint(NamedTuple):
 
         What is above the robot, and the ground, does not count.
         """
+        points = hits.points(sensor)
         directions = hits.directions @ sensor[:3, :3].T
-        points = hits.ranges[:, None] * directions + sensor[:3, 3]
         own = ((points > self.low) & (points < self.high)).all(axis=1)
         floor = self.low[2] + _ROUGHNESS + _TILT * hits.ranges
         ground = (directions[:, 2] < -_TILT) & (points[:, 2] < floor)

@@ -20,7 +20,8 @@ Subscribes:
     odometry (nav_msgs/Odometry): see odom_topic.
     the parameter viewer_page (std_msgs/String, latched): the address of rerun_viewer's page.
     displays (std_msgs/String, latched), of the same node: the topics that are shown in the view.
-    /tf, /tf_static, map (nav_msgs/OccupancyGrid): while a page shows its map.
+    /tf, /tf_static, map (nav_msgs/OccupancyGrid), each LaserScan in the robot's namespace: while a
+        page shows its map.
     robot_description (std_msgs/String), the first LaserScan in the robot's namespace: while there
         is a page. Each Image there: while a page shows it, and once to see if it is for people.
     /parameter_events (rcl_interfaces/ParameterEvent): changes of the controller's limits.
@@ -250,8 +251,8 @@ class SteeringPage(Node):
         self._topics = command_topics(self)
         self._robots = commanded_robots(self, self._topics)
         namespace = namespace_of(commands.topic)
-        self._ground.update(namespace)
         other_namespaces = {namespace_of(robot.topic) for robot in self._robots} - {namespace}
+        self._ground.update(namespace, other_namespaces)
         watched = self._arbiter.state.pages > 0
         self._cameras.update(namespace, other_namespaces, watched)
         self._viewer.publish_cameras(self._cameras.topics)

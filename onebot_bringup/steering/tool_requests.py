@@ -1,7 +1,7 @@
 """The requests of the page's tools and panels, below /tools/: JSON over HTTP.
 
-    GET ground[?frame=F]: the robot and the map in a frame, see ``Ground.fields``, and the
-        ``command_topic`` of that robot.
+    GET ground[?frame=F]: the robot, its scans and the map in a frame, see ``Ground.fields``, and
+        the ``command_topic`` of that robot.
     GET map.png: the picture of that map.
     GET camera.jpg?topic=T: the newest picture of a camera, which is subscribed to meanwhile.
     POST click: publishes a click, see ``Click``; responds with ``topic`` and ``subscribers``.

@@ -23,7 +23,7 @@ from onebot_control.speed_limiter import SpeedLimiter, SpeedLimits
 from onebot_description.description import load_description
 from onebot_description.description.packages import package_share
 from tests.onebot_bringup.steering_support import PageClient, Steering, Way, steering
-from tests.onebot_control.test_sensors_process import room
+from tests.onebot_control.test_sensors_process import HALF, room
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.steering_browser_support import Page
 from tests.support import wait_for
@@ -630,6 +630,38 @@ def test_displays_and_parameters_are_set_in_panels(ros_domain: int, peer: Peer, 
         tab.enter("#parameters-filter", "LIGHT")
         assert not row("parameters", "speed").is_displayed()
         assert row("parameters", "lights").is_displayed()
+
+
+def test_the_map_draws_what_the_lidar_sees(peer: Peer, page: Page, tmp_path: Path) -> None:
+    """Without a map: the walls of a room, where they are, in a colour of their own."""
+    urdf = load_description(ONEBOT, {"sensors_enabled": "true"}).urdf
+    (tmp_path / "onebot.urdf").write_text(urdf)
+    robot = str(tmp_path / "onebot.urdf"), *ros_args(world=room(tmp_path), x=1.0)
+    with (
+        NodeProcess("onebot_description.robot_state_publisher", robot[0]),
+        NodeProcess("onebot_control.velocity_controller", *robot),
+    ):
+        page.find("[name=map]").click()
+        for _ in range(2):  # the whole room
+            page.find("[name=farther]").click()
+
+        def walls() -> list[float]:
+            """The farthest dots to the left, right, top and bottom of the robot, m."""
+            return list(page.driver.execute_script(WALLS))
+
+        wanted = pytest.approx([HALF + 1.0, HALF - 1.0, HALF, HALF], abs=0.1)
+        wait_for(lambda: walls() == wanted, "the walls of the room")
+        page.find("[name=map]").click()
+
+
+# At 80 pixels a metre; each press of a button is a factor of 1.5.
+WALLS = """
+const box = document.querySelector("#ground .scan").getBBox();
+const { width, height } = document.querySelector("#ground svg").getBoundingClientRect();
+const sides = [width / 2 - box.x, box.x + box.width - width / 2,
+               height / 2 - box.y, box.y + box.height - height / 2];
+return sides.map((pixels) => pixels * 1.5 ** 2 / 80);
+"""
 
 
 def test_it_shows_the_camera_and_an_obstacle_in_the_way(

@@ -31,6 +31,7 @@ from rcl_interfaces.msg import (
 )
 from rcl_interfaces.srv import GetParameters
 from sensor_msgs.msg import Image as ImageMessage
+from sensor_msgs.msg import LaserScan
 from std_msgs.msg import String
 
 from onebot_bringup.introspection.parameter_values import parse_value, text_of
@@ -262,7 +263,7 @@ def test_the_ground_is_shown_when_transforms_had_time_to_come(peer: Peer) -> Non
     ground = Ground(peer.node, OdometryTopic(peer.node, ""))
     assert ground.fields() == {}
     found = wait_for(ground.fields, "the ground")
-    assert found == {"frame": "", "base": "", "robot": None, "map": None}
+    assert found == {"frame": "", "base": "", "robot": None, "map": None, "scans": []}
 
 
 @pytest.fixture(scope="module")
@@ -313,6 +314,59 @@ def test_a_page_sees_the_robot_on_the_map_and_clicks_there(shared: tuple[int, Re
         assert request.raw("click", CLICK, Host="evil.example")[0] == 403
         wait_for(lambda: peer.node.count_subscribers("/map") == 0, "the end of what nobody sees")
         assert len(goals) == count
+
+
+def test_a_map_has_the_scans_of_its_robot(shared: tuple[int, Requests]) -> None:
+    """All, where their sensors were at the stamps, without a map too; not another robot's."""
+    domain, request = shared
+    with Peer(domain, "lidars") as peer, Peer(domain, "other") as other:
+        peer.hear(Twist, "/robot1/cmd_vel")
+        other.hear(Twist, "/robot1/arm/cmd_vel")
+        # The robot turned from +x to +y; its front lidar measured before that.
+        turns = {1: 0.0, 2: math.pi / 2}
+        transforms = peer.node.create_publisher(TFMessage, "/tf", 10)
+        for stamp, yaw in turns.items():
+            transforms.publish(TFMessage(transforms=[pose("odom", "base_link", 1.0, yaw, stamp)]))
+        fixed = peer.node.create_publisher(TFMessage, "/tf_static", LATCHED)
+        fixed.publish(TFMessage(transforms=[pose("base_link", "rear", -0.5, math.pi, 0)]))
+        scans = {
+            "/robot1/front": scan("base_link", 1, 2.0, math.inf, 0.01, 9.0),
+            "/robot1/back/scan": scan("rear", 2, 1.0),
+            "/robot1/nowhere": scan("unknown", 2, 1.0),
+            "/robot1/arm/scan": scan("base_link", 2, 3.0),
+        }
+        publishers = {name: peer.node.create_publisher(LaserScan, name, 10) for name in scans}
+        assert all(not peer.node.count_subscribers(name) for name in scans)
+
+        def seen() -> list[list[float]]:
+            for stamp, yaw in turns.items():
+                row = pose("odom", "base_link", 1.0, yaw, stamp)
+                transforms.publish(TFMessage(transforms=[row]))
+            for name, publisher in publishers.items():
+                publisher.publish(scans[name])
+            return sorted(request("ground?frame=odom")["scans"])
+
+        behind, ahead = [1.0, -1.5], [3.0, 0.0]
+        wait_for(lambda: seen() == [behind, ahead], "what the lidars of the robot hit")
+        for name in scans:
+            wait_for(lambda name=name: not peer.node.count_subscribers(name), "its end")
+
+
+def pose(parent: str, child: str, x: float, yaw: float, stamp: int) -> TransformStamped:
+    """A transform at a time in s."""
+    transform = TransformStamped(child_frame_id=child)
+    transform.header.frame_id, transform.header.stamp.sec = parent, stamp
+    transform.transform.translation.x = x
+    turn = transform.transform.rotation
+    turn.z, turn.w = math.sin(yaw / 2), math.cos(yaw / 2)
+    return transform
+
+
+def scan(frame: str, stamp: int, *ranges: float) -> LaserScan:
+    """A scan straight ahead, with rays a tenth of a radian apart."""
+    message = LaserScan(angle_increment=0.1, range_min=0.1, range_max=8.0, ranges=ranges)
+    message.header.frame_id, message.header.stamp.sec = frame, stamp
+    return message
 
 
 def test_a_page_sees_and_sets_the_parameters_of_a_node(shared: tuple[int, Requests]) -> None:

@@ -1,5 +1,6 @@
 /**
- * The ground from above, as RViz's top-down view: x to the right, y up; the robot and the map.
+ * The ground from above, as RViz's top-down view: x to the right, y up; the robot, its scans and the
+ * map.
  * A drag moves it, the wheel or two fingers zoom; while a tool is chosen, a press is a place on the
  * ground, a drag from there its heading, and the release publishes both; so does a place by numbers.
  */
@@ -28,7 +29,7 @@ export class GroundMap {
     this.typed = pane.querySelector(".typed");
     this.parts = {};
     for (const part of this.drawing.children) this.parts[part.getAttribute("class")] = part;
-    this.ground = { frame: "", command_topic: "", robot: null, map: null };
+    this.ground = { frame: "", command_topic: "", robot: null, map: null, scans: [] };
     this.center = { x: 0, y: 0 };
     this.scale = 80;
     this.follows = true; // the robot stays in the middle
@@ -220,8 +221,9 @@ export class GroundMap {
 
   draw() {
     if (!this.isOpen) return;
-    const { robot, map } = this.ground;
+    const { robot, map, scans } = this.ground;
     this.parts.grid.setAttribute("d", this.grid());
+    this.parts.scan.setAttribute("d", this.points(scans));
     this.arrow(this.parts.robot, robot, Math.max(1, this.scale / 60));
     this.arrow(this.parts.placed, this.place, this.tool === "point" ? 0.4 : 2);
     toggle(this.parts.map, map);
@@ -240,6 +242,12 @@ export class GroundMap {
     const { x, y } = this.pixel(pose);
     const turn = `rotate(${degrees(-pose.yaw)}) scale(${size})`;
     part.setAttribute("transform", `translate(${x} ${y}) ${turn}`);
+  }
+
+  /** A dot each, as a line without length. */
+  points(places) {
+    const dots = places.map(([x, y]) => this.pixel({ x, y }));
+    return dots.map(({ x, y }) => `M${x.toFixed(1)} ${y.toFixed(1)}h0`).join("");
   }
 
   /** Lines at round numbers of metres. */
