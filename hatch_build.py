@@ -6,6 +6,7 @@ build, in the ``ziglang`` wheel.
 """
 
 import importlib.util
+import re
 import sysconfig
 import tempfile
 from pathlib import Path
@@ -15,6 +16,24 @@ from typing import Any
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 _FOLDER = "onebot_description/wire"
+# The oldest glibc that pip has tags for, where it is not 2.17.
+_OLDEST_GLIBC = {"x86_64": (2, 5), "i686": (2, 5)}
+
+
+def _platform_tag(library: Path) -> str:
+    """Return the wheel's platform tag: manylinux (PEP 600) if the library needs glibc.
+
+    An index takes no wheel for "linux", and glibc runs what was linked against an older one. The
+    library has the versions that it needs among the names of its symbols, such as GLIBC_2.14.
+    """
+    platform = sysconfig.get_platform().replace("-", "_").replace(".", "_")
+    needed = re.findall(rb"\0GLIBC_(\d+)\.(\d+)", library.read_bytes())
+    if not needed:
+        return platform
+    machine = platform.removeprefix("linux_")
+    versions = [(int(major), int(minor)) for major, minor in needed]
+    major, minor = max(*versions, _OLDEST_GLIBC.get(machine, (2, 17)))
+    return f"manylinux_{major}_{minor}_{machine}"
 
 
 class CustomBuildHook(BuildHookInterface):  # type: ignore[misc]
@@ -48,9 +67,8 @@ class CustomBuildHook(BuildHookInterface):  # type: ignore[misc]
         library.build(target)
         if version != "editable":
             build_data["force_include"][str(target)] = f"{_FOLDER}/{target.name}"
-        platform = sysconfig.get_platform().replace("-", "_").replace(".", "_")
         build_data["pure_python"] = False
-        build_data["tag"] = f"py3-none-{platform}"
+        build_data["tag"] = f"py3-none-{_platform_tag(target)}"
 
     def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
         """Remove the folder that the library was compiled in."""

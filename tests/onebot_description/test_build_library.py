@@ -1,7 +1,9 @@
 """Compiling the type support: in the build hook, by hand, and what is said when it fails."""
 
 import importlib.util
+import json
 import os
+import platform
 import shutil
 import stat
 import subprocess
@@ -11,6 +13,8 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from packaging.tags import sys_tags
+from packaging.utils import parse_wheel_filename
 
 from onebot_description.wire import build_library
 from onebot_description.wire.build_library import BuildError
@@ -203,7 +207,6 @@ def test_source_distribution_and_wheel(checkout: Path, tmp_path: Path) -> None:
         assert not [item for item in archive.getnames() if item.endswith(".so")]
         archive.extractall(tmp_path)
     name = build_backend(tmp_path / "onebot-0.1.0", f"build_wheel({str(tmp_path)!r})")
-    assert name.startswith("onebot-0.1.0-py3-none-linux_")
     unpacked = tmp_path / "unpacked"
     with zipfile.ZipFile(tmp_path / name) as wheel:
         assert [item for item in wheel.namelist() if item.endswith(".so")] == [
@@ -215,6 +218,38 @@ def test_source_distribution_and_wheel(checkout: Path, tmp_path: Path) -> None:
     result = run("-c", USE_MESSAGE, cwd=unpacked)
     assert result.returncode == 0, result.stderr
     assert result.stdout.split() == [str(unpacked / FOLDER / "_library.so")]
+
+
+@needs_compiler
+@pytest.mark.skipif(sys.platform != "linux", reason="manylinux is Linux's")
+@pytest.mark.parametrize("more", ["", "\ndouble power(double x) { return pow(x, x); }\n"])
+def test_wheel_is_for_the_oldest_glibc_that_has_its_symbols(
+    checkout: Path, tmp_path: Path, more: str
+) -> None:
+    """An index takes the tag, and auditwheel finds that the library keeps to it.
+
+    glibc 2.29 has a new ``pow``, which only what is compiled there needs.
+    """
+    source = checkout / "onebot_description/model/_kinematics.c"
+    source.write_text("#include <math.h>\n" + source.read_text() + more)
+    name = build_backend(checkout, f"build_wheel({str(tmp_path)!r})")
+    shown = run("-m", "auditwheel", "show", "--json", tmp_path / name, cwd=tmp_path)
+    assert shown.returncode == 0, shown.stderr
+    audit = json.loads(shown.stdout)
+    versions = [
+        version.removeprefix("GLIBC_").split(".")
+        for symbols in audit["versioned_symbols"].values()
+        for version in symbols
+        if version.startswith("GLIBC_")
+    ]
+    needed = max((int(major), int(minor)) for major, minor, *_ in versions)
+    (tag,) = parse_wheel_filename(name)[3]
+    assert tag in set(sys_tags())  # pip installs it here
+    machine = platform.machine()
+    oldest = (2, 5) if machine == "x86_64" else (2, 17)  # that pip looks for
+    major, minor = max(needed, oldest)
+    assert tag.platform == f"manylinux_{major}_{minor}_{machine}"
+    assert audit["overall_tag"].startswith("manylinux_")  # "linux_..." if it needs anything else
 
 
 def test_build_requirements(checkout: Path, tmp_path: Path) -> None:
