@@ -12,6 +12,7 @@ import venv
 from importlib import metadata
 from pathlib import Path
 from xml.etree import ElementTree
+from zipfile import ZipFile
 
 import pytest
 from packaging.requirements import Requirement
@@ -217,6 +218,32 @@ def test_regular_install_registers_the_packages(tmp_path):
     assert {"onebot", "mrm_bringup"} <= scripts
     version = subprocess.run([tmp_path / "venv/bin/onebot", "--version"], stdout=subprocess.PIPE)
     assert version.stdout.decode().split() == ["onebot", "0.1.0"]
+
+
+def _build(project: Path, target: str, folder: Path) -> Path:
+    """Make the "sdist" or the "wheel" of a project's folder."""
+    command = [sys.executable, "-m", "hatchling", "build", "-t", target, "-d", str(folder)]
+    subprocess.run(command, cwd=project, check=True)
+    (made,) = folder.iterdir()
+    return made
+
+
+@pytest.mark.slow
+def test_source_distribution_gives_the_same_wheel(tmp_path):
+    """What an index serves builds without the checkout, and what comes out runs."""
+    checkout = _copy_of_checkout(tmp_path)
+    there = _build(checkout, "wheel", tmp_path / "there")
+    shutil.unpack_archive(_build(checkout, "sdist", tmp_path / "sdist"), tmp_path / "unpacked")
+    shutil.rmtree(checkout)
+    (source,) = (tmp_path / "unpacked").iterdir()
+    for name in ("CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "Dockerfile"):
+        assert (source / name).is_file(), name
+    wheel = _build(source, "wheel", tmp_path / "wheel")
+    assert wheel.name == there.name
+    assert ZipFile(wheel).namelist() == ZipFile(there).namelist()
+    python = _fresh_environment(tmp_path)
+    _install(python, str(wheel))
+    assert _say(python, WHERE, tmp_path) == f"{tmp_path}/venv/share/mrm_description mrm"
 
 
 @pytest.mark.slow
