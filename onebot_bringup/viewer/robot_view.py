@@ -169,7 +169,7 @@ class RobotView:
             name
             for name, display, _ in self._takers(of_messages=False)
             if display and not display.plots
-        }
+        }.union(*(robot.clouds_of_scans for robot in self.stage.robots))
         problems = self._selection.choose(self._published, drawn)
         changed = []
         for display in self._displays:
@@ -329,6 +329,7 @@ class RobotView:
         warnings = robot.set_description(urdf, alike)
         for display in self._shared_displays:
             display.set_robot()
+        warnings += self._select()
         stage.robot_size = min(map(robot_size, self.robots.values()), default=0.0)
         first = self.robot
         if first is not None and (previous is None or first.robot_name != previous.robot_name):

@@ -71,6 +71,16 @@ class ShownRobot:
         """A frame that exists: the root link's."""
         return "" if self.description is None else self.frame_of(self.description.root_link)
 
+    @property
+    def clouds_of_scans(self) -> set[str]:
+        """Full names of the clouds that lidars publish of what is in their scan."""
+        sensors = () if self.description is None else self.description.sensors
+        return {
+            self.full_name(sensor.topics["points"])
+            for sensor in sensors
+            if next(iter(sensor.topics)) == "scan" and "points" in sensor.topics
+        }
+
     def set_description(self, urdf: str, description: Description | None = None) -> list[str]:
         """Show the robot of this text, in place of the one before.
 

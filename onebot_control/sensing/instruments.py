@@ -161,7 +161,7 @@ class Instrument:
         if isinstance(model, Imu):
             outputs = self._inertia(model, world, pose, generator)
         elif isinstance(model, Lidar):
-            outputs = self._ranges(model, world, pose, generator)
+            outputs = self._ranges(model, world, pose, wanted, generator)
         else:
             outputs = self._picture(model, world, pose, wanted, generator)
         self.outlet.publish(world.frame.stamp, outputs)
@@ -176,18 +176,21 @@ class Instrument:
         model: Lidar,
         world: SensedWorld,
         pose: LinkPose,
+        wanted: frozenset[str],
         generator: "np.random.Generator | None",
     ) -> dict[str, Any]:
         hits = self._cast(world, pose, lidar.reach(model))
         hit = hits.surfaces != NOTHING
         ranges = lidar.ranges(model, hits.distances, hit, self._offsets[0], generator)
-        (output,) = self.sensor.topics
-        if output == "scan":
-            return {output: lidar.middle_row(model, ranges)}
-        if output == "range":
-            return {output: ranges.min()}
-        seen_from = self._seen_from(world, pose, np.eye(3))
-        return {output: lidar.cloud(model, self._rays, ranges, seen_from)}
+        outputs = dict[str, Any]()
+        if "scan" in wanted:
+            outputs["scan"] = lidar.middle_row(model, ranges)
+        if "range" in wanted:
+            outputs["range"] = ranges.min()
+        for output in wanted & {"points", "point_cloud"}:
+            seen_from = self._seen_from(world, pose, np.eye(3))
+            outputs[output] = lidar.cloud(model, self._rays, ranges, seen_from)
+        return outputs
 
     def _picture(
         self,

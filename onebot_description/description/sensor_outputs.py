@@ -169,11 +169,13 @@ class Outputs:
         return _joined(self._space, name)
 
     def made(self, rows: int) -> tuple[str, ...]:
-        """Return the outputs; ``rows`` are those of a lidar's rays."""
+        """Return the outputs, the main one first; ``rows`` are those of a lidar's rays."""
         if self.unknown_type:
             return ()
         if self._kind == LIDAR:
-            return (self._of_rays or ("points" if rows > 1 else "scan"),)
+            asked = (self._of_rays,) if self._of_rays else ()
+            made = ("points", "scan") if rows > 1 else ("scan", "points")
+            return asked or (made[:1] if self._named else made)
         return (_OUTPUTS_OF_PLUGINS if self._named else _OUTPUTS)[self._kind]
 
     def topics(self, outputs: tuple[str, ...], *, alone: bool) -> dict[str, str]:
@@ -189,14 +191,17 @@ class Outputs:
     def _as_in_gz_sim(self, outputs: tuple[str, ...], alone: bool) -> dict[str, str]:
         """Return topics by the <topic> of the <sensor>; those without are ours."""
         topic, word = self._topic, self._name
-        if self._kind in (LIDAR, IMU):
-            output = outputs[0]
-            name = topic or ("" if alone else f"{word}/") + output.replace("point_cloud", "points")
-            below = topic and output == "points"
-            return {output: _joined(self._space, f"{topic}/points" if below else name)}
         base = "camera" if alone else word
         names = {output: f"{base}/{names[0]}" for output, names in _CAMERA_TOPICS.items()}
-        if topic and self._kind == RGBD:
+        if self._kind in (LIDAR, IMU):
+            main = outputs[0]
+            own = topic or ("" if alone else f"{word}/") + main.replace("point_cloud", "points")
+            names = dict.fromkeys(outputs, own)
+            if topic or main == "scan":
+                names["points"] = f"{own}/points"
+            elif "scan" in outputs:
+                names["scan"] = f"{word}/scan"
+        elif topic and self._kind == RGBD:
             names = {output: f"{topic}/{output}" for output in outputs}
             names["depth"] = f"{topic}/depth_image"
         elif topic:

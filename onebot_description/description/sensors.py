@@ -243,14 +243,14 @@ class _Block:
         return {output: self._checked(topic) for output, topic in written.items()}
 
     def unnamed(self, kind: str, made: tuple[str, ...], rays: tuple[int, int]) -> int:
-        """Return how many of its plugins publish this without names.
+        """Return how many of its plugins publish the first of ``made`` without names.
 
         One ray, as of a cliff sensor, does not take the name of a scan from one of many ``rays``.
         """
         if self.kind != kind or (self._rays() == (1, 1) != rays):
             return 0
         rows = self._rays()[0]
-        return sum(not each.given and each.made(rows) == made for each in self.outputs)
+        return sum(not each.given and each.made(rows)[:1] == made[:1] for each in self.outputs)
 
     def _sensor(self, outputs: Outputs, topics: dict[str, str]) -> Sensor:
         model, rate, plugin = self._model, self._rate, outputs.plugin
@@ -343,7 +343,7 @@ class _Block:
         """Report topics that a sensor already ``published`` has, too."""
         for others, block in published:
             place = f"the one at {block.place}" if block is not self else "another plugin of it"
-            for topic in clashes(others, topics):
+            for topic in clashes(others, topics)[:1]:
                 text = f'publishes "{topic}", as {place} does'
                 self.problem(f"{text}; give it a <topic> of its own")
             info = topics.get("camera_info", "")
@@ -373,7 +373,7 @@ class _Block:
             self._findings.warning(self._element, text)
             return
         is_there = sensor.frame == sensor.link and sensor.origin == Origin()
-        if is_there or not sensor.topics.keys() & {"scan", "range", "imu"}:
+        if is_there or next(iter(sensor.topics)) not in ("scan", "range", "imu"):
             return
         fixed = [joint for joint in joints if joint.kind == "fixed"]
         body, at, turn = placed(sensor.link, sensor.origin, fixed)
@@ -397,7 +397,8 @@ class _Block:
         try:
             ValueType(str, _TOPIC).checked(name)
         except ValueError as error:
-            self.problem(f"its topic {error}")
+            if not self.wrong:  # names are made of one another
+                self.problem(f"its topic {error}")
         return name
 
     def _read_model(self) -> Lidar | Camera | Imu:

@@ -21,7 +21,8 @@ from onebot_bringup.viewer.stage import Stage
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.errors import OneBotError
 from tests.onebot_bringup.drive_support import column
-from tests.onebot_bringup.viewer_support import START_NS, Shown
+from tests.onebot_bringup.viewer_support import START_NS, Shown, describe
+from tests.onebot_description.sensor_blocks import rays
 
 PATH = "nav_msgs/msg/Path"
 
@@ -84,6 +85,27 @@ def test_a_picture_is_shown_once():
     topics["/b/compressedDepth"] = COMPRESSED
     assert _visible("", topics) == ["/a/compressed", "/b"]
     assert _visible("shown: [/b/compressed]", topics) == ["/a/compressed", "/b", "/b/compressed"]
+
+
+def test_a_scan_is_not_shown_again_as_a_cloud(tmp_path):
+    """Unless it has several rows, or the view names it; the description may come last."""
+    lidars = rays("<topic>scan</topic>"), rays("<topic>rows</topic>", rows=4, name="rows")
+    robot = f'<robot name="r"><link name="a"/>{"".join(lidars)}</robot>'
+    scan, cloud = "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/PointCloud2"
+    names = ("scan", "rows")
+    topics = dict.fromkeys(names, scan) | {f"{name}/points": cloud for name in names}
+    shown = Shown(tmp_path, robot=False)
+    shown.view.offer(topics)
+
+    def visible():
+        return {each.topic for each in shown.view.offered if each.visible}
+
+    assert visible() == topics.keys()
+    describe(shown.view, robot)
+    shown.tick()
+    assert visible() == topics.keys() - {"scan/points"}
+    shown.look("shown: [scan/points]")
+    assert visible() == topics.keys()
 
 
 def test_all_that_could_be_shown_are_offered():

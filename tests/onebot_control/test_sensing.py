@@ -570,6 +570,21 @@ def test_nothing_is_measured_that_nobody_subscribes_to(monkeypatch: pytest.Monke
         assert len(outlet.published) == 3 and not warnings
 
 
+def test_a_lidar_makes_of_its_ranges_what_is_wanted() -> None:
+    """A scan, a cloud, or both of one measurement."""
+    topics = {"scan": "scan", "points": "scan/points"}
+    model = Lidar(Fan(3, -1.0, 1.0), Fan(), 0.1, 9.0)
+    lidar = Sensor("eye", "base_link", Origin(), 100.0, topics, "base_link", model)
+    outlet = Subscriber("scan")
+    with sensing_of(lidar, eye=outlet) as (cycle, _, warnings):
+        for wanted in ({"scan"}, {"points"}, {"scan", "points"}):
+            outlet.outputs, before = frozenset(wanted), len(outlet.published)
+            cycle()
+            wait_for(lambda n=before: len(outlet.published) > n, "the measurement")
+            assert outlet.published[-1] == wanted
+    assert not warnings
+
+
 def test_a_sensor_that_keeps_up_but_for_a_moment_is_not_reported() -> None:
     """It would be "15 of 15 Hz"."""
     model = Camera(1.0, 8, 6, 0.1, 9.0, 0.1, 9.0)

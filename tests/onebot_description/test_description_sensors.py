@@ -31,17 +31,19 @@ PUBLIC_ROBOTS = {
         Pi_Camera camera_rgb_frame 30 camera_rgb_optical_frame image=camera/rgb/image_raw
             camera_info=camera/rgb/camera_info""",
     "turtlebot4": f"""
-        rplidar rplidar_link 62 rplidar_link scan=scan
+        rplidar rplidar_link 62 rplidar_link scan=scan points=scan/points
         rgbd_camera oakd_rgb_camera_frame 30 oakd_rgb_camera_frame {OF_CAMERA}
         imu imu_link 62 imu_link imu=imu
         cliff_side_left cliff_side_left 62 cliff_side_left scan=cliff_side_left/scan
-        ir_intensity_left ir_intensity_left 62 ir_intensity_left points=points""",
+            points=cliff_side_left/scan/points
+        ir_intensity_left ir_intensity_left 62 ir_intensity_left points=points
+            scan=ir_intensity_left/scan""",
     "andino": """
         sensor_ray_front rplidar_laser_link 20 rplidar_laser_link scan=scan
         camera camera_link 30 camera_link image=camera/image_raw
             camera_info=camera/camera_info""",
     "create3": """
-        cliff_front_left cliff_front_left 62 cliff_front_left scan=scan
+        cliff_front_left cliff_front_left 62 cliff_front_left scan=scan points=scan/points
         cliff_front_right cliff_front_right 62 cliff_front_right
             scan=_internal/cliff_front_right/event""",
     "husky": f"""
@@ -50,7 +52,7 @@ PUBLIC_ROBOTS = {
             depth=camera/depth/image_raw camera_info=camera/rgb/camera_info
             points=camera/depth/points {OF_DEPTH_PLUGIN}""",
     "linorobot2": f"""
-        laser laser 10 laser scan=scan
+        laser laser 10 laser scan=scan points=scan/points
         imu_sensor imu_link 20 imu_link imu=imu/data
         camera camera_link 30 camera_color_optical_frame {OF_GZ}""",
     "linorobot2_classic": """
@@ -60,7 +62,7 @@ PUBLIC_ROBOTS = {
         laser laser_frame 10 laser_frame scan=scan
         camera camera_link 10 camera_link_optical {OF_CAMERA} {OF_DEPTH_PLUGIN}""",
     "rosbot": f"""
-        fl_range fl_range 5 fl_range scan=range/fl
+        fl_range fl_range 5 fl_range scan=range/fl points=range/fl/points
         imu imu_link 25 imu_link imu=imu/data_raw
         camera_orbbec_astra_camera camera_orbbec_astra_link 20 camera_depth_optical_frame
             {OF_GZ}""",
@@ -70,6 +72,7 @@ PUBLIC_ROBOTS = {
     "clearpath": """
         lidar3d_0 lidar3d_0_laser 10 lidar3d_0_laser
             points=a200_0000/sensors/lidar3d_0/scan/points
+            scan=a200_0000/sensors/lidar3d_0/scan
         camera_0 camera_0_link 30 camera_0_color_optical_frame
             image=a200_0000/sensors/camera_0/color/image
             camera_info=a200_0000/sensors/camera_0/color/camera_info
@@ -130,10 +133,11 @@ def test_what_is_not_simulated_is_one_warning():
 def test_check_lists_the_sensors():
     run = onebot("check", str(BLOCKS / "linorobot2.urdf"))
     assert run.returncode == 0 and not run.stderr
-    heading, laser, imu, camera, *others = run.stdout.splitlines()[-7:]
+    heading, laser, points, imu, camera, *others = run.stdout.splitlines()[-8:]
     assert heading.split() == ["sensor", "measures", "rate", "topic", "type", "frame"]
     scan = ["scan", "sensor_msgs/msg/LaserScan", "laser"]
     assert laser.split() == ["laser", "360", "ranges", "to", "12", "m", "10", "Hz", *scan]
+    assert points.split() == ["scan/points", "sensor_msgs/msg/PointCloud2"]
     assert imu.split()[-5:] == ["20", "Hz", "imu/data", "sensor_msgs/msg/Imu", "imu_link"]
     picture = ["camera/image", "sensor_msgs/msg/Image", "camera_color_optical_frame"]
     assert camera.split()[-3:] == picture
@@ -352,7 +356,7 @@ def test_the_block_in_the_readme_is_read_without_a_warning(tmp_path):
     (sensor,) = (found := load_sensors(tmp_path / "own.urdf", robot)).sensors
     assert (
         found.notices == ()
-        and sensor.topics == {"scan": "scan"}
+        and sensor.topics == {"scan": "scan", "points": "scan/points"}
         and sensor.model.noise.stddev == 0.005
     )
 
@@ -369,7 +373,7 @@ def test_onebot_has_sensors_if_asked_for(prefix):
     frames = [f"{prefix}{name}" for name in ("lidar_link", "imu_link", "camera_optical_frame")]
     assert [sensor.frame for sensor in sensing.sensors] == frames
     assert [sensor.topics for sensor in sensing.sensors] == [
-        {"scan": "scan"},
+        {"scan": "scan", "points": "scan/points"},
         {"imu": "imu"},
         CAMERA,
     ]

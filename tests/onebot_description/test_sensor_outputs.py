@@ -215,9 +215,9 @@ def test_lidars_of_one_ray_leave_the_scan_to_the_one_that_scans():
     one = RAY.format(**VALUES | {"samples": 1})
     found = read(block("cliff", inside=one), block("laser"), block("ir", inside=one))
     assert [sensor.topics["scan"] for sensor in found.sensors] == ["cliff/scan", "scan", "ir/scan"]
-    assert topics(read(block("laser", inside=one))) == {"scan": "scan"}
+    assert topics(read(block("laser", inside=one)))["scan"] == "scan"
     found = read(rays(rows=5, name="left"), rays(rows=5, name="right"), block("laser"))
-    names = [*found.sensors[0].topics.values(), *found.sensors[2].topics.values()]
+    names = [found.sensors[0].topics["points"], found.sensors[2].topics["scan"]]
     assert names == ["left/points", "scan"]  # clouds are no rivals of a scan
 
 
@@ -267,12 +267,28 @@ def test_a_plugin_decides_what_is_made_of_rays_not_their_rows(inside, file, outp
     assert topics(found) == {output: "here"} and found.warnings == ()
 
 
-def test_without_a_plugin_the_rows_decide_as_they_did():
-    assert topics(read(rays())) == {"scan": "scan"}
-    assert topics(read(rays(rows=4))) == {"points": "points"}
-    assert topics(read(rays(child(topic="scan"), rows=4))) == {"points": "scan/points"}
-    unknown = plugin(file="dummyfile")
-    assert topics(read(rays(unknown))) == {"scan": "scan"}
+def test_without_a_plugin_a_lidar_has_a_scan_and_a_cloud_as_in_gz():
+    """Of a scan and a cloud, the one that the rows suggest comes first and has the usual name."""
+    one_row = {"scan": "scan", "points": "scan/points"}
+    assert topics(read(rays())) == topics(read(rays(child(topic="scan"), rows=4))) == one_row
+    assert topics(read(rays(rows=4))) == {"points": "points", "scan": "s/scan"}
+    assert topics(read(rays(child(topic="/base/scan")))) == {
+        "scan": "base/scan",
+        "points": "base/scan/points",
+    }
+    assert topics(read(rays(plugin(file="dummyfile")))) == one_row
+
+
+def test_a_lidar_of_rows_does_not_take_the_scan_of_one_without_a_name():
+    found = read(rays(name="flat"), rays(name="rows", rows=16))
+    assert found.notices == ()
+    assert [dict(each.topics) for each in found.sensors] == [
+        {"scan": "scan", "points": "scan/points"},
+        {"points": "points", "scan": "rows/scan"},
+    ]
+    asked = plugin(file="libgazebo_ros_laser.so")
+    found = read(rays(name="flat"), rays(asked, name="asked"))
+    assert [each.topics["scan"] for each in found.sensors] == ["flat/scan", "asked/scan"]
 
 
 @pytest.mark.parametrize("asked", ["geometry_msgs/Vector3", "sensor_msgs/Vector3", "pink"])
