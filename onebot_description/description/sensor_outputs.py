@@ -181,12 +181,17 @@ class Outputs:
     def topics(self, outputs: tuple[str, ...], *, alone: bool) -> dict[str, str]:
         """Return the topic of each output, as written.
 
-        ``alone``: every other sensor with such outputs names its topics.
+        ``alone``: no other sensor has the same ``defaults``.
         """
         names = self._named or self._as_in_gz_sim(outputs, alone)
         if self._info:
             names = names | {"camera_info": self._info}
         return {output: names[output] for output in outputs}
+
+    def defaults(self, rows: int) -> set[str]:
+        """Return the topics that it takes if no other has them; cameras share a CameraInfo."""
+        topics = {} if self.given else self.topics(self.made(rows), alone=True)
+        return {topic for output, topic in topics.items() if output != "camera_info"}
 
     def _as_in_gz_sim(self, outputs: tuple[str, ...], alone: bool) -> dict[str, str]:
         """Return topics by the <topic> of the <sensor>; those without are ours."""
@@ -209,6 +214,11 @@ class Outputs:
             names["camera_info"] = _joined(topic.rpartition("/")[0], "camera_info")
             names["points"] = f"{topic}/points"
         return {output: _joined(self._space, name) for output, name in names.items()}
+
+
+def is_false(text: str) -> bool:
+    """Return whether SDFormat reads a text as false."""
+    return text.strip().lower() in ("false", "0")
 
 
 def publishing(sensor: Element, kind: str) -> list[Outputs]:

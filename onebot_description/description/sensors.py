@@ -35,6 +35,7 @@ from onebot_description.description.sensor_outputs import (
     OUTPUT_TYPES,
     RGBD,
     Outputs,
+    is_false,
     publishing,
     text_of,
 )
@@ -238,19 +239,25 @@ class _Block:
             text += f" publishes nothing; write one of: {types}"
             self._findings.warning(outputs.plugin or self._element, text)
             return {}
-        rivals = sum(block.unnamed(self.kind, made, self._rays()) for block in blocks)
+        defaults, rays = outputs.defaults(self._rays()[0]), self._rays()
+        rivals = sum(block.rivals(defaults, rays) for block in blocks)
         written = outputs.topics(made, alone=rivals < 2)
-        return {output: self._checked(topic) for output, topic in written.items()}
+        topics = {output: self._checked(topic) for output, topic in written.items()}
+        names = [topics[output].lstrip("/") for output in made if output != "depth_camera_info"]
+        twice = next((name for name in names if names.count(name) > 1), "")
+        if twice and not self.wrong:
+            self.problem(f'publishes two things on "{twice}"; give each a topic of its own')
+        return topics
 
-    def unnamed(self, kind: str, made: tuple[str, ...], rays: tuple[int, int]) -> int:
-        """Return how many of its plugins publish the first of ``made`` without names.
+    def rivals(self, defaults: Collection[str], rays: tuple[int, int]) -> int:
+        """Return how many of its plugins have some of these ``defaults``, too.
 
         One ray, as of a cliff sensor, does not take the name of a scan from one of many ``rays``.
         """
-        if self.kind != kind or (self._rays() == (1, 1) != rays):
+        if self._rays() == (1, 1) != rays:
             return 0
         rows = self._rays()[0]
-        return sum(not each.given and each.made(rows)[:1] == made[:1] for each in self.outputs)
+        return sum(not each.defaults(rows).isdisjoint(defaults) for each in self.outputs)
 
     def _sensor(self, outputs: Outputs, topics: dict[str, str]) -> Sensor:
         model, rate, plugin = self._model, self._rate, outputs.plugin
@@ -294,7 +301,7 @@ class _Block:
             least=least,
             greatest=greatest,
             noise=_noisier(model.noise, stddev),
-            is_organized=text_of(plugin, "organize_cloud") not in ("false", "0"),
+            is_organized=not is_false(text_of(plugin, "organize_cloud")),
         )
         if "range" not in topics:
             return model
@@ -323,7 +330,8 @@ class _Block:
             names = " and ".join(
                 f"<{tag}>" for tag in (*lows, *highs) if plugin.find(tag) is not None
             )
-            text = f"{names} leave nothing of {least:g} to {greatest:g} m, which is measured"
+            verb = "leave" if " and " in names else "leaves"
+            text = f"{names} {verb} nothing of {least:g} to {greatest:g} m, which is measured"
             self.problem(f"{text}; change them", plugin)
         return limits
 
@@ -483,8 +491,8 @@ class _Block:
             elements = [imu.find(f"{tag}/{axis}/noise") for axis in "xyz"]
             noises = [self._noise(old if noise is None else noise) for noise in elements]
             groups.append((noises[0], noises[1], noises[2]))
-        has_orientation = imu.findtext("enable_orientation", "true").strip() not in ("false", "0")
-        reference = self._reference(imu) if has_orientation else None
+        has_none = is_false(imu.findtext("enable_orientation", ""))
+        reference = None if has_none else self._reference(imu)
         return Imu(groups[0], groups[1], reference)
 
     def _reference(self, imu: Element) -> Reference:
@@ -556,7 +564,7 @@ class _Block:
         frame = element.get("relative_to", "").strip()
         link = self._frame(element, frame)
         x, y, z, *angles = self._numbers(element, "x y z roll pitch yaw")
-        if element.get("degrees") == "true":
+        if element.get("degrees", "").strip().lower() in ("true", "1"):
             angles = [*map(math.radians, angles)]
         pose = Origin((x, y, z), (angles[0], angles[1], angles[2]))
         return pose if link == self._link else self._frames.relative(pose, link, self._link)

@@ -298,11 +298,11 @@ def test_axes_that_an_imu_cannot_have_are_reported(axes, text):
     assert any(text in each for each in found.notices), found.notices
 
 
-@pytest.mark.parametrize("text", ["false", "0", "true", "1"])
+@pytest.mark.parametrize("text", ["false", "0", " False ", "true", "1", "True"])
 def test_an_imu_may_have_no_orientation(text):
     inside = f"<imu><enable_orientation>{text}</enable_orientation></imu>"
     (sensor,) = read(block(kind="imu", inside=inside)).sensors
-    assert (sensor.model.reference is None) == (text in ("false", "0"))
+    assert (sensor.model.reference is None) == (text in ("false", "0", " False "))
 
 
 @pytest.mark.parametrize(

@@ -201,6 +201,44 @@ def test_pictures_are_not_shared():
     assert "x/camera_info" in read(camera(name="a", plugin=child(topic="x/y")), info).problems[0]
 
 
+@pytest.mark.parametrize("inside", ["", child(topic="__default_topic__")])
+def test_cameras_of_different_types_without_topics_are_named_by_themselves(inside):
+    """Those whose outputs differ share a name: a colour camera and a depth camera."""
+    kinds = {"colour": "camera", "all": "rgbd_camera", "depth": "depth_camera"}
+
+    def images(*names):
+        found = read(*(camera(name=name, kind=kinds[name], plugin=inside) for name in names))
+        assert found.problems == ()
+        return [next(iter(sensor.topics.values())) for sensor in found.sensors]
+
+    assert images("colour", "depth") == ["camera/image_raw", "camera/depth/image_raw"]
+    assert images("colour", "all") == ["colour/image_raw", "all/image_raw"]
+    assert images("all", "depth") == ["all/image_raw", "depth/depth/image_raw"]
+    assert images(*kinds) == ["colour/image_raw", "all/image_raw", "depth/depth/image_raw"]
+
+
+@pytest.mark.parametrize(
+    "written",
+    [
+        camera(plugin=child(topic="camera_info")),
+        camera(f"<camera_info_topic>x</camera_info_topic>{child(topic='x')}"),
+        camera(plugin=plugin(ros("image_raw:=/x", "camera_info:=/x"), "libgazebo_ros_camera.so")),
+    ],
+)
+def test_two_outputs_of_a_sensor_on_one_topic_are_a_fault(written):
+    found = read(written)
+    (problem,) = found.problems
+    assert found.sensors == ()
+    assert re.search(r'r:2: .*sensor "s": publishes two things on "(x|camera_info)"; give', problem)
+
+
+def test_the_two_camera_infos_of_a_depth_camera_may_share_a_topic():
+    rules = ros("camera_info:=info", "depth/camera_info:=info", "s/depth/camera_info:=s/info")
+    found = read(camera(kind="depth", plugin=plugin(rules, "libgazebo_ros_camera.so")))
+    (sensor,) = found.sensors
+    assert sensor.topics["camera_info"] == sensor.topics["depth_camera_info"] == "s/info"
+
+
 def test_an_absolute_name_and_a_relative_one_may_be_the_same():
     scans = [
         rays(
@@ -340,7 +378,7 @@ def test_ranges_are_within_the_limits_of_the_plugin_and_have_its_noise():
     assert sensor.topics == {"points": "/points"}
     assert (sensor.model.least, sensor.model.greatest) == (0.9, 10.0)  # of both the narrower
     assert sensor.model.noise == Noise(stddev=pytest.approx(0.05))  # of two sources
-    limits = ros("~/out:=c") + child(max_range=5, gaussian_noise=0.1, organize_cloud="false")
+    limits = ros("~/out:=c") + child(max_range=5, gaussian_noise=0.1, organize_cloud="False")
     (sensor,) = read(rays(plugin(limits, "libgazebo_ros_velodyne_gpu_laser.so"))).sensors
     assert (sensor.model.least, sensor.model.greatest) == (0.1, 5.0)
     assert sensor.model.noise.stddev == 0.1 and not sensor.model.is_organized
