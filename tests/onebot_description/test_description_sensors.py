@@ -42,6 +42,10 @@ PUBLIC_ROBOTS = {
         sensor_ray_front rplidar_laser_link 20 rplidar_laser_link scan=scan
         camera camera_link 30 camera_link image=camera/image_raw
             camera_info=camera/camera_info""",
+    "andino_gz": """
+        sensor_ray_front rplidar_laser_link 20 rplidar_laser_link scan=scan points=scan/points
+        camera camera_link 30 camera_link image=camera/image_raw
+            camera_info=camera/camera_info""",
     "create3": """
         cliff_front_left cliff_front_left 62 cliff_front_left scan=scan points=scan/points
         cliff_front_right cliff_front_right 62 cliff_front_right
