@@ -20,7 +20,7 @@ from onebot_control.commands import Command, CommandLock, CommandSubscription, W
 from onebot_control.control_loop import ControlLoop, Divider
 from onebot_control.driven_robot import DrivenRobot, Snapshot
 from onebot_control.fleet import Fleet, Member, located
-from onebot_control.localization import Localizer, ParentTransform, TransformsOf, TransformTap
+from onebot_control.localization import FramesTransform, Localizer, TransformsOf, TransformTap
 from onebot_control.parameters import ControlConfig, ControlParameters
 from onebot_control.poses import PlanarPose, yaw_of
 from onebot_control.publishing import Frames, Publishers, ScenePublisher
@@ -357,12 +357,12 @@ class RobotDriving:
         if (loop := self._driving.loop) and (text := loop.fleet.robots[self._row].drift.warning):
             self._warn(text, text, every=math.inf)
 
-    def receive_transform(self, transform: ParentTransform, now: int) -> None:
+    def receive_transform(self, transform: FramesTransform, now: int) -> None:
         """Note who is odom's parent by a transform on TF; ``now`` in ns, by a steady clock."""
         publishing = self.publishing
         if self._localizer.odom != publishing.odom_frame:
             self._localizer = Localizer(publishing.odom_frame)
-        self._localizer.receive(transform, publishing.world_frame, publishing.truths, now)
+        self._localizer.receive(transform, publishing.truths, now)
 
     def follow_localizer(self, nodes: Set[str], now: int) -> bool:
         """Stop or resume the truth on TF; return whether it was resumed.

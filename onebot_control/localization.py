@@ -25,16 +25,14 @@ _POLL_NODES = NANO  # ns between two polls of who publishes TF
 _KNOWN = 3 * NANO  # ns in which the name of a node is discovered, after its messages
 _SILENT = 10 * NANO  # ns; as long as tf2 keeps a transform
 
-Truth = tuple[int, Transform]
-"""A stamp, ns, and the pose of odom in its parent."""
 
-
-class ParentTransform(NamedTuple):
-    """A transform on TF."""
+class FramesTransform(NamedTuple):
+    """A transform on TF, of ``child`` in ``parent``."""
 
     parent: str
     child: str
-    truth: Truth
+    stamp_ns: int
+    transform: Transform
 
 
 class TransformsOf:
@@ -49,7 +47,7 @@ class TransformsOf:
         any_name = b"|".join(re.escape(name.encode()) for name in self.children)
         self._child = re.compile(rb"[^\0]\0.{4,7}/?(?:" + any_name + rb")\0", re.DOTALL)
 
-    def find(self, data: bytes) -> Iterator[ParentTransform]:
+    def find(self, data: bytes) -> Iterator[FramesTransform]:
         """Return those in ``data``, a TFMessage in CDR; none if it is no such message."""
         if self._end not in data or not self._child.search(data):
             return
@@ -62,8 +60,9 @@ class TransformsOf:
             if child in self.children:
                 x, y, z = map(float, message.translations[row])
                 a, b, c, w = map(float, message.rotations[row])
-                truth = int(message.stamps_ns[row]), ((x, y, z), (a, b, c, w))
-                yield ParentTransform(message.parents[row].removeprefix("/"), child, truth)
+                parent, stamp_ns = message.parents[row], int(message.stamps_ns[row])
+                transform = (x, y, z), (a, b, c, w)
+                yield FramesTransform(parent.removeprefix("/"), child, stamp_ns, transform)
 
 
 class Localizer:
@@ -80,14 +79,14 @@ class Localizer:
         self._received_ns = self._alive_ns = 0
 
     def receive(
-        self, transform: ParentTransform, own_parent: str, own: Collection[Truth], now: int
+        self, transform: FramesTransform, truths: Collection[FramesTransform], now: int
     ) -> None:
         """Note the parent that a ``transform`` of ``odom`` has, unless it is our own.
 
-        ``own_parent`` is the frame of the truth, ``own`` what was published of it lately; ``now``
-        in ns, by a steady clock.
+        ``truths`` are those that this process has published lately; ``now`` in ns, by a steady
+        clock.
         """
-        if transform.parent != own_parent or transform.truth not in own:
+        if transform not in truths:
             self.parent, self._nodes = transform.parent, set()
             self._received_ns = self._alive_ns = now
 

@@ -21,7 +21,7 @@ from std_msgs.msg import String
 
 from onebot_control.control_loop import Divider
 from onebot_control.driven_robot import DrivenRobot, Snapshot
-from onebot_control.localization import Truth
+from onebot_control.localization import FramesTransform
 from onebot_control.parameters import ControlConfig
 from onebot_control.poses import PlanarPose, Transform, compose, inverse, prefixed
 from onebot_control.simulation import SceneBodies, Twist
@@ -115,7 +115,7 @@ class Publishers:
         self._tf = node.create_publisher(TFMessage, "/tf", _DEPTH)
         self._tf_static = node.create_publisher(TFMessage, "/tf_static", LATCHED)
         self.localized = False
-        self.truths: deque[Truth] = deque(maxlen=_KEPT)
+        self.truths: deque[FramesTransform] = deque(maxlen=_KEPT)
         self._origin: tuple[str, str, PlanarPose] | None = None  # the static truth, last published
         self._limited: Publisher | None = None
         self._clock: Publisher | None = None
@@ -225,13 +225,13 @@ class Publishers:
             return
         self._origin, message = origin, TFMessage()
         if origin is not None:
-            pose = origin[2].transform
+            truth = FramesTransform(*origin[:2], stamp_ns, origin[2].transform)
             transform = TransformStamped(child_frame_id=self.odom_frame)
             transform.header.frame_id = self.world_frame
             transform.header.stamp = time_message(stamp_ns)
-            _fill_transform(transform.transform, pose)
+            _fill_transform(transform.transform, truth.transform)
             message.transforms = [transform]
-            self.truths.append((stamp_ns, pose))
+            self.truths.append(truth)
         self._tf_static.publish(message)
 
     def _publish_true_origin(self, snapshot: Snapshot, stamp_ns: int) -> None:
@@ -241,7 +241,8 @@ class Publishers:
         """
         origin = compose(snapshot.pose, inverse(snapshot.odometry.transform))
         _fill_transform(self._origin_transform.transform, origin)
-        self.truths.append((stamp_ns, origin))
+        truth = FramesTransform(self.world_frame, self.odom_frame, stamp_ns, origin)
+        self.truths.append(truth)
         self._tf.publish(self._origin_message)
 
 

@@ -10,7 +10,7 @@ from geometry_msgs.msg import TransformStamped
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
 
-from onebot_control.localization import Localizer, TransformsOf
+from onebot_control.localization import FramesTransform, Localizer, TransformsOf
 from onebot_description.wire.cdr import NANO
 from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_control.control_support import urdf
@@ -34,7 +34,7 @@ def tf(*transforms: Any) -> bytes:
     return bytes(serialize_message(TFMessage(transforms=list(transforms))))
 
 
-TRUTH = ((1.5, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+TRUTH = FramesTransform("world", "odom", 7, ((1.5, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)))
 
 
 @pytest.mark.parametrize(
@@ -56,7 +56,7 @@ def test_the_parent_of_odom_in_a_message(message: bytes, parent: str) -> None:
     """By whole names, with a slash in front as tf had it; what is published here is no other's."""
     localizer = Localizer("odom")
     for found in TransformsOf(["odom", "r2/odom"]).find(message):
-        localizer.receive(found, "world", [(7, TRUTH)], 1)
+        localizer.receive(found, [TRUTH], 1)
     assert localizer.parent == parent
 
 
@@ -66,8 +66,8 @@ def test_names_of_all_lengths_are_found() -> None:
     for parent in ("m" * count for count in range(1, 9)):
         for name in names:
             [found] = TransformsOf(names).find(tf(transform(parent, name, 2.0, stamp=5)))
-            assert found[:2] == (parent, name)
-            assert found.truth == (5, ((2.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)))
+            pose = (2.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
+            assert found == FramesTransform(parent, name, 5, pose)
 
 
 def test_a_localizer_that_is_gone_is_forgotten() -> None:
@@ -81,7 +81,7 @@ def test_a_localizer_that_is_gone_is_forgotten() -> None:
         return localizer.parent
 
     [found] = TransformsOf(["odom"]).find(tf(transform("map", "odom")))
-    localizer.receive(found, "world", [], int(seconds * NANO))
+    localizer.receive(found, [], int(seconds * NANO))
     assert after(1.0, "/state", "/amcl") == "map"
     assert after(60.0, "/state", "/amcl") == "map", "it is silent while the robot stands"
     assert after(5.0, "/amcl") == "map" and after(1.0, "/state", "/amcl") == "map", "a restart"
