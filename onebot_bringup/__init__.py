@@ -10,6 +10,6 @@ __version__: str
 if not TYPE_CHECKING:  # else any name would be one of the package
     from onebot_description import __getattr__  # noqa: F401 - which knows __version__
 
-# Rerun reads it when it is imported, so it is set here, before any module can import rerun.
-# We choose recordings without a footer; Rerun would warn of that at every start.
-os.environ.setdefault("RUST_LOG", "warn,re_log_encoding::rrd::file_sink=error")
+# Rerun reads it when it is imported, so it is set here, before any module can import rerun. Its own
+# lines on stderr are coloured, and no user can act on them: what matters is reported by the nodes.
+os.environ.setdefault("RUST_LOG", "off")

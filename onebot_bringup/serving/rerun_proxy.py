@@ -4,6 +4,7 @@ Every response gets a Content-Security-Policy, which keeps the page from connect
 computers (Rerun's page sends usage statistics).
 """
 
+import asyncio
 import re
 from pathlib import Path
 from urllib.parse import quote
@@ -12,16 +13,16 @@ import aiohttp
 from aiohttp import web
 from yarl import URL
 
+from onebot_bringup.serving.backlog import Backlog, messages
 from onebot_bringup.serving.http_server import body_of
 from onebot_bringup.serving.origin import guard
 from onebot_bringup.serving.ports import LOOPBACK
+from onebot_bringup.serving.rerun_messages import GRPC_WEB, SERVICE
 
 _HEADERS = frozenset({"content-type", "content-length", "content-encoding", "rerun-final-length"})
 _FOREIGN_LINK = re.compile(rb"<link[^>]*https?://[^>]*>")
 _PAGE_TIMEOUT = 10.0  # s without a byte of a part of the page
 _PAGE_SCRIPT = Path(__file__).with_name("rerun_page.js")
-SERVICE = "rerun.sdk_comms.v1alpha1.MessageProxyService"
-"""Below this, Rerun's page requests its data from the host and port of its ``url=`` parameter."""
 _READS = frozenset({f"/{SERVICE}/ReadMessages", f"/{SERVICE}/ReadTables"})
 
 
@@ -61,6 +62,8 @@ class RerunProxy:
         """Respond to a call by gRPC-web that only reads; the response may have no end."""
         if path not in _READS:
             raise web.HTTPForbidden(text="The view is for looking: nothing is written into it.\n")
+        if request.content_type != GRPC_WEB:
+            raise web.HTTPUnsupportedMediaType(text=f"Requests are to be {GRPC_WEB}.\n")
         body = await body_of(request)
         headers = {
             name: value
@@ -122,6 +125,8 @@ class RerunProxy:
         if request.method != "HEAD":
             if html:
                 await answer.write(html)
+            if response.content_type == GRPC_WEB:
+                await _relay(response.content, answer)
             async for chunk in response.content.iter_any():
                 await answer.write(chunk)
         await answer.write_eof()
@@ -142,6 +147,27 @@ class RerunProxy:
                 request.transport.abort()
         if self._session is not None:
             await self._session.close()
+
+
+async def _relay(source: aiohttp.StreamReader, answer: web.StreamResponse) -> None:
+    """Pass messages on as the viewer takes them, and read them as they come."""
+    backlog = Backlog()
+    reading = asyncio.ensure_future(_read(source, backlog))
+    try:
+        while message := await backlog.get():
+            await answer.write(message)
+        await reading  # raises what ended it
+    finally:
+        reading.cancel()
+        await asyncio.gather(reading, return_exceptions=True)  # else its error is logged
+
+
+async def _read(source: aiohttp.StreamReader, backlog: Backlog) -> None:
+    try:
+        async for message in messages(source):
+            await backlog.put(message)
+    finally:
+        backlog.end()
 
 
 def data_url(host: str) -> str:

@@ -25,7 +25,8 @@ from aiohttp import web
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from onebot_bringup.serving.rerun_proxy import SERVICE, RerunProxy, content_policy, data_url
+from onebot_bringup.serving.rerun_messages import SERVICE
+from onebot_bringup.serving.rerun_proxy import RerunProxy, content_policy, data_url
 from onebot_bringup.steering.access import other_site
 from onebot_description.node import LATCHED, Throttled
 

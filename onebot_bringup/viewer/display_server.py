@@ -4,6 +4,7 @@ import ctypes
 import fcntl
 import os
 import re
+import shutil
 import signal
 import subprocess
 import tempfile
@@ -51,6 +52,54 @@ def program() -> Path:
     return path
 
 
+class ScratchFolder:
+    """A temporary folder for Rerun's program, which leaves behind what it puts there.
+
+    It is locked by this process. If that is killed, the next folder's process removes it.
+
+    Attributes:
+        path: where it is.
+    """
+
+    _PREFIX = "onebot-rerun-"
+
+    def __init__(self) -> None:
+        """Make it, and remove those of processes that are gone."""
+        for left in Path(tempfile.gettempdir()).glob(f"{self._PREFIX}*"):
+            lock = _locked(left)
+            if lock is not None:
+                shutil.rmtree(left, ignore_errors=True)
+                os.close(lock)
+        lock = None
+        while lock is None:  # another process may take it for left behind before it is locked
+            self._folder = tempfile.TemporaryDirectory(
+                prefix=self._PREFIX, ignore_cleanup_errors=True
+            )
+            self.path = Path(self._folder.name)
+            lock = _locked(self.path)
+        self._locked = ExitStack()
+        self._locked.callback(os.close, lock)
+
+    def remove(self) -> None:
+        """Remove it with all that is in it."""
+        self._folder.cleanup()
+        self._locked.close()
+
+
+def _locked(folder: Path) -> int | None:
+    """Lock a folder until the descriptor is closed; None if it is gone, or locked elsewhere."""
+    try:
+        lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+    except OSError:
+        return None
+    with suppress(OSError):
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if folder.is_dir():
+            return lock
+    os.close(lock)
+    return None
+
+
 class Child:
     """A running Rerun program."""
 
@@ -63,6 +112,8 @@ class Child:
         self._output: IO[bytes] = tempfile.TemporaryFile()
         variables = {**os.environ, "RUST_LOG": "warn", "NO_COLOR": "1"}
         variables["CI"] = "true"  # keeps Rerun from sending usage statistics
+        self._scratch = ScratchFolder()
+        variables["TMPDIR"] = str(self._scratch.path)
         variables.update(environment or {})
         self._process = subprocess.Popen(
             [str(program()), "--bind", LOOPBACK, *arguments],
@@ -107,6 +158,7 @@ class Child:
                 self._process.kill()
                 self._process.wait()
         self._output.close()
+        self._scratch.remove()
 
 
 def _die_with(parent: int) -> Callable[[], None]:

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import urllib.error
 import urllib.request
+from pathlib import Path
 from types import SimpleNamespace
 
 import psutil
@@ -17,7 +18,7 @@ import pytest
 import rerun as rr
 
 from onebot_bringup.serving.ports import answers, free_port
-from onebot_bringup.serving.rerun_proxy import SERVICE
+from onebot_bringup.serving.rerun_messages import SERVICE
 from onebot_bringup.viewer.display_server import (
     Child,
     DisplayServer,
@@ -28,6 +29,7 @@ from onebot_bringup.viewer.display_server import (
 from onebot_bringup.viewer.rendering import headless_viewer, render
 from onebot_description.errors import OneBotError
 from tests.support import PATIENCE, wait_for
+from tests.support_rendering import require_renderer
 
 FULL_DISK = """
 import resource, sys
@@ -65,6 +67,115 @@ def test_a_full_disk_stops_neither_the_recording_nor_its_end(tmp_path, port):
     )
     assert ended.stdout == f"save:={file}: {os.strerror(errno.EFBIG)}\n", ended.stderr
     assert file.stat().st_size >= 64
+
+
+STALLED = """
+import socket, sys
+import numpy as np, psutil, rerun as rr
+from onebot_bringup.serving.rerun_messages import SERVICE
+from onebot_bringup.viewer.display_server import WebPage, open_recording
+from tests.support import wait_for
+
+def read(page):
+    viewer = socket.create_connection(("127.0.0.1", page.port), 180)
+    viewer.sendall(
+        f"POST /{SERVICE}/ReadMessages HTTP/1.1\\r\\nHost: 127.0.0.1\\r\\nContent-Length: 5\\r\\n"
+        "Content-Type: application/grpc-web+proto\\r\\n\\r\\n\\0\\0\\0\\0\\0".encode()
+    )
+    assert viewer.recv(12) == b"HTTP/1.1 200"
+    return viewer
+
+def received(viewer, last):
+    data = b""
+    while last not in data:
+        data = data[-100:] + viewer.recv(1 << 20)
+        yield len(data)
+
+def log(entity, *contents):
+    picture = rr.EncodedImage(contents=b"".join(contents), media_type="image/jpeg")
+    recording.stream.log(entity, picture)
+
+recording = open_recording(0, memory_limit="1B")  # less than there is: Rerun warns of that
+page = WebPage(0, recording.uri, recording.server)
+wait_for(lambda: page.ready, "the page")
+slow, memory = read(page), psutil.Process().memory_info
+log("map", b"<QUIET-TOPIC>")
+before, noise = memory().rss, np.random.default_rng(0)
+for number in range(500):
+    log("camera", noise.bytes(1_000_000))
+    recording.stream.flush(timeout_sec=60.0)  # raises where Rerun waits for a viewer
+print((memory().rss - before) / 1e6)
+quick = read(page)
+log("camera", noise.bytes(1000), b"<NEWEST>")
+print(sum(received(quick, b"<NEWEST>")) / 1e6)
+whole = sum(received(slow, b"<QUIET-TOPIC>"))
+print((whole + sum(received(slow, b"<NEWEST>"))) / 1e6)
+page.stop()
+recording.close()
+"""
+
+
+def test_a_browser_that_does_not_read_costs_little_memory():
+    """It keeps neither the recording nor other viewers waiting, and then gets the newest of each.
+
+    Rerun logs by itself, in colours, that it waits, or has too little memory: not in our log.
+    """
+    ended = subprocess.run(
+        [sys.executable, "-c", STALLED],
+        capture_output=True,
+        text=True,
+        timeout=3 * PATIENCE,
+    )
+    assert (ended.returncode, ended.stderr) == (0, "")
+    grown, quick, slow = map(float, ended.stdout.split())
+    assert grown < 200.0, "MB, of 500 that were logged"
+    assert quick < 50.0 and slow < 200.0, "MB that each viewer got"
+
+
+DRAWING = """
+import sys, time
+from pathlib import Path
+import rerun as rr
+from onebot_bringup.viewer.display_server import open_recording
+from onebot_bringup.viewer.rendering import headless_viewer
+
+file = Path(sys.argv[1])
+recording = open_recording(save=file)
+recording.stream.log("text", rr.TextLog("shown"))
+recording.close()
+with headless_viewer(str(file)):
+    print("drawing", flush=True)
+    while len(sys.argv) > 2:
+        time.sleep(0.1)
+"""
+
+
+@pytest.mark.slow
+def test_temporary_folders_of_rerun_go_with_it(tmp_path, monkeypatch):
+    """By the end of the viewer; those of one that was killed, when the next one starts."""
+    require_renderer()
+    folder = tmp_path / "tmp"
+    folder.mkdir()
+    monkeypatch.setenv("TMPDIR", str(folder))
+    command = [sys.executable, "-c", DRAWING, tmp_path / "x.rrd"]
+
+    def made_by_rerun() -> set[Path]:
+        return set(folder.rglob("rerun-data-*"))
+
+    with (
+        subprocess.Popen([*command, "stay"], stdout=subprocess.PIPE) as killed,
+        subprocess.Popen([*command, "stay"], stdout=subprocess.PIPE) as running,
+    ):
+        for viewer in (killed, running):
+            assert viewer.stdout is not None and viewer.stdout.readline() == b"drawing\n"
+        both = made_by_rerun()
+        assert len(both) == 2
+        killed.kill()
+        killed.wait()
+        subprocess.run(command, timeout=PATIENCE, check=True)
+        assert len(made_by_rerun() & both) == 1, "of the viewer that still runs"
+        running.send_signal(signal.SIGINT)
+    assert list(folder.iterdir()) == []
 
 
 def test_a_port_in_use_is_replaced_by_a_free_one():

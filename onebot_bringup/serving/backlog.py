@@ -1,0 +1,84 @@
+"""The messages of a recording that wait for one viewer, which may read more slowly than they come.
+
+Rerun's server waits for its slowest viewer, and meanwhile keeps all that is logged, without bound.
+So the messages of each viewer are read at once, and wait here. Of those that have waited long, only
+the newest is kept about each subject: a slow viewer shows the robot as it is now.
+"""
+
+import asyncio
+from collections import deque
+from collections.abc import AsyncIterator, Hashable
+from contextlib import suppress
+
+import aiohttp
+
+from onebot_bringup.serving.rerun_messages import HEAD, length, subject
+
+LONGEST = 5.0  # seconds that every message is kept
+MOST = 1 << 26  # bytes of them
+
+
+class Backlog:
+    """A queue of messages from one task for another."""
+
+    def __init__(self) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._recent: deque[tuple[float, bytes]] = deque()  # with the time each came
+        self._recent_size = 0  # bytes
+        self._old: dict[Hashable, bytes] = {}  # by subject
+        self._came, self._room = asyncio.Event(), asyncio.Event()
+        self._ended = False
+        # A viewer that joins gets the past at once: it has this long to take it whole.
+        self._joining_until = self._loop.time() + LONGEST
+
+    async def put(self, message: bytes) -> None:
+        """Add a message; while the viewer takes the past, that may wait for room."""
+        joining = self._joining_until - self._loop.time()
+        if joining > 0.0 and self._recent_size + len(message) > MOST:
+            with suppress(asyncio.TimeoutError):
+                await asyncio.wait_for(self._room_for(len(message)), joining)
+        self._recent.append((self._loop.time(), message))
+        self._recent_size += len(message)
+        self._thin_out()
+        self._came.set()
+
+    def end(self) -> None:
+        """Nothing more comes."""
+        self._ended = True
+        self._came.set()
+
+    async def get(self) -> bytes:
+        """Return the next message, once there is one; nothing at the end."""
+        while not (self._old or self._recent or self._ended):
+            self._came.clear()
+            await self._came.wait()
+        if self._old:
+            return self._old.pop(next(iter(self._old)))
+        return self._pop_recent() if self._recent else b""
+
+    async def _room_for(self, size: int) -> None:
+        while self._recent and self._recent_size + size > MOST:
+            self._room.clear()
+            await self._room.wait()
+
+    def _pop_recent(self) -> bytes:
+        message = self._recent.popleft()[1]
+        self._recent_size -= len(message)
+        self._room.set()
+        return message
+
+    def _thin_out(self) -> None:
+        oldest = self._loop.time() - LONGEST
+        while self._recent and (self._recent_size > MOST or self._recent[0][0] < oldest):
+            message = self._pop_recent()
+            about = subject(message)
+            self._old.pop(about, None)
+            self._old[about] = message
+
+
+async def messages(stream: aiohttp.StreamReader) -> AsyncIterator[bytes]:
+    """Yield the messages of a response in gRPC-web, each with its head, until it ends."""
+    with suppress(asyncio.IncompleteReadError):
+        while True:
+            head = await stream.readexactly(HEAD)
+            yield head + await stream.readexactly(length(head))
