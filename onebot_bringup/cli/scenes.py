@@ -2,14 +2,12 @@
 
 import re
 import sys
-import time
 from argparse import Namespace
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
-from urllib.parse import unquote
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,10 +23,10 @@ from onebot_bringup.cli.snapshot import NAMESPACE, kind_of
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
 from onebot_bringup.viewer.displays.tf_display import TF
-from onebot_bringup.viewer.inbox import DESCRIPTION, OTHER_CLOCK_NS
+from onebot_bringup.viewer.inbox import DESCRIPTION
 from onebot_bringup.viewer.rendering import Framing, render
 from onebot_bringup.viewer.robot_view import RobotView
-from onebot_bringup.viewer.rrd import check_rrd, has_content
+from onebot_bringup.viewer.rrd import check_rrd, has_content, save_served
 from onebot_bringup.viewer.shown_robot import (
     ROBOT_DESCRIPTION,
     WORLD_DESCRIPTION,
@@ -44,13 +42,10 @@ from onebot_description.model import RobotModel
 from onebot_description.model.robot_model import JointArrays
 from onebot_description.node import LATCHED
 from onebot_description.wire.messages import (
-    BAD_MESSAGE,
     deserialize_message,
-    tf_arrays,
     time_message,
     transforms_message,
 )
-from onebot_description.wire.tf_message import TFMessage
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -66,36 +61,25 @@ def draw(args: Namespace, scene: Path) -> None:
             raise OneBotError(f"{source} holds nothing to draw")
         _render(args, source)
         return
-    viewer = None
+    page = 0
     recording = open_recording(save=scene)
     try:
         if kind == "running":
-            viewer = _record_running(args, recording.stream)
+            page = _record_running(args, recording.stream)
         elif kind == "bag":
             _record_bag(args, recording.stream)
         else:
             _record_description(args, recording.stream)
     finally:
         recording.close()
-    if viewer is None:
-        _render(args, scene)
-    else:
-        _render(args, viewer.server, viewer.stamp_ns)
+    if page:
+        save_served(page, scene)
+    _render(args, scene)
 
 
-def _render(args: Namespace, source: Path | str, not_before_ns: int = 0) -> None:
-    eye, target = args.camera or (None, None)
-    # A viewer at work goes on: only the time panel shows it.
-    framing = Framing(args.dashboard, eye, target, time_panel=isinstance(source, Path))
-    render(
-        source,
-        args.file,
-        args.width,
-        args.height,
-        framing=framing,
-        not_before_ns=not_before_ns,
-        progress=_progress,
-    )
+def _render(args: Namespace, source: Path) -> None:
+    framing = Framing(args.dashboard, *(args.camera or (None, None)))
+    render(source, args.file, args.width, args.height, framing=framing, progress=_progress)
 
 
 def _progress(message: str) -> None:
@@ -115,26 +99,29 @@ _MESSAGES = 1.0  # seconds for what is published seldom
 _LISTED = 5
 
 
-def _record_running(args: Namespace, recording: "rr.RecordingStream") -> "RunningViewer | None":
-    """Record the robots as they are now; or return a viewer, which has their trails as well."""
+def _record_running(args: Namespace, recording: "rr.RecordingStream") -> int:
+    """Record the robots as they are now; or return the port of a viewer's page, or 0.
+
+    The viewer has their trails as well.
+    """
     with Session(args.ros_args) as session:
         if args.dashboard:
-            viewer = running_viewer(session, _FRAMES)
-            if viewer is None:
+            page = page_port(session, _FRAMES)
+            if not page:
                 raise OneBotError(
                     f"no viewer's page on {session.full_name(_PAGE)}, and so no curves to draw; "
                     "start the robot with viewer:=web, or draw a recording (save:=FILE.rrd). "
                     "Without --dashboard, none is needed"
                 )
-            return viewer
+            return page
         names = running_robots(session, args.frame_prefix)
         robots = RunningRobots(session, args.view, recording, names)
         robots.await_descriptions()
-        viewer = None if args.view or args.frame_prefix else running_viewer(session)
-        if viewer is None:
+        page = 0 if args.view or args.frame_prefix else page_port(session)
+        if not page:
             for warning in robots.record():
                 _warn(warning)
-        return viewer
+        return page
 
 
 class RunningRobots:
@@ -364,46 +351,26 @@ def _record_bag(args: Namespace, recording: "rr.RecordingStream") -> None:
 
 _PAGE = "rerun_viewer/page"
 # On this host only: nothing else that a page may name is used.
-_SERVER = re.compile(r"rerun\+http://127\.0\.0\.1:\d{1,5}/proxy(?![\w/.])")
+_ADDRESS = re.compile(r"http://127\.0\.0\.1:(\d{1,5})/")
 
 
-def server_of(page: str) -> str:
-    """Return the address of the recording's server, read from a page's address; "" for none."""
-    match = _SERVER.search(unquote(page))
-    return match.group() if match else ""
+def port_of(address: str) -> int:
+    """Return the port in a page's address; 0 for none."""
+    match = _ADDRESS.match(address)
+    return int(match[1]) if match else 0
 
 
-class RunningViewer(NamedTuple):
-    """A viewer that is running."""
-
-    server: str  # the address of its recording
-    # The time of something that is in it, nanoseconds; 0 where nothing moves. What was before that
-    # is history, and has to arrive before a picture is taken.
-    stamp_ns: int
-
-
-def running_viewer(session: Session, patience: float = PATIENCE) -> RunningViewer | None:
-    """Return the running viewer; None for none with a page within ``patience`` seconds."""
-    pages: list[str] = []
-    stamps: list[int] = []
+def page_port(session: Session, patience: float = PATIENCE) -> int:
+    """Return the port of the running viewer's page; 0 for none within ``patience`` seconds."""
+    ports: list[int] = []
 
     def on_page(data: bytes) -> None:
         with suppress(ValueError):
-            pages.append(server_of(deserialize_message(data, String).data))
-
-    def on_tf(data: bytes) -> None:
-        with suppress(*BAD_MESSAGE):  # a bad message is no reason to give up
-            newest = int(tf_arrays(data).stamps_ns.max(initial=0))
-            if newest < time.time_ns() + OTHER_CLOCK_NS:  # the viewer shows no other
-                stamps.append(newest)
+            ports.append(port_of(deserialize_message(data, String).data))
 
     topic = session.full_name(_PAGE)
     session.node.create_subscription(String, topic, on_page, LATCHED, raw=True)
-    session.node.create_subscription(TFMessage, "/tf", on_tf, 100, raw=True)
     session.discover()
     if session.node.count_publishers(topic):
-        session.spin(lambda: pages and pages[-1], patience)
-    if not pages or not pages[-1]:
-        return None
-    session.spin(lambda: stamps, PATIENCE)
-    return RunningViewer(pages[-1], max(stamps, default=0))
+        session.spin(lambda: ports and ports[-1], patience)
+    return ports[-1] if ports else 0

@@ -62,7 +62,6 @@ class Framing:
     dashboard: bool = True  # the whole layout with its plots; False: the robot alone
     eye: Triple | None = None  # eye, m in the fixed frame; None: as in the layout
     target: Triple | None = None  # point in the middle of the picture
-    time_panel: bool = True  # the dashboard's, in which a growing recording is never still
 
     @property
     def as_it_is(self) -> bool:
@@ -76,13 +75,12 @@ class Framing:
 
 
 def render(
-    source: Path | str,
+    source: Path,
     png: Path,
     width: int = 1280,
     height: int = 720,
     *,
     framing: Framing | None = None,
-    not_before_ns: int = 0,
     progress: Progress = print,
 ) -> None:
     """Draw a recording at its end into ``png``, with the layout saved in it.
@@ -90,27 +88,24 @@ def render(
     The picture is there as a whole or not at all: one of that name is replaced at the end.
 
     Args:
-        source: the recording's file, or the address of a server of one.
+        source: the recording's file.
         png: the picture to write.
         width: pixels.
         height: pixels.
         framing: what is in the picture; None for the whole layout as it is.
-        not_before_ns: a time that the recording has to reach first, nanoseconds: a server sends
-            what was before its viewers came, the oldest first.
         progress: called with what it waits for, when that takes over two seconds.
 
     Raises:
         OneBotError: there is no such recording, nothing to draw with, or nothing in 3D.
     """
-    if isinstance(source, Path) and not source.is_file():
+    if not source.is_file():
         raise OneBotError(f"there is no recording {source}")
     framing = framing or Framing()
     around = (0, _TITLE_BAR) if framing.dashboard else _AROUND
     window = width + around[0], height + around[1]
     # Absolute: a name that begins with a dash would be an option.
-    address = str(source.absolute()) if isinstance(source, Path) else source
-    with headless_viewer(address, *window, progress) as client:
-        freeze(client, not_before_ns, progress)
+    with headless_viewer(str(source.absolute()), *window, progress) as client:
+        freeze(client)
         view = _frame(client, framing)
         shot = Image.open(io.BytesIO(still(client, progress, view)))
     # The title bar's height is in logical points, one pixel each without a display.
@@ -176,11 +171,10 @@ def _wait(done: Callable[[], T], progress: Progress, what: Callable[[], str]) ->
 
 LayoutValues = Mapping[str, Any]
 
-_TIME = "/time_panel"
 _PANELS = {
     "/blueprint_panel": "PanelBlueprint",
     "/selection_panel": "PanelBlueprint",
-    _TIME: "TimePanelBlueprint",
+    "/time_panel": "TimePanelBlueprint",
     "/top_panel": "PanelBlueprint",
 }
 
@@ -204,7 +198,7 @@ def framed(layout: LayoutValues, view: str, framing: Framing) -> dict[str, Any]:
     """Return the viewer's ``layout`` as ``framing`` wants it; ``view`` is the robot's, by id."""
     changed = copy.deepcopy(dict(layout))
     for path, archetype in _PANELS.items():
-        if not framing.dashboard or (path == _TIME and not framing.time_panel):
+        if not framing.dashboard:
             _entry(changed, path, archetype)["state"] = "Hidden"
     if not framing.dashboard:
         _entry(changed, "/viewport", "ViewportBlueprint")["maximized"] = view
@@ -283,24 +277,12 @@ def is_complete(state: ViewerState) -> bool:
     return _is_loaded(state) and not _reports(state)
 
 
-def freeze(client: ViewerClient, not_before_ns: int = 0, progress: Progress = print) -> None:
-    """Stop at the end of what is there now, whatever comes in or plays on.
-
-    Args:
-        client: the viewer's.
-        not_before_ns: wait until there is something of that time, nanoseconds on the timeline.
-        progress: called with what it waits for, when that takes over two seconds.
-    """
-
-    def is_reached() -> bool:
-        timeline = _timeline(client)
-        if timeline is None:
-            return True
+def freeze(client: ViewerClient) -> None:
+    """Stop at the end of what is there now, whatever comes in or plays on."""
+    timeline = _timeline(client)
+    if timeline is not None:
         name, end, kind = timeline
         client.set_time(name, play_state="paused", **_moment(kind, end))
-        return end >= not_before_ns
-
-    _wait(is_reached, progress, lambda: "the history comes in")
 
 
 def _timeline(client: ViewerClient) -> tuple[str, int, str] | None:

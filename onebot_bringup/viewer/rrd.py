@@ -1,12 +1,27 @@
-"""Rerun's recordings as files (.rrd), checked."""
+"""Rerun's recordings as files (.rrd): checked, and written of what a viewer's page serves."""
 
+import http.client
+import time
 import warnings
+from collections.abc import Hashable, Iterator
 from pathlib import Path
 
+from onebot_bringup.serving.ports import LOOPBACK
+from onebot_bringup.serving.rerun_messages import (
+    GRPC_WEB,
+    HEAD,
+    REQUEST,
+    SERVICE,
+    content,
+    length,
+    logged_ns,
+    subject,
+)
 from onebot_description.errors import OneBotError
 from onebot_description.parameters.bounded_yaml import open_regular
 
 _STARTS = (b"RRF", b"RRIO")  # any version of Rerun writes one of them
+_FILE_HEAD = 12  # bytes: what it is, its version and options
 _NOTHING = 200  # bytes of a file in which no message is whole
 _PROPERTIES = "/__properties"  # the recording's name and start
 
@@ -51,3 +66,68 @@ def has_content(rrd: Path) -> bool | None:
             )
     except (RuntimeError, ValueError, OSError):
         return None
+
+
+# --- what a page serves ---------------------------------------------------------------------------
+
+_QUIET = 2.0  # seconds without a message, after which nothing moves
+_PATIENCE = 8.0  # seconds
+_LARGE = 1 << 14  # bytes: pictures, clouds and maps, of which only the newest is drawn
+
+
+def save_served(port: int, rrd: Path) -> None:
+    """Write the recording that a page serves, as it is now, into a file.
+
+    Args:
+        port: the page's, on 127.0.0.1.
+        rrd: the file.
+
+    Raises:
+        OneBotError: the page does not respond.
+    """
+    messages: dict[Hashable, bytes] = {}
+    try:
+        for message in _served(port):
+            about = subject(message) if len(message) > _LARGE else object()
+            messages.pop(about, None)
+            messages[about] = message
+    except (OSError, http.client.HTTPException) as error:
+        raise OneBotError(f"the viewer's page at port {port} does not respond: {error}") from error
+    with rrd.open("wb") as file:
+        file.write(_file_head())
+        for message in messages.values():
+            kind, data = content(message)
+            file.write(kind.to_bytes(8, "little") + len(data).to_bytes(8, "little") + data)
+
+
+def _served(port: int) -> Iterator[bytes]:
+    """Yield the messages of a page, until one of now has come, or none comes."""
+    now_ns, deadline = time.time_ns(), time.monotonic() + _PATIENCE
+    connection = http.client.HTTPConnection(LOOPBACK, port, timeout=_PATIENCE)
+    try:
+        headers = {"Content-Type": GRPC_WEB}
+        connection.request("POST", f"/{SERVICE}/ReadMessages", REQUEST, headers)
+        response = connection.getresponse()
+        if response.status != http.HTTPStatus.OK:
+            raise http.client.HTTPException(f"{response.status} {response.reason}")
+        connection.sock.settimeout(_QUIET)
+        while time.monotonic() < deadline:
+            head = response.read(HEAD)
+            message = head + response.read(length(head))
+            if len(message) <= HEAD or head[0]:
+                return  # the server has ended
+            yield message
+            if logged_ns(message) > now_ns:
+                return
+    except TimeoutError:
+        pass
+    finally:
+        connection.close()
+
+
+def _file_head() -> bytes:
+    """Return what Rerun's files of this version begin with."""
+    import rerun as rr  # slower to import
+
+    stream = rr.RecordingStream("onebot_head")
+    return bytes(stream.memory_recording().drain_as_bytes())[:_FILE_HEAD]

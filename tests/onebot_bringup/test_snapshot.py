@@ -1,29 +1,28 @@
 """``onebot snapshot``: its command line, the pose it draws, and how the picture is framed."""
 
-import itertools
 import os
 import subprocess
 import sys
+import threading
+import warnings
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 import rerun as rr
-from builtin_interfaces.msg import Time
-from geometry_msgs.msg import TransformStamped
-from std_msgs.msg import Header, String
+import rerun.chunk
 
-from onebot_bringup.cli.scenes import _record_description, running_viewer, server_of
-from onebot_bringup.cli.session import Session
+from onebot_bringup.cli.scenes import _record_description, port_of
 from onebot_bringup.cli.snapshot import check_picture, parse_camera, parse_command_line, run
 from onebot_bringup.launch.arguments import UsageError
-from onebot_bringup.viewer.display_server import open_recording
+from onebot_bringup.serving.ports import free_port
+from onebot_bringup.viewer.display_server import WebPage, open_recording
 from onebot_bringup.viewer.rendering import Framing, framed, robot_view_id
-from onebot_bringup.viewer.rrd import has_content
+from onebot_bringup.viewer.rrd import has_content, save_served
 from onebot_description.description import load_description
 from onebot_description.errors import OneBotError
-from onebot_description.wire.tf_message import TFMessage
-from tests.ros_support import LATCHED, Peer
-from tests.support import PATIENCE
+from tests.support import PATIENCE, wait_for
 
 
 def test_cameras():
@@ -140,7 +139,6 @@ def test_a_camera_of_ones_own_follows_nothing(before, framing, after):
     ("framing", "as_it_is", "of_robot"),
     [
         (Framing(), True, False),
-        (Framing(time_panel=False), False, False),
         (Framing(dashboard=False), False, True),
         (Framing(eye=(0.0, 0.0, 0.0)), False, True),
         (Framing(target=(0.0, 0.0, 0.0)), False, True),
@@ -163,14 +161,13 @@ def test_the_view_of_the_robot_is_found():
         robot_view_id({"a": ("TimeSeries", "Robot")})
 
 
-def test_only_servers_on_this_host_are_asked():
-    """The page's address names the recording's server; nothing but loopback is taken from it."""
+def test_only_pages_on_this_host_are_asked():
+    """Of a page's address, nothing but a port of loopback is used."""
     page = "http://127.0.0.1:9090/?url=rerun%2Bhttp://127.0.0.1:9876/proxy&hide_welcome_screen"
-    assert server_of(page) == "rerun+http://127.0.0.1:9876/proxy"
-    assert server_of(page.replace("%2B", "+")) == "rerun+http://127.0.0.1:9876/proxy"
-    for other in ("", page.replace("127.0.0.1:9876", "10.0.0.1:9876"), page.replace("/proxy", "")):
-        assert server_of(other) == ""
-    assert server_of(page.replace("9876/proxy", "9876@evil/proxy")) == ""
+    assert port_of(page) == 9090
+    for other in ("127.0.0.1:9090@evil", "10.0.0.1:9090", "127.0.0.1", "127.0.0.1.evil:9090"):
+        assert port_of(page.replace("127.0.0.1:9090", other)) == 0
+    assert port_of("") == 0
 
 
 def test_rerun_does_not_warn_of_a_recording_of_ours(tmp_path):
@@ -233,16 +230,56 @@ def test_a_missing_mesh_is_one_warning(tmp_path, capsys):
     assert f"{tmp_path / 'no.stl'}: no such file" in missing
 
 
-def test_a_stamp_in_the_future_is_not_waited_for(ros_domain):
-    """The picture would be of then; the viewer shows such a transform when it came."""
-    address = "http://127.0.0.1:9090/?url=rerun%2Bhttp://127.0.0.1:9876/proxy"
-    with Peer(ros_domain) as peer:
-        peer.node.create_publisher(String, "rerun_viewer/page", LATCHED).publish(
-            String(data=address)
-        )
-        publisher = peer.node.create_publisher(TFMessage, "/tf", 100)
-        transforms = [TransformStamped(header=Header(stamp=Time(sec=s))) for s in (2**31 - 1, 100)]
-        messages = itertools.cycle([TFMessage(transforms=[edge]) for edge in transforms])
-        peer.node.create_timer(0.02, lambda: publisher.publish(next(messages)))
-        with Session() as session:
-            assert running_viewer(session).stamp_ns == 100 * 10**9
+@pytest.mark.parametrize("moves", [True, False])
+def test_a_page_s_recording_as_a_file(tmp_path, moves):
+    """What is served now, whether more comes or not: of pictures the newest, of curves all."""
+    file, ended = tmp_path / "served.rrd", threading.Event()
+    recording = open_recording(0)
+    page = WebPage(0, recording.uri, recording.server)
+
+    def log_on() -> None:
+        while moves and not ended.wait(0.02):
+            recording.stream.log("later", rr.TextLog("more"))
+
+    pictures = [os.urandom(100_000) for _ in range(20)]
+    logging = threading.Thread(target=log_on)
+    try:
+        wait_for(lambda: page.ready, "the page")
+        recording.stream.log("robot", rr.TextDocument("model"), static=True)
+        for number, picture in enumerate(pictures):
+            recording.stream.log(
+                "camera", rr.EncodedImage(contents=picture, media_type="image/png")
+            )
+            recording.stream.log("speed", rr.Scalars(number))
+            recording.stream.flush()
+        logging.start()
+        save_served(page.port, file)
+    finally:
+        ended.set()
+        logging.join()
+        page.stop()
+        recording.close()
+    rows = list(stored(file))
+    assert [data for entity, data in rows if entity == "/robot"] == ["model"]
+    assert [data for entity, data in rows if entity == "/speed"] == list(map(float, range(20)))
+    assert [bytes(data) for entity, data in rows if entity == "/camera"] == pictures[-1:]
+    assert ("/later" in dict(rows)) == moves
+
+
+def stored(rrd: Path) -> Iterator[tuple[str, Any]]:
+    """Yield the entity and the first component of each row of a file."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # it has no table of contents
+        chunks = list(rerun.chunk.RrdReader(str(rrd)).stream())
+    for chunk in chunks:
+        batch = chunk.to_record_batch()
+        [name, *_] = [name for name in batch.schema.names if ":" in name]
+        for row in batch.column(name).to_pylist():
+            yield str(chunk.entity_path), row[0]
+
+
+def test_a_page_that_does_not_respond_is_a_clear_error(tmp_path):
+    """It names the page."""
+    port = free_port(0)
+    with pytest.raises(OneBotError, match=f"the viewer's page at port {port} does not respond"):
+        save_served(port, tmp_path / "x.rrd")
