@@ -69,9 +69,10 @@ def text_of(element: Element, *tags: str) -> str:
     return next((text for text in found if text and text not in _PLACEHOLDERS), "")
 
 
-def _word(name: str) -> str:
-    """Return a name as a part of a topic."""
-    return re.sub(r"\W", "_", name.strip())
+def word_of(name: str) -> str:
+    """Return a name as a part of a topic, which no digit may begin."""
+    word = re.sub(r"\W", "_", name.strip(), flags=re.ASCII)
+    return f"sensor_{word}" if word[:1].isdigit() else word
 
 
 def _joined(*names: str) -> str:
@@ -94,7 +95,7 @@ class Outputs:
 
     def __init__(self, sensor: Element, kind: str, plugin: Element | None = None) -> None:
         self.plugin, self._kind, self.unknown_type = plugin, kind, ""
-        self._name = _word(sensor.get("name", ""))
+        self._name = word_of(sensor.get("name", ""))
         self._topic = text_of(sensor, "topic").strip("/")
         self._info = text_of(sensor, "camera_info_topic").strip("/")
         self._file = "" if plugin is None else plugin.get("filename", "")
@@ -119,7 +120,7 @@ class Outputs:
             self._of_rays = OUTPUT_TYPES.get(asked.rpartition("/")[2], "")
             self.unknown_type = "" if self._of_rays else asked
         self._space = text_of(plugin, "namespace", "robotNamespace").strip("/")
-        self._node = _joined(self._space, _word(plugin.get("name", "")))
+        self._node = _joined(self._space, word_of(plugin.get("name", "")))
         self.idle = [*_remappings(plugin)]
         if self._kind in (LIDAR, IMU):
             self._read_topic(plugin)
@@ -178,34 +179,33 @@ class Outputs:
             return asked or (made[:1] if self._named else made)
         return (_OUTPUTS_OF_PLUGINS if self._named else _OUTPUTS)[self._kind]
 
-    def topics(self, outputs: tuple[str, ...], *, alone: bool) -> dict[str, str]:
+    def topics(self, outputs: tuple[str, ...], below: str = "") -> dict[str, str]:
         """Return the topic of each output, as written.
 
-        ``alone``: no other sensor has the same ``defaults``.
+        Those without a name are ``below`` this; it is empty if no other has the same ``defaults``.
         """
-        names = self._named or self._as_in_gz_sim(outputs, alone)
+        names = self._named or self._as_in_gz_sim(outputs, below)
         if self._info:
             names = names | {"camera_info": self._info}
         return {output: names[output] for output in outputs}
 
     def defaults(self, rows: int) -> set[str]:
         """Return the topics that it takes if no other has them; cameras share a CameraInfo."""
-        topics = {} if self.given else self.topics(self.made(rows), alone=True)
+        topics = {} if self.given else self.topics(self.made(rows))
         return {topic for output, topic in topics.items() if output != "camera_info"}
 
-    def _as_in_gz_sim(self, outputs: tuple[str, ...], alone: bool) -> dict[str, str]:
+    def _as_in_gz_sim(self, outputs: tuple[str, ...], below: str) -> dict[str, str]:
         """Return topics by the <topic> of the <sensor>; those without are ours."""
-        topic, word = self._topic, self._name
-        base = "camera" if alone else word
+        topic, base = self._topic, below or "camera"
         names = {output: f"{base}/{names[0]}" for output, names in _CAMERA_TOPICS.items()}
         if self._kind in (LIDAR, IMU):
             main = outputs[0]
-            own = topic or ("" if alone else f"{word}/") + main.replace("point_cloud", "points")
+            own = topic or _joined(below, main.replace("point_cloud", "points"))
             names = dict.fromkeys(outputs, own)
             if topic or main == "scan":
                 names["points"] = f"{own}/points"
             elif "scan" in outputs:
-                names["scan"] = f"{word}/scan"
+                names["scan"] = f"{below or self._name}/scan"
         elif topic and self._kind == RGBD:
             names = {output: f"{topic}/{output}" for output in outputs}
             names["depth"] = f"{topic}/depth_image"

@@ -38,6 +38,7 @@ from onebot_description.description.sensor_outputs import (
     is_false,
     publishing,
     text_of,
+    word_of,
 )
 from onebot_description.errors import did_you_mean
 from onebot_description.parameters.values import Rule, ValueType
@@ -239,15 +240,25 @@ class _Block:
             text += f" publishes nothing; write one of: {types}"
             self._findings.warning(outputs.plugin or self._element, text)
             return {}
-        defaults, rays = outputs.defaults(self._rays()[0]), self._rays()
-        rivals = sum(block.rivals(defaults, rays) for block in blocks)
-        written = outputs.topics(made, alone=rivals < 2)
+        written = outputs.topics(made, self._above(outputs, blocks))
         topics = {output: self._checked(topic) for output, topic in written.items()}
         names = [topics[output].lstrip("/") for output in made if output != "depth_camera_info"]
         twice = next((name for name in names if names.count(name) > 1), "")
         if twice and not self.wrong:
             self.problem(f'publishes two things on "{twice}"; give each a topic of its own')
         return topics
+
+    def _above(self, outputs: Outputs, blocks: Iterable["_Block"]) -> str:
+        """Return what is before topics that others would have, too; "" if there are no others."""
+        defaults, rays = outputs.defaults(self._rays()[0]), self._rays()
+        rivals = [(block, block.rivals(defaults, rays)) for block in blocks]
+        if sum(count for _, count in rivals) < 2:
+            return ""
+        name = word_of(self.name)
+        twin = any(
+            count and block.name == self.name and block is not self for block, count in rivals
+        )
+        return f"{word_of(self._link)}/{name}" if twin else name
 
     def rivals(self, defaults: Collection[str], rays: tuple[int, int]) -> int:
         """Return how many of its plugins have some of these ``defaults``, too.
@@ -330,8 +341,7 @@ class _Block:
             names = " and ".join(
                 f"<{tag}>" for tag in (*lows, *highs) if plugin.find(tag) is not None
             )
-            verb = "leave" if " and " in names else "leaves"
-            text = f"{names} {verb} nothing of {least:g} to {greatest:g} m, which is measured"
+            text = f"{names} leave nothing of {least:g} to {greatest:g} m, which is measured"
             self.problem(f"{text}; change them", plugin)
         return limits
 

@@ -201,6 +201,32 @@ def test_pictures_are_not_shared():
     assert "x/camera_info" in read(camera(name="a", plugin=child(topic="x/y")), info).problems[0]
 
 
+def test_sensors_of_one_name_on_two_links_have_the_link_in_their_topics():
+    """As gz sim has it; a macro that is used twice gives them one name."""
+    links = (
+        '<link name="b"/><joint name="j" type="fixed"><parent link="a"/><child link="b"/></joint>'
+    )
+    for first, second, named in (
+        (rays(), rays(), "s/scan"),
+        (rays(rows=4), rays(rows=4), "s/points"),
+        (camera(), camera(kind="rgbd_camera"), "s/image_raw"),
+    ):
+        found = read(first, second.replace('reference="a"', 'reference="b"'), links)
+        assert found.problems == ()
+        names = [next(iter(sensor.topics.values())) for sensor in found.sensors]
+        assert names == [f"a/{named}", f"b/{named}"]
+    assert "give it a <topic>" in read(rays(), rays()).problems[0]  # two on one link
+
+
+def test_a_sensor_s_name_becomes_a_part_of_a_topic():
+    found = read(block("2d lidar"), block("Lidar é"))
+    assert found.problems == ()
+    assert [each.topics["scan"] for each in found.sensors] == [
+        "sensor_2d_lidar/scan",
+        "Lidar__/scan",
+    ]
+
+
 @pytest.mark.parametrize("inside", ["", child(topic="__default_topic__")])
 def test_cameras_of_different_types_without_topics_are_named_by_themselves(inside):
     """Those whose outputs differ share a name: a colour camera and a depth camera."""
