@@ -115,11 +115,9 @@ def _record_running(args: Namespace, recording: "rr.RecordingStream") -> int:
                 )
             return page
         names = running_robots(session, args.frame_prefix)
-        robots = RunningRobots(session, args.view, recording, names)
-        robots.await_descriptions()
         page = 0 if args.view or args.frame_prefix else page_port(session)
         if not page:
-            for warning in robots.record():
+            for warning in RunningRobots(session, args.view, recording, names).record():
                 _warn(warning)
         return page
 

@@ -8,6 +8,7 @@ SERVICE = "rerun.sdk_comms.v1alpha1.MessageProxyService"
 GRPC_WEB = "application/grpc-web+proto"
 REQUEST = bytes(5)  # a message without fields asks for all that is recorded
 HEAD = 5  # bytes before each message: flags, then its length
+LAYOUT = 3  # the kind of a message that shows a layout, which has come before it
 
 _ARROW_MSG = 2  # the kind of messages with data
 # Numbers of fields.

@@ -10,6 +10,7 @@ from onebot_bringup.serving.ports import LOOPBACK
 from onebot_bringup.serving.rerun_messages import (
     GRPC_WEB,
     HEAD,
+    LAYOUT,
     REQUEST,
     SERVICE,
     content,
@@ -70,8 +71,8 @@ def has_content(rrd: Path) -> bool | None:
 
 # --- what a page serves ---------------------------------------------------------------------------
 
-_QUIET = 2.0  # seconds without a message, after which nothing moves
-_PATIENCE = 8.0  # seconds
+_QUIET = 5.0  # seconds without a message, after which nothing moves
+_PATIENCE = 60.0  # seconds
 _LARGE = 1 << 14  # bytes: pictures, clouds and maps, of which only the newest is drawn
 
 
@@ -91,7 +92,7 @@ def save_served(port: int, rrd: Path) -> None:
             about = subject(message) if len(message) > _LARGE else object()
             messages.pop(about, None)
             messages[about] = message
-    except (OSError, http.client.HTTPException) as error:
+    except (OSError, ValueError, http.client.HTTPException) as error:
         raise OneBotError(f"the viewer's page at port {port} does not respond: {error}") from error
     with rrd.open("wb") as file:
         file.write(_file_head())
@@ -101,8 +102,9 @@ def save_served(port: int, rrd: Path) -> None:
 
 
 def _served(port: int) -> Iterator[bytes]:
-    """Yield the messages of a page, until one of now has come, or none comes."""
+    """Yield the messages of a page, until a layout and data of now have come, or nothing comes."""
     now_ns, deadline = time.time_ns(), time.monotonic() + _PATIENCE
+    laid_out = False
     connection = http.client.HTTPConnection(LOOPBACK, port, timeout=_PATIENCE)
     try:
         headers = {"Content-Type": GRPC_WEB}
@@ -117,7 +119,8 @@ def _served(port: int) -> Iterator[bytes]:
             if len(message) <= HEAD or head[0]:
                 return  # the server has ended
             yield message
-            if logged_ns(message) > now_ns:
+            laid_out = laid_out or content(message)[0] == LAYOUT
+            if laid_out and logged_ns(message) > now_ns:
                 return
     except TimeoutError:
         pass
