@@ -31,6 +31,8 @@ EXECUTABLES = {
     "onebot_bringup/onebot": (["--help"], 0, "usage: onebot"),
     "mrm_description/mrm_bringup": (["--show-args"], 0, "joint_states:=true"),
 }
+# All of the fast tests take minutes.
+SOME_TESTS = "test_mrm_model or test_wheels or test_message_text or test_robot_model"
 # The package of ROS, as colcon builds it from source. The wheels lack what its generators want:
 # three CMake modules that change nothing here, and a folder of the machine that built them.
 _ABSENT = ("ament_cmake_ros", "python_cmake_module", "PythonExtra")
@@ -87,8 +89,8 @@ def test_workspace_builds_and_runs(tmp_path, options):
     source = tmp_path / "src/onebot"
     source.mkdir(parents=True)
     ignore = shutil.ignore_patterns("__pycache__", "*.so")
-    for package in PACKAGES:
-        shutil.copytree(CHECKOUT / package, source / package, ignore=ignore)
+    for folder in (*PACKAGES, "tests"):
+        shutil.copytree(CHECKOUT / folder, source / folder, ignore=ignore)
     shutil.copy(CHECKOUT / "pyproject.toml", source)
     built = _build(tmp_path, *options)
     assert built.returncode == 0, built.stdout + built.stderr
@@ -109,6 +111,7 @@ def test_workspace_builds_and_runs(tmp_path, options):
     assert re.search(r"^ok       dependencies: 1\d as required$", report, re.MULTILINE), report
     _check_executables(tmp_path, sourced, ["onebot_bringup/onebot"] if options else EXECUTABLES)
     _check_launch_files(tmp_path)
+    _check_tests(tmp_path, ["mrm_description"] if options else PACKAGES)
 
 
 def test_tf2_msgs_of_a_sourced_ros_is_used(tmp_path, ros_domain):
@@ -141,11 +144,16 @@ def test_tf2_msgs_of_a_sourced_ros_is_used(tmp_path, ros_domain):
 
 
 def _build(workspace: Path, *options: str) -> subprocess.CompletedProcess[str]:
+    return _colcon(workspace, "build", *options)
+
+
+def _colcon(workspace: Path, *words: str) -> subprocess.CompletedProcess[str]:
     environment = dict(os.environ)
     # colcon comes with the extra "test"; this environment need not be activated.
     environment["PATH"] = os.pathsep.join([f"{sys.prefix}/bin", environment["PATH"]])
     environment["AMENT_PREFIX_PATH"] = environment["CMAKE_PREFIX_PATH"] = sys.prefix
-    return _run(environment, workspace, f"{sys.prefix}/bin/colcon", "build", *options)
+    environment["PYTEST_ADDOPTS"] = f"-n 0 -k '{SOME_TESTS}'"
+    return _run(environment, workspace, f"{sys.prefix}/bin/colcon", *words)
 
 
 def _run(
@@ -184,3 +192,19 @@ def _check_launch_files(workspace: Path) -> None:
         package = file.parents[1].name
         (there,) = (workspace / "install" / package / "share" / package).rglob(file.name)
         assert there.read_text() == file.read_text()
+
+
+def _check_tests(workspace: Path, packages: Iterable[str]) -> None:
+    """``colcon test`` runs those of each package on what is installed: an edit there fails them."""
+    assert _colcon(workspace, "test", "--packages-select", *packages).returncode == 0
+    good = _colcon(workspace, "test-result", "--all").stdout
+    for package in packages:
+        counts = rf"build/{package}/test_results/{package}/pytest.xml: (\d+) tests, 0 .*, 0 .*, 0 "
+        assert int(re.findall(counts, good)[0]) > 1, good
+    xacro = workspace / "install/mrm_description/share/mrm_description/urdf/mrm.xacro"
+    before, after = (f'name="base_side" value="{side}"' for side in ("1.0", "2.0"))
+    xacro.write_text(xacro.read_text().replace(before, after))
+    assert _colcon(workspace, "test", "--packages-select", "mrm_description").returncode == 0
+    bad = _colcon(workspace, "test-result", "--all")
+    assert bad.returncode == 1
+    assert re.search(r"mrm_description/pytest.xml: .* [1-9]\d* failure", bad.stdout), bad.stdout

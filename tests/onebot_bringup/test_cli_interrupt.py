@@ -7,6 +7,9 @@ import time
 
 import pytest
 
+from onebot_description.description.packages import package_share
+
+MRM = str(package_share("mrm_description") / "urdf/mrm.xacro")
 COMMANDS = {
     "onebot": "onebot_bringup.cli.main",
     "onebot_bringup": "onebot_bringup.launch.onebot_bringup",
@@ -92,7 +95,7 @@ def test_a_mistake_is_reported_before_anything_slow_is_imported(tmp_path):
     ("program", "words", "codes"),
     [
         ("onebot", ["topic", "list"], (0,)),
-        ("onebot", ["check", "mrm_description/urdf/mrm.xacro"], (0, 130, -2)),
+        ("onebot", ["check", MRM], (0, 130, -2)),
         ("mrm_bringup", ["viewer:=none"], (0,)),
     ],
 )

@@ -16,6 +16,7 @@ from onebot_bringup.viewer.displays.joint_limits import (
 from onebot_bringup.viewer.shown_robot import RobotToShow
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.description import load_description, parse_description
+from onebot_description.description.packages import package_share
 from tests.onebot_bringup.drive_support import column
 from tests.onebot_bringup.viewer_support import (
     ARM,
@@ -42,12 +43,12 @@ def _joint(body: str, kind="revolute"):
 
 def test_ranges_are_those_of_the_urdf():
     """MRM's joint: its limits, axis and place; OneBot's wheels have none."""
-    [joint] = limited_joints(load_description("mrm_description/urdf/mrm.xacro"))
+    [joint] = limited_joints(load_description(package_share("mrm_description") / "urdf/mrm.xacro"))
     assert (joint.name, joint.kind) == ("base_link__link_01", "revolute")
     assert (joint.parent, joint.child) == ("base_link", "link1")
     assert (joint.lower, joint.upper) == (-3.14, 3.14)
     assert joint.origin.xyz == (0.0, 0.0, 0.5) and joint.axis == (0.0, 0.0, 1.0)
-    onebot = load_description("onebot_description/urdf/onebot.urdf.xacro")
+    onebot = load_description(package_share("onebot_description") / "urdf/onebot.urdf.xacro")
     assert limited_joints(onebot) == ()
 
 

@@ -19,6 +19,8 @@ from packaging.utils import parse_wheel_filename
 from onebot_description.wire import build_library
 from onebot_description.wire.build_library import BuildError
 
+pytestmark = pytest.mark.checkout
+
 CHECKOUT = Path(__file__).parents[2]
 FOLDER = "onebot_description/wire"
 HAS_ZIG = importlib.util.find_spec("ziglang") is not None

@@ -68,6 +68,7 @@ def test_every_file_is_watched():
     assert names >= {"wheel.urdf.xacro", "caster.urdf.xacro", "materials.urdf.xacro"}
 
 
+@pytest.mark.checkout  # whose meshes have paths, not package:// addresses
 @READ
 def test_yourdfpy_reads_the_robot(combination):
     description = _load(*combination)
@@ -86,6 +87,7 @@ def world():
     pybullet.disconnect(client)
 
 
+@pytest.mark.checkout
 @READ
 def test_pybullet_reads_the_robot(combination, tmp_path, world):
     description = _load(*combination)
@@ -145,6 +147,7 @@ def test_rerun_shows_the_robot_without_complaint(combination):
             assert load_shape(visual.shape).colored
 
 
+@pytest.mark.checkout
 def test_primitives_have_the_size_of_the_meshes():
     meshes, primitives = _sizes(_load("true")), _sizes(_load("false"))
     assert meshes.keys() == primitives.keys() == set(LINKS)

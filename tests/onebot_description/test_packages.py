@@ -32,6 +32,7 @@ def test_packages_are_found_with_no_variable_set(monkeypatch):
     assert package_share("geometry_msgs") == Path(sys.prefix) / "share/geometry_msgs"
 
 
+@pytest.mark.checkout
 def test_a_checkout_is_found_ahead_of_its_installed_copy(monkeypatch):
     monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
     checkout = Path(__file__).parents[2]
@@ -100,6 +101,7 @@ def test_a_relative_path_needs_a_folder() -> None:
         resolve("a.stl", None)
 
 
+@pytest.mark.checkout
 @pytest.mark.parametrize("home", ["/dev/null", "/proc", None])
 def test_without_a_home_that_can_be_written(monkeypatch, tmp_path, home):
     """The folder for temporary files takes its place, unless somebody else has made it."""
@@ -252,6 +254,7 @@ def test_an_installed_package_keeps_its_uri_and_others_become_files(tmp_path, mo
     assert {uri: resources.locate(uri).uri for uri in uris} == uris
 
 
+@pytest.mark.checkout
 def test_a_package_on_the_search_path_and_in_the_index_is_installed(monkeypatch):
     checkout = Path(__file__).parents[2]
     monkeypatch.setenv("ROS_PACKAGE_PATH", str(checkout))
