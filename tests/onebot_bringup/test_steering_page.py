@@ -87,8 +87,8 @@ def test_a_slow_way_to_the_server_stops_the_robot(shared):
         robot.reach(0.3)
         count = len(robot.moving)
         way.delay = 0.8
-        wait_for(lambda: page.state["late"], "word of it")
-        assert page.state["you"] and not other.state["late"]
+        wait_for(lambda: page.state["late"] and page.state["you"], "word of it")
+        assert not other.state["late"]
         wait_for(lambda: "no message from the page that drives" in node.output, "a warning")
         robot.come_to_rest()
         received = page.state["received"]

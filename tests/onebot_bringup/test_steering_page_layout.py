@@ -156,6 +156,11 @@ def test_the_view_is_the_largest_part(page: Page, screen: tuple[int, int]) -> No
             width, height = page.driver.execute_script(PICTURE)
             assert width >= 320 and height == pytest.approx(0.75 * width, abs=1.0)
     page.find("[name=parameters]").click()
+    if page.find("#camera").is_displayed():
+        wide = page.find("iframe").rect["width"]
+        page.find("#camera summary").click()
+        assert page.find("iframe").rect["width"] > wide + 250, "a folded camera leaves its room"
+        page.find("#camera summary").click()
 
 
 def test_goal_poses_keep_their_fields_beside_a_panel(page: Page) -> None:

@@ -209,6 +209,8 @@ def test_only_what_ends_the_data_loads_the_view_again(ros_domain, tmp_path):
             script = "return performance.getEntriesByType('resource').map((entry) => entry.name)"
             resources = inside.execute_script(script)
         assert {urlsplit(name).netloc for name in resources} == {f"localhost:{tunnel.port}"}
+        logged = [entry["message"] for entry in driver.get_log("browser")]
+        assert [message for message in logged if "status of 404" in message] == []
         _press_keys_in_the_view(page)
 
         with page.view() as inside:
