@@ -99,7 +99,8 @@ class JointParameters:
         if isinstance(config_file, str) and config_file:
             self.live.add(config_file)
             self.live.file = self.live.read()
-            written = self.live.file.values
+            # What the command line and its parameter files have overrides this file.
+            written = {n: v for n, v in self.live.file.values.items() if n not in names}
             declare(self._node, JointsConfig, dict.fromkeys(written))
             self._node.set_parameters([ros_parameter(n, value) for n, value in written.items()])
             # What rclpy has refused as out of range is here as well, so that it is reported.
@@ -269,7 +270,7 @@ class JointFiles:
     @property
     def _names(self) -> str:
         """The saved parameter files; at a change of config_file, that one."""
-        files = self._saved or self._live.files[-1:]
+        files = self._saved or self._live.files[:1]
         return ", ".join(map(str, dict.fromkeys(files))) or "parameters"
 
     def _apply_parameters(self, file: Parameters) -> None:

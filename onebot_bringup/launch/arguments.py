@@ -53,6 +53,7 @@ class Argument:
     examples: tuple[str, ...] = ()  # other values, for tab completion
     node: str = ""  # the node that has it as a parameter; empty for none
     parameter: str = ""  # the name that the node has for it
+    also: str = ""  # another node, which has it by the argument's name
 
     @property
     def choices(self) -> Sequence[str]:
@@ -141,6 +142,7 @@ def parameter_of(
     default: str | None = None,
     note: str = "",
     examples: tuple[str, ...] = (),
+    also: str = "",
 ) -> Argument:
     """Return an argument that sets a parameter, with the type, range and sentence of that.
 
@@ -152,6 +154,7 @@ def parameter_of(
         default: the argument's, if it is another one.
         note: is added to the sentence.
         examples: other values, for tab completion.
+        also: another node, which has a like parameter by the argument's name.
     """
     [leaf] = [leaf for leaf in leaves(kind) if leaf.name == parameter]
     joined = "joined by commas" if leaf.type.many else ""
@@ -163,6 +166,7 @@ def parameter_of(
         examples,
         node,
         parameter,
+        also,
     )
 
 
@@ -175,9 +179,11 @@ def node_parameters(
 ) -> dict[str, object]:
     """Return the arguments that are parameters of a node; what is empty is left out."""
     return {
-        argument.parameter: argument.value(values[argument.name])
+        argument.parameter if argument.node == node else argument.name: argument.value(
+            values[argument.name]
+        )
         for argument in arguments
-        if argument.node == node and values[argument.name]
+        if node in (argument.node, argument.also) and values[argument.name]
     }
 
 
@@ -303,6 +309,8 @@ PACKAGES = Argument(PACKAGE_PATH, "", "folders with ROS packages, joined by :, s
 _NAMESPACE = re.compile(r"/?|/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*/?")
 _LEVELS = ("debug", "info", "warn", "error", "fatal")
 _AS_IN_FILE = "default: params_file's"
+_AS_IN_JOINTS = "on joint_states; default: that of joints"
+_PACE = "with sim:=false joint_state_publisher's; default: that of params_file or joints"
 _OF_STEERING = ("host", "port", "token")
 # What does not go together with robots:=, and why.
 _PLACED = "robots:= places them; write x, y and yaw of each in robots:=FILE.yaml"
@@ -358,6 +366,7 @@ def description_arguments(model: str, joints: str, view: str) -> list[Argument]:
             default=joints,
             note="empty: joints swing",
         ),
+        parameter_of("joint_state_publisher", JointsConfig, "rate", default="", note=_AS_IN_JOINTS),
         switch("joint_states", True, "run joint_state_publisher; false: the robot has its own"),
         parameter_of("rerun_viewer", ViewerParameters, "viewer"),
         parameter_of("rerun_viewer", ViewerParameters, "view", default=view),
@@ -386,11 +395,11 @@ def simulation_arguments(control: str) -> list[Argument]:
     from onebot_control.parameters import ControlConfig
     from onebot_description.description.loading import shipped_worlds
 
-    def of_controller(parameter: str, name: str = "", **further: Any) -> Argument:
+    def of_controller(
+        parameter: str, name: str = "", note: str = _AS_IN_FILE, **further: Any
+    ) -> Argument:
         node = "velocity_controller"
-        return parameter_of(
-            node, ControlConfig, parameter, name, default="", note=_AS_IN_FILE, **further
-        )
+        return parameter_of(node, ControlConfig, parameter, name, default="", note=note, **further)
 
     return [
         switch("sim", True, "simulate it; false: joint_state_publisher moves its joints"),
@@ -409,7 +418,7 @@ def simulation_arguments(control: str) -> list[Argument]:
         of_controller("sensors"),
         of_controller("ground_truth_tf"),
         switch("nav2_topics", False, "the topics that Nav2 expects, cmd_vel and odom"),
-        of_controller("update_rate", "rate"),
+        of_controller("update_rate", "rate", note=_PACE, also="joint_state_publisher"),
         of_controller("real_time_factor"),
     ]
 

@@ -58,7 +58,9 @@ class Bringup(NamedTuple):
     def arguments(self) -> list[Argument]:
         """Return its arguments, whatever the model."""
         declared = description_arguments(self.model, self.joints, self.view)
-        return declared + simulation_arguments(self.control) if self.control else declared
+        if self.control:
+            declared += simulation_arguments(self.control)
+        return [*{argument.name: argument for argument in declared}.values()]  # the last of a name
 
     def model_arguments(self, given: Mapping[str, str]) -> tuple[list[Argument], bool]:
         """Return those of the model's xacro, but what has the name of one of the command's own.

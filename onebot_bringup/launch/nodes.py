@@ -174,7 +174,8 @@ def _followed_files(launch: Launch) -> list[str]:
 
 
 def _joint_parameters(launch: Launch) -> Parameters:
-    return {} if launch.values["joints"] else dict(_SWINGING)
+    swinging = {} if launch.values["joints"] else _SWINGING
+    return {name: value for name, value in swinging.items() if not launch.values.get(name)}
 
 
 def _viewer_parameters(launch: Launch) -> Parameters:

@@ -188,7 +188,9 @@ class JointsConfig:
     sequence: Sequence = group(Sequence)
     robot_description: str = parameter("", "the URDF, or the path of a URDF or xacro file")
     config_file: str = parameter(
-        "", "a YAML file of joint_state_publisher's parameters, reloaded when edited"
+        "",
+        "a YAML file of joint_state_publisher's parameters, reloaded when edited; those given "
+        "directly override it",
     )
 
     @classmethod

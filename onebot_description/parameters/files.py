@@ -297,16 +297,13 @@ class LiveParameters:
         return no_section(self.file, self.files, self._node)
 
     def add(self, config_file: str) -> None:
-        """Take the file of the parameter ``config_file`` as the last of the files, to be read."""
-        self.files = (*self._given, Path(config_file)) if config_file else self._given
+        """Have the file of the parameter ``config_file`` read, too; the given ones override it."""
+        self.files = (Path(config_file), *self._given) if config_file else self._given
 
     def pin(self, names: Iterable[str], values: Mapping[str, Any]) -> None:
-        """Remember the parameters of these ``names`` that the command line decided."""
-        written = self.file.values
+        """Remember the parameters of these ``names``, which the command line sets."""
         self._pinned = {
-            name: values[name]
-            for name in names
-            if name in values and name not in _SOURCES and values[name] != written.get(name)
+            name: values[name] for name in names if name in values and name not in _SOURCES
         }
 
     def read(self) -> Parameters:

@@ -256,6 +256,13 @@ def test_joint_state_publisher_has_a_file_or_swings(make: Make, arm: Path) -> No
     }
     swing = parameters_of(make(), "joint_state_publisher")
     assert swing == {"rate": 30.0, "swing": 8.0, "use_sim_time": False}
+    for simulated, sim in ((False, {}), (True, {"sim": "false"})):
+        given = parameters_of(make(simulated, rate="20", **sim), "joint_state_publisher")
+        assert given == {"rate": 20.0, "swing": 8.0, "use_sim_time": False}
+        given = parameters_of(
+            make(simulated, rate="20", joints=file, **sim), "joint_state_publisher"
+        )
+        assert given["rate"] == 20.0
 
 
 def test_velocity_controller_starts_where_it_is_put(

@@ -262,6 +262,24 @@ def test_config_file_is_read_and_watched(
     listener.hears(lambda s: s.position[0] == 0.1, "the position saved there")
 
 
+def test_the_command_line_and_its_files_override_config_file(
+    start: Start, listener: Listener, mrm: str, tmp_path: Path
+) -> None:
+    """At the start, and when config_file is saved; what they do not have is config_file's."""
+    file, given = tmp_path / "joints.yaml", tmp_path / "given.yaml"
+    still = f"motions: {{{JOINT}: {{type: constant, position: "
+    file.write_text(yaml(f"rate: 5\ndelta: 0.5\n{still}0.1}}}}"))
+    given.write_text(yaml("delta: 0.25"))
+    words = ["-p", f"config_file:={file}", "-p", "rate:=40.0", "--params-file", str(given)]
+    start(mrm, "--ros-args", *words)
+    listener.hears(lambda s: s.position[0] == 0.1, "the position in config_file")
+    overriding = {"rate": 40.0, "delta": 0.25}
+    assert {name: listener.get(name) for name in overriding} == overriding
+    file.write_text(yaml(f"rate: 6\ndelta: 0.6\n{still}0.2}}}}"))
+    listener.hears(lambda s: s.position[0] == 0.2, "the position saved")
+    assert {name: listener.get(name) for name in overriding} == overriding
+
+
 def test_it_publishes_while_a_saved_description_is_expanded(
     start_node: Callable[..., Node],
     listener: Listener,

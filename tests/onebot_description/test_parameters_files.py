@@ -194,17 +194,17 @@ def test_the_command_line_comes_first(tmp_path: Path) -> None:
     live.pin(["rate", "delta"], current)
     write(file, "rate: 6, delta: 0.2")
     fresh = live.read()
-    assert live.changes(fresh, current) == {"delta": 0.2}
-    assert live.overridden(fresh) == ["rate"]
+    assert live.changes(fresh, current) == {}
+    assert live.overridden(fresh) == ["rate", "delta"]
 
 
-def test_config_file_comes_last_and_can_change(tmp_path: Path) -> None:
+def test_config_file_comes_first_and_can_change(tmp_path: Path) -> None:
     one = write(tmp_path / "one.yaml", "rate: 1")
-    two = write(tmp_path / "two.yaml", "rate: 2")
+    two = write(tmp_path / "two.yaml", "rate: 2, delta: 2.0")
     live = LiveParameters([one], LIVE_NODE, JointsConfig)
     live.add(str(two))
-    assert live.read().values == {"rate": 2}
-    assert live.files == (one, two)
+    assert live.read().values == {"rate": 1, "delta": 2.0}
+    assert live.files == (two, one)
     live.add(str(tmp_path / "none.yaml"))
     with pytest.raises(ConfigError, match="cannot be read"):
         live.read()
