@@ -61,6 +61,11 @@ Parameters are those of diff_drive_controller and joint_state_broadcaster, and t
 change takes effect at once, or is refused with the reason.
 """
 
+if __name__ == "__main__":  # first: the imports take a second
+    from onebot_description.process_start import start_node
+
+    start_node()
+
 import sys
 from collections.abc import Sequence
 from functools import partial

@@ -18,6 +18,11 @@ Subscribes:
 All parameters can be changed while it runs; a change takes effect or is refused with the reason.
 """
 
+if __name__ == "__main__":  # first: the imports take a second
+    from onebot_description.process_start import start_node
+
+    start_node()
+
 import sys
 import time
 from array import array

@@ -21,6 +21,11 @@ All parameters can be changed while it runs; a change is checked, or refused wit
 Floating and planar joints are published at their origin, static: their pose is in no JointState.
 """
 
+if __name__ == "__main__":  # first: the imports take a second
+    from onebot_description.process_start import start_node
+
+    start_node()
+
 import sys
 import time
 from collections.abc import Sequence

@@ -12,6 +12,11 @@ Subscribes:
         adapted to what its publishers offer.
 """
 
+if __name__ == "__main__":  # first: the imports take a second
+    from onebot_description.process_start import start_node
+
+    start_node()
+
 import math
 import re
 import sys

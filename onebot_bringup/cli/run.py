@@ -1,12 +1,14 @@
 """``onebot run PACKAGE EXECUTABLE ...``: runs a node or bringup, like ``ros2 run``."""
 
 import importlib
+import os
 import sys
 from collections.abc import Sequence
 
 from onebot_bringup.launch.nodes import NODES
 from onebot_description.discovery import use_local_discovery
 from onebot_description.errors import UsageError, did_you_mean
+from onebot_description.process_start import blas_variables
 
 BRINGUPS = {
     "onebot_bringup": "onebot_bringup.launch.onebot_bringup",
@@ -34,6 +36,7 @@ def run(argv: Sequence[str]) -> int:
         hint = did_you_mean(executable, modules, "executables")
         raise UsageError(f'{package} has no executable "{executable}"{hint}')
     use_local_discovery()
+    os.environ.update(blas_variables())
     sys.argv[:] = [executable, *arguments]
     return int(importlib.import_module(modules[executable]).main())
 

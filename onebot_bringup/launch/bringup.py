@@ -29,6 +29,7 @@ from onebot_bringup.viewer.viewer_parameters import view_file
 from onebot_control.poses import WORLD_FRAME, prefixed
 from onebot_description.discovery import discovery_variables
 from onebot_description.errors import OneBotError, UsageError, did_you_mean
+from onebot_description.process_start import blas_variables
 from onebot_description.shared_memory import remove_stale_in_background
 from onebot_description.signals import KeyboardInterrupts
 from onebot_description.whole_file import refuse_unwritable
@@ -108,8 +109,7 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     for_xacro = {name: value for name, value in assignments.items() if name not in own_names}
     values = checked_values(declared, command_arguments)
     find_spec("rclpy")  # one error here if it is missing, rather than one of each node
-    # No matrix of a node is large enough for threads; without them xacro can run in a fork here.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    os.environ.update(blas_variables())  # without threads xacro can run in a fork here
     _check_files(values)
     values = with_params_file(values, command_arguments)
     if values.get("world") and "view" not in command_arguments:

@@ -12,11 +12,11 @@ from functools import partial
 from typing import Literal
 
 from onebot_bringup.launcher.guard import Guard, group_alive, signal_group
+from onebot_description.process_start import blas_variables
 
 OnExit = Literal["shutdown", "restart", "ignore"]
 
 _INTERPRETER = "onebot_bringup.launcher.interpreter"
-_BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")  # the first is OpenBLAS's own
 _LONGEST_LINE = 65536  # bytes; a longer one is shown in pieces
 _LAST_OUTPUT = 0.25  # seconds to wait for it; another process may hold the pipe for ever
 _POLL = 0.05  # seconds; nothing reports the end of a process that is no child
@@ -57,11 +57,7 @@ def python_node(
 ) -> NodeProcess:
     """Return a node that is a Python module, run by the interpreter that runs the launcher."""
     command = (sys.executable, "-m", _INTERPRETER, module, *arguments)
-    variables = {"PYTHONUNBUFFERED": "1", **_safe_path()}
-    if not any(variable in os.environ for variable in _BLAS_THREADS):
-        # No node multiplies matrices so large that it would pay, and to start the threads takes
-        # longer than all of numpy's other modules.
-        variables[_BLAS_THREADS[0]] = "1"
+    variables = {"PYTHONUNBUFFERED": "1", **_safe_path(), **blas_variables()}
     return NodeProcess(name, command, on_exit, variables, hold_interrupt=True, nice=nice)
 
 

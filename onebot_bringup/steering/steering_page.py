@@ -32,6 +32,11 @@ Calls:
     the parameter services of the viewer, and of the node whose parameters a page shows.
 """
 
+if __name__ == "__main__":  # first: the imports take a second
+    from onebot_description.process_start import start_node
+
+    start_node()
+
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace

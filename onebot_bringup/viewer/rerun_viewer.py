@@ -26,6 +26,11 @@ Its parameters are ``ViewerParameters``, which are read at the start, and each s
 (``ViewConfig``) under its name there, such as axes.visible, which can be changed while it runs.
 """
 
+if __name__ == "__main__":  # first: the imports take a second
+    from onebot_description.process_start import start_node
+
+    start_node()
+
 import json
 import sys
 

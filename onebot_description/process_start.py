@@ -1,0 +1,39 @@
+"""What a process that is one node does first, before anything slow is imported."""
+
+import os
+import signal
+import sys
+from collections.abc import Mapping
+from types import FrameType
+
+_BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")  # the first is OpenBLAS's own
+
+
+def find_silently() -> None:
+    """Have Ctrl-C end the process silently while ``python -m`` looks for a module of ours."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _while_looking)
+
+
+def _while_looking(number: int, frame: FrameType | None) -> None:
+    if sys.argv[:1] == ["-m"]:  # until it is found
+        os._exit(0)
+    signal.default_int_handler(number, frame)
+
+
+def start_node() -> None:
+    """Have Ctrl-C end the process silently until the node runs, and numpy start no threads."""
+    # The launcher has its own action for it, and background jobs of a shell ignore it.
+    if signal.getsignal(signal.SIGINT) in (signal.default_int_handler, _while_looking):
+        signal.signal(signal.SIGINT, lambda *_: os._exit(0))
+    os.environ.update(blas_variables())
+
+
+def blas_variables() -> Mapping[str, str]:
+    """Return the environment variables that keep numpy, when it is imported, from starting threads.
+
+    No node multiplies matrices so large that they would pay, and to start them takes longer than
+    all of numpy's other modules. What the user has set stays.
+    """
+    is_set = any(variable in os.environ for variable in _BLAS_THREADS)
+    return {} if is_set else {_BLAS_THREADS[0]: "1"}
