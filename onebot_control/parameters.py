@@ -1,6 +1,6 @@
 """velocity_controller's parameters: of control.yaml and of the node, checked, as plain values."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -11,7 +11,7 @@ from onebot_control.poses import WORLD_FRAME
 from onebot_control.speed_limiter import SpeedLimits
 from onebot_description.description.packages import package_share
 from onebot_description.errors import did_you_mean
-from onebot_description.parameters.files import Parameters, read_parameters, read_text
+from onebot_description.parameters.files import Parameters, Unknown, read_parameters, read_text
 from onebot_description.parameters.reader import (
     ConfigError,
     Problem,
@@ -221,8 +221,6 @@ class ControlConfig:
 
 # control.yaml, which is in ros2_control's form: three nodes' parameters in one file --------------
 
-Unknown = Callable[[Iterable[str]], list[Problem]]
-
 
 def default_control_file() -> Path:
     """Return OneBot's own control.yaml."""
@@ -246,6 +244,7 @@ def read_control_files(files: Sequence[Path], namespace: str, controller: str) -
 
 def _read_control_file(file: Path, namespace: str, controller: str) -> Parameters:
     text, problems = read_text(file), list[Problem]()
+    types = _types(controller)
 
     def section(node: str, unknown: Unknown) -> Parameters:
         parameters = read_parameters(text, str(file), f"{namespace.rstrip('/')}/{node}")
@@ -253,16 +252,28 @@ def _read_control_file(file: Path, namespace: str, controller: str) -> Parameter
         problems.extend(unknown(parameters.values))
         return parameters
 
-    types = {f"{controller}.type": CONTROLLER_TYPE, f"{BROADCASTER}.type": BROADCASTER_TYPE}
-    drive = section(controller, partial(unknown_parameters, ControlConfig))
-    manager = section("controller_manager", _unknown_but("update_rate", *types))
+    drive, manager, broadcaster = (
+        section(node, unknown) for node, unknown in unknown_by_node(controller).items()
+    )
     problems += _wrong_types(manager.values, types)
-    broadcaster = section(BROADCASTER, partial(unknown_parameters, BroadcasterConfig))
     if problems:
         raise ConfigError(problems, {**broadcaster.places, **manager.places, **drive.places})
     _add(drive, manager, {"update_rate": "update_rate"})
     _add(drive, broadcaster, {name: f"{BROADCASTER}.{name}" for name in broadcaster.values})
     return drive
+
+
+def unknown_by_node(controller: str) -> dict[str, Unknown]:
+    """Return the nodes that a file is for, each with what reports the names it does not declare."""
+    return {
+        controller: partial(unknown_parameters, ControlConfig),
+        "controller_manager": _unknown_but("update_rate", *_types(controller)),
+        BROADCASTER: partial(unknown_parameters, BroadcasterConfig),
+    }
+
+
+def _types(controller: str) -> dict[str, str]:
+    return {f"{controller}.type": CONTROLLER_TYPE, f"{BROADCASTER}.type": BROADCASTER_TYPE}
 
 
 def _unknown_but(*names: str) -> Unknown:

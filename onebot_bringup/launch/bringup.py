@@ -5,6 +5,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -37,6 +38,7 @@ from onebot_description.whole_file import refuse_unwritable
 if TYPE_CHECKING:
     from onebot_bringup.launch.robots import PlacedRobot
     from onebot_description.description import Description
+    from onebot_description.parameters.files import Unknown
 
 
 # Parameters of the controller that name the frames.
@@ -192,21 +194,39 @@ def _check_output(name: str, value: str) -> None:
 def _check_sections(
     values: Mapping[str, str], given: Mapping[str, str], robots: Sequence["PlacedRobot"]
 ) -> None:
-    """Refuse parameter files with sections for none of the nodes that get them."""
-    from onebot_control.parameters import BROADCASTER
-    from onebot_description.parameters.files import refuse_other_sections
+    """Check the names of nodes and parameters in the parameter files given; print warnings."""
+    from onebot_control.parameters import unknown_by_node
+    from onebot_description.joints.config import JointsConfig
+    from onebot_description.parameters.reader import unknown_parameters
 
     space = f"/{values['namespace'].strip('/')}".rstrip("/")
     spaces = [f"{space}/{robot.name}" for robot in robots] or [space]
-    controllers = ("velocity_controller", BROADCASTER, "controller_manager")
+    controllers = unknown_by_node("velocity_controller")
+    warnings: list[str] = []
     if given.get("joints"):
-        refuse_other_sections(Path(values["joints"]), [f"{space}/joint_state_publisher"])
+        publisher = {"joint_state_publisher": partial(unknown_parameters, JointsConfig)}
+        warnings += _check_file(Path(values["joints"]), [space], publisher)
     if given.get("params_file"):
-        nodes = [f"{name}/{node}" for node in controllers for name in spaces]
-        refuse_other_sections(Path(values["params_file"]), nodes)
+        warnings += _check_file(Path(values["params_file"]), spaces, controllers)
     for robot, name in zip(robots, spaces, strict=False):
         if robot.params_file:
-            refuse_other_sections(robot.params_file, [f"{name}/{node}" for node in controllers])
+            warnings += _check_file(robot.params_file, [name], controllers)
+    for warning in dict.fromkeys(warnings):  # robots may share a file
+        print(f"warning: {warning}", file=sys.stderr)
+
+
+def _check_file(file: Path, spaces: Sequence[str], nodes: "Mapping[str, Unknown]") -> list[str]:
+    """Refuse sections for none of the ``nodes``; return a warning of each name that none has.
+
+    Args:
+        file: the parameter file.
+        spaces: namespaces of the nodes that are given it.
+        nodes: by name, what reports the parameters that each does not declare.
+    """
+    from onebot_description.parameters.files import refuse_other_sections, undeclared_names
+
+    refuse_other_sections(file, [f"{space}/{node}" for node in nodes for space in spaces])
+    return undeclared_names(file, nodes.values())
 
 
 def with_params_file(values: Mapping[str, str], given: Mapping[str, str]) -> dict[str, str]:

@@ -35,6 +35,9 @@ _DOUBLE = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _NOT_FINITE = re.compile(r"([-+]?)\.?(inf|infinity|nan)", re.IGNORECASE)
 _INT64 = range(-(2**63), 2**63)
 
+Unknown = Callable[[Iterable[str]], list[Problem]]
+"""Reports those of some names that a node does not declare."""
+
 
 @dataclass
 class Parameters:
@@ -52,7 +55,7 @@ class Parameters:
         self.shared = (self.shared - later.values.keys()) | later.shared
         self.sections += later.sections
 
-    def drop_shared(self, unknown: Callable[[Iterable[str]], list[Problem]]) -> None:
+    def drop_shared(self, unknown: Unknown) -> None:
         """Drop what ``unknown`` finds in sections of several nodes: it is meant for another."""
         for problem in unknown(self.shared):
             del self.values[problem.key], self.places[problem.key]
@@ -242,6 +245,27 @@ def no_section(parameters: Parameters, files: Iterable[Path], node: str) -> str 
         return None
     names = ", ".join(map(str, files))
     return f"{names} has no section for {node}, only for {listing(sections)}"
+
+
+def undeclared_names(file: Path, unknown: Iterable[Unknown]) -> list[str]:
+    """Return a warning for each name that sections of several nodes have for none of these.
+
+    Args:
+        file: its other sections are checked by their nodes.
+        unknown: of each node that gets the file, what reports the names that it does not declare.
+    """
+    warnings = []
+    for section, parameters in _sections(read_text(file), str(file)).items():
+        names: set[str] = parameters.shared
+        for report in unknown:
+            names = {problem.key for problem in report(names)}
+        warnings += [
+            f'{parameters.places[name]}: {name} in section "{section}": no node of this bringup '
+            "that is given the file declares it"
+            for name in parameters.values
+            if name in names
+        ]
+    return warnings
 
 
 def refuse_other_sections(file: Path, nodes: Sequence[str]) -> None:

@@ -625,6 +625,65 @@ def test_parameters_for_no_node_are_refused(
     assert said.endswith(f"that it is given to: {sections}")
 
 
+OF_ALL = """/**:
+  ros__parameters:
+    use_sim_time: false
+    cmd_vel_timeout: 0.5
+    max_sped: 1.0
+    qos_overrides./tf.publisher.depth: 5
+    zeros: {shoulder: 0.6}
+    update_rate: 50
+/r1/*:
+  ros__parameters: {frame_id: base}
+"""
+
+
+@pytest.mark.parametrize(
+    ("words", "names"),
+    [
+        ("params_file:=all.yaml", [(5, "max_sped", "/**"), (7, "zeros.shoulder", "/**")]),
+        ("robots:=two.yaml", [(5, "max_sped", "/**"), (7, "zeros.shoulder", "/**")]),
+        (
+            "joints:=all.yaml sim:=false",
+            [
+                *((4, "cmd_vel_timeout", "/**"), (5, "max_sped", "/**")),
+                *((8, "update_rate", "/**"), (10, "frame_id", "/r1/*")),
+            ],
+        ),
+    ],
+)
+def test_names_that_no_node_declares_are_a_line_each(
+    driven: Bringup,
+    arm: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    words: str,
+    names: list[tuple[int, str, str]],
+) -> None:
+    """In a section for several nodes, which may have them; before anything starts."""
+    monkeypatch.chdir(arm.parent)
+    Path("all.yaml").write_text(OF_ALL)
+    robots = (
+        "a: {x: 0.0, y: 0.0, params_file: all.yaml}, b: {x: 9.0, y: 0.0, params_file: all.yaml}"
+    )
+    Path("two.yaml").write_text(f"robots: {{{robots}}}\n")
+    if "robots" in words:
+        Path("all.yaml").write_text(OF_ALL.replace("/r1/*", "/r1/*/*"))
+
+    def ended(*_: object) -> None:
+        raise OneBotError("no node is started")
+
+    monkeypatch.setattr("onebot_bringup.launch.bringup.Launch.nodes", ended)
+    assert refused(driven, *words.split(), "namespace:=r1") == "no node is started"
+    text = "no node of this bringup that is given the file declares it"
+    expected = [
+        f'warning: all.yaml:{line}: {name} in section "{section}": {text}'
+        for line, name, section in names
+    ]
+    printed = capsys.readouterr().err.replace(f"{arm.parent}/", "")
+    assert [line for line in printed.splitlines() if text in line] == expected
+
+
 @pytest.mark.parametrize("word", ["--help", "-s"])
 def test_help_starts_nothing(view: Bringup, arm: Path, word: str, capsys: Any) -> None:
     """It names the model's arguments, but not those that a launch argument hides."""
