@@ -310,7 +310,7 @@ _NAMESPACE = re.compile(r"/?|/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*/
 _LEVELS = ("debug", "info", "warn", "error", "fatal")
 _AS_IN_FILE = "default: params_file's"
 _AS_IN_JOINTS = "on joint_states; default: that of joints"
-_PACE = "with sim:=false joint_state_publisher's; default: that of params_file or joints"
+_PACE = "not simulated: messages on joint_states; default: that of params_file or joints"
 _OF_STEERING = ("host", "port", "token")
 # What does not go together with robots:=, and why.
 _PLACED = "robots:= places them; write x, y and yaw of each in robots:=FILE.yaml"
