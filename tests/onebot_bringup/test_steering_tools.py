@@ -435,7 +435,8 @@ def test_the_cameras_of_a_robot_are_found_by_their_pictures(peer: Peer) -> None:
             wait_for(lambda: page.state["cameras"] == [front, rear], "both cameras")
             for topic in encodings:
                 wait_for(lambda topic=topic: not peer.node.count_subscribers(topic), "its end")
-            assert json.loads(shown[-1].data) == {"cameras": [front, rear]}
+            both = {"cameras": [front, rear]}
+            wait_for(lambda: json.loads(shown[-1].data) == both, "the page's cameras")
             assert request.raw("camera.jpg?topic=/nowhere") == (204, b"")
             assert request.raw(f"camera.jpg?topic={depth}") == (204, b"")
             asked = f"camera.jpg?topic={rear}"
