@@ -4,6 +4,7 @@ from collections.abc import Collection, Container, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, groupby
 from typing import Any
+from uuid import UUID
 
 import numpy as np
 import rerun as rr
@@ -33,6 +34,7 @@ from onebot_bringup.viewer.view_config import (
 
 ROBOT_VIEW = "Robot"
 _BESIDE = "Plots and pictures"  # a tab
+_ROBOT_VIEW_ID = UUID("6f0b5f0e-3c1d-4a52-9a75-0b6c5d9a2e11")
 _IN_A_COLUMN = 4  # views, one above the other; more are in two columns
 
 Floats = NDArray[np.float64]
@@ -221,7 +223,7 @@ def _robot_view(layout: Layout, follow: str | None) -> rrb.Spatial3DView:
     if layout.background is not None:
         optional["background"] = rrb.Background(color=layout.background)
     windows = chain.from_iterable(part.windows for part in layout.parts)
-    return rrb.Spatial3DView(
+    view = rrb.Spatial3DView(
         origin="/",
         contents=_contents(layout.parts),
         name=ROBOT_VIEW,
@@ -250,6 +252,10 @@ def _robot_view(layout: Layout, follow: str | None) -> rrb.Spatial3DView:
         ),
         **optional,
     )
+    # Rerun moves the eye close to an entity that a view begins to follow. By its id the view of a
+    # new layout is the one before, which follows it already.
+    view.id = _ROBOT_VIEW_ID
+    return view
 
 
 def _contents(parts: Iterable[LayoutPart]) -> list[str]:
