@@ -21,7 +21,7 @@ from sensor_msgs.msg import LaserScan
 
 from onebot_bringup.introspection.transforms import TransformError
 from onebot_bringup.steering.followed_topics import FollowedTopics, FollowedTransforms, own_topics
-from onebot_bringup.steering.obstacles import Hits
+from onebot_bringup.steering.obstacles import Readings
 from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_control.poses import Transform, compose, yaw_of
 from onebot_description.topic_subscription import TopicSubscription
@@ -138,7 +138,7 @@ class Ground:
             stamp_ns = header.stamp.sec * 10**9 + header.stamp.nanosec
             pose = self._transforms.tree.pose(header.frame_id.removeprefix("/"), frame, stamp_ns)
             if pose is not None and time.monotonic() < when + _OLD:
-                points += Hits.of_scan(scan).points(pose)[:, :2].round(3).tolist()
+                points += Readings.of_scan(scan).points(pose)[:, :2].round(3).tolist()
         return points
 
     def _frame(self, odometry: OdometrySample | None) -> str:

@@ -40,23 +40,23 @@ _ROUGHNESS, _TILT = 0.03, 0.03  # m, rad: the ground, and the robot on it, are n
 _HEADROOM = 0.1  # m
 
 
-class Hits(NamedTuple):
+class Readings(NamedTuple):
     """What a sensor measured along its rays that met something."""
 
     directions: Floats  # (N, 3), of length 1 in the sensor's frame
     ranges: Floats  # (N,), m
 
     @classmethod
-    def of_scan(cls, scan: LaserScan) -> "Hits":
-        """Return the hits of a scan."""
+    def of_scan(cls, scan: LaserScan) -> "Readings":
+        """Return the readings of a scan."""
         ranges = np.asarray(scan.ranges, float)
         angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
         met = (ranges >= scan.range_min) & (ranges <= scan.range_max) & np.isfinite(ranges + angles)
         return cls._level(angles[met], ranges[met])
 
     @classmethod
-    def of_range(cls, message: Range) -> "Hits":
-        """Return hits across the cone: the one that was measured may be on any of its rays.
+    def of_range(cls, message: Range) -> "Readings":
+        """Return readings across the cone: the one that was measured may be on any of its rays.
 
         A detector of one fixed distance reports -inf for something within it (REP-117).
         """
@@ -72,7 +72,7 @@ class Hits(NamedTuple):
         return points
 
     @classmethod
-    def _level(cls, angles: Floats, ranges: Floats) -> "Hits":
+    def _level(cls, angles: Floats, ranges: Floats) -> "Readings":
         return cls(np.stack((np.cos(angles), np.sin(angles), 0.0 * angles), axis=1), ranges)
 
 
@@ -106,15 +106,15 @@ class Footprint(NamedTuple):
         link = max((name for name in self.links if base.endswith(name)), key=len, default=base)
         return base.removesuffix(link) + self.links[0]
 
-    def points(self, hits: Hits, sensor: Floats) -> Floats:
+    def points(self, readings: Readings, sensor: Floats) -> Floats:
         """Return what a sensor at a pose (4, 4) sees beside the robot, x and y (N, 2) in m.
 
         What is above the robot, and the ground, does not count.
         """
-        points = hits.points(sensor)
-        directions = hits.directions @ sensor[:3, :3].T
+        points = readings.points(sensor)
+        directions = readings.directions @ sensor[:3, :3].T
         own = ((points > self.low) & (points < self.high)).all(axis=1)
-        floor = self.low[2] + _ROUGHNESS + _TILT * hits.ranges
+        floor = self.low[2] + _ROUGHNESS + _TILT * readings.ranges
         ground = (directions[:, 2] < -_TILT) & (points[:, 2] < floor)
         above = points[:, 2] > max(self.high[2], sensor[2, 3]) + _HEADROOM
         seen: Floats = points[~(own | ground | above), :2]
@@ -168,7 +168,7 @@ class Obstacles:
         self._transforms = FollowedTransforms(node)
         self._footprint: Footprint | None = None
         self.robot_name = ""
-        self._seen: dict[str, tuple[float, str, Hits]] = {}  # when, and the frame; by the topic
+        self._seen: dict[str, tuple[float, str, Readings]] = {}  # when, and the frame; by the topic
 
     @property
     def clearance(self) -> float | None:
@@ -179,10 +179,10 @@ class Obstacles:
             return None
         root = footprint.root_frame(odometry.child_frame_id.removeprefix("/"))
         least = math.inf
-        for when, frame, hits in self._seen.values():
+        for when, frame, readings in self._seen.values():
             pose = self._transforms.tree.pose(frame, root)
             if pose is not None and time.monotonic() < when + _OLD:
-                points = footprint.points(hits, pose)
+                points = footprint.points(readings, pose)
                 least = min(least, footprint.clearance(points, velocity.linear, velocity.angular))
         return least if least < math.inf else None
 
@@ -206,15 +206,17 @@ class Obstacles:
 
     def _subscription(self, name: str, kind: str) -> TopicSubscription:
         received: dict[str, Callable[[str, Any], None]] = {
-            _SCAN: partial(self._on_sensor, name, Hits.of_scan),
-            _RANGE: partial(self._on_sensor, name, Hits.of_range),
+            _SCAN: partial(self._on_sensor, name, Readings.of_scan),
+            _RANGE: partial(self._on_sensor, name, Readings.of_range),
             _STRING: self._on_robot,
         }
         return TopicSubscription(self._node, name, received[kind], _TYPES.__getitem__, raw=False)
 
-    def _on_sensor(self, topic: str, hits_of: Callable[[Any], Hits], _: str, message: Any) -> None:
+    def _on_sensor(
+        self, topic: str, readings_of: Callable[[Any], Readings], _: str, message: Any
+    ) -> None:
         frame = message.header.frame_id.removeprefix("/")
-        self._seen[topic] = time.monotonic(), frame, hits_of(message)
+        self._seen[topic] = time.monotonic(), frame, readings_of(message)
 
     def _on_robot(self, _: str, message: String) -> None:
         robot = described(message.data)

@@ -8,7 +8,7 @@ import pytest
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import LaserScan, Range
 
-from onebot_bringup.steering.obstacles import Footprint, Hits, described
+from onebot_bringup.steering.obstacles import Footprint, Readings, described
 from onebot_description.model.quaternions import from_rpy, to_matrix
 from tests.onebot_bringup.steering_support import steered
 from tests.onebot_control.control_support import CASTER, SEPARATION, urdf, wheel
@@ -30,10 +30,10 @@ def at(x: float = 0.0, y: float = 0.0, z: float = 0.0, *, pitch: float = 0.0, ya
     return pose
 
 
-def scan(angle: float, *ranges: float) -> Hits:
+def scan(angle: float, *ranges: float) -> Readings:
     """What a scanner sees, a ray each 0.1 rad."""
     message = LaserScan(angle_min=angle, angle_increment=0.1, range_max=9.0, ranges=ranges)
-    return Hits.of_scan(message)
+    return Readings.of_scan(message)
 
 
 @pytest.fixture
@@ -83,16 +83,16 @@ def test_a_range_has_what_it_met_anywhere_on_its_cone(footprint):
     """A sonar, and a detector of a fixed distance (REP-117); +inf and nan say nothing."""
     message = Range(field_of_view=0.4, min_range=0.1, max_range=2.0, range=1.0)
     beside = at(0.2, 0.25)  # its axis passes the robot's side, its cone does not
-    points = footprint.points(Hits.of_range(message), beside)
+    points = footprint.points(Readings.of_range(message), beside)
     assert footprint.clearance(points, 0.3, 0.0) == pytest.approx(math.cos(0.2), abs=1e-6)
     message.field_of_view = 0.1
-    points = footprint.points(Hits.of_range(message), beside)
+    points = footprint.points(Readings.of_range(message), beside)
     assert footprint.clearance(points, 0.3, 0.0) == math.inf
     for nothing in (math.inf, math.nan, 0.05, 2.1):
         message.range = nothing
-        assert not len(Hits.of_range(message).ranges)
+        assert not len(Readings.of_range(message).ranges)
     message.range, message.min_range = -math.inf, 2.0
-    assert set(Hits.of_range(message).ranges) == {2.0}
+    assert set(Readings.of_range(message).ranges) == {2.0}
 
 
 def test_frames_have_the_prefix_of_the_robot(footprint):
