@@ -4,6 +4,7 @@ import json
 import os
 import zlib
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -157,9 +158,10 @@ def parse_description(urdf: str, name: str = "<string>") -> Description:
 
 
 def keep_places(description: Description) -> None:
-    """Have processes that get the description's text know where it was written."""
+    """Have processes that get the description's text know where it was written, if they can."""
     if file := _places_file(description.urdf):
-        file.write_text(json.dumps(description.places))
+        with suppress(OSError):  # the folder is temporary
+            file.write_text(json.dumps(description.places))
 
 
 def _kept_places(urdf: str) -> list[str]:

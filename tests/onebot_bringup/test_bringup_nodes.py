@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import pytest
 import yaml
@@ -520,7 +521,8 @@ def test_robot_state_publisher_follows_the_files(make: Make) -> None:
 
 def refused(robot: Bringup, *argv: str) -> str:
     """The error with which a bringup is refused before anything is started."""
-    with pytest.raises(OneBotError) as caught:
+    # A bringup sets variables for its nodes.
+    with patch.dict(os.environ), pytest.raises(OneBotError) as caught:
         bring_up(robot, argv)
     return str(caught.value)
 

@@ -71,7 +71,7 @@ def checkout(tmp_path: Path) -> Path:
     project = tmp_path / "project"
     unwanted = shutil.ignore_patterns("*.so", "__pycache__", ".build-*")
     shutil.copytree(CHECKOUT / FOLDER, project / FOLDER, ignore=unwanted)
-    for name in ("__init__.py", "errors.py", "missing_ros.py"):
+    for name in ("__init__.py", "errors.py", "missing_ros.py", "process_start.py"):
         shutil.copy(CHECKOUT / "onebot_description" / name, project / "onebot_description")
     model = Path("onebot_description/model")
     (project / model).mkdir()
