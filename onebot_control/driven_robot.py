@@ -6,12 +6,12 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import NamedTuple
 
-from onebot_control.diff_drive import DiffDriveController, DriveCommand, WheelStates
-from onebot_control.drift import DriftCheck
-from onebot_control.odometry import DiffDriveKinematics, PoseCovariance
+from onebot_control.drive.diff_drive import DiffDriveController, DriveCommand, WheelStates
+from onebot_control.drive.drift import DriftCheck
+from onebot_control.drive.odometry import DiffDriveKinematics, PoseCovariance
+from onebot_control.drive.wheels.geometry import WheelGeometry, Wheels
 from onebot_control.parameters import BROADCASTER, INTERFACES, BroadcasterConfig, ControlConfig
-from onebot_control.poses import PlanarPose, scaled, yaw_of
-from onebot_control.simulation import (
+from onebot_control.physics import (
     JointStates,
     MassVelocity,
     Pose,
@@ -19,11 +19,11 @@ from onebot_control.simulation import (
     RobotSpawn,
     Twist,
 )
-from onebot_control.simulation.drivable import Follower, drivable
-from onebot_control.wheels.geometry import WheelGeometry, Wheels
+from onebot_control.physics.drivable import Follower, drivable
+from onebot_control.poses import PlanarPose, scaled, yaw_of
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean
-from onebot_description.parameters.reader import ConfigError, Problem
+from onebot_description.ros.parameters.reader import ConfigError, Problem
 
 _DRIFT_PERIOD = 0.1  # s between comparisons of odometry and truth
 

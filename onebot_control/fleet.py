@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 from onebot_control.driven_robot import DrivenRobot, DrivenSpawn, Snapshot
 from onebot_control.parameters import ControlConfig
-from onebot_control.simulation import Robot, Settings, World
+from onebot_control.physics import Robot, Settings, World
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError
-from onebot_description.parameters.reader import ConfigError
+from onebot_description.ros.parameters.reader import ConfigError
 
 
 class Member(NamedTuple):

@@ -6,13 +6,13 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from onebot_control.odometry import DiffDriveKinematics
+from onebot_control.drive.odometry import DiffDriveKinematics
+from onebot_control.drive.speed_limiter import SpeedLimits
 from onebot_control.poses import WORLD_FRAME
-from onebot_control.speed_limiter import SpeedLimits
 from onebot_description.description.packages import package_share
 from onebot_description.errors import did_you_mean
-from onebot_description.parameters.files import Parameters, Unknown, read_parameters, read_text
-from onebot_description.parameters.reader import (
+from onebot_description.ros.parameters.files import Parameters, Unknown, read_parameters, read_text
+from onebot_description.ros.parameters.reader import (
     ConfigError,
     Problem,
     declare,
@@ -23,14 +23,14 @@ from onebot_description.parameters.reader import (
     read,
     unknown_parameters,
 )
-from onebot_description.parameters.values import plain
+from onebot_description.ros.parameters.values import plain
 
 if TYPE_CHECKING:
     from rclpy.node import Node
     from rclpy.parameter import Parameter
 
-    from onebot_control.wheels.geometry import WheelGeometry
-    from onebot_description.node import RosArguments
+    from onebot_control.drive.wheels.geometry import WheelGeometry
+    from onebot_description.ros.node import RosArguments
 
 BROADCASTER = "joint_state_broadcaster"
 CONTROLLER_TYPE = "diff_drive_controller/DiffDriveController"

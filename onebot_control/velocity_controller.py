@@ -62,7 +62,7 @@ change takes effect at once, or is refused with the reason.
 """
 
 if __name__ == "__main__":  # first: the imports take a second
-    from onebot_description.process_start import start_node
+    from onebot_description.ros.process_start import start_node
 
     start_node()
 
@@ -74,7 +74,7 @@ from typing import TYPE_CHECKING
 from rclpy.node import Node
 
 from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
-from onebot_description.node import (
+from onebot_description.ros.node import (
     RosArguments,
     at_stop,
     ros_args,
@@ -83,7 +83,7 @@ from onebot_description.node import (
 )
 
 if TYPE_CHECKING:
-    from onebot_control.driving import Driving
+    from onebot_control.nodes.driving import Driving
 
 # s after which the interpreter passes its lock to the control thread; 5 ms by default.
 _SWITCH_INTERVAL = 0.0005
@@ -117,7 +117,7 @@ def velocity_controllers(
     """
     nodes = [VelocityController(words) for words in robots] or [VelocityController()]
     # Only now: this process and the others discover each other while it is imported.
-    from onebot_control.driving import Driving
+    from onebot_control.nodes.driving import Driving
 
     node_arguments = [arguments.joined(words) for words in robots] or [arguments]
     driving = Driving(nodes, file, node_arguments)

@@ -3,11 +3,11 @@
 import sys
 
 if sys.argv[:1] == ["-m"]:  # python -m looks for a module of ours; first: imports take long
-    from onebot_description.process_start import find_silently
+    from onebot_description.ros.process_start import find_silently
 
     find_silently()
 
-from onebot_description.missing_ros import LastFinder
+from onebot_description.ros.missing_ros import LastFinder
 
 TYPE_CHECKING = False  # typing's constant; typing is slow to import
 __version__: str  # the installed one, of all packages

@@ -19,7 +19,7 @@ All parameters can be changed while it runs; a change takes effect or is refused
 """
 
 if __name__ == "__main__":  # first: the imports take a second
-    from onebot_description.process_start import start_node
+    from onebot_description.ros.process_start import start_node
 
     start_node()
 
@@ -48,7 +48,7 @@ from onebot_description.errors import DescriptionError, OneBotError, listing
 from onebot_description.file_watch import FileWatch, in_background
 from onebot_description.joints.config import JointsConfig
 from onebot_description.joints.source import JointStateSource, Plan
-from onebot_description.node import (
+from onebot_description.ros.node import (
     DescriptionTopic,
     RosArguments,
     Throttled,
@@ -57,8 +57,8 @@ from onebot_description.node import (
     run_described_node,
     steady_timer,
 )
-from onebot_description.parameters.files import LiveParameters, Parameters, read_files
-from onebot_description.parameters.reader import (
+from onebot_description.ros.parameters.files import LiveParameters, Parameters, read_files
+from onebot_description.ros.parameters.reader import (
     ConfigError,
     Problem,
     declare,
@@ -67,7 +67,7 @@ from onebot_description.parameters.reader import (
     ros_parameter,
     set_doubles,
 )
-from onebot_description.parameters.values import plain
+from onebot_description.ros.parameters.values import plain
 
 
 class JointParameters:

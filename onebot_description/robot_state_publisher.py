@@ -22,7 +22,7 @@ Floating and planar joints are published at their origin, static: their pose is 
 """
 
 if __name__ == "__main__":  # first: the imports take a second
-    from onebot_description.process_start import start_node
+    from onebot_description.ros.process_start import start_node
 
     start_node()
 
@@ -40,13 +40,13 @@ from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from onebot_description.clock_check import StampCheck
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.loading import keep_places
 from onebot_description.description_files import DescriptionFiles, Source
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
-from onebot_description.node import (
+from onebot_description.ros.clock_check import StampCheck
+from onebot_description.ros.node import (
     LATCHED,
     DiscoveryServerCheck,
     RosArguments,
@@ -57,11 +57,11 @@ from onebot_description.node import (
     steady_timer,
     warn_of_two_robots,
 )
-from onebot_description.parameters.reader import declare, read, refuse_undeclared
+from onebot_description.ros.parameters.reader import declare, read, refuse_undeclared
+from onebot_description.ros.wire.cdr import NANO
+from onebot_description.ros.wire.state_converter import StateConverter
+from onebot_description.ros.wire.tf_message import TFMessage
 from onebot_description.state_parameters import StateParameters
-from onebot_description.wire.cdr import NANO
-from onebot_description.wire.state_converter import StateConverter
-from onebot_description.wire.tf_message import TFMessage
 
 _POLL_EVERY = 0.1  # s, of the description's files
 _FOLLOW = "--follow"  # the option by which a bringup gives a Source

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from onebot_description.parameters.reader import Problem, parameter
+from onebot_description.ros.parameters.reader import Problem, parameter
 
 _LEAST_HERTZ = 0.001
 

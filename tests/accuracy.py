@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from onebot_control.drive.odometry import Odometry, PoseCovariance
 from onebot_control.fleet import Fleet, Member
-from onebot_control.odometry import Odometry, PoseCovariance
 from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
 from onebot_control.poses import PlanarPose, yaw_of
 from onebot_description.description import Description, load_description

@@ -19,7 +19,7 @@ from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_control.parameters import ControlConfig
 from onebot_description.joints.config import JointsConfig
-from onebot_description.parameters.reader import rows
+from onebot_description.ros.parameters.reader import rows
 from onebot_description.state_parameters import StateParameters
 from tests.readme import CHECKOUT
 

@@ -19,7 +19,7 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from onebot_description.discovery import configure_discovery
+from onebot_description.ros.discovery import configure_discovery
 from tests.support import PATIENCE, wait_for
 
 P = TypeVar("P", bound="RunningProcess")

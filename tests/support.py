@@ -9,7 +9,7 @@ from typing import TypeVar
 
 import pytest
 
-from onebot_description.shared_memory import remove_broken_ports
+from onebot_description.ros.shared_memory import remove_broken_ports
 from tests.domains import claimed_domain
 
 T = TypeVar("T")

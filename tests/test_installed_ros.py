@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from onebot_description.missing_ros import ROS_PACKAGES, LastFinder, MissingRosError
+from onebot_description.ros.missing_ros import ROS_PACKAGES, LastFinder, MissingRosError
 from tests.readme import run_until_up
 
 CHECKOUT = Path(__file__).resolve().parent.parent

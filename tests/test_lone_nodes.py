@@ -56,7 +56,8 @@ def at_import(tmp_path: Path, ros_domain: int) -> Run:
 
 @pytest.mark.parametrize("module", MODULES)
 @pytest.mark.parametrize(
-    "name", ["onebot_description.missing_ros", "rclpy", "onebot_description.parameters.reader"]
+    "name",
+    ["onebot_description.ros.missing_ros", "rclpy", "onebot_description.ros.parameters.reader"],
 )
 def test_ctrl_c_while_it_imports(at_import: Run, module: str, name: str) -> None:
     """The end is as silent as later, with the same exit code."""
@@ -74,7 +75,7 @@ def test_ctrl_c_as_it_loads_ros(ros_domain: int, module: str) -> None:
     assert (process.returncode, "Traceback" in err, "Exception" in err) == (0, False, False), err
 
 
-@pytest.mark.parametrize("name", ["onebot_description.missing_ros", "rclpy"])
+@pytest.mark.parametrize("name", ["onebot_description.ros.missing_ros", "rclpy"])
 def test_a_background_job_ignores_ctrl_c(at_import: Run, name: str) -> None:
     """A shell starts it so."""
     action = f"{INTERRUPT}; print('goes on', flush=True); os._exit(7)"

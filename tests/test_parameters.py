@@ -13,14 +13,14 @@ from rclpy.parameter import Parameter
 from onebot_bringup.bags.bag_recorder import BagRecorder
 from onebot_bringup.steering.steering_page import SteeringPage
 from onebot_bringup.viewer.rerun_viewer import RerunViewer
-from onebot_control import control_loop
+from onebot_control.nodes import control_loop
 from onebot_control.parameters import default_control_file
 from onebot_control.velocity_controller import velocity_controllers
 from onebot_description.description import load_description
 from onebot_description.joint_state_publisher import JointStatePublisher
-from onebot_description.node import RosArguments
-from onebot_description.parameters.reader import leaves
 from onebot_description.robot_state_publisher import RobotStatePublisher
+from onebot_description.ros.node import RosArguments
+from onebot_description.ros.parameters.reader import leaves
 from tests.readme_tables import PARAMETERS
 
 # rclpy's own, of every node.

@@ -13,7 +13,7 @@ Subscribes:
 """
 
 if __name__ == "__main__":  # first: the imports take a second
-    from onebot_description.process_start import start_node
+    from onebot_description.ros.process_start import start_node
 
     start_node()
 
@@ -35,15 +35,15 @@ from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile
 from onebot_bringup.bags.writer import BagWriter, Qos, RecordedTopic
 from onebot_bringup.introspection.interfaces import full_definition, is_hidden, message_class
 from onebot_description.errors import OneBotError
-from onebot_description.node import Throttled, ends_node, run_node
-from onebot_description.parameters.reader import (
+from onebot_description.ros.node import Throttled, ends_node, run_node
+from onebot_description.ros.parameters.reader import (
     REQUIRED,
     declare,
     parameter,
     read,
     refuse_undeclared,
 )
-from onebot_description.topic_subscription import (
+from onebot_description.ros.topic_subscription import (
     TopicSubscription,
     TypeConflictError,
     choose_type,

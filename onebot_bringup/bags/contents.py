@@ -14,8 +14,8 @@ from mcap.exceptions import McapError
 
 from onebot_bringup.bags.writer import Qos
 from onebot_description.errors import OneBotError
-from onebot_description.parameters import bounded_yaml
-from onebot_description.wire.cdr import NANO
+from onebot_description.ros.parameters import bounded_yaml
+from onebot_description.ros.wire.cdr import NANO
 
 OFFERED = "offered_qos_profiles"  # a topic's, in both formats
 # What mcap, the decompressors and sqlite3 raise for damaged files.

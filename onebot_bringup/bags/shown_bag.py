@@ -17,7 +17,7 @@ from onebot_bringup.viewer.shown_robot import MOST_PLOTTED, WORLD_DESCRIPTION, R
 from onebot_bringup.viewer.view_source import ViewSource
 from onebot_description.description import Description, parse_description
 from onebot_description.errors import OneBotError, did_you_mean, listing, printable
-from onebot_description.wire.messages import tf_arrays
+from onebot_description.ros.wire.messages import tf_arrays
 
 _DESCRIPTION_NAME, _JOINTS_NAME = "robot_description", "joint_states"
 _TF_NAMES = ("/tf", "/tf_static")

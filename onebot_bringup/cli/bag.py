@@ -20,9 +20,9 @@ from onebot_bringup.cli.options import (
     positive,
 )
 from onebot_bringup.cli.session import Session, await_acknowledgements
-from onebot_description.discovery import use_local_discovery
 from onebot_description.errors import OneBotError, UsageError, did_you_mean
-from onebot_description.signals import KeyboardInterrupts
+from onebot_description.ros.discovery import use_local_discovery
+from onebot_description.ros.signals import KeyboardInterrupts
 
 if TYPE_CHECKING:
     from onebot_bringup.bags.bag_reader import Bag
@@ -269,7 +269,7 @@ class _Player:
     def _publisher(self, topic: str) -> Any:
         """Its publisher; None, with a warning, if ROS refuses the name or the type."""
         from onebot_bringup.introspection.interfaces import message_class
-        from onebot_description.topic_subscription import RCLError
+        from onebot_description.ros.topic_subscription import RCLError
 
         try:
             self._session.full_name(topic)
@@ -309,7 +309,7 @@ class _Player:
         """Wait until a message is due; meanwhile publish the clock."""
         from rosgraph_msgs.msg import Clock
 
-        from onebot_description.wire.messages import time_message
+        from onebot_description.ros.wire.messages import time_message
 
         while self._clock is not None and self._next_tick <= stamp:
             self._session.spin_until(due(self._next_tick))

@@ -15,9 +15,9 @@ from typing import NamedTuple
 import onebot_description
 from onebot_bringup.cli.options import Parser, flag, option, positive
 from onebot_description.description.packages import package_share
-from onebot_description.discovery import MAX_DOMAIN, RANGE, SERVER, use_local_discovery
 from onebot_description.errors import OneBotError, did_you_mean, listing
-from onebot_description.shared_memory import FOLDER, find_segments, remove_segments
+from onebot_description.ros.discovery import MAX_DOMAIN, RANGE, SERVER, use_local_discovery
+from onebot_description.ros.shared_memory import FOLDER, find_segments, remove_segments
 
 OK, NOTE, PROBLEM = "ok", "note", "problem"
 
@@ -117,7 +117,7 @@ def _is_installed(name: str) -> bool:
 
 
 def _library() -> Verdict:
-    from onebot_description.wire.library import load_library
+    from onebot_description.ros.wire.library import load_library
 
     try:
         load_library()

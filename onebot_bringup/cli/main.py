@@ -201,7 +201,7 @@ def take_settings(words: list[str]) -> list[str]:
     count = next((n for n, word in enumerate(words) if ":=" not in word), len(words))
     if count:
         from onebot_bringup.launch.arguments import complete, discovery_settings, split
-        from onebot_description.discovery import discovery_variables
+        from onebot_description.ros.discovery import discovery_variables
 
         settings = split(words[:count]).given
         values = complete(discovery_settings(), settings)

@@ -69,7 +69,7 @@ def matching(node: Any, topic: str, args: argparse.Namespace) -> "QoSProfile":
 
     The options take precedence. Without publishers it is ``sensor_data``, compatible with any.
     """
-    from onebot_description.topic_subscription import (
+    from onebot_description.ros.topic_subscription import (
         compatible_qos,
         is_reliable,
         is_transient_local,

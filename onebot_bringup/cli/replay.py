@@ -21,8 +21,8 @@ from onebot_bringup.launch.arguments import (
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters, view_file
 from onebot_description.description.packages import use_environment_prefix
 from onebot_description.errors import OneBotError, UsageError
-from onebot_description.parameters.reader import read
-from onebot_description.signals import KeyboardInterrupts
+from onebot_description.ros.parameters.reader import read
+from onebot_description.ros.signals import KeyboardInterrupts
 
 if TYPE_CHECKING:
     from onebot_bringup.viewer.display_server import DisplayServer

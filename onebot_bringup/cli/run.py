@@ -6,9 +6,9 @@ import sys
 from collections.abc import Sequence
 
 from onebot_bringup.launch.nodes import NODES
-from onebot_description.discovery import use_local_discovery
 from onebot_description.errors import UsageError, did_you_mean
-from onebot_description.process_start import blas_variables
+from onebot_description.ros.discovery import use_local_discovery
+from onebot_description.ros.process_start import blas_variables
 
 BRINGUPS = {
     "onebot_bringup": "onebot_bringup.launch.onebot_bringup",

@@ -40,8 +40,8 @@ from onebot_description.description.description import Mesh
 from onebot_description.errors import OneBotError, listing
 from onebot_description.model import RobotModel
 from onebot_description.model.robot_model import JointArrays
-from onebot_description.node import LATCHED
-from onebot_description.wire.messages import (
+from onebot_description.ros.node import LATCHED
+from onebot_description.ros.wire.messages import (
     deserialize_message,
     time_message,
     transforms_message,

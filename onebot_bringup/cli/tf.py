@@ -13,8 +13,8 @@ from onebot_bringup.cli.options import Subcommand, flag, natural, option, positi
 from onebot_bringup.cli.session import PATIENCE, Session, in_session
 from onebot_bringup.introspection.rates import Intervals
 from onebot_description.description.tree_text import aligned, branches, cell
-from onebot_description.discovery import node_name
 from onebot_description.errors import OneBotError
+from onebot_description.ros.discovery import node_name
 
 _STATIC = "/tf_static"
 _TOPICS = ("/tf", _STATIC)
@@ -180,7 +180,7 @@ class _Transforms:
         from rclpy.qos import DurabilityPolicy, QoSProfile
 
         from onebot_bringup.introspection.transforms import FrameTree
-        from onebot_description.wire.tf_message import TFMessage
+        from onebot_description.ros.wire.tf_message import TFMessage
 
         self.frames = FrameTree()
         self.arrivals: dict[str, Intervals] = {}  # keys: child frames
@@ -195,7 +195,7 @@ class _Transforms:
             session.node.create_subscription(TFMessage, topic, received, qos, raw=True)
 
     def _receive(self, topic: str, data: bytes) -> None:
-        from onebot_description.wire.messages import BAD_MESSAGE, tf_arrays
+        from onebot_description.ros.wire.messages import BAD_MESSAGE, tf_arrays
 
         try:
             message = tf_arrays(data)

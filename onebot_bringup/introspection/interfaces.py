@@ -30,7 +30,7 @@ def message_class(name: str) -> Any:
     """Return the class of a message type, by its full or short name, ready for rclpy."""
     full = full_name(name, "msg")
     if full == _TF_MESSAGE:
-        from onebot_description.wire.tf_message import TFMessage
+        from onebot_description.ros.wire.tf_message import TFMessage
 
         return TFMessage
     return _import(full)

@@ -27,7 +27,7 @@ from rosidl_parser.definition import (
 
 from onebot_bringup.introspection.interfaces import nested_class, type_name
 from onebot_description.errors import OneBotError, did_you_mean
-from onebot_description.parameters import bounded_yaml
+from onebot_description.ros.parameters import bounded_yaml
 
 _TIME = ("builtin_interfaces", "msg", "Time")
 _HEADER = ("std_msgs", "msg", "Header")

@@ -12,7 +12,7 @@ from typing import Any
 import yaml
 
 from onebot_description.errors import OneBotError
-from onebot_description.parameters import bounded_yaml
+from onebot_description.ros.parameters import bounded_yaml
 
 NOT_SET, BOOL, INTEGER, DOUBLE, STRING = range(5)
 BYTES, BOOLS, INTEGERS, DOUBLES, STRINGS = range(5, 10)

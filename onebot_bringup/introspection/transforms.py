@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from onebot_control.poses import Transform, compose, inverse
 from onebot_description.errors import OneBotError, did_you_mean
-from onebot_description.wire.messages import TfArrays
+from onebot_description.ros.wire.messages import TfArrays
 
 Floats = NDArray[np.float64]
 _MOST_ROWS = 100_000  # limit over all blocks: each new set of frames adds some

@@ -15,11 +15,11 @@ from onebot_bringup.viewer.settings import FrameSettings
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_control.poses import prefixed
 from onebot_description.description.packages import PACKAGE_PATH, use_package_path
-from onebot_description.discovery import ARGUMENT, LOCALHOST, MAX_DOMAIN, WANTED
 from onebot_description.errors import UsageError, did_you_mean, printable
 from onebot_description.joints.config import JointsConfig
-from onebot_description.parameters.reader import leaves
-from onebot_description.parameters.values import Rule, ValueType
+from onebot_description.ros.discovery import ARGUMENT, LOCALHOST, MAX_DOMAIN, WANTED
+from onebot_description.ros.parameters.reader import leaves
+from onebot_description.ros.parameters.values import Rule, ValueType
 from onebot_description.state_parameters import StateParameters
 
 # What launch files of ROS call otherwise, and how it is written here.

@@ -28,17 +28,17 @@ from onebot_bringup.launcher.console import wants_colour
 from onebot_bringup.launcher.launcher import Launcher
 from onebot_bringup.viewer.viewer_parameters import view_file
 from onebot_control.poses import WORLD_FRAME, prefixed
-from onebot_description.discovery import discovery_variables
 from onebot_description.errors import OneBotError, UsageError, did_you_mean
-from onebot_description.process_start import blas_variables
-from onebot_description.shared_memory import remove_stale_in_background
-from onebot_description.signals import KeyboardInterrupts
+from onebot_description.ros.discovery import discovery_variables
+from onebot_description.ros.process_start import blas_variables
+from onebot_description.ros.shared_memory import remove_stale_in_background
+from onebot_description.ros.signals import KeyboardInterrupts
 from onebot_description.whole_file import refuse_unwritable
 
 if TYPE_CHECKING:
     from onebot_bringup.launch.robots import PlacedRobot
     from onebot_description.description import Description
-    from onebot_description.parameters.files import Unknown
+    from onebot_description.ros.parameters.files import Unknown
 
 
 # Parameters of the controller that name the frames.
@@ -197,7 +197,7 @@ def _check_sections(
     """Check the names of nodes and parameters in the parameter files given; print warnings."""
     from onebot_control.parameters import unknown_by_node
     from onebot_description.joints.config import JointsConfig
-    from onebot_description.parameters.reader import unknown_parameters
+    from onebot_description.ros.parameters.reader import unknown_parameters
 
     space = f"/{values['namespace'].strip('/')}".rstrip("/")
     spaces = [f"{space}/{robot.name}" for robot in robots] or [space]
@@ -223,7 +223,7 @@ def _check_file(file: Path, spaces: Sequence[str], nodes: "Mapping[str, Unknown]
         spaces: namespaces of the nodes that are given it.
         nodes: by name, what reports the parameters that each does not declare.
     """
-    from onebot_description.parameters.files import refuse_other_sections, undeclared_names
+    from onebot_description.ros.parameters.files import refuse_other_sections, undeclared_names
 
     refuse_other_sections(file, [f"{space}/{node}" for node in nodes for space in spaces])
     return undeclared_names(file, nodes.values())
@@ -239,7 +239,7 @@ def with_params_file(values: Mapping[str, str], given: Mapping[str, str]) -> dic
     if values.get("sim") != "true":
         return values
     from onebot_control.parameters import ControlConfig, read_control_files
-    from onebot_description.parameters.reader import read
+    from onebot_description.ros.parameters.reader import read
 
     space = "/" + values["namespace"].strip("/")
     written = read_control_files([Path(values["params_file"])], space, "velocity_controller")

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from onebot_description.errors import OneBotError, UsageError, did_you_mean
-from onebot_description.parameters.reader import REQUIRED, Problem, parameter, read
+from onebot_description.ros.parameters.reader import REQUIRED, Problem, parameter, read
 
 if TYPE_CHECKING:
     from onebot_description.description import Description
@@ -101,7 +101,7 @@ def read_robots(file: Path, description: Description) -> list[PlacedRobot]:
     Raises:
         OneBotError: the file, or a robot's, is wrong; with the line.
     """
-    from onebot_description.parameters.files import read_map, read_text
+    from onebot_description.ros.parameters.files import read_map, read_text
 
     if not file.is_file():
         near = [entry.name for entry in file.parent.glob("*.y*ml")]

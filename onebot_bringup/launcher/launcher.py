@@ -17,7 +17,7 @@ from onebot_bringup.launcher.process import (
     describe_exit,
     spawn,
 )
-from onebot_description.signals import stop_signals
+from onebot_description.ros.signals import stop_signals
 
 # The environment variable of a launcher that is to stop when this process, by its id, has ended.
 STARTER = "ONEBOT_STARTER"

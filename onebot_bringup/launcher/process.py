@@ -12,7 +12,7 @@ from functools import partial
 from typing import Literal
 
 from onebot_bringup.launcher.guard import Guard, group_alive, signal_group
-from onebot_description.process_start import blas_variables
+from onebot_description.ros.process_start import blas_variables
 
 OnExit = Literal["shutdown", "restart", "ignore"]
 

@@ -11,7 +11,7 @@ import webbrowser
 from typing import Any
 
 from onebot_description.errors import OneBotError
-from onebot_description.parameters.values import MAX_PORT
+from onebot_description.ros.parameters.values import MAX_PORT
 
 LOOPBACK = "127.0.0.1"
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 from onebot_bringup.steering.command_limits import Limits
 from onebot_bringup.steering.protocol import Drive, Release, SetLimits, Stop, Velocity
-from onebot_description.message_age import boot_time
+from onebot_description.ros.message_age import boot_time
 
 COMMAND_TIMEOUT = 0.25  # s without a message from the driver until the robot is stopped
 MAX_AGE = 0.5  # s since the stamp of a command, which is the round trip, until it is too late

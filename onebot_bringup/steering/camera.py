@@ -16,7 +16,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Image as ImageMessage
 
 from onebot_bringup.steering.followed_topics import FollowedTopics, own_topics
-from onebot_description.topic_subscription import TopicSubscription
+from onebot_description.ros.topic_subscription import TopicSubscription
 
 _IMAGE = "sensor_msgs/msg/Image"
 # Pillow's modes, as the picture is to be and as it is, of the encodings of pictures for people.

@@ -13,10 +13,10 @@ from std_msgs.msg import Bool
 
 from onebot_bringup.steering.arbiter import ZEROS
 from onebot_bringup.steering.protocol import Velocity
-from onebot_description.discovery import node_name
 from onebot_description.errors import natural_order
-from onebot_description.node import LATCHED, Throttled
-from onebot_description.topic_subscription import RCLError
+from onebot_description.ros.discovery import node_name
+from onebot_description.ros.node import LATCHED, Throttled
+from onebot_description.ros.topic_subscription import RCLError
 
 _TYPES = {"geometry_msgs/msg/Twist": Twist, "geometry_msgs/msg/TwistStamped": TwistStamped}
 _DEPTH = 10

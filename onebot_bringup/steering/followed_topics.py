@@ -6,14 +6,14 @@ from collections.abc import Callable, Container, Iterable, Mapping
 from rclpy.node import Node
 
 from onebot_bringup.introspection.transforms import FrameTree
-from onebot_description.topic_subscription import (
+from onebot_description.ros.topic_subscription import (
     TopicSubscription,
     TypeConflictError,
     compatible_qos,
     offers,
 )
-from onebot_description.wire.messages import tf_arrays
-from onebot_description.wire.tf_message import TFMessage
+from onebot_description.ros.wire.messages import tf_arrays
+from onebot_description.ros.wire.tf_message import TFMessage
 
 _STATIC = "/tf_static"
 _TF_TOPICS = dict.fromkeys(("/tf", _STATIC), "tf2_msgs/msg/TFMessage")

@@ -24,8 +24,8 @@ from onebot_bringup.steering.followed_topics import FollowedTopics, FollowedTran
 from onebot_bringup.steering.obstacles import Readings
 from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_control.poses import Transform, compose, yaw_of
-from onebot_description.topic_subscription import TopicSubscription
-from onebot_description.wire.messages import OdometrySample
+from onebot_description.ros.topic_subscription import TopicSubscription
+from onebot_description.ros.wire.messages import OdometrySample
 
 _MAP = "map"  # the name of the topic, and of the frame
 _GRID, _SCAN = "nav_msgs/msg/OccupancyGrid", "sensor_msgs/msg/LaserScan"

@@ -23,7 +23,7 @@ from onebot_bringup.steering.protocol import Velocity
 from onebot_description.description import Description, parse_description
 from onebot_description.errors import OneBotError
 from onebot_description.model.robot_model import RobotModel
-from onebot_description.topic_subscription import TopicSubscription
+from onebot_description.ros.topic_subscription import TopicSubscription
 
 Floats = NDArray[np.float64]
 

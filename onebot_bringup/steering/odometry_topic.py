@@ -10,9 +10,9 @@ from rclpy.node import Node
 
 from onebot_bringup.steering.followed_topics import FollowedTopics
 from onebot_control.poses import yaw_of
-from onebot_description.discovery import node_name
-from onebot_description.topic_subscription import TopicSubscription
-from onebot_description.wire.messages import OdometrySample, odometry_sample
+from onebot_description.ros.discovery import node_name
+from onebot_description.ros.topic_subscription import TopicSubscription
+from onebot_description.ros.wire.messages import OdometrySample, odometry_sample
 
 _ODOMETRY = "nav_msgs/msg/Odometry"
 

@@ -33,7 +33,7 @@ Calls:
 """
 
 if __name__ == "__main__":  # first: the imports take a second
-    from onebot_description.process_start import start_node
+    from onebot_description.ros.process_start import start_node
 
     start_node()
 
@@ -77,9 +77,9 @@ from onebot_bringup.steering.tool_requests import OtherThread, ToolRequests
 from onebot_bringup.steering.tools import ToolPublishers
 from onebot_bringup.steering.view_proxy import Viewer, ViewProxy
 from onebot_description.errors import OneBotError
-from onebot_description.message_age import WAKE
-from onebot_description.node import Throttled, run_node
-from onebot_description.parameters.reader import declare, read, refuse_undeclared
+from onebot_description.ros.message_age import WAKE
+from onebot_description.ros.node import Throttled, run_node
+from onebot_description.ros.parameters.reader import declare, read, refuse_undeclared
 
 _TIMEOUT_PERIOD = 0.05  # s between checks of the driver's timeout
 _GRAPH_PERIOD = 0.25  # s between polls of the ROS graph

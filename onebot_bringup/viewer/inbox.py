@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeVar
 
 from std_msgs.msg import String
 
-from onebot_description.wire.cdr import SYSTEM_TIME_NS, nanoseconds
-from onebot_description.wire.messages import BAD_MESSAGE, deserialize_message, known_schema
-from onebot_description.wire.schema import Schema
+from onebot_description.ros.wire.cdr import SYSTEM_TIME_NS, nanoseconds
+from onebot_description.ros.wire.messages import BAD_MESSAGE, deserialize_message, known_schema
+from onebot_description.ros.wire.schema import Schema
 
 if TYPE_CHECKING:
     from onebot_bringup.viewer.displays.display import Display

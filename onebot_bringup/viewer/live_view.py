@@ -12,7 +12,7 @@ from std_srvs.srv import Trigger
 from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_bringup.viewer.view_source import ViewSource
 from onebot_description.errors import OneBotError
-from onebot_description.parameters.reader import (
+from onebot_description.ros.parameters.reader import (
     ConfigError,
     Problem,
     declare,
@@ -22,7 +22,7 @@ from onebot_description.parameters.reader import (
     ros_parameter,
     values_of,
 )
-from onebot_description.parameters.values import plain
+from onebot_description.ros.parameters.values import plain
 
 _FIXED_FRAME = "fixed_frame"
 _SAVE_TO = "save_view_to"

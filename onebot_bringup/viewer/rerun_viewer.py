@@ -27,7 +27,7 @@ Its parameters are ``ViewerParameters``, which are read at the start, and each s
 """
 
 if __name__ == "__main__":  # first: the imports take a second
-    from onebot_description.process_start import start_node
+    from onebot_description.ros.process_start import start_node
 
     start_node()
 
@@ -46,14 +46,14 @@ from onebot_bringup.viewer.topics import ViewFeed
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, listing, printable
-from onebot_description.node import (
+from onebot_description.ros.node import (
     LATCHED,
     Throttled,
     ends_node,
     run_node,
     warn_of_two_robots,
 )
-from onebot_description.parameters.reader import declare, read
+from onebot_description.ros.parameters.reader import declare, read
 
 _LISTED = 3  # robots, in a message
 TICK_PERIOD = 0.05  # seconds; one call into Rerun carries what came in meanwhile

@@ -19,7 +19,7 @@ from onebot_bringup.serving.rerun_messages import (
     subject,
 )
 from onebot_description.errors import OneBotError
-from onebot_description.parameters.bounded_yaml import open_regular
+from onebot_description.ros.parameters.bounded_yaml import open_regular
 
 _STARTS = (b"RRF", b"RRIO")  # any version of Rerun writes one of them
 _FILE_HEAD = 12  # bytes: what it is, its version and options

@@ -6,9 +6,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from onebot_bringup.introspection.interfaces import message_class
 from onebot_bringup.viewer.inbox import WantedTopic
 from onebot_bringup.viewer.robot_view import RobotView
-from onebot_description.clock_check import StampCheck
 from onebot_description.errors import OneBotError
-from onebot_description.topic_subscription import (
+from onebot_description.ros.clock_check import StampCheck
+from onebot_description.ros.topic_subscription import (
     TopicSubscription,
     TypeConflictError,
     choose_type,
@@ -17,7 +17,7 @@ from onebot_description.topic_subscription import (
     is_transient_local,
     offers,
 )
-from onebot_description.wire.cdr import HEADER
+from onebot_description.ros.wire.cdr import HEADER
 
 # Types stamped with the time when they are sent, and the byte of the stamp in each.
 _STAMPED = {

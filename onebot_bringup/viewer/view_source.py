@@ -15,7 +15,7 @@ from onebot_bringup.viewer.view_config import (
 from onebot_bringup.viewer.viewer_parameters import view_file
 from onebot_description.errors import OneBotError
 from onebot_description.file_watch import Changes, FileWatch
-from onebot_description.parameters.reader import replaced
+from onebot_description.ros.parameters.reader import replaced
 from onebot_description.whole_file import write_whole
 
 

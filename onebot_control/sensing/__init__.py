@@ -2,5 +2,5 @@
 
 ``surroundings`` holds what is seen, ``rays`` casts rays at it; ``lidar``, ``camera`` and ``imu``
 turn arrays into arrays; ``instruments`` decides what is due, and measures in a thread of its own;
-``robot_sensors`` is the ROS side: which sensors a robot has, and their topics.
+``nodes.robot_sensors`` is the ROS side: which sensors a robot has, and their topics.
 """

@@ -15,8 +15,9 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from onebot_control.control_loop import Divider
 from onebot_control.driven_robot import Snapshot
+from onebot_control.nodes.control_loop import Divider
+from onebot_control.physics.bodies import matrix
 from onebot_control.poses import Quaternion, Transform
 from onebot_control.sensing import camera, imu, lidar
 from onebot_control.sensing.noise import add_noise, bias, noise_of
@@ -28,7 +29,6 @@ from onebot_control.sensing.surroundings import (
     SensedRobot,
     Surroundings,
 )
-from onebot_control.simulation.bodies import matrix
 from onebot_description.description import Description
 from onebot_description.description.description import Camera, Imu, Lidar, Sensor
 from onebot_description.model import quaternions

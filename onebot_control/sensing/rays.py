@@ -348,7 +348,7 @@ class _Bullet:
     """Casts rays by PyBullet, twenty times slower; which face is hit is not known."""
 
     def __init__(self, solid: Solid) -> None:
-        from onebot_control.simulation.engine import engine
+        from onebot_control.physics.engine import engine
 
         self._engine, self._client = engine, engine.connect(engine.DIRECT)
         shape = engine.createCollisionShape(

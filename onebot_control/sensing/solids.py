@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from onebot_control.simulation.bodies import matrix
-from onebot_control.simulation.engine import logger
+from onebot_control.physics.bodies import matrix
+from onebot_control.physics.engine import logger
 from onebot_description.description.description import (
     Box,
     Capsule,

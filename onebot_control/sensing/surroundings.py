@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from onebot_control.physics.bodies import link_poses
 from onebot_control.poses import Quaternion, Transform, Triple
 from onebot_control.sensing.rays import NOTHING, Surface, Targets
 from onebot_control.sensing.solids import solid_of
-from onebot_control.simulation.bodies import link_poses
 from onebot_description.description import Description
 from onebot_description.description.description import Geometry
 from onebot_description.model.quaternions import to_matrix

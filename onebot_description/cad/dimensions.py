@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from onebot_description.parameters.files import read_map, read_text
-from onebot_description.parameters.reader import read
+from onebot_description.ros.parameters.files import read_map, read_text
+from onebot_description.ros.parameters.reader import read
 
 Vector = tuple[float, float, float]
 

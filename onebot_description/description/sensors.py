@@ -41,7 +41,7 @@ from onebot_description.description.sensor_outputs import (
     word_of,
 )
 from onebot_description.errors import did_you_mean
-from onebot_description.parameters.values import Rule, ValueType
+from onebot_description.ros.parameters.values import Rule, ValueType
 
 _KINDS = {
     **dict.fromkeys(("lidar", "gpu_lidar", "ray", "gpu_ray"), LIDAR),

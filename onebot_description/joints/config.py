@@ -14,7 +14,7 @@ from onebot_description.joints.motions import (
     Motion,
     Sine,
 )
-from onebot_description.parameters.reader import REQUIRED, Problem, group, parameter, read
+from onebot_description.ros.parameters.reader import REQUIRED, Problem, group, parameter, read
 
 Poses = Mapping[str, Mapping[str, float]]
 

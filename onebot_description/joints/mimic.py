@@ -12,7 +12,7 @@ from onebot_description.description.checks import cycles
 from onebot_description.errors import did_you_mean
 from onebot_description.joints.config import Dependent
 from onebot_description.joints.motion_limits import FloatArray, JointLimits
-from onebot_description.parameters.reader import Problem
+from onebot_description.ros.parameters.reader import Problem
 
 Followers = dict[str, Dependent]  # keys: the joints that follow
 _Chain = tuple[str, float, float]  # its leader, and factor and offset of all of it

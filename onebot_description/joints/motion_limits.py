@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onebot_description.description.description import MOVING_KINDS, Joint
-from onebot_description.parameters.reader import Problem
+from onebot_description.ros.parameters.reader import Problem
 
 FloatArray = NDArray[np.float64]
 

@@ -31,8 +31,8 @@ from onebot_description.joints.motions import (
     Sine,
     violations,
 )
-from onebot_description.parameters.reader import ConfigError, Problem
-from onebot_description.parameters.values import LARGEST
+from onebot_description.ros.parameters.reader import ConfigError, Problem
+from onebot_description.ros.parameters.values import LARGEST
 
 _SHARE_OF_RANGE, _SHARE_OF_SPEED = 0.9, 0.5  # a swinging joint uses them
 _FREE_SWING = math.pi / 2  # rad or m, without limits

@@ -21,7 +21,7 @@ from onebot_description.description.description import MOVING_KINDS, Description
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.joints.motion_limits import zero_position
 from onebot_description.model import quaternions
-from onebot_description.wire.library import load_library
+from onebot_description.ros.wire.library import load_library
 
 Floats = NDArray[np.float64]
 

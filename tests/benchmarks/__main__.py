@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 from onebot_description.errors import OneBotError, did_you_mean
-from onebot_description.signals import KeyboardInterrupts
+from onebot_description.ros.signals import KeyboardInterrupts
 from tests.benchmarks.report import Report, machine, table, write_section
 from tests.orphans import end_with_this_process
 

@@ -18,7 +18,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from onebot_bringup.viewer.displays.display import SELDOM
 from onebot_bringup.viewer.displays.joint_plot import POSITION_ENTITY
 from onebot_bringup.viewer.displays.tf_display import TF_ENTITY
-from onebot_description.wire.messages import transforms_message
+from onebot_description.ros.wire.messages import transforms_message
 from tests.benchmarks.chains import Chain
 
 FIXED, SENSOR = "odom", "sensor"  # frames

@@ -12,7 +12,7 @@ from nav_msgs.msg import Odometry
 from rclpy.executors import ExternalShutdownException
 
 from onebot_description.description.packages import use_environment_prefix
-from onebot_description.discovery import configure_discovery
+from onebot_description.ros.discovery import configure_discovery
 
 _PERIOD = 0.01  # s, as the controller's
 

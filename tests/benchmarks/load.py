@@ -13,9 +13,9 @@ from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
 
-from onebot_description.discovery import configure_discovery
-from onebot_description.wire.cdr import NANO
-from onebot_description.wire.tf_message import TFMessage
+from onebot_description.ros.discovery import configure_discovery
+from onebot_description.ros.wire.cdr import NANO
+from onebot_description.ros.wire.tf_message import TFMessage
 from tests.benchmarks.chains import Chain, Floats
 from tests.benchmarks.measuring import WrongAnswer, cpu_ns, median
 from tests.ros_support import NodeProcess

@@ -13,12 +13,12 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
+from onebot_control.drive.odometry import Odometry
 from onebot_control.driven_robot import Snapshot
 from onebot_control.fleet import Fleet, Member
-from onebot_control.odometry import Odometry
 from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
+from onebot_control.physics.engine import engine
 from onebot_control.poses import PlanarPose, yaw_of
-from onebot_control.simulation.engine import engine
 from onebot_description.description import load_description
 from tests.benchmarks.measuring import MODEL, WrongAnswer, in_turn, median, over
 from tests.benchmarks.report import Report, Result

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from nav_msgs.msg import Odometry
 
-from onebot_description.wire.tf_message import TFMessage
+from onebot_description.ros.wire.tf_message import TFMessage
 from tests.benchmarks.measuring import WrongAnswer, in_turn, median, over, rss_mb
 from tests.benchmarks.report import Report, Result
 from tests.ros_support import NodeProcess, Peer

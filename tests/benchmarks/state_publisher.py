@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 from builtin_interfaces.msg import Time
 from rclpy.serialization import serialize_message
 
-from onebot_description.wire.messages import transforms_message
+from onebot_description.ros.wire.messages import transforms_message
 from tests.benchmarks.chains import Chain
 from tests.benchmarks.load import Load, Window
 from tests.benchmarks.measuring import in_turn, median, over

@@ -30,22 +30,20 @@ _READER = ("parameters_reader", "parameters_values")
 # Each module of a pure core with the test files that test it, the quickest first. Few tests
 # in them make a node, and none a process of one.
 TESTS: dict[str, tuple[str, ...]] = {
-    "onebot_control/speed_limiter.py": _control("speed_limiter"),
-    "onebot_control/odometry.py": _control("odometry"),
-    "onebot_control/diff_drive.py": _control("diff_drive"),
+    "onebot_control/drive/speed_limiter.py": _control("speed_limiter"),
+    "onebot_control/drive/odometry.py": _control("odometry"),
+    "onebot_control/drive/diff_drive.py": _control("diff_drive"),
     "onebot_control/driven_robot.py": _control("driven_robot", "fleet", "joint_state_broadcaster"),
     "onebot_control/fleet.py": _control("fleet"),
-    "onebot_control/control_loop.py": _control("control_loop"),
-    "onebot_control/wheels/finding.py": _control("wheels_finding", "wheels_geometry"),
-    "onebot_control/wheels/geometry.py": _control("wheels_geometry"),
+    "onebot_control/nodes/control_loop.py": _control("control_loop"),
+    "onebot_control/drive/wheels/finding.py": _control("wheels_finding", "wheels_geometry"),
+    "onebot_control/drive/wheels/geometry.py": _control("wheels_geometry"),
     "onebot_control/poses.py": _control("poses", "simulation_values"),
     "onebot_control/parameters.py": _control("control_config", "control_files"),
-    "onebot_control/simulation/bodies.py": _control("simulation_bodies", *_SIMULATION),
-    "onebot_control/simulation/rest_pose.py": _control(
-        "simulation_settling", "scene", *_SIMULATION
-    ),
-    "onebot_control/simulation/scene_bodies.py": _control("scene"),
-    "onebot_control/simulation/physics_settings.py": _control("simulation_values", "world"),
+    "onebot_control/physics/bodies.py": _control("simulation_bodies", *_SIMULATION),
+    "onebot_control/physics/rest_pose.py": _control("simulation_settling", "scene", *_SIMULATION),
+    "onebot_control/physics/scene_bodies.py": _control("scene"),
+    "onebot_control/physics/physics_settings.py": _control("simulation_values", "world"),
     "onebot_description/joints/config.py": _description("joints_config", "joints_source"),
     "onebot_description/joints/motions.py": _description(
         "joints_tracks", "joints_violations", *_SOURCE
@@ -60,11 +58,11 @@ TESTS: dict[str, tuple[str, ...]] = {
     "onebot_description/description/xacro.py": _description("xacro_arguments", *_CHECKS),
     "onebot_description/model/quaternions.py": _description("robot_model"),
     "onebot_description/model/robot_model.py": _description("robot_model"),
-    "onebot_description/parameters/reader.py": (
+    "onebot_description/ros/parameters/reader.py": (
         *_description(*_READER),
         "tests/test_readme_tables.py",
     ),
-    "onebot_description/parameters/values.py": _description(*_READER),
+    "onebot_description/ros/parameters/values.py": _description(*_READER),
     "onebot_bringup/launch/arguments.py": _tests(
         "onebot_bringup", "launcher_arguments", "bringup_nodes"
     ),
@@ -78,7 +76,7 @@ EQUIVALENT: dict[str, set[str]] = {
         # Without rows there is nothing as wide.
         "table: width = min(max((len(left) for left, _ in rows), default= -1), 34)",
     },
-    "onebot_control/control_loop.py": {
+    "onebot_control/nodes/control_loop.py": {
         # A deadline that nothing comes near.
         ": _PATIENCE = 11.0  # s for the loop to answer",
         # The tests run on Linux.
@@ -92,17 +90,17 @@ EQUIVALENT: dict[str, set[str]] = {
         # There are as many wheels on either side.
         "DrivenRobot.__init__: self.drift = DriftCheck(skids=len(wheels.names) > 3)",
     },
-    "onebot_control/odometry.py": {
+    "onebot_control/drive/odometry.py": {
         # The wheels' first positions only begin: the time before them counts for nothing.
         "Odometry.__init__: self._since = -1.0",
     },
-    "onebot_control/simulation/bodies.py": {
+    "onebot_control/physics/bodies.py": {
         # A mass below 0 is refused before.
         "_principal: if body.mass == 0:",
         # Below the lower limit, however far.
         'physics_urdf: slide = replace(joint, kind="prismatic", lower=1.0, upper=- 2.0)',
     },
-    "onebot_control/simulation/rest_pose.py": {
+    "onebot_control/physics/rest_pose.py": {
         # What diverges turns and moves without end at once.
         "_check_rest: if not math.isfinite(sum(position) / sum(rotation)):",
         # One step more of a robot at rest.
@@ -115,11 +113,11 @@ EQUIVALENT: dict[str, set[str]] = {
         # The ground is level and has no end.
         "settle: robot.place((( 1.0, 0.0, -lowest), (0.0, 0.0, 0.0, 1.0)))",
     },
-    "onebot_control/simulation/scene_bodies.py": {
+    "onebot_control/physics/scene_bodies.py": {
         # It is read again when the bodies enter a world.
         "SceneBodies.__init__: self.finite = False",
     },
-    "onebot_control/wheels/finding.py": {
+    "onebot_control/drive/wheels/finding.py": {
         # Without wheels there is no ground to be on.
         "_on_ground: ground = min((wheel.bottom for wheel in wheels), default= -1.0)",
         # There are as many poses as links.
@@ -130,7 +128,7 @@ EQUIVALENT: dict[str, set[str]] = {
         # A sum of 0 is 0 with the other sign.
         "_sets: return [group for group in sets if sum(1 if not wheel.y > 0.0 else -1 for wheel in group) == 0]",  # noqa: E501
     },
-    "onebot_control/wheels/geometry.py": {
+    "onebot_control/drive/wheels/geometry.py": {
         # The iteration has long converged, wherever it began.
         ": _STEPS = 199  # fixed-point iterations; four equal loads need one",
         "skid_separation: turning, slip = 0.0, 2.0 / spread / across  # x of the point; m/s at a wheel for 1 rad/s",  # noqa: E501
@@ -189,13 +187,13 @@ EQUIVALENT: dict[str, set[str]] = {
         # The library is loaded again, and is the same.
         ": @functools.cache",
     },
-    "onebot_description/parameters/reader.py": {
+    "onebot_description/ros/parameters/reader.py": {
         # It is compared with the most that are listed.
         "_no_such: def _no_such(shape: _Shape, name: str, number: int = -1) -> str:",
         # The same schema is made again.
         ": @functools.cache",
     },
-    "onebot_description/parameters/values.py": {
+    "onebot_description/ros/parameters/values.py": {
         # The same number: one more or less is not to be seen in it.
         ": LARGEST = 1e+60",
     },

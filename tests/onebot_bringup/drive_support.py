@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import rerun.chunk as rc
 
-from onebot_description.wire.messages import OdometrySample
+from onebot_description.ros.wire.messages import OdometrySample
 from tests.onebot_bringup.viewer_support import START_NS
 
 NO_TURN = np.array([0.0, 0.0, 0.0, 1.0])

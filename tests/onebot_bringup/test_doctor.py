@@ -22,7 +22,7 @@ from onebot_bringup.cli.doctor import (
     versions,
 )
 from onebot_bringup.viewer.rendering import renderer_problem
-from onebot_description.shared_memory import (
+from onebot_description.ros.shared_memory import (
     FOLDER,
     find_segments,
     remove_stale_in_background,

@@ -15,7 +15,7 @@ from onebot_bringup.steering.command_limits import (
     limits_of,
 )
 from onebot_bringup.steering.protocol import SetLimits, Velocity
-from onebot_control.speed_limiter import SpeedLimits
+from onebot_control.drive.speed_limiter import SpeedLimits
 
 FAST = Controller("/fast", SpeedLimits(max_velocity=3.0), SpeedLimits(max_velocity=6.0), 0.5)
 SLOW = Controller(

@@ -18,8 +18,8 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from std_msgs.msg import Bool, String
 
+from onebot_control.drive.speed_limiter import SpeedLimiter, SpeedLimits
 from onebot_control.poses import yaw_of
-from onebot_control.speed_limiter import SpeedLimiter, SpeedLimits
 from onebot_description.description import load_description
 from onebot_description.description.packages import package_share
 from tests.onebot_bringup.steering_support import PageClient, Steering, Way, steering

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
 from onebot_bringup.introspection.transforms import FrameTree, TransformError
-from onebot_description.wire.messages import TfArrays
+from onebot_description.ros.wire.messages import TfArrays
 from tests.support import assert_time_grows_with_size
 
 SECOND = 1_000_000_000

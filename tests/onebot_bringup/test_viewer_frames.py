@@ -10,7 +10,7 @@ from onebot_bringup.introspection.transforms import FrameTree
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.displays.tf_display import TransformStream
 from onebot_bringup.viewer.shown_robot import RobotToShow
-from onebot_description.wire.messages import TfArrays
+from onebot_description.ros.wire.messages import TfArrays
 from tests.onebot_bringup import viewer_support as support
 from tests.onebot_bringup.drive_support import chunks, column, stamps
 from tests.onebot_bringup.viewer_support import START_NS, transforms

@@ -14,7 +14,7 @@ from onebot_bringup.viewer.displays.display import LayoutPart, Plot
 from onebot_bringup.viewer.displays.drawing import topic_entity
 from onebot_bringup.viewer.displays.image import ImageView
 from onebot_bringup.viewer.view_config import ViewConfig
-from onebot_description.wire.messages import time_message
+from onebot_description.ros.wire.messages import time_message
 from tests.onebot_bringup.drive_support import column
 from tests.onebot_bringup.viewer_support import START_NS, show
 

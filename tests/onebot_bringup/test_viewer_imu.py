@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import Imu
 
-from onebot_description.wire.messages import TfArrays, time_message
+from onebot_description.ros.wire.messages import TfArrays, time_message
 from tests.onebot_bringup.drive_support import column, frames, stamps
 from tests.onebot_bringup.viewer_support import START_NS, Shown, show, take_tf
 

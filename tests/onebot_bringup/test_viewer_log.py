@@ -5,7 +5,7 @@ from rcl_interfaces.msg import Log
 
 from onebot_bringup.viewer.displays.display import LayoutPart
 from onebot_bringup.viewer.displays.log import LogDrawing, LogView
-from onebot_description.wire.messages import time_message
+from onebot_description.ros.wire.messages import time_message
 from tests.onebot_bringup.drive_support import column, stamps
 from tests.onebot_bringup.viewer_support import START_NS, Shown, show
 

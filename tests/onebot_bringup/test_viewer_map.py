@@ -9,7 +9,7 @@ from nav_msgs.msg import OccupancyGrid
 
 from onebot_bringup.viewer.displays.map import UPDATE
 from onebot_bringup.viewer.view_config import parse_view
-from onebot_description.wire.messages import time_message
+from onebot_description.ros.wire.messages import time_message
 from tests.onebot_bringup import viewer_support as support
 from tests.onebot_bringup.drive_support import column, frames, stamps
 from tests.onebot_bringup.viewer_support import (

@@ -10,7 +10,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from onebot_bringup.viewer.displays.marker import MarkerDrawing
 from onebot_bringup.viewer.view_config import parse_view
-from onebot_description.wire.messages import time_message
+from onebot_description.ros.wire.messages import time_message
 from tests.onebot_bringup import viewer_support as support
 from tests.onebot_bringup.drive_support import chunks, column, stamps
 from tests.onebot_bringup.viewer_support import (

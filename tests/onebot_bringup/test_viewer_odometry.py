@@ -16,7 +16,7 @@ from onebot_bringup.viewer.displays.pose_display import (
     place_ellipse,
     sector_outline,
 )
-from onebot_description.wire.messages import time_message
+from onebot_description.ros.wire.messages import time_message
 from tests.onebot_bringup.drive_support import chunks, column, frames, odometry, stamps, strips
 from tests.onebot_bringup.viewer_support import (
     START_NS,

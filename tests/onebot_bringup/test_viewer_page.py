@@ -18,7 +18,7 @@ from onebot_bringup.viewer.view_config import load_view
 from onebot_description.description import load_description
 from onebot_description.description.packages import package_share
 from onebot_description.model.robot_model import RobotModel
-from onebot_description.wire.messages import OdometrySample, TfArrays
+from onebot_description.ros.wire.messages import OdometrySample, TfArrays
 from tests.onebot_bringup.viewer_support import (
     ARM,
     BLUE,

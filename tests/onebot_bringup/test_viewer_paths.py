@@ -9,7 +9,7 @@ from nav_msgs.msg import Path
 from std_msgs.msg import String
 
 from onebot_bringup.viewer.view_config import parse_view
-from onebot_description.wire.messages import time_message
+from onebot_description.ros.wire.messages import time_message
 from tests.onebot_bringup.drive_support import chunks, column, frames, stamps, while_written
 from tests.onebot_bringup.test_rerun_topics import Driver
 from tests.onebot_bringup.viewer_support import (

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import PointCloud2, PointField
 
-from onebot_description.wire.messages import time_message
+from onebot_description.ros.wire.messages import time_message
 from tests.onebot_bringup.test_viewer_laser_scan import colors, points
 from tests.onebot_bringup.viewer_support import START_NS, show
 

@@ -12,7 +12,7 @@ from geometry_msgs.msg import (
     PoseWithCovarianceStamped,
 )
 
-from onebot_description.wire.messages import time_message
+from onebot_description.ros.wire.messages import time_message
 from tests.onebot_bringup.drive_support import column, frames, stamps
 from tests.onebot_bringup.viewer_support import START_NS, Shown, show
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import Range
 
-from onebot_description.wire.messages import time_message
+from onebot_description.ros.wire.messages import time_message
 from tests.onebot_bringup.drive_support import column, frames
 from tests.onebot_bringup.viewer_support import START_NS, show
 

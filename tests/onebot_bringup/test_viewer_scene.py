@@ -12,7 +12,7 @@ from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.scene import MISSING_COLOR, Scene
 from onebot_bringup.viewer.view_config import ViewConfig, parse_view
 from onebot_description.description import parse_description
-from onebot_description.wire.messages import TfArrays
+from onebot_description.ros.wire.messages import TfArrays
 from tests.onebot_bringup.drive_support import column
 from tests.onebot_bringup.viewer_support import (
     ARM,

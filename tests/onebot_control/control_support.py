@@ -4,12 +4,12 @@ import math
 from collections.abc import Sequence
 from typing import Any, cast
 
+from onebot_control.drive.odometry import DiffDriveKinematics, Odometry
 from onebot_control.driven_robot import DrivenRobot, Snapshot, wheels_of
 from onebot_control.fleet import Fleet, Member
-from onebot_control.odometry import DiffDriveKinematics, Odometry
 from onebot_control.parameters import ControlConfig
+from onebot_control.physics import JointStates, MassVelocity, Pose, Robot, Twist
 from onebot_control.poses import rotate
-from onebot_control.simulation import JointStates, MassVelocity, Pose, Robot, Twist
 from onebot_description.description import Description, parse_description
 
 SEPARATION, RADIUS = 0.3, 0.06  # m

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from onebot_control.physics import Robot, RobotSpawn, Settings, World
 from onebot_control.poses import yaw_of
-from onebot_control.simulation import Robot, RobotSpawn, Settings, World
 from onebot_description.description import Description, parse_description
 
 ROBOTS = Path(__file__).resolve().parent.parent / "robots"

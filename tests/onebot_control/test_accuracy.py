@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from onebot_control.odometry import PoseCovariance
+from onebot_control.drive.odometry import PoseCovariance
 from onebot_control.poses import PlanarPose
 from onebot_description.description import load_description
 from tests.accuracy import (

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from geometry_msgs.msg import Twist, TwistStamped
 
-from onebot_control.commands import Command, CommandSubscription
+from onebot_control.nodes.commands import Command, CommandSubscription
 from tests.ros_support import Peer
 from tests.support import wait_for
 

@@ -5,11 +5,11 @@ from typing import Any
 
 import pytest
 
-from onebot_control.odometry import DiffDriveKinematics
+from onebot_control.drive.odometry import DiffDriveKinematics
+from onebot_control.drive.speed_limiter import SpeedLimits
+from onebot_control.drive.wheels.geometry import WheelGeometry
 from onebot_control.parameters import ControlConfig
-from onebot_control.speed_limiter import SpeedLimits
-from onebot_control.wheels.geometry import WheelGeometry
-from onebot_description.parameters.reader import ConfigError, defaults, descriptor
+from onebot_description.ros.parameters.reader import ConfigError, defaults, descriptor
 from tests.onebot_control.control_support import WHEELS
 
 DEFAULTS = defaults(ControlConfig)

@@ -17,8 +17,8 @@ from onebot_control.parameters import (
     read_control_files,
 )
 from onebot_description.errors import OneBotError
-from onebot_description.node import RosArguments
-from onebot_description.parameters.reader import ConfigError, Problem
+from onebot_description.ros.node import RosArguments
+from onebot_description.ros.parameters.reader import ConfigError, Problem
 from tests.ros_support import ros_args
 
 GOOD = """\

@@ -12,20 +12,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onebot_control.control_loop import (
+from onebot_control.driven_robot import Snapshot
+from onebot_control.fleet import Fleet
+from onebot_control.nodes.control_loop import (
     ControlLoop,
     Divider,
     Pacer,
     SystemStamps,
     wake_exactly,
 )
-from onebot_control.driven_robot import Snapshot
-from onebot_control.fleet import Fleet
-from onebot_control.real_time import PaceMeter
-from onebot_control.simulation import World
+from onebot_control.nodes.real_time import PaceMeter
+from onebot_control.physics import World
 from onebot_description.errors import OneBotError
-from onebot_description.message_age import WakeDetector
-from onebot_description.wire.cdr import NANO
+from onebot_description.ros.message_age import WakeDetector
+from onebot_description.ros.wire.cdr import NANO
 from tests.onebot_control.control_support import IdealPlant, IdealWorld, ideal_drive
 from tests.support import PATIENCE, wait_for
 

@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 
-from onebot_control.diff_drive import DiffDriveController, DriveCommand, WheelStates
-from onebot_control.speed_limiter import SpeedLimiter
-from onebot_control.wheels.geometry import WheelGeometry
+from onebot_control.drive.diff_drive import DiffDriveController, DriveCommand, WheelStates
+from onebot_control.drive.speed_limiter import SpeedLimiter
+from onebot_control.drive.wheels.geometry import WheelGeometry
 from tests.onebot_control.control_support import RADIUS, SEPARATION, config
 
 REST = WheelStates(0.0, 0.0, 0.0, 0.0)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from onebot_control.driven_robot import DrivenRobot, Snapshot, wheels_of
+from onebot_control.physics import JointStates, Robot
 from onebot_control.poses import PlanarPose
 from onebot_control.sensing.surroundings import (
     Placed,
@@ -14,7 +15,6 @@ from onebot_control.sensing.surroundings import (
     SensedRobot,
     Surroundings,
 )
-from onebot_control.simulation import JointStates, Robot
 from onebot_description.description import parse_description
 from onebot_description.errors import OneBotError
 from tests.onebot_control.control_support import (

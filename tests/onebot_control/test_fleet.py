@@ -6,8 +6,8 @@ import pytest
 
 from onebot_control.driven_robot import Snapshot
 from onebot_control.fleet import Fleet, Member
+from onebot_control.physics import World
 from onebot_control.poses import PlanarPose
-from onebot_control.simulation import World
 from onebot_description.description import Description, parse_description
 from onebot_description.description.loading import load_world
 from onebot_description.errors import OneBotError

@@ -8,7 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from onebot_control.odometry import DiffDriveKinematics, Odometry, RollingMean
+from onebot_control.drive.odometry import DiffDriveKinematics, Odometry, RollingMean
 from onebot_control.poses import PlanarPose
 
 KINEMATICS = DiffDriveKinematics(0.3, 0.06, 0.06)

@@ -16,12 +16,12 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from onebot_control.driven_robot import DrivenRobot, Snapshot
+from onebot_control.nodes.publishing import Frames, Publishers
+from onebot_control.physics import MassVelocity
 from onebot_control.poses import PlanarPose
-from onebot_control.publishing import Frames, Publishers
-from onebot_control.simulation import MassVelocity
 from onebot_description.description import parse_description
-from onebot_description.wire.cdr import NANO
-from onebot_description.wire.tf_message import TFMessage
+from onebot_description.ros.wire.cdr import NANO
+from onebot_description.ros.wire.tf_message import TFMessage
 from tests.onebot_control.control_support import IdealPlant, config, cycle, ideal_drive, robot
 from tests.onebot_control.test_scene import part
 from tests.ros_support import Peer

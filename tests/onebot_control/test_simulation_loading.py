@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from onebot_control.simulation import Settings
-from onebot_control.simulation.bodies import rigid_bodies
-from onebot_control.simulation.engine import engine
-from onebot_control.simulation.spawning import converted_meshes
+from onebot_control.physics import Settings
+from onebot_control.physics.bodies import rigid_bodies
+from onebot_control.physics.engine import engine
+from onebot_control.physics.spawning import converted_meshes
 from onebot_description.description import (
     DescriptionError,
     load_description,

@@ -7,7 +7,7 @@ import sys
 import threading
 from pathlib import Path
 
-from onebot_control.simulation.engine import captured, log
+from onebot_control.physics.engine import captured, log
 
 _LIBC = ctypes.CDLL(None)
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -67,7 +67,7 @@ def test_catches_only_the_descriptors_asked_for(capfd):
 
 def test_import_is_silent_even_with_stdout_closed():
     """PyBullet announces itself on import; a daemon may have no stdout at all."""
-    code = "import onebot_control.simulation.spawning"
+    code = "import onebot_control.physics.spawning"
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, cwd=CHECKOUT, check=True
     )

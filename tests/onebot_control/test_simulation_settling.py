@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from onebot_control.physics import Settings
+from onebot_control.physics.spawning import engine, make_world
 from onebot_control.poses import yaw_of
-from onebot_control.simulation import Settings
-from onebot_control.simulation.spawning import engine, make_world
 from onebot_description.description import parse_description
 from onebot_description.description.description import Box
 from onebot_description.errors import OneBotError

@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from onebot_control.simulation import Settings
-from onebot_control.simulation.engine import engine
+from onebot_control.physics import Settings
+from onebot_control.physics.engine import engine
 from onebot_description.errors import OneBotError
 from tests.onebot_control.simulation_support import (
     bits,
@@ -28,7 +28,7 @@ from tests.onebot_control.simulation_support import (
 CHECKOUT = Path(__file__).resolve().parents[2]
 _DRIVE = """
 import hashlib
-from onebot_control.simulation import RobotSpawn, World
+from onebot_control.physics import RobotSpawn, World
 from onebot_description.description.loading import load_world
 from tests.onebot_control.simulation_support import DRIVEN, bits, robot, wheels
 starts = (0.0, 0.0, 0.0), (-2.0, 0.0, 1.0), (0.0, -2.0, -2.0)

@@ -10,6 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from onebot_control.physics import Robot, RobotSpawn, Settings, World
+from onebot_control.physics.spawning import checked_spawn_pose
 from onebot_control.poses import (
     about_z,
     compose,
@@ -19,8 +21,6 @@ from onebot_control.poses import (
     multiply,
     rotate,
 )
-from onebot_control.simulation import Robot, RobotSpawn, Settings, World
-from onebot_control.simulation.spawning import checked_spawn_pose
 from onebot_description.errors import OneBotError
 from tests.onebot_control.simulation_support import DRIVEN, LEFT, RIGHT, robot
 

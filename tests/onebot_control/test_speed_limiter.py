@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onebot_control.speed_limiter import SpeedLimiter, SpeedLimits
-from onebot_description.parameters.reader import ConfigError
+from onebot_control.drive.speed_limiter import SpeedLimiter, SpeedLimits
+from onebot_description.ros.parameters.reader import ConfigError
 
 NAMES = tuple(field.name for field in dataclasses.fields(SpeedLimits))
 NEGATIVE = ("min_velocity", "max_deceleration", "max_acceleration_reverse", "min_jerk")

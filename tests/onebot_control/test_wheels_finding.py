@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import trimesh
 
+from onebot_control.drive.wheels import tyres
+from onebot_control.drive.wheels.geometry import Wheels
 from onebot_control.driven_robot import wheels_of
 from onebot_control.parameters import ControlConfig
-from onebot_control.simulation.drivable import drivable
-from onebot_control.wheels import tyres
-from onebot_control.wheels.geometry import Wheels
+from onebot_control.physics.drivable import drivable
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.packages import package_share
 from onebot_description.errors import OneBotError

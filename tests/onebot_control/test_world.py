@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from onebot_control.simulation import RobotSpawn, World
+from onebot_control.physics import RobotSpawn, World
 from tests.onebot_control.simulation_support import (
     DRIVEN,
     bits,

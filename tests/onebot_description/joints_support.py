@@ -5,7 +5,7 @@ from typing import Any
 from onebot_description.description import Joint, Mimic
 from onebot_description.joints.config import JointsConfig
 from onebot_description.joints.source import JointStateSource
-from onebot_description.parameters.reader import Problem
+from onebot_description.ros.parameters.reader import Problem
 
 
 def joint(name: str, kind: str = "revolute", **changes: Any) -> Joint:

@@ -16,13 +16,13 @@ import pytest
 from packaging.tags import sys_tags
 from packaging.utils import parse_wheel_filename
 
-from onebot_description.wire import build_library
-from onebot_description.wire.build_library import BuildError
+from onebot_description.ros.wire import build_library
+from onebot_description.ros.wire.build_library import BuildError
 
 pytestmark = pytest.mark.checkout
 
 CHECKOUT = Path(__file__).parents[2]
-FOLDER = "onebot_description/wire"
+FOLDER = "onebot_description/ros/wire"
 HAS_ZIG = importlib.util.find_spec("ziglang") is not None
 needs_compiler = pytest.mark.skipif(
     not (build_library.find_system_compilers() or HAS_ZIG), reason="no C compiler here"
@@ -30,9 +30,9 @@ needs_compiler = pytest.mark.skipif(
 USE_MESSAGE = """
 from rclpy.serialization import deserialize_message, serialize_message
 from geometry_msgs.msg import TransformStamped
-from onebot_description.wire.build_library import LIBRARY
-from onebot_description.wire.library import load_library
-from onebot_description.wire.tf_message import TFMessage
+from onebot_description.ros.wire.build_library import LIBRARY
+from onebot_description.ros.wire.library import load_library
+from onebot_description.ros.wire.tf_message import TFMessage
 message = TFMessage(transforms=[TransformStamped()])
 assert deserialize_message(serialize_message(message), TFMessage) == message
 assert load_library().onebot_link_poses
@@ -71,8 +71,14 @@ def checkout(tmp_path: Path) -> Path:
     project = tmp_path / "project"
     unwanted = shutil.ignore_patterns("*.so", "__pycache__", ".build-*")
     shutil.copytree(CHECKOUT / FOLDER, project / FOLDER, ignore=unwanted)
-    for name in ("__init__.py", "errors.py", "missing_ros.py", "process_start.py"):
-        shutil.copy(CHECKOUT / "onebot_description" / name, project / "onebot_description")
+    for name in (
+        "__init__.py",
+        "errors.py",
+        "ros/__init__.py",
+        "ros/missing_ros.py",
+        "ros/process_start.py",
+    ):
+        shutil.copy(CHECKOUT / "onebot_description" / name, project / "onebot_description" / name)
     model = Path("onebot_description/model")
     (project / model).mkdir()
     for name in ("_kinematics.c", "_joint.h"):
@@ -94,7 +100,7 @@ def test_missing_library(checkout: Path) -> None:
     result = run("-c", USE_MESSAGE, cwd=checkout)
     assert result.returncode == 1
     last = result.stderr.splitlines()[-1]
-    command = "python -m onebot_description.wire.build_library"
+    command = "python -m onebot_description.ros.wire.build_library"
     assert last.endswith(f"_library.so is not built. Build it with: {command}")
 
     built = run(*command.split()[1:], cwd=checkout)
@@ -111,7 +117,7 @@ def test_missing_library(checkout: Path) -> None:
 def test_node_without_library(ros_domain: int) -> None:
     code = """
 from pathlib import Path
-from onebot_description.wire import build_library
+from onebot_description.ros.wire import build_library
 build_library.LIBRARY = Path("missing.so")
 from onebot_description.robot_state_publisher import main
 raise SystemExit(main(["robot_state_publisher", "onebot_description/urdf/onebot.urdf.xacro"]))
@@ -170,7 +176,7 @@ def test_useless_output(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None
 @pytest.mark.skipif(HAS_ZIG, reason="ziglang is a compiler")
 def test_no_compiler(tmp_path: Path) -> None:
     target = str(tmp_path / "library.so")
-    arguments = ("-m", "onebot_description.wire.build_library", target)
+    arguments = ("-m", "onebot_description.ros.wire.build_library", target)
     result = run(*arguments, cwd=CHECKOUT, PATH=str(tmp_path), CC="")
     assert result.returncode == 1
     assert "There is no C compiler: none of cc, gcc and clang is on the PATH." in result.stderr

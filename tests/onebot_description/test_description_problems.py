@@ -7,7 +7,7 @@ import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 
-from onebot_control.simulation.bodies import rigid_bodies
+from onebot_control.physics.bodies import rigid_bodies
 from onebot_description.description import (
     Description,
     DescriptionError,
@@ -19,8 +19,8 @@ from onebot_description.errors import OneBotError
 from onebot_description.joints.config import JointsConfig
 from onebot_description.joints.source import JointStateSource
 from onebot_description.model import RobotModel
-from onebot_description.wire.state_converter import StateConverter
-from onebot_description.wire.tf_message import TFMessage
+from onebot_description.ros.wire.state_converter import StateConverter
+from onebot_description.ros.wire.tf_message import TFMessage
 
 LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
 MOMENTS = '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'

@@ -9,8 +9,9 @@ from subprocess import PIPE
 import psutil
 import pytest
 
-from onebot_description import discovery
-from onebot_description.discovery import (
+from onebot_description.errors import OneBotError
+from onebot_description.ros import discovery
+from onebot_description.ros.discovery import (
     RANGE,
     SERVER,
     configure_discovery,
@@ -18,7 +19,6 @@ from onebot_description.discovery import (
     question,
     use_local_discovery,
 )
-from onebot_description.errors import OneBotError
 from tests.ros_support import Peer
 from tests.support import wait_for
 
@@ -114,7 +114,7 @@ def test_introspection_by_a_server(monkeypatch: pytest.MonkeyPatch) -> None:
 
 _NODE = """
 import sys, rclpy
-from onebot_description.discovery import configure_discovery
+from onebot_description.ros.discovery import configure_discovery
 configure_discovery()
 rclpy.init()
 node = rclpy.create_node("local")

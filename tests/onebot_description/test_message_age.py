@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from onebot_description.message_age import Age, Delivery, SenderClock, WakeDetector, boot_time
-from onebot_description.wire.cdr import NANO
+from onebot_description.ros.message_age import Age, Delivery, SenderClock, WakeDetector, boot_time
+from onebot_description.ros.wire.cdr import NANO
 
 _NOW = 1_700_000_000 * NANO
 _MS = NANO // 1000

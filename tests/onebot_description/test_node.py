@@ -15,7 +15,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.subscription import Subscription
 from std_msgs.msg import String
 
-from onebot_description.node import (
+from onebot_description.ros.node import (
     LATCHED,
     Lasting,
     MissedMessages,
@@ -39,7 +39,7 @@ def test_files_and_names_are_found() -> None:
 _FAILING = """
 from rclpy.node import Node
 from onebot_description.errors import OneBotError
-from onebot_description.node import ends_node, run_node
+from onebot_description.ros.node import ends_node, run_node
 
 class Failing(Node):
     def __init__(self, where):
@@ -79,7 +79,7 @@ _SLOW_TO_STOP = """
 import threading, time
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from onebot_description.node import at_stop, run_node
+from onebot_description.ros.node import at_stop, run_node
 
 stopped = threading.Event()
 

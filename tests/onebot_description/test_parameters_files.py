@@ -1,4 +1,4 @@
-"""onebot_description.parameters.files: as rcl reads, with line numbers, and what a save changes."""
+"""ros.parameters.files: as rcl reads, with line numbers, and what a save changes."""
 
 import subprocess
 import sys
@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from onebot_description.joints.config import JointsConfig
-from onebot_description.parameters.files import (
+from onebot_description.ros.parameters.files import (
     LiveParameters,
     plain_value,
     read_files,
@@ -15,7 +15,7 @@ from onebot_description.parameters.files import (
     read_parameters,
     section_matches,
 )
-from onebot_description.parameters.reader import ConfigError, defaults
+from onebot_description.ros.parameters.reader import ConfigError, defaults
 from tests.support import PATIENCE
 
 NODE, LIVE_NODE = "/ns/jsp", "/jsp"

@@ -1,4 +1,4 @@
-"""onebot_description.parameters.reader: values to checked dataclasses, with every mistake named."""
+"""ros.parameters.reader: values to checked dataclasses, with every mistake named."""
 
 import math
 import re
@@ -12,7 +12,7 @@ import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from onebot_description.parameters.reader import (
+from onebot_description.ros.parameters.reader import (
     REQUIRED,
     ConfigError,
     Problem,

@@ -1,4 +1,4 @@
-"""onebot_description.parameters.values: the edges of each rule, and the words for it."""
+"""onebot_description.ros.parameters.values: the edges of each rule, and the words for it."""
 
 import math
 import re
@@ -7,7 +7,14 @@ from typing import Any
 
 import pytest
 
-from onebot_description.parameters.values import LARGEST, Rule, ValueType, plain, shown, yaml_text
+from onebot_description.ros.parameters.values import (
+    LARGEST,
+    Rule,
+    ValueType,
+    plain,
+    shown,
+    yaml_text,
+)
 
 SMALL = 5e-324
 BELOW_ONE, ABOVE_ONE = math.nextafter(1.0, 0.0), math.nextafter(1.0, 2.0)

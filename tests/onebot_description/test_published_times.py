@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from onebot_description.wire.state_converter import PublishedTimes
+from onebot_description.ros.wire.state_converter import PublishedTimes
 
 SECOND = 1_000_000_000
 ALL, FIRST = (np.array(rows, np.intp) for rows in ([0, 1], [0]))

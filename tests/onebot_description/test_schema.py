@@ -23,9 +23,9 @@ from onebot_bringup.introspection.interfaces import (
     message_class,
     type_name,
 )
-from onebot_description.wire.cdr import ENCAPSULATION, WireError, nanoseconds
-from onebot_description.wire.definition import DefinitionError
-from onebot_description.wire.schema import Message, Schema, Sequences, Table
+from onebot_description.ros.wire.cdr import ENCAPSULATION, WireError, nanoseconds
+from onebot_description.ros.wire.definition import DefinitionError
+from onebot_description.ros.wire.schema import Message, Schema, Sequences, Table
 from tests.any_message import messages, serialized
 
 

@@ -1,4 +1,4 @@
-"""onebot_description.shared_memory: what keeps nodes from starting is removed."""
+"""onebot_description.ros.shared_memory: what keeps nodes from starting is removed."""
 
 import os
 import subprocess
@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from onebot_description.shared_memory import FOLDER, remove_broken_ports
+from onebot_description.ros.shared_memory import FOLDER, remove_broken_ports
 from tests.support import PATIENCE
 
 READY = b"\2\0\0\0"
 START = """
 import rclpy
-from onebot_description.discovery import configure_discovery
+from onebot_description.ros.discovery import configure_discovery
 configure_discovery()
 rclpy.init()
 rclpy.create_node("started")

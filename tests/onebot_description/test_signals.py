@@ -7,7 +7,7 @@ import threading
 
 import pytest
 
-from onebot_description.signals import KeyboardInterrupts, StopSignals, stop_signals
+from onebot_description.ros.signals import KeyboardInterrupts, StopSignals, stop_signals
 from tests.support import PATIENCE
 
 
@@ -79,7 +79,7 @@ def test_the_exit_code_stays_after_an_interrupted_exec(context: str) -> None:
     code = f"""
 import signal
 from contextlib import suppress
-from onebot_description.signals import KeyboardInterrupts, StopSignals
+from onebot_description.ros.signals import KeyboardInterrupts, StopSignals
 with suppress(KeyboardInterrupt), {context}:
     exec("signal.raise_signal(signal.SIGINT)")
 """

@@ -25,13 +25,13 @@ from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from type_description_interfaces.srv import GetTypeDescription
 
-from onebot_description.wire import tf_message
-from onebot_description.wire.library import load_library
-from onebot_description.wire.tf_message import TFMessage
+from onebot_description.ros.wire import tf_message
+from onebot_description.ros.wire.library import load_library
+from onebot_description.ros.wire.tf_message import TFMessage
 from tests.support import lines_of_ours, wait_for
 
 # The folder that onebot_description is imported from.
-PACKAGES = Path(tf_message.__file__).parents[2]
+PACKAGES = Path(tf_message.__file__).parents[3]
 
 TYPE_HASH = "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087"
 own_only = pytest.mark.skipif(
@@ -366,7 +366,7 @@ MANY_THREADS = """
     from rclpy.executors import SingleThreadedExecutor
     from rclpy.serialization import serialize_message
     from geometry_msgs.msg import TransformStamped
-    from onebot_description.wire.tf_message import TFMessage
+    from onebot_description.ros.wire.tf_message import TFMessage
 
     rclpy.init()
     message = TFMessage(transforms=[TransformStamped(child_frame_id=str(i)) for i in range(20)])
@@ -444,7 +444,7 @@ def test_a_tf2_msgs_that_cannot_be_loaded(tmp_path: Path, load: str) -> None:
     code = """
         from geometry_msgs.msg import TransformStamped
         from rclpy.serialization import deserialize_message, serialize_message
-        from onebot_description.wire.tf_message import TFMessage
+        from onebot_description.ros.wire.tf_message import TFMessage
         import tf2_msgs.msg
         message = TFMessage(transforms=[TransformStamped(child_frame_id="child")])
         back = deserialize_message(serialize_message(message), TFMessage)

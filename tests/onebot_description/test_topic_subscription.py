@@ -8,7 +8,7 @@ import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Int32, String
 
-from onebot_description.topic_subscription import (
+from onebot_description.ros.topic_subscription import (
     TopicSubscription,
     TypeConflictError,
     choose_type,

@@ -23,8 +23,8 @@ from onebot_bringup.viewer.displays.odometry_display import ODOMETRY
 from onebot_bringup.viewer.inbox import MessageType, WantedTopic, known_type
 from onebot_bringup.viewer.settings import Color, color, one_of, setting, topic
 from onebot_description.errors import OneBotError, listing
-from onebot_description.parameters.reader import REQUIRED
-from onebot_description.wire.schema import Message, Table
+from onebot_description.ros.parameters.reader import REQUIRED
+from onebot_description.ros.wire.schema import Message, Table
 
 S = TypeVar("S", bound="SpeedSettings | CurveSettings")
 

@@ -12,7 +12,7 @@ A message type is drawn by one class::
 
         def draw(self, message): ...  # -> Rerun's archetypes
 
-Messages are decoded by their type's definition (``onebot_description.wire.schema``), so that a
+Messages are decoded by their type's definition (``onebot_description.ros.wire.schema``), so that a
 type need not be installed. In a view file the settings are under the key, for all topics, and under
 ``topics`` of that for one of them: ``path: {height: 0.1, topics: {/plan: {line_width: 0.1}}}``.
 """
@@ -33,7 +33,7 @@ from onebot_bringup.viewer.columns import ReadyColumn, entity_path, one_row
 from onebot_bringup.viewer.displays.display import COLORS, Display, LayoutPart, S, is_old
 from onebot_bringup.viewer.inbox import WARN_AFTER, MessageType, WantedTopic
 from onebot_bringup.viewer.settings import Color, one_of, setting
-from onebot_description.parameters.reader import Same
+from onebot_description.ros.parameters.reader import Same
 
 if TYPE_CHECKING:
     from onebot_bringup.viewer.stage import Stage

@@ -13,7 +13,7 @@ from onebot_bringup.viewer.displays.display import SELDOM, Display, LayoutPart, 
 from onebot_bringup.viewer.displays.joint_limits import limited_joints, limits
 from onebot_bringup.viewer.inbox import MessageType, WantedTopic, one_by_one
 from onebot_bringup.viewer.settings import Color, setting
-from onebot_description.wire.messages import JointStateArrays, one_joint_state
+from onebot_description.ros.wire.messages import JointStateArrays, one_joint_state
 
 POSITION_ENTITY = "joints/position"
 VELOCITY_ENTITY = "joints/velocity"

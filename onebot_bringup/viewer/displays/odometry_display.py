@@ -28,7 +28,7 @@ from onebot_bringup.viewer.displays.pose_display import (
 )
 from onebot_bringup.viewer.inbox import WantedTopic, known_type
 from onebot_bringup.viewer.settings import Color, color, height, setting, topic
-from onebot_description.parameters.reader import REQUIRED
+from onebot_description.ros.parameters.reader import REQUIRED
 
 ODOMETRY = known_type("nav_msgs/msg/Odometry")
 T = TypeVar("T", bound="TrailSettings | CovarianceSettings")

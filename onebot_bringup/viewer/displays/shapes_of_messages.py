@@ -20,7 +20,7 @@ from onebot_bringup.viewer.displays.drawing import (
 )
 from onebot_bringup.viewer.settings import Color, color, fraction, height, setting
 from onebot_description.model.quaternions import to_matrix
-from onebot_description.parameters.reader import parameter
+from onebot_description.ros.parameters.reader import parameter
 
 # --- paths ----------------------------------------------------------------------------------------
 

@@ -16,7 +16,7 @@ from onebot_bringup.viewer.columns import ColumnMaker, ReadyColumn, entity_path,
 from onebot_bringup.viewer.displays.display import LARGEST, Display, LayoutPart, is_old
 from onebot_bringup.viewer.inbox import OTHER_CLOCK_NS, MessageType, WantedTopic, one_by_one
 from onebot_bringup.viewer.settings import name_list, setting
-from onebot_description.wire.messages import TfArrays, tf_arrays
+from onebot_description.ros.wire.messages import TfArrays, tf_arrays
 
 if TYPE_CHECKING:
     from onebot_bringup.viewer.stage import Stage

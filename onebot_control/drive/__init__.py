@@ -1,0 +1,1 @@
+"""What drives a robot by its wheels: controller, speed limiter, odometry. No ROS here."""

@@ -1,0 +1,138 @@
+"""Limits of velocity, acceleration and jerk, as ros2_control's diff_drive_controller has them."""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from onebot_description.ros.parameters.reader import parameter, read
+
+_UNSET = math.nan
+# The limit without which a stage does nothing, and the others of that stage.
+_NEEDED = {
+    "max_velocity": ("min_velocity",),
+    "max_acceleration": (
+        "max_deceleration",
+        "max_deceleration_reverse",
+        "max_acceleration_reverse",
+    ),
+    "max_jerk": ("min_jerk",),
+}
+
+
+def _positive(description: str) -> Any:
+    return parameter(_UNSET, description, at_least=0.0, nan="no limit")
+
+
+def _negative(description: str, unset: str) -> Any:
+    return parameter(_UNSET, description, at_most=0.0, nan=unset)
+
+
+@dataclass(frozen=True)
+class SpeedLimits:
+    """Limits of one direction of motion; NaN is "not given". Units: m or rad, and seconds.
+
+    A stage whose ``max_...`` is not given does nothing. A minimum not given is minus the maximum;
+    a deceleration not given is the acceleration of the same sign.
+    """
+
+    min_velocity: float = _negative("the fastest reverse, m/s or rad/s", "minus max_velocity")
+    max_velocity: float = _positive("the fastest forward, m/s or rad/s")
+    max_deceleration: float = _negative(
+        "slows down forward motion, m/s2 or rad/s2", "max_acceleration_reverse"
+    )
+    max_acceleration: float = _positive("speeds up forward motion, m/s2 or rad/s2")
+    max_deceleration_reverse: float = _positive("slows down reverse motion, m/s2 or rad/s2")
+    max_acceleration_reverse: float = _negative(
+        "speeds up reverse motion, m/s2 or rad/s2", "minus max_acceleration"
+    )
+    min_jerk: float = _negative("the least jerk, m/s3 or rad/s3", "minus max_jerk")
+    max_jerk: float = _positive("the greatest jerk, m/s3 or rad/s3")
+
+    def idle(self) -> Iterator[tuple[str, str]]:
+        """Return each limit that is given but does nothing, with the ``max_...`` that it needs."""
+        for needed, names in _NEEDED.items():
+            if math.isnan(getattr(self, needed)):
+                yield from ((n, needed) for n in names if not math.isnan(getattr(self, n)))
+
+    REMEDIES: ClassVar[Mapping[str, str]] = {
+        f"has_{kind}_limits": f"leave it out, and write max_{kind}: .nan for no limit"
+        for kind in ("velocity", "acceleration", "jerk")
+    }
+
+
+class SpeedLimiter:
+    """Keeps commands of one direction of motion within limits."""
+
+    def __init__(self, limits: SpeedLimits) -> None:
+        """Work out what was not given.
+
+        Raises:
+            ConfigError: a limit has the wrong sign.
+        """
+        limits = read(SpeedLimits, vars(limits))
+        speed_up = limits.max_acceleration
+        speed_up_reverse = _given(limits.max_acceleration_reverse, -speed_up)
+        slow_down = _given(limits.max_deceleration, speed_up_reverse)
+        slow_down_reverse = _given(limits.max_deceleration_reverse, speed_up)
+        self._forward = (slow_down, speed_up)
+        self._backward = (speed_up_reverse, slow_down_reverse)
+        self._from_rest = (speed_up_reverse, speed_up)
+        self._velocity = (_given(limits.min_velocity, -limits.max_velocity), limits.max_velocity)
+        self._jerk = (_given(limits.min_jerk, -limits.max_jerk), limits.max_jerk)
+        self._limits_acceleration = not math.isnan(speed_up)
+        self._limits_velocity = not math.isnan(limits.max_velocity)
+        self._limits_jerk = not math.isnan(limits.max_jerk)
+
+    @property
+    def deceleration(self) -> float:
+        """The greatest deceleration to rest in the direction that brakes less; NaN: not limited."""
+        if not self._limits_acceleration:
+            return math.nan
+        return min(-self._forward[0], self._backward[1])
+
+    @property
+    def braking_jerk(self) -> float:
+        """The greatest jerk that starts such a deceleration; NaN: not limited."""
+        return min(-self._jerk[0], self._jerk[1]) if self._limits_jerk else math.nan
+
+    def limit(self, command: float, last: float, before_last: float, dt: float) -> float:
+        """Return the nearest command that is within the limits.
+
+        Args:
+            command: what is wanted, m/s or rad/s.
+            last: the last limited command (never a measurement).
+            before_last: the limited command before it.
+            dt: seconds between two commands.
+        """
+        if self._limits_jerk:
+            command = self._limit_jerk(command, last, before_last, dt)
+        if self._limits_acceleration:
+            lower, upper = self._acceleration(last)
+            command = last + clamp(command - last, lower * dt, upper * dt)
+        if self._limits_velocity:
+            command = clamp(command, *self._velocity)
+        return command
+
+    def _limit_jerk(self, command: float, last: float, before_last: float, dt: float) -> float:
+        change, last_change = command - last, last - before_last
+        # Only where it speeds up the change: a jerk towards rest must never lengthen it.
+        if (change - last_change) * change <= 0.0:
+            return command
+        lower, upper = self._jerk
+        return last + last_change + clamp(change - last_change, lower * dt * dt, upper * dt * dt)
+
+    def _acceleration(self, last: float) -> tuple[float, float]:
+        if last > 0.0:
+            return self._forward
+        return self._backward if last < 0.0 else self._from_rest
+
+
+def _given(value: float, otherwise: float) -> float:
+    return otherwise if math.isnan(value) else value
+
+
+def clamp(value: float, lower: float, upper: float) -> float:
+    """Return the number within the bounds that is nearest to ``value``."""
+    # min() and max() take twice as long.
+    return lower if value < lower else upper if value > upper else value

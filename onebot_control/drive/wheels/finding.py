@@ -1,0 +1,223 @@
+"""Which of a robot's joints drive it: the wheels of a differential drive, found by their geometry.
+
+A wheel turns about an axis that lies across the robot, reaches the ground with a round shape, is on
+the left or the right, and hangs on no joint that swivels it. Names decide only where that leaves
+several sets of wheels.
+"""
+
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from onebot_control.drive.wheels.tyres import Tyre, Tyres
+from onebot_description.description.description import Description, Joint, Mesh
+from onebot_description.errors import OneBotError
+from onebot_description.model import RobotModel, quaternions
+
+Floats = NDArray[np.float64]
+
+_MIDDLE = 0.005  # m from the middle line; a wheel there is on neither side
+_GROUND = 0.1  # share of its radius that a wheel may end above the lowest one
+_ALIKE = 0.01  # m of radius and height by which the wheels of a set differ at most
+_ACROSS = math.cos(math.radians(1.0))  # cosine of the angle to the lateral axis, of wheels' axles
+_TRAIL = 0.1  # least share of its radius by which a caster's wheel trails what swivels it
+_VERTICAL = 0.9  # cosine of the angle to the vertical, of joints that swivel wheels
+_PASSIVE = re.compile(r"cast[eo]r|passive|free|idler|support|omni|dummy", re.IGNORECASE)
+# In the names of wheels and of their meshes.
+_ROLLERS = re.compile(r"mec+anum|omni|swedish", re.IGNORECASE)
+
+
+class Axle(NamedTuple):
+    """A joint that turns, seen from the root link with all joints at 0."""
+
+    joint: Joint
+    pose: Floats  # (4, 4) of the joint's frame
+    axis: Floats  # (3,), unit vector
+
+    @property
+    def across(self) -> bool:
+        """Whether it points to the left or to the right, as a wheel's does, but for a degree."""
+        return abs(float(self.axis[1])) >= _ACROSS
+
+    @property
+    def direction(self) -> float:
+        """1 if a positive velocity of a wheel on it drives forward, -1 if backward."""
+        return 1.0 if self.axis[1] > 0.0 else -1.0
+
+    def middle(self, tyre: Tyre | None) -> Floats:
+        """The middle (3,) of the wheel."""
+        position: Floats = self.pose[:3, 3]
+        return position if tyre is None else position + tyre.offset * self.axis
+
+
+class DriveWheels(NamedTuple):
+    """The joints of a differential drive, the front ones first."""
+
+    left: tuple[str, ...]
+    right: tuple[str, ...]
+
+
+class _Wheel(NamedTuple):
+    name: str  # the joint's
+    x: float  # its middle, in the frame of the root link, m
+    y: float
+    bottom: float  # z where it touches the ground, m
+    radius: float  # m
+    link: str
+
+
+def link_places(description: Description) -> dict[str, Floats]:
+    """Return the pose (4, 4) of each link in the root link's frame, all joints at 0."""
+    model = RobotModel.from_description(description)
+    places = {}
+    for link, pose in zip(model.links, model.link_poses({}), strict=True):
+        places[link] = np.eye(4)
+        places[link][:3, :3] = quaternions.to_matrix(pose[3:])
+        places[link][:3, 3] = pose[:3]
+    return places
+
+
+def axles(description: Description, places: Mapping[str, Floats]) -> dict[str, Axle]:
+    """Return the continuous and revolute joints by name; ``places`` are the links'."""
+    return {
+        joint.name: Axle(joint, places[joint.child], places[joint.child][:3, :3] @ joint.axis)
+        for joint in description.joints
+        if joint.kind in ("continuous", "revolute")
+    }
+
+
+def find_wheels(description: Description, turning: Mapping[str, Axle], tyres: Tyres) -> DriveWheels:
+    """Return the wheels that drive the robot; ``turning`` are its ``axles``.
+
+    Raises:
+        OneBotError: there are none, or several sets of them; with the joints that there are.
+    """
+    rolling = _on_ground(_rolling(turning, tyres))
+    swivels = {wheel.name: _swivel(description, wheel.name, turning) for wheel in rolling}
+    _check_steering(description, rolling, swivels, turning)
+    wheels = [wheel for wheel in rolling if swivels[wheel.name] is None]
+    sets = _sets(wheel for wheel in wheels if abs(wheel.y) > _MIDDLE)
+    if len(sets) > 1:
+        sets = [group for group in sets if not any(map(_is_passive, group))] or sets
+    if len(sets) != 1:
+        raise _not_driven(description, turning, _why_not_one_set(sets, wheels, swivels))
+    [drive] = sets
+    if len(drive) > 2 and all(_has_rollers(description, wheel) for wheel in drive):
+        reason = "by their names, its wheels are omnidirectional, with rollers around them"
+        raise _not_driven(description, turning, f"it is no differential drive: {reason}")
+    drive.sort(key=lambda wheel: -wheel.x)
+    left = tuple(wheel.name for wheel in drive if wheel.y > 0.0)
+    return DriveWheels(left, tuple(wheel.name for wheel in drive if wheel.y < 0.0))
+
+
+def _why_not_one_set(
+    sets: Sequence[Sequence[_Wheel]], wheels: Sequence[_Wheel], swivels: Mapping[str, Joint | None]
+) -> str:
+    if sets:
+        names = " or ".join(", ".join(wheel.name for wheel in group) for group in sets)
+        return f"it is not clear which of its wheels drive it: {names}"
+    if swivels and not wheels:
+        names = ", ".join(f'"{swivel.name}"' for swivel in swivels.values() if swivel)
+        return f"all of its wheels swivel, by joint {names}"
+    return "no wheel on the left that has its like on the right was found among its joints"
+
+
+def _check_steering(
+    description: Description,
+    wheels: Iterable[_Wheel],
+    swivels: Mapping[str, Joint | None],
+    turning: Mapping[str, Axle],
+) -> None:
+    """Raise OneBotError if a wheel is steered, as a car's are."""
+    for wheel in wheels:
+        swivel = swivels[wheel.name]
+        if swivel and _is_steered(wheel, turning[wheel.name], turning[swivel.name]):
+            raise OneBotError(
+                f'robot "{description.robot_name}" cannot be driven: it is no differential drive: '
+                f'joint "{swivel.name}" steers the wheel of "{wheel.name}". That takes a '
+                "controller for Ackermann steering, which is not here; show the robot without a "
+                "simulation: sim:=false. If it is a caster, name it so, have its wheel trail it, "
+                "or name the drive wheels: left_wheel:=JOINT right_wheel:=JOINT"
+            )
+
+
+def _not_driven(description: Description, turning: Mapping[str, Axle], reason: str) -> OneBotError:
+    joints = [f"{axle.joint.name} {_seen(axle)}" for axle in turning.values()]
+    return OneBotError(
+        f'robot "{description.robot_name}" cannot be driven: {reason}. Wheels are continuous '
+        "joints whose axes point to the left, (0 1 0), in the frame of "
+        f"{description.root_link}, with a round shape on the ground. Name them: "
+        "left_wheel:=JOINT right_wheel:=JOINT, or left_wheel_names and right_wheel_names in "
+        "params_file (or start without a simulation: sim:=false). "
+        f"Its joints that turn: {'; '.join(joints) or 'none'}"
+    )
+
+
+def _seen(axle: Axle) -> str:
+    x, y, z = (f"{value:.3g}" for value in np.round(axle.pose[:3, 3], 3) + 0.0)
+    pointing = " ".join(f"{value:.3g}" for value in np.round(axle.axis, 3) + 0.0)
+    return f"({axle.joint.kind}, at {x} {y} {z}, axis {pointing})"
+
+
+def _rolling(turning: Mapping[str, Axle], tyres: Tyres) -> list[_Wheel]:
+    """Return all that rolls, wherever it is: what turns without end about an axis across."""
+    wheels = []
+    for name, axle in turning.items():
+        if axle.joint.kind != "continuous" or not axle.across:
+            continue
+        if (tyre := tyres.of(name)) is not None:
+            x, y, z = axle.middle(tyre).tolist()
+            wheels.append(_Wheel(name, x, y, z - tyre.radius, tyre.radius, axle.joint.child))
+    return wheels
+
+
+def _on_ground(wheels: Sequence[_Wheel]) -> list[_Wheel]:
+    ground = min((wheel.bottom for wheel in wheels), default=0.0)
+    return [w for w in wheels if w.bottom - ground <= max(_ALIKE, _GROUND * w.radius)]
+
+
+def _swivel(description: Description, name: str, turning: Mapping[str, Axle]) -> Joint | None:
+    """Return the joint about the vertical that carries this one."""
+    above = {joint.child: joint for joint in description.joints}
+    link = turning[name].joint.parent
+    while joint := above.get(link):
+        if joint.name in turning and abs(turning[joint.name].axis[2]) > _VERTICAL:
+            return joint
+        link = joint.parent
+    return None
+
+
+def _is_steered(wheel: _Wheel, axle: Axle, swivel: Axle) -> bool:
+    """Whether a wheel is swivelled by a motor: a caster swivels without end, and trails."""
+    if _PASSIVE.search(f"{swivel.joint.name} {wheel.name} {wheel.link}"):
+        return False
+    x, y, _ = np.cross(axle.axis, (0.0, 0.0, 1.0))
+    trail = x * (wheel.x - swivel.pose[0, 3]) + y * (wheel.y - swivel.pose[1, 3])
+    return swivel.joint.kind == "revolute" or abs(float(trail)) < _TRAIL * wheel.radius
+
+
+def _sets(wheels: Iterable[_Wheel]) -> list[list[_Wheel]]:
+    """Return wheels of like radius together, where there are as many on either side."""
+    sets: list[list[_Wheel]] = []
+    for wheel in sorted(wheels, key=lambda wheel: wheel.radius):
+        if sets and wheel.radius <= sets[-1][0].radius * (1.0 + _ALIKE) + 1e-6:
+            sets[-1].append(wheel)
+        else:
+            sets.append([wheel])
+    return [group for group in sets if sum(1 if wheel.y > 0.0 else -1 for wheel in group) == 0]
+
+
+def _is_passive(wheel: _Wheel) -> bool:
+    return bool(_PASSIVE.search(f"{wheel.name} {wheel.link}"))
+
+
+def _has_rollers(description: Description, wheel: _Wheel) -> bool:
+    link = next(link for link in description.links if link.name == wheel.link)
+    shapes = [geometry.shape for geometry in (*link.collisions, *link.visuals)]
+    # The folders next to the file, not those of its user.
+    files = ["/".join(shape.uri.split("/")[-3:]) for shape in shapes if isinstance(shape, Mesh)]
+    return any(map(_ROLLERS.search, (wheel.name, wheel.link, *files)))

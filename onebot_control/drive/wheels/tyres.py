@@ -1,0 +1,103 @@
+"""The round shapes that wheels roll on, read from the robot's description."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from onebot_control.physics.bodies import matrix
+from onebot_description.description.description import (
+    Cylinder,
+    Description,
+    Geometry,
+    Joint,
+    Mesh,
+    Sphere,
+)
+from onebot_description.description.meshes import mesh_corners
+from onebot_description.errors import OneBotError
+
+Floats = NDArray[np.float64]
+
+_SAME = 1e-6  # m by which the radii of shapes that both touch the ground may differ
+# A cylinder or a sphere is round about the axle if its middle is no farther off than this share of
+# its radius; a mesh is round if its reaches in four directions differ by no more than this share.
+_ROUND = 0.05
+
+
+class Tyre(NamedTuple):
+    """The round shape that a wheel rolls on."""
+
+    radius: float  # m
+    offset: float  # its middle's distance from the joint, along the joint's axis, m
+
+
+class Tyres:
+    """The round shapes of a robot's links, by the joint that turns them."""
+
+    def __init__(self, description: Description, poses: Mapping[str, tuple[str, Floats]]) -> None:
+        """Collect the shapes of each rigid body; ``poses`` are the links', by ``link_poses``."""
+        self._joints = {joint.name: joint for joint in description.joints}
+        self._collisions: dict[str, list[tuple[Geometry, Floats]]] = {}
+        self._visuals: dict[str, list[tuple[Geometry, Floats]]] = {}
+        self._tyres: dict[str, Tyre | None] = {}
+        for link in description.links:
+            first, pose = poses[link.name]
+            for shapes, geometries in (
+                (self._collisions, link.collisions),
+                (self._visuals, link.visuals),
+            ):
+                placed = [(geometry, pose @ matrix(geometry.origin)) for geometry in geometries]
+                shapes.setdefault(first, []).extend(placed)
+
+    def of(self, name: str) -> Tyre | None:
+        """Return the shape on which the link turned by this joint rolls; None if none is round.
+
+        Of the collisions, or if none of these is round of the visuals, the one with the largest
+        radius: it is what reaches the ground.
+        """
+        if name not in self._tyres:
+            self._tyres[name] = self._find(self._joints[name])
+        return self._tyres[name]
+
+    def _find(self, joint: Joint) -> Tyre | None:
+        axis = np.array(joint.axis)
+        for shapes in (self._collisions[joint.child], self._visuals[joint.child]):
+            tyres = [_tyre(geometry, pose, axis) for geometry, pose in shapes]
+            if round_ones := [tyre for tyre in tyres if tyre is not None]:
+                radius = max(round_ones).radius
+                offsets = [tyre.offset for tyre in round_ones if tyre.radius >= radius - _SAME]
+                return Tyre(radius, float(np.mean(offsets)))
+        return None
+
+
+def _tyre(geometry: Geometry, pose: Floats, axis: Floats) -> Tyre | None:
+    """Return a shape as a wheel about ``axis``; None if it is not round about it."""
+    shape = geometry.shape
+    if isinstance(shape, Mesh):
+        return _round_mesh(shape, pose, axis)
+    if not isinstance(shape, Cylinder | Sphere):
+        return None
+    offset = float(pose[:3, 3] @ axis)
+    beside = float(np.linalg.norm(pose[:3, 3] - offset * axis))
+    return Tyre(shape.radius, offset) if beside <= _ROUND * shape.radius else None
+
+
+def _round_mesh(mesh: Mesh, pose: Floats, axis: Floats) -> Tyre | None:
+    """Return the greatest circle of a mesh about ``axis``; None if it is not round."""
+    try:
+        corners = mesh_corners(mesh) * np.array(mesh.scale)
+    except OneBotError:  # reported by who needs the mesh
+        return None
+    corners = corners @ pose[:3, :3].T + pose[:3, 3]
+    along = corners @ axis
+    outward = corners - np.outer(along, axis)
+    side = np.cross(axis, [1.0, 0.0, 0.0] if abs(axis[0]) < 0.9 else [0.0, 1.0, 0.0])
+    side /= np.linalg.norm(side)
+    extents = [outward @ direction for direction in (side, np.cross(axis, side))]
+    reaches = [reach for extent in extents for reach in (extent.max(), -extent.min())]
+    radius = float(np.linalg.norm(outward, axis=1).max())
+    if min(reaches) < radius * (1.0 - _ROUND):
+        return None
+    return Tyre(radius, float(along.max() + along.min()) / 2.0)

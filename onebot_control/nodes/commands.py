@@ -1,0 +1,157 @@
+"""The commands of a robot, as its controller receives them: ~/cmd_vel and its lock."""
+
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from geometry_msgs.msg import Twist, TwistStamped
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from std_msgs.msg import Bool
+
+from onebot_description.ros.clock_check import StampCheck
+from onebot_description.ros.message_age import Age, Delivery, SenderClock
+from onebot_description.ros.node import LATCHED, Lasting
+from onebot_description.ros.topic_subscription import TopicSubscription, choose_type, offers
+from onebot_description.ros.wire.cdr import nanoseconds
+
+_TOPIC = "~/cmd_vel"
+_QOS = QoSProfile(depth=10)  # ROS's system default
+_PACKAGE = "geometry_msgs/msg/"
+_TWIST = f"{_PACKAGE}Twist"
+_TYPES = {_TWIST: Twist, f"{_PACKAGE}TwistStamped": TwistStamped}
+_USUAL = "cmd_vel"  # tutorials publish commands there
+_SETTLED = 2.0  # s after which a subscriber of that would have been discovered
+
+Warn = Callable[[str, str], None]  # key, text
+
+
+class Command(NamedTuple):
+    """A velocity, as received."""
+
+    linear: float  # m/s, forward
+    angular: float  # rad/s, to the left
+    stamp: int | None  # ns, of its header; None of a Twist
+    age: Age  # since it was sent
+
+
+class CommandLock:
+    """~/cmd_vel_lock, a lock as twist_mux has them, and ~/cmd_vel_locked, its state.
+
+    The last message counts, whoever has sent it, and it does not expire: if the node that locked
+    dies, the robot stays locked. Where ~/cmd_vel is remapped, the lock is beside it.
+    """
+
+    def __init__(self, node: Node, brake: Callable[[], None]) -> None:
+        """Start unlocked; ``brake`` is called when it is locked."""
+        self._node, self._brake = node, brake
+        self.locked = False
+        commands = node.resolve_topic_name(_TOPIC)
+        self._topic = f"{commands}_lock"
+        self._state = node.create_publisher(Bool, f"{commands}_locked", LATCHED)
+        self._state.publish(Bool())
+        node.create_subscription(Bool, self._topic, self._on_lock, _QOS)
+
+    def __str__(self) -> str:
+        return (
+            f"the robot is locked until false is published on {self._topic}, or until somebody "
+            "presses a control that drives in onebot steer, or r in onebot teleop"
+        )
+
+    def _on_lock(self, message: Bool) -> None:
+        if message.data == self.locked:
+            return
+        self.locked = message.data
+        self._state.publish(message)
+        if self.locked:
+            self._brake()
+            self._node.get_logger().warning(f"stopped: {self}")
+        else:
+            self._node.get_logger().info("unlocked: the robot can be driven again")
+
+
+class CommandSubscription:
+    """~/cmd_vel, subscribed to as Twist or as TwistStamped, whichever is published."""
+
+    kind: str  # the type subscribed to, "Twist" or "TwistStamped"
+
+    def __init__(
+        self,
+        node: Node,
+        choice: str,
+        received: Callable[[Command], None],
+        warn: Warn,
+    ) -> None:
+        """Subscribe to "Twist" or "TwistStamped"; the choice "auto" follows the publishers."""
+        self._node, self._received, self._warn = node, received, warn
+        self._topic = node.resolve_topic_name(_TOPIC)
+        self._usual = node.resolve_topic_name(_USUAL)
+        self._unreceived = Lasting(_SETTLED)
+        self._choice = choice
+        self._check = StampCheck.of(node, _TOPIC)
+        self._wanted = _TWIST if choice == "auto" else f"{_PACKAGE}{choice}"
+        self._sender, self._age = SenderClock(), Age(0.0, 0.0)
+        self._subscription = TopicSubscription(
+            node,
+            _TOPIC,
+            self._on_message,
+            _TYPES.__getitem__,
+            raw=False,
+            delivered=self._on_delivery,
+        )
+        self._subscribe()
+
+    def choose(self, choice: str) -> None:
+        """Change over to another choice (see the constructor); with the next ``follow``."""
+        self._choice = choice
+        if choice != "auto":
+            self._change(f"{_PACKAGE}{choice}")
+
+    def follow(self) -> None:
+        """Change over to the other type if only that is published.
+
+        To be called several times a second. It also reports commands on a topic cmd_vel that nobody
+        subscribes to.
+        """
+        self._look_for_unreceived()
+        if self._subscription.type is None:
+            self._subscribe()
+            self._node.get_logger().info(f"commands are {self.kind} now")
+            return
+        published = {kind for kind, qos in offers(self._node, self._topic).items() if qos}
+        if self._choice == "auto":
+            usable = published & _TYPES.keys()
+            self._change(choose_type(usable, self._wanted) or self._wanted)
+        ignored = sorted(published - {self._wanted})
+        if ignored:
+            hint = "" if self._choice == "auto" else f" (cmd_vel_type is {self._choice})"
+            types, used = ", ".join(ignored), self._wanted.removeprefix(_PACKAGE)
+            text = f"{_TOPIC} is also published as {types}, which is ignored"
+            self._warn("type", f"{text}{hint}; {used} is subscribed to")
+
+    def _look_for_unreceived(self) -> None:
+        node, name = self._node, self._usual
+        topics = [name] if node.count_publishers(name) and not node.count_subscribers(name) else []
+        if self._unreceived.new(topics, time.monotonic()):
+            text = f"{name} is published, but no node subscribes to it"
+            self._warn("unreceived", f"{text}: the topic of this robot's commands is {self._topic}")
+
+    def _change(self, kind: str) -> None:
+        """End a subscription of another type; the next ``follow`` makes the new one."""
+        if kind != self._wanted:
+            self._wanted = kind
+            self._subscription.close()
+
+    def _subscribe(self) -> None:
+        self._subscription.update(self._wanted, _QOS)
+        self.kind = self._wanted.removeprefix(_PACKAGE)
+
+    def _on_delivery(self, delivery: Delivery) -> None:
+        self._age = self._sender.age(delivery, time.time_ns())
+
+    def _on_message(self, kind: str, message: Any) -> None:
+        twist, stamp = message, None
+        if kind != _TWIST:
+            twist, stamp = message.twist, nanoseconds(message.header.stamp)
+            self._check.take(stamp, time.time_ns())
+        self._received(Command(twist.linear.x, twist.angular.z, stamp, self._age))

@@ -1,0 +1,638 @@
+"""The ROS interface of velocity_controller: commands, parameters and services of a control loop."""
+
+import gc
+import logging
+import math
+import time
+from collections.abc import Callable, Sequence, Set
+from dataclasses import replace
+from functools import partial
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from geometry_msgs.msg import PoseStamped
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from std_srvs.srv import SetBool, Trigger
+
+from onebot_control.driven_robot import DrivenRobot, Snapshot
+from onebot_control.fleet import Fleet, Member, located
+from onebot_control.nodes.commands import Command, CommandLock, CommandSubscription, Warn
+from onebot_control.nodes.control_loop import ControlLoop, Divider
+from onebot_control.nodes.localization import FramesTransform, Localizer, TransformsOf, TransformTap
+from onebot_control.nodes.publishing import Frames, Publishers, ScenePublisher
+from onebot_control.nodes.real_time import Pace, PaceMeter
+from onebot_control.nodes.robot_sensors import RobotSensors
+from onebot_control.parameters import ControlConfig, ControlParameters
+from onebot_control.physics.engine import logger as simulation_log
+from onebot_control.physics.scene_bodies import load_scene
+from onebot_control.poses import PlanarPose, yaw_of
+from onebot_control.sensing.instruments import Instrument, Sensing
+from onebot_control.sensing.surroundings import SensedRobot
+from onebot_description.description import Description, load_description, parse_description
+from onebot_description.description.loading import load_sensors
+from onebot_description.errors import OneBotError, printable
+from onebot_description.ros.message_age import boot_time
+from onebot_description.ros.node import (
+    DescriptionTopic,
+    RosArguments,
+    Throttled,
+    described_by,
+    is_path,
+)
+from onebot_description.ros.parameters.reader import ConfigError, Problem, refuse_undeclared
+from onebot_description.ros.wire.cdr import NANO
+
+_DEPTH = 10  # ROS's system default
+_POLL_PERIOD = 0.1  # s between polls of who publishes commands
+_FARTHEST_POSE = 1e9  # m of a pose; odometry farther away would not be exact to the micrometre
+
+_GOES_ON = "the robot goes on as before"
+_LOCKED_EVERY = 60.0  # s between two warnings that a command is ignored because of the lock
+
+GetLoop = Callable[[], ControlLoop | None]  # None as long as there is no robot
+
+# Of the world, not of a robot: its parameters, one value for all.
+_OF_THE_WORLD = ("update_rate", "real_time_factor", "use_sim_time", "world")
+
+
+class Driving:
+    """Runs the control loop for all robots of a world once every description is known.
+
+    Each robot has its own node with commands, parameters and services. ~/pause and ~/step of any of
+    them are the world's, and so is real_time_factor: set for one, it is set for all.
+
+    Attributes:
+        nodes: of the robots.
+        loop: what drives them; None as long as a robot is not known.
+        simulated: whether stamps are simulated time.
+        factor: the real_time_factor of all.
+        scene: what stands around the robots.
+        sensing: measures with their sensors, as long as there is a loop.
+    """
+
+    def __init__(
+        self, nodes: Sequence[Node], file: str | None, arguments: Sequence[RosArguments]
+    ) -> None:
+        """Start driving as soon as all descriptions are known.
+
+        Args:
+            nodes: velocity_controller, in the namespace of each robot.
+            file: URDF or xacro file; None to use each node's parameter or topic.
+            arguments: of each node.
+        """
+        self.loop: ControlLoop | None = None
+        self.sensing: Sensing | None = None
+        self._scene_publisher: ScenePublisher | None = None
+        self.nodes, self._node = nodes, nodes[0]
+        self._failure: BaseException | None = None
+        self._diagnostics = self._node.create_publisher(DiagnosticArray, "/diagnostics", _DEPTH)
+        self._warn = Throttled(self._node.get_logger().warning)
+        self._transforms = TransformTap(self._node)
+        self._of_odom = TransformsOf(())
+        simulation_log.handlers = [NodeLog(self._node)]
+        settings = list(map(ControlParameters, nodes, arguments))
+        self.simulated = _is_simulated(nodes, settings)
+        self.factor = settings[0].config.real_time_factor
+        self.scene = load_scene(settings[0].config.world)
+        self.robots = [
+            RobotDriving(self, row, node, settings[row]) for row, node in enumerate(nodes)
+        ]
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._node.create_timer(_POLL_PERIOD, self._poll, clock=steady)
+        # Start last, when all members exist: ``stop`` may be called at any time from here on.
+        for robot in self.robots:
+            robot.describe(file)
+
+    def stop(self) -> None:
+        """Stop the control loop, and with it the robots."""
+        if self.loop is not None:
+            self.loop.stop()
+        if self.sensing is not None:
+            self.sensing.stop()
+
+    def start_described(self) -> None:
+        """Start the control loop, if all robots are described."""
+        members = [robot.member() for robot in self.robots if robot.description is not None]
+        if len(members) < len(self.robots):
+            return
+        for robot, member in zip(self.robots, members, strict=True):
+            with located(member):
+                robot.check_frames()
+        fleet = Fleet.of(members, scene=self.scene)
+        for robot, driven in zip(self.robots, fleet.robots, strict=True):
+            robot.publishing.use(driven)
+        if fleet.world.scene is not None:
+            first = fleet.robots[0]
+            rate = Divider(first.config.publish_rate, first.config.update_rate)
+            self._scene_publisher = ScenePublisher(
+                self._node, fleet.world.scene, first.world_frame, rate
+            )
+        gravity, warn = fleet.world.settings.gravity, self._node.get_logger().warning
+        self.sensing = Sensing(self.scene, fleet.rate, gravity, warn, self._fail)
+        for robot, driven in zip(self.robots, fleet.robots, strict=True):
+            robot.sense(self.sensing, driven, robot.instruments(driven.config))
+        self.sensing.start()
+        self.loop = ControlLoop(
+            fleet,
+            self._publish,
+            simulated=self.simulated,
+            meter=PaceMeter(self._publish_pace, self._log_pace),
+            failed=self._fail,
+        )
+        # Exclude long-lived objects from garbage collection.
+        gc.freeze()
+        self.loop.start()
+        # After the start, because rclpy's first log call takes 20 ms.
+        warnings = [*self.scene.notices] if self.scene else []
+        warnings += [text for robot in self.robots for text in robot.warnings]
+        for warning in dict.fromkeys(warnings):
+            self._node.get_logger().warning(warning)
+        self._node.get_logger().info(_driven_text(fleet))
+
+    def set_factor(self, factor: float) -> None:
+        """Have real_time_factor be the same for all robots."""
+        self.factor = factor
+        for robot in self.robots:
+            robot.set_factor(factor)
+
+    def _publish(self, snapshots: Sequence[Snapshot], stamp: int) -> None:
+        sensing, world = self.sensing, self.loop.fleet.world if self.loop else None
+        assert sensing is not None and world is not None
+        sensed = sensing.due(snapshots[0].tick)
+        for row, (robot, snapshot) in enumerate(zip(self.robots, snapshots, strict=True)):
+            robot.publishing.publish(snapshot, stamp, sensed=row in sensed)
+        if self._scene_publisher is not None:
+            self._scene_publisher.publish(stamp)
+        sensing.take(stamp, snapshots, world.scene.poses if world.scene else ())
+
+    def _poll(self) -> None:
+        if self._failure is not None:
+            raise self._failure
+        for robot in self.robots:
+            robot.commands.follow()
+            robot.report_drift()
+            robot.sensors.poll()
+        if self.loop is not None:
+            self._follow_localizers()
+
+    def _follow_localizers(self) -> None:
+        """Leave the parents of odom to other nodes that publish any."""
+        robots = {r.publishing.odom_frame: r for r in self.robots if r.publishing.world_frame}
+        if not robots:
+            self._transforms.close()
+            return
+        if self._of_odom.children != robots.keys():
+            self._of_odom = TransformsOf(robots)
+        now = time.monotonic_ns()
+        for message in self._transforms.poll(self.nodes, now):
+            for transform in self._of_odom.find(message):
+                robots[transform.child].receive_transform(transform, now)
+        changes = [robot.follow_localizer(self._transforms.nodes, now) for robot in self.robots]
+        if any(changes):
+            self._transforms.close()  # latched transforms of others are received again
+
+    def _fail(self, error: BaseException) -> None:
+        self._failure = error
+
+    def _publish_pace(self, pace: Pace, is_slow: bool) -> None:
+        """Publish the real-time factor of the last second, from the control thread."""
+        values = {
+            "real_time_factor": f"{pace.factor:.3f}",
+            "wanted real_time_factor": f"{self.factor:g}",
+            "control cycles": str(pace.cycles),
+            "missed control cycles": str(pace.missed),
+        }
+        status = DiagnosticStatus(
+            level=DiagnosticStatus.WARN if is_slow else DiagnosticStatus.OK,
+            name=f"{_full_name(self._node)[1:]}: real-time factor",
+            message=str(pace),
+            values=[KeyValue(key=key, value=value) for key, value in values.items()],
+        )
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        self._diagnostics.publish(message)
+
+    def _log_pace(self, text: str, is_slow: bool) -> None:
+        if is_slow:
+            self._node.get_logger().warning(
+                f"{text}; the CPU is overloaded, or the process was stopped"
+            )
+        else:
+            self._node.get_logger().info(text)
+
+
+class NodeLog(logging.Handler):
+    """Passes what the simulation logs, which knows no ROS, to a node's logger."""
+
+    def __init__(self, node: Node) -> None:
+        super().__init__(logging.WARNING)
+        self._logger = node.get_logger()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._logger.warning(record.getMessage())
+
+
+def _is_simulated(nodes: Sequence[Node], settings: Sequence[ControlParameters]) -> bool:
+    """Return whether the world's time is simulated.
+
+    Raises:
+        ConfigError: the nodes differ in what is the world's.
+    """
+    for name in _OF_THE_WORLD:
+        first, *other_values = [node.get_parameter(name).value for node in nodes]
+        for node, value in zip(nodes[1:], other_values, strict=True):
+            if value != first:
+                text = f"{value}, but {first} of {_full_name(nodes[0])}"
+                problem = f"{text}; it is the same for all robots of a world"
+                raise ConfigError([Problem(f"{_full_name(node)}: {name}", problem)])
+    factor = settings[0].config.real_time_factor
+    return bool(nodes[0].get_parameter("use_sim_time").value) or factor != 1.0
+
+
+def _full_name(node: Node) -> str:
+    return str(node.get_fully_qualified_name())
+
+
+def _driven_text(fleet: Fleet) -> str:
+    """Return what is driven, for the log."""
+    if len(fleet.robots) > 1:
+        return f"driving {len(fleet.robots)} robots in one world"
+    robot = fleet.robots[0]
+    separation, radius = robot.geometry
+    return (
+        f'driving robot "{printable(robot.description.robot_name)}": wheels {separation:g} m '
+        f"apart, of radius {radius:g} m"
+    )
+
+
+class RobotDriving:
+    """The ROS interface of one robot: its node's topics, parameters and services.
+
+    Attributes:
+        description: of the robot; None as long as it is not known.
+        publishing: what is published of it.
+        commands: its ~/cmd_vel.
+        lock: of these commands.
+        sensors: what it senses with.
+    """
+
+    def __init__(self, driving: Driving, row: int, node: Node, settings: ControlParameters) -> None:
+        """Subscribe, and offer the services; ``row`` is the robot's in its fleet."""
+        self._driving, self._row, self._node, self._settings = driving, row, node, settings
+        self.description: Description | None = None
+        self._warn = Throttled(node.get_logger().warning)
+        self._refuse = Throttled(lambda text: node.get_logger().error(text))
+        self.publishing = Publishers(node, clock=driving.simulated and row == 0)
+        self._localizer = Localizer("")
+        self.sensors = RobotSensors(node, self._sense_again)
+        choice = settings.config.cmd_vel_type
+        # Before the commands: of an unlock and a command at once it is received first.
+        self.lock = CommandLock(node, self._brake)
+        self.commands = CommandSubscription(node, choice, self._on_command, self._warn)
+        Requests(node, lambda: driving.loop, row, lambda: self.publishing.odom_frame, self._warn)
+        refuse_undeclared(node, ControlConfig)
+        node.add_on_set_parameters_callback(self._validate)
+        node.add_post_set_parameters_callback(self._apply)
+
+    def describe(self, file: str | None) -> None:
+        """Drive the robot whose description is given, or wait for one on the topic."""
+        text = self._settings.values["robot_description"]
+        if file:
+            self._start(load_description(file))
+        elif text:
+            self._start(described_by(text))
+        if not file and not is_path(text):
+            DescriptionTopic(self._node, self._on_description, lambda: self.description is not None)
+
+    def member(self) -> Member:
+        """Return the robot as the world gets it."""
+        assert self.description is not None
+        name = "" if len(self._driving.nodes) == 1 else _full_name(self._node)
+        return Member(self.description, self._settings.config, name, self._settings.places)
+
+    def check_frames(
+        self, config: ControlConfig | None = None, description: Description | None = None
+    ) -> None:
+        """Check the frames that the robot would have with another config or description.
+
+        All robots must be described.
+
+        Raises:
+            ConfigError: two frames have one name, or the frame of a scene would change.
+        """
+        other_frames = {
+            _full_name(robot._node): robot._frames()
+            for robot in self._driving.robots
+            if robot is not self
+        }
+        frames, world = self._frames(config, description), self._frames().world
+        problems = [*frames.problems(other_frames, self._driving.scene)]
+        if self._driving.scene is not None and frames.world != world:
+            # The frames of the scene are published once.
+            text = f'the frames of the world are in "{world}"; restart the node to change it'
+            problems.append(Problem("world_frame_id", text))
+        if problems:
+            raise ConfigError(problems)
+
+    def _frames(
+        self, config: ControlConfig | None = None, description: Description | None = None
+    ) -> Frames:
+        robot = description or self.description
+        assert robot is not None
+        namespace, in_scene = self._node.get_namespace(), self._driving.scene is not None
+        return Frames.of(config or self._settings.config, robot, namespace, in_scene=in_scene)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What is surprising about the description and the parameters."""
+        assert self.description is not None
+        # robot_state_publisher has logged the notices of its description.
+        notices = self.description.notices if self.description.files else ()
+        return [*notices, *self._settings.warnings]
+
+    def report_drift(self) -> None:
+        """Warn once if the robot's odometry and the truth drift apart."""
+        if (loop := self._driving.loop) and (text := loop.fleet.robots[self._row].drift.warning):
+            self._warn(text, text, every=math.inf)
+
+    def receive_transform(self, transform: FramesTransform, now: int) -> None:
+        """Note who is odom's parent by a transform on TF; ``now`` in ns, by a steady clock."""
+        publishing = self.publishing
+        if self._localizer.odom != publishing.odom_frame:
+            self._localizer = Localizer(publishing.odom_frame)
+        self._localizer.receive(transform, publishing.truths, now)
+
+    def follow_localizer(self, nodes: Set[str], now: int) -> bool:
+        """Stop or resume the truth on TF; return whether it was resumed.
+
+        ``nodes`` are the other nodes that publish TF.
+        """
+        localizer, publishing = self._localizer, self.publishing
+        parent = localizer.parent
+        localizer.expire(nodes, now)
+        if publishing.localized == bool(localizer.parent):
+            return False
+        publishing.localized = bool(localizer.parent)
+        own = f"{publishing.world_frame} -> {publishing.odom_frame}"
+        if publishing.localized:
+            text = f"another node publishes {localizer.parent} -> {localizer.odom} on TF, so {own} "
+            text += "is not published; set ground_truth_tf to false where that is always so"
+        else:
+            text = f"nobody publishes {parent} -> {localizer.odom} any more: {own} is published"
+        if publishing.publishes_truth:
+            self._node.get_logger().info(text)
+        return not publishing.localized
+
+    def set_factor(self, factor: float) -> None:
+        """Set real_time_factor."""
+        if self._settings.config.real_time_factor != factor:
+            self._node.set_parameters([Parameter("real_time_factor", value=factor)])
+
+    def _start(self, description: Description) -> None:
+        """Drive by a first description."""
+        self.description = description
+        try:
+            self._driving.start_described()
+        except OneBotError:
+            self.description = None
+            raise
+
+    def _on_description(self, urdf: str) -> None:
+        loop, previous = self._driving.loop, self.description
+        if previous is not None and previous.urdf == urdf:
+            return
+        try:
+            description = parse_description(urdf, "robot_description")
+            if loop is None:
+                self._start(description)
+            elif previous is not None and description.urdf != previous.urdf:
+                if (description.links, description.joints) != (previous.links, previous.joints):
+                    self.check_frames(description=description)
+                    loop.call(lambda: self._replace(loop, description))
+                self.description = description
+                self._sense_again()
+                self._node.get_logger().info("now driving by the changed robot description")
+        except OneBotError as error:
+            places = self._settings.places
+            reason = error.located(places) if isinstance(error, ConfigError) else error
+            goes_on = "still waiting for one" if loop is None else _GOES_ON
+            self._refuse("description", f"robot_description not applied, {goes_on}:\n{reason}")
+
+    def _replace(self, loop: ControlLoop, description: Description) -> None:
+        loop.fleet.replace(self._row, description)
+        driven = loop.fleet.robots[self._row]
+        self.publishing.use(driven)
+        if self._driving.sensing is not None:
+            self.sense(self._driving.sensing, driven)
+
+    def instruments(self, config: ControlConfig) -> list[Instrument]:
+        """Return the sensors of the description and of the file that ``config`` names."""
+        assert self.description is not None
+        return self.sensors.update(self._row, self.description, config)
+
+    def sense(
+        self, sensing: Sensing, robot: DrivenRobot, instruments: Sequence[Instrument] = ()
+    ) -> None:
+        """Sense with these ``instruments``; call it in the control thread, or before it starts."""
+        sensed = SensedRobot(robot.description, robot.joints, robot.held)
+        sensing.enter(self._row, sensed, instruments)
+
+    def _sense_again(self) -> None:
+        """Apply what has changed of the sensors."""
+        loop, sensing = self._driving.loop, self._driving.sensing
+        if loop is None or sensing is None:
+            return
+        try:
+            instruments = self.instruments(self._settings.config)
+            loop.call(lambda: self.sense(sensing, loop.fleet.robots[self._row], instruments))
+        except OneBotError as error:
+            self._refuse("sensors", f"sensors not applied: {error}")
+
+    def _on_command(self, command: Command) -> None:
+        loop, now = self._driving.loop, boot_time()
+        if loop is None:
+            return
+        if command.stamp == 0:
+            text = "~/cmd_vel has stamp 0, which is taken as when it was sent (logged once)"
+            self._warn("stamp", text, every=math.inf)
+        if self.lock.locked:
+            if command.linear or command.angular:
+                self._warn("locked", f"~/cmd_vel is ignored: {self.lock}", every=_LOCKED_EVERY)
+            return
+        # From here on it ages by a clock that nobody sets.
+        given = now - command.age.least
+        if command.stamp and not loop.simulated:
+            given = now - (time.time_ns() - command.stamp) / NANO
+        loop.post(lambda: self._command(loop, command, given, now - command.age.most))
+
+    def _command(self, loop: ControlLoop, command: Command, given: float, sent: float) -> None:
+        if sent < loop.wake.check():
+            refused: str | None = "it was sent before this process woke from a stop"
+        else:
+            robot = loop.fleet.robots[self._row]
+            age = _age(loop, command, given)
+            refused = robot.accept(command.linear, command.angular, age)
+        if refused:
+            self._warn("command", f"~/cmd_vel is ignored: {refused}")
+
+    def _brake(self) -> None:
+        if (loop := self._driving.loop) is not None:
+            loop.post(lambda: loop.fleet.robots[self._row].accept(0.0, 0.0, age=0.0))
+
+    def _validate(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+        loop = self._driving.loop
+        try:
+            config = self._settings.changed(parameters, self._driving.simulated)
+            self._check_effect(config)
+            if loop is not None:
+                robot = loop.fleet.robots[self._row]
+                robot.fitted(config)
+                if config.sensors and config.sensors != self._settings.config.sensors:
+                    load_sensors(config.sensors, robot.description)
+                self.check_frames(config)
+        except OneBotError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _check_effect(self, config: ControlConfig) -> None:
+        """Refuse changes of what is on TF that would change nothing there.
+
+        Raises:
+            ConfigError: with the reason.
+        """
+        previous, in_scene = self._settings.config, self._driving.scene is not None
+        if in_scene and not config.world_frame_id and previous.world_frame_id:
+            text = "the frames of a world need a parent; ground_truth_tf: false takes odom off it"
+            raise ConfigError([Problem("world_frame_id", text)])
+        if config.ground_truth_tf and not previous.ground_truth_tf:
+            localizer = self._localizer
+            if not config.world_frame(in_scene=in_scene):
+                text = "there is no frame to publish odom in; set world_frame_id first"
+                raise ConfigError([Problem("ground_truth_tf", text)])
+            if localizer.parent:
+                text = f"another node publishes {localizer.parent} -> {localizer.odom}"
+                raise ConfigError([Problem("ground_truth_tf", text)])
+
+    def _apply(self, parameters: Sequence[Parameter]) -> None:
+        previous_config, warned = self._settings.config, self._settings.warnings
+        self._settings.accept(parameters)
+        for warning in self._settings.warnings:
+            if warning not in warned:
+                self._node.get_logger().warning(warning)
+        config, loop = self._settings.config, self._driving.loop
+        if config == previous_config:
+            return
+        if config.cmd_vel_type != previous_config.cmd_vel_type:
+            self.commands.choose(config.cmd_vel_type)
+        if loop is not None:
+            # Of many robots that follow one, waiting for a cycle each would take long.
+            follows = config == replace(previous_config, real_time_factor=self._driving.factor)
+            try:
+                (loop.post if follows else loop.call)(lambda: self._configure(loop, config))
+            except OneBotError as error:  # here it would end the process
+                self._refuse("parameters", f"parameters not applied, {_GOES_ON}: {error}")
+        if config.real_time_factor != self._driving.factor:
+            self._driving.set_factor(config.real_time_factor)
+        if replace(config, real_time_factor=previous_config.real_time_factor) != previous_config:
+            self._sense_again()
+
+    def _configure(self, loop: ControlLoop, config: ControlConfig) -> None:
+        robot = loop.fleet.robots[self._row]
+        robot.configure(config)
+        loop.set_factor(config.real_time_factor)
+        self.publishing.use(robot)
+
+
+def _age(loop: ControlLoop, command: Command, given: float) -> float | None:
+    """Return the age of a command as it takes effect: it may have waited since it came."""
+    if loop.simulated:
+        return (loop.now_ns() - command.stamp) / NANO if command.stamp else None
+    return boot_time() - given + (loop.left if command.stamp else 0.0)
+
+
+class Requests:
+    """Puts a robot and its odometry somewhere else, and stops its world.
+
+    The topics ~/teleport and ~/set_odometry and the services ~/reset and ~/reset_odometry are the
+    robot's, the services ~/pause and ~/step are its world's.
+    """
+
+    def __init__(
+        self, node: Node, loop: GetLoop, row: int, odom_frame: Callable[[], str], warn: Warn
+    ) -> None:
+        self._loop, self._row = loop, row
+        self._odom_frame, self._warn = odom_frame, warn
+        for topic, use in (("teleport", self._teleport), ("set_odometry", self._place_odometry)):
+            received = partial(self._on_pose, topic, use)
+            node.create_subscription(PoseStamped, f"~/{topic}", received, _DEPTH)
+        for service, action in (
+            ("reset", lambda loop: self._robot(loop).reset()),
+            ("reset_odometry", lambda loop: self._robot(loop).place_odometry(PlanarPose())),
+            ("step", ControlLoop.step),
+        ):
+            node.create_service(Trigger, f"~/{service}", partial(self._on_trigger, action))
+        node.create_service(SetBool, "~/pause", self._on_pause)
+
+    def _robot(self, loop: ControlLoop) -> DrivenRobot:
+        return loop.fleet.robots[self._row]
+
+    def _on_pose(
+        self,
+        topic: str,
+        use: Callable[[DrivenRobot, str, PlanarPose], None],
+        message: PoseStamped,
+    ) -> None:
+        loop, pose = self._loop(), planar_pose(message)
+        if loop is None:
+            self._warn(topic, f"~/{topic} is ignored: there is no robot yet")
+        elif not all(abs(value) <= _FARTHEST_POSE for value in pose):
+            text = "the pose is not finite, too far away, or its orientation no unit quaternion"
+            self._warn(topic, f"~/{topic} is ignored: {text}")
+        else:
+            try:
+                loop.call(lambda: use(self._robot(loop), message.header.frame_id, pose))
+            except (OneBotError, ValueError) as error:
+                self._warn(topic, f"~/{topic} is ignored: {error}")
+
+    def _teleport(self, robot: DrivenRobot, frame: str, pose: PlanarPose) -> None:
+        world, odom = robot.world_frame, self._odom_frame()
+        if frame == odom or not (frame or world):
+            pose = robot.odom_in_world.compose(pose)
+        elif frame not in ("", world):
+            raise OneBotError(f'no frame "{frame}" here; write {world or odom} or {odom}')
+        robot.teleport(pose)
+
+    def _place_odometry(self, robot: DrivenRobot, frame: str, pose: PlanarPose) -> None:
+        odom = self._odom_frame()
+        if frame not in ("", odom):
+            raise OneBotError(f'the odometry\'s frame is "{odom}", not "{frame}"')
+        robot.place_odometry(pose)
+
+    def _on_pause(self, request: SetBool.Request, answer: SetBool.Response) -> SetBool.Response:
+        return self._on_trigger(lambda loop: setattr(loop, "paused", request.data), request, answer)
+
+    def _on_trigger(
+        self,
+        action: Callable[[ControlLoop], object],
+        _: Trigger.Request | SetBool.Request,
+        answer: Trigger.Response | SetBool.Response,
+    ) -> Trigger.Response | SetBool.Response:
+        loop = self._loop()
+        try:
+            if loop is None:
+                raise OneBotError("there is no robot yet")
+            loop.call(lambda: action(loop))
+            answer.success = True
+        except OneBotError as error:
+            answer.success, answer.message = False, str(error)
+        return answer
+
+
+def planar_pose(message: PoseStamped) -> PlanarPose:
+    """Return a pose as seen from above; NaN where its quaternion is not of unit length."""
+    p, q = message.pose.position, message.pose.orientation
+    norm = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w
+    yaw = yaw_of(q.x, q.y, q.z, q.w) if 0.98 < norm < 1.02 else math.nan
+    return PlanarPose(p.x, p.y, yaw)

@@ -1,0 +1,154 @@
+"""Whether another node localizes the robots: publishes a parent of odom on TF (REP-105).
+
+Each frame has one parent in TF. Where a localizer such as AMCL or slam_toolbox publishes that of
+odom, the simulation's truth is not on TF as well.
+"""
+
+import re
+from collections.abc import Collection, Iterable, Iterator, Sequence, Set
+from os.path import commonprefix
+from typing import Any, NamedTuple
+
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from onebot_control.poses import Transform
+from onebot_description.ros.discovery import node_name
+from onebot_description.ros.wire.cdr import NANO
+from onebot_description.ros.wire.messages import BAD_MESSAGE, tf_arrays
+from onebot_description.ros.wire.tf_message import TFMessage
+
+_TOPICS = {"/tf": DurabilityPolicy.VOLATILE, "/tf_static": DurabilityPolicy.TRANSIENT_LOCAL}
+_DEPTH = 100  # messages between two polls; of more, the last: localizers repeat theirs
+_POLL_NODES = NANO  # ns between two polls of who publishes TF
+_KNOWN = 3 * NANO  # ns in which the name of a node is discovered, after its messages
+_SILENT = 10 * NANO  # ns; as long as tf2 keeps a transform
+
+
+class FramesTransform(NamedTuple):
+    """A transform on TF, of ``child`` in ``parent``."""
+
+    parent: str
+    child: str
+    stamp_ns: int
+    transform: Transform
+
+
+class TransformsOf:
+    """Finds the transforms of some child frames in messages of TF."""
+
+    def __init__(self, children: Iterable[str]) -> None:
+        self.children = frozenset(children)
+        # In CDR the child's name follows the parent's, a NUL, up to three bytes of padding, and its
+        # length in four. What has odom as the parent, as most messages have, is not parsed.
+        common = commonprefix([name[::-1] for name in self.children])[::-1]
+        self._end = common.encode() + b"\0"
+        any_name = b"|".join(re.escape(name.encode()) for name in self.children)
+        self._child = re.compile(rb"[^\0]\0.{4,7}/?(?:" + any_name + rb")\0", re.DOTALL)
+
+    def find(self, data: bytes) -> Iterator[FramesTransform]:
+        """Return those in ``data``, a TFMessage in CDR; none if it is no such message."""
+        if self._end not in data or not self._child.search(data):
+            return
+        try:
+            message = tf_arrays(data)
+        except BAD_MESSAGE:
+            return
+        for row, name in enumerate(message.children):
+            child = name.removeprefix("/")
+            if child in self.children:
+                x, y, z = map(float, message.translations[row])
+                a, b, c, w = map(float, message.rotations[row])
+                parent, stamp_ns = message.parents[row], int(message.stamps_ns[row])
+                transform = (x, y, z), (a, b, c, w)
+                yield FramesTransform(parent.removeprefix("/"), child, stamp_ns, transform)
+
+
+class Localizer:
+    """Whether another node publishes a parent of one odometry frame.
+
+    Attributes:
+        odom: the odometry frame.
+        parent: the frame in which another node has it; "" for none.
+    """
+
+    def __init__(self, odom: str) -> None:
+        self.odom, self.parent = odom, ""
+        self._nodes: set[str] = set()  # they published TF when it was last received
+        self._received_ns = self._alive_ns = 0
+
+    def receive(
+        self, transform: FramesTransform, truths: Collection[FramesTransform], now: int
+    ) -> None:
+        """Note the parent that a ``transform`` of ``odom`` has, unless it is our own.
+
+        ``truths`` are those that this process has published lately; ``now`` in ns, by a steady
+        clock.
+        """
+        if transform not in truths:
+            self.parent, self._nodes = transform.parent, set()
+            self._received_ns = self._alive_ns = now
+
+    def expire(self, nodes: Set[str], now: int) -> None:
+        """Forget the parent if it comes no more, and a node that may have published it is gone.
+
+        ``nodes`` are the other nodes that publish TF now.
+        """
+        if now - self._received_ns < _KNOWN:
+            self._nodes |= nodes
+        if self._nodes <= nodes:
+            self._alive_ns = now
+        elif now - self._alive_ns > _SILENT:
+            self.parent = ""
+
+
+class TransformTap:
+    """Takes what others publish on /tf and /tf_static; polled.
+
+    An executor would wake up for each message: all transforms of all robots come here.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node, self._polled_ns = node, -_POLL_NODES
+        self._subscriptions: list[Any] = []
+        self.nodes: frozenset[str] = frozenset()  # the other nodes that publish there
+
+    def poll(self, own: Sequence[Node], now: int) -> Iterator[bytes]:
+        """Take the messages received since the last poll; ``own`` nodes' publishers do not count.
+
+        There is no subscription while no other node publishes.
+        """
+        if now - self._polled_ns >= _POLL_NODES:
+            self._polled_ns, self.nodes = now, self._other_publishers(own)
+            if self.nodes and not self._subscriptions:
+                self._subscriptions = [self._subscribed(*topic) for topic in _TOPICS.items()]
+            elif not self.nodes:
+                self.close()
+        for subscription in self._subscriptions:
+            while message := subscription.take_message(TFMessage, True):
+                yield message[0]
+
+    def close(self) -> None:
+        """End the subscriptions."""
+        for subscription in self._subscriptions:
+            subscription.destroy_when_not_in_use()
+        self._subscriptions, self._polled_ns = [], -_POLL_NODES
+
+    def _subscribed(self, topic: str, durability: DurabilityPolicy) -> Any:
+        # Not one of the node's: its executor knows nothing of it.
+        latched = durability is DurabilityPolicy.TRANSIENT_LOCAL
+        reliability = ReliabilityPolicy.RELIABLE if latched else ReliabilityPolicy.BEST_EFFORT
+        qos = QoSProfile(depth=_DEPTH, durability=durability, reliability=reliability)
+        with self._node.handle:
+            return rclpy_implementation.Subscription(
+                self._node.handle, TFMessage, topic, qos.get_c_qos_profile()
+            )
+
+    def _other_publishers(self, own: Sequence[Node]) -> frozenset[str]:
+        names = {
+            node_name(end)
+            for topic in _TOPICS
+            for end in self._node.get_publishers_info_by_topic(topic)
+        }
+        return frozenset(names - {"", *(str(node.get_fully_qualified_name()) for node in own)})

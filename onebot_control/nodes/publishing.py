@@ -1,0 +1,310 @@
+"""The topics that velocity_controller publishes in each control cycle.
+
+The messages are made once and filled anew each cycle: rclpy has read them when ``publish`` returns.
+"""
+
+from collections import deque
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Pose, TransformStamped, TwistStamped
+from geometry_msgs.msg import Transform as TransformMessage
+from geometry_msgs.msg import Twist as TwistMessage
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from onebot_control.driven_robot import DrivenRobot, Snapshot
+from onebot_control.nodes.control_loop import Divider
+from onebot_control.nodes.localization import FramesTransform
+from onebot_control.parameters import ControlConfig
+from onebot_control.physics import SceneBodies, Twist
+from onebot_control.poses import PlanarPose, Transform, compose, inverse, prefixed
+from onebot_description.description import Description
+from onebot_description.model.robot_model import JointArrays
+from onebot_description.ros.node import LATCHED, OnlyPublisher
+from onebot_description.ros.parameters.reader import Problem
+from onebot_description.ros.wire.cdr import NANO
+from onebot_description.ros.wire.messages import time_message, transforms_message
+from onebot_description.ros.wire.tf_message import TFMessage
+
+_DEPTH = 10  # ROS's system default
+_KEPT = 200  # transforms of the truth
+_TWO_CLOCKS = (
+    "time jumps between two simulations. Start one apart from the other with domain_id:=N, or one "
+    "of them in real time without /clock: use_sim_time:=false and real_time_factor 1.0"
+)
+
+
+class Frames(NamedTuple):
+    """The frames of a robot: the two that its odometry connects, and its links'."""
+
+    world: str  # "" if there is none
+    odom: str
+    base: str
+    links: frozenset[str]
+
+    @classmethod
+    def of(
+        cls, config: ControlConfig, description: Description, namespace: str, *, in_scene: bool
+    ) -> "Frames":
+        """Return the frames of a robot; ``in_scene``: something stands around it."""
+
+        def name(frame: str) -> str:
+            prefix = config.tf_frame_prefix
+            return prefixed(frame, config.tf_frame_prefix_enable, prefix, namespace)
+
+        return cls(
+            config.world_frame(in_scene=in_scene),
+            name(config.odom_frame_id),
+            name(config.base_frame_id or description.root_link),
+            frozenset(map(name, description.link_names)),
+        )
+
+    def problems(
+        self, others: Mapping[str, "Frames"], scene: Description | None = None
+    ) -> Iterator[Problem]:
+        """Report names that two frames have, of any robot or of a scene: each has one parent in TF.
+
+        The root link of a scene may be the world's frame itself.
+        """
+        owners, worlds = dict.fromkeys(self.links - {self.base}, "a link of the robot"), {}
+        for name, frames in others.items():
+            owners[frames.odom] = f"odom_frame_id of {name}"
+            owners[frames.base] = f"base_frame_id of {name}"
+            worlds[frames.world] = f"world_frame_id of {name}"
+            if scene is not None and frames.world != self.world:
+                text = f'"{self.world}", but "{frames.world}" of {name}; in a world it is the same'
+                yield Problem("world_frame_id", text)
+        for link in scene.links if scene else ():
+            if link.name in self.links:
+                text = f'{link.where}: link "{link.name}": a frame of the robot has this name'
+                yield Problem("", f"{text}; rename the link")
+            elif not (scene and link.name == scene.root_link == self.world):
+                owners.setdefault(link.name, f"a link of the world, {link.where}")
+        for key, frame in zip(
+            ("base_frame_id", "odom_frame_id", "world_frame_id"),
+            (self.base, self.odom, self.world),
+            strict=True,
+        ):
+            what = owners.get(frame) or (key != "world_frame_id" and worlds.get(frame))
+            if frame and what:
+                yield Problem(key, f'"{frame}" is {what}; each frame needs a name of its own')
+            owners.setdefault(frame, key)
+
+
+class Publishers:
+    """Turns a robot's snapshots into messages. Used by the control thread only.
+
+    Attributes:
+        world_frame: the frame of the truth; "" for none.
+        localized: another node publishes a parent of odom, so that the truth is not on TF.
+        truths: what was published of it lately.
+    """
+
+    def __init__(self, node: Node, *, clock: bool) -> None:
+        self._node, self._namespace = node, node.get_namespace()
+        self._joint_states = node.create_publisher(JointState, "joint_states", _DEPTH)
+        self._odom = node.create_publisher(Odometry, "~/odom", _DEPTH)
+        self._truth = node.create_publisher(Odometry, "~/ground_truth", _DEPTH)
+        self._tf = node.create_publisher(TFMessage, "/tf", _DEPTH)
+        self._tf_static = node.create_publisher(TFMessage, "/tf_static", LATCHED)
+        self.localized = False
+        self.truths: deque[FramesTransform] = deque(maxlen=_KEPT)
+        self._origin: tuple[str, str, PlanarPose] | None = None  # the static truth, last published
+        self._limited: Publisher | None = None
+        self._clock: Publisher | None = None
+        if clock:
+            self._clock = node.create_publisher(Clock, "/clock", _DEPTH)
+            OnlyPublisher(node, "/clock", _TWO_CLOCKS, own=True)
+
+    def use(self, robot: DrivenRobot) -> None:
+        """Publish this robot from now on, with its parameters as they are now."""
+        self._robot, config = robot, robot.config
+        self._in_scene = robot.plant.world.scene is not None  # a scene stops and tilts the robot
+        frames = Frames.of(config, robot.description, self._namespace, in_scene=self._in_scene)
+        self.world_frame, odom, base, _ = frames
+        self.odom_frame = odom
+        self._stamp = Time()  # one for all messages of a cycle
+        self._clock_message = Clock(clock=self._stamp)
+        self._constant = any(config.pose_covariance_diagonal)
+        self._odom_message = self._odometry(odom, base)
+        self._odom_message.pose.covariance = np.diag(config.pose_covariance_diagonal).ravel()
+        self._odom_message.twist.covariance = np.diag(config.twist_covariance_diagonal).ravel()
+        self._truth_message = self._odometry(self.world_frame or odom, base)
+        self._transform = TransformStamped(child_frame_id=base)
+        self._tf_message = TFMessage(transforms=[self._transform])
+        self._origin_transform = TransformStamped(child_frame_id=odom)
+        self._origin_message = TFMessage(transforms=[self._origin_transform])
+        self._limited_message = TwistStamped()
+        self._joint_message = JointState(name=robot.broadcaster.names)
+        for message, frame in (
+            (self._transform, odom),
+            (self._origin_transform, self.world_frame),
+            (self._limited_message, base),
+            (self._joint_message, robot.broadcaster.frame_id),
+        ):
+            message.header.frame_id, message.header.stamp = frame, self._stamp
+        self._advertise(config.publish_limited_velocity)
+        self._due = Divider(config.publish_rate, config.update_rate)
+
+    @property
+    def publishes_truth(self) -> bool:
+        """Whether the truth is on TF by the parameters."""
+        return bool(self.world_frame) and self._robot.config.ground_truth_tf
+
+    def _advertise(self, limited: bool) -> None:
+        """Have a topic for the limited command, or none."""
+        if limited and self._limited is None:
+            self._limited = self._node.create_publisher(TwistStamped, "~/cmd_vel_out", _DEPTH)
+        elif not limited and self._limited is not None:
+            self._node.destroy_publisher(self._limited)
+            self._limited = None
+
+    def _odometry(self, frame: str, child: str) -> Odometry:
+        message = Odometry(child_frame_id=child)
+        message.header.frame_id, message.header.stamp = frame, self._stamp
+        return message
+
+    def publish(self, snapshot: Snapshot, stamp_ns: int, *, sensed: bool = False) -> None:
+        """Publish all that is due; ``sensed``: a sensor is, and needs transforms of this time."""
+        robot = self._robot
+        self._stamp.sec, self._stamp.nanosec = divmod(stamp_ns, NANO)
+        if self._clock is not None:
+            self._clock.publish(self._clock_message)
+        joints = self._joint_message
+        joints.position, joints.velocity, joints.effort = robot.broadcaster.values(snapshot.joints)
+        self._joint_states.publish(joints)
+        if self._limited is not None:
+            command = snapshot.command
+            _fill_planar(self._limited_message.twist, command.linear, command.angular)
+            self._limited.publish(self._limited_message)
+        due = self._due.due()
+        if due or sensed:
+            pose = snapshot.odometry.transform
+            self._publish_transforms(snapshot, stamp_ns, pose)
+            if due:
+                self._publish_odometry(snapshot, pose)
+        if not self._in_scene:
+            self._publish_origin(stamp_ns)
+
+    def _publish_transforms(self, snapshot: Snapshot, stamp_ns: int, pose: Transform) -> None:
+        if self._robot.config.enable_odom_tf:
+            _fill_transform(self._transform.transform, pose)
+            self._tf.publish(self._tf_message)
+        if self._in_scene and self.publishes_truth and not self.localized:
+            self._publish_true_origin(snapshot, stamp_ns)
+
+    def _publish_odometry(self, snapshot: Snapshot, pose: Transform) -> None:
+        _fill_pose(self._odom_message.pose.pose, pose)
+        if not self._constant:
+            snapshot.covariance.fill(self._odom_message.pose.covariance)
+        _fill_planar(self._odom_message.twist.twist, *snapshot.twist)
+        self._odom.publish(self._odom_message)
+        truth: Transform = snapshot.pose
+        if not self.world_frame:
+            truth = compose(self._robot.odom_in_world.inverse().transform, truth)
+        _fill_pose(self._truth_message.pose.pose, truth)
+        _fill_twist(self._truth_message.twist.twist, snapshot.velocity)
+        self._truth.publish(self._truth_message)
+
+    def _publish_origin(self, stamp_ns: int) -> None:
+        """Publish where the odometry's zero is in the world if that has changed, or is withdrawn.
+
+        A message without transforms takes the place of the last one: late subscribers get that.
+        """
+        origin = None
+        if self.publishes_truth and not self.localized:
+            origin = self.world_frame, self.odom_frame, self._robot.odom_in_world
+        if origin == self._origin:
+            return
+        self._origin, message = origin, TFMessage()
+        if origin is not None:
+            truth = FramesTransform(*origin[:2], stamp_ns, origin[2].transform)
+            transform = TransformStamped(child_frame_id=self.odom_frame)
+            transform.header.frame_id = self.world_frame
+            transform.header.stamp = time_message(stamp_ns)
+            _fill_transform(transform.transform, truth.transform)
+            message.transforms = [transform]
+            self.truths.append(truth)
+        self._tf_static.publish(message)
+
+    def _publish_true_origin(self, snapshot: Snapshot, stamp_ns: int) -> None:
+        """Publish where the odometry's zero is for the robot to be where it really is.
+
+        At a wall wheels slip, and a ramp tilts the robot: neither is in its odometry.
+        """
+        origin = compose(snapshot.pose, inverse(snapshot.odometry.transform))
+        _fill_transform(self._origin_transform.transform, origin)
+        truth = FramesTransform(self.world_frame, self.odom_frame, stamp_ns, origin)
+        self.truths.append(truth)
+        self._tf.publish(self._origin_message)
+
+
+class ScenePublisher:
+    """Publishes what stands around the robots of a world, once for all of them.
+
+    The frames of its links are their names; the root link's may be the world's frame itself.
+    """
+
+    def __init__(self, node: Node, scene: SceneBodies, world_frame: str, rate: Divider) -> None:
+        """Announce the topics, and publish the description; ``rate`` is the rate of /tf, Hz."""
+        self._scene, self._world, self._rate = scene, world_frame, rate
+        self._tf = node.create_publisher(TFMessage, "/tf", _DEPTH)
+        self._tf_static = node.create_publisher(TFMessage, "/tf_static", LATCHED)
+        self._description = node.create_publisher(String, "/world_description", LATCHED)
+        self._description.publish(String(data=scene.description.urdf))
+        self._stamp = Time()
+        self._transforms = [TransformStamped(child_frame_id=link) for link in scene.links]
+        for transform in self._transforms:
+            transform.header.frame_id, transform.header.stamp = world_frame, self._stamp
+        self._message = TFMessage(transforms=self._transforms)
+        self._announced = False
+
+    def publish(self, stamp_ns: int) -> None:
+        """Publish the poses if they are due; call it in each control cycle."""
+        if not self._announced:
+            self._announced = True
+            self._tf_static.publish(self._static(stamp_ns))
+        if not self._rate.due() or not self._transforms:
+            return
+        self._stamp.sec, self._stamp.nanosec = divmod(stamp_ns, NANO)
+        for transform, pose in zip(self._transforms, self._scene.poses, strict=True):
+            _fill_transform(transform.transform, pose)
+        self._tf.publish(self._message)
+
+    def _static(self, stamp_ns: int) -> TFMessage:
+        description = self._scene.description
+        joints = JointArrays.of([joint for joint in description.joints if joint.kind == "fixed"])
+        parents, children, values = list(joints.parents), list(joints.children), joints.constant
+        if description.root_link != self._world:
+            parents.append(self._world)
+            children.append(description.root_link)
+            values = np.vstack([values, np.hstack(PlanarPose().transform)])
+        return transforms_message(time_message(stamp_ns), parents, children, values)
+
+
+def _fill_transform(message: TransformMessage, pose: Transform) -> None:
+    shift, turn = message.translation, message.rotation
+    (shift.x, shift.y, shift.z), (turn.x, turn.y, turn.z, turn.w) = pose
+
+
+def _fill_pose(message: Pose, pose: Transform) -> None:
+    place, turn = message.position, message.orientation
+    (place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w) = pose
+
+
+def _fill_twist(message: TwistMessage, twist: Twist) -> None:
+    linear, angular = message.linear, message.angular
+    linear.x, linear.y, linear.z = twist.linear
+    angular.x, angular.y, angular.z = twist.angular
+
+
+def _fill_planar(message: TwistMessage, linear: float, angular: float) -> None:
+    """Write a twist forward and to the left; the rest stays zero."""
+    message.linear.x, message.angular.z = linear, angular

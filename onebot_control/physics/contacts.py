@@ -1,0 +1,252 @@
+"""Friction and contacts of everything that touches the ground: wheels, casters, the base, scenes.
+
+URDF does not say what a simulation needs, and PyBullet's defaults do not suit. All of it is here:
+
+Wheels, driven ones and those of casters, have the friction of ``Settings``, unless the URDF has a
+<lateral_friction>. A wide or faceted driven wheel touches the ground at changing places, so that it
+rolls on a thin cylinder instead. More than two of them are soft, to share the load, and give way
+sideways; see ``SkidAxle``. Everything else that touches the ground glides, unless the URDF has a
+friction, and is lifted a little where it would carry the robot in place of the wheels.
+"""
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from onebot_control.physics.bodies import Body, Floats, link_poses, matrix, origin_of
+from onebot_control.physics.engine import engine, logger
+from onebot_control.physics.physics_settings import Settings
+from onebot_description.description.description import (
+    Box,
+    Cylinder,
+    Description,
+    Geometry,
+    Joint,
+    Link,
+    Mesh,
+    Origin,
+    Shape,
+    Sphere,
+)
+from onebot_description.description.meshes import mesh_corners
+from onebot_description.errors import OneBotError
+
+if TYPE_CHECKING:
+    from onebot_control.drive.wheels.tyres import Tyre
+
+_THIN = 0.006  # m; a wheel no wider touches the ground in one place
+_WIDTH = 0.004  # m, of the cylinder that replaces a wider one
+_GLIDING = 0.01  # coefficient of friction
+# Rigid casters before and behind the wheels would carry the robot alone: what is round and no
+# lower than the wheels by _LEVEL is lifted to _LIFT above the ground, m.
+_LEVEL, _LIFT = 0.005, 0.0002
+# The same for meshes and boxes of a base that round shapes support. PyBullet takes a mesh's
+# convex hull, which also fills the space between the wheels.
+_DEEP, _CLEAR = 0.02, 0.002
+_MARGIN = 0.001  # m by which PyBullet's convex hulls are larger than their mesh
+
+# The solver ignores contact points of two bodies farther apart than this, m. PyBullet keeps the
+# points where a rolling wheel has touched the ground, up to four per wheel, and solves them all:
+# at 1 m/s that takes four times as long, for forces of zero.
+_TOUCHING = 1e-6
+_HOLDING = 1e6  # N, greatest force that holds the hub of a wheel on its axle
+# m by which wheels that skid yield to their load. More than three rigid wheels have no definite
+# loads, and the friction decides which of them carry the robot.
+_SAG = 1e-4
+
+
+# In the description -----------------------------------------------------------------------------
+
+
+def with_contacts(
+    description: Description, tyres: Mapping[str, "Tyre | None"], casters: Collection[str]
+) -> tuple[Link, ...]:
+    """Return the links of a robot, with the shapes and the friction that the ground touches.
+
+    In the description the joints that are held still are fixed; ``tyres`` are those of the driven
+    joints, ``casters`` the joints of swivelling and rolling ones.
+    """
+    contacts = _Contacts(description, tyres, casters)
+    return tuple(contacts.changed(link) for link in description.links)
+
+
+class _Contacts:
+    def __init__(
+        self, robot: Description, tyres: Mapping[str, "Tyre | None"], casters: Collection[str]
+    ) -> None:
+        self._robot, self._tyres, self._casters = robot, tyres, casters
+        self._poses = link_poses(robot)
+        self._joints = {joint.child: joint for joint in robot.joints}
+        # A single caster's load follows from the mass alone, so it needs no shrinking.
+        self._shrinks = sum(map(self._rolls_on_caster, robot.joints)) > 1
+        self._ground = self._ground_height()
+        supported = any(
+            _is_round(geometry.shape) and abs(self._gap(link, geometry)) < _LEVEL
+            for link in robot.links
+            if self._joint_of(link.name) is None
+            for geometry in link.collisions
+        )
+        self._depth, self._lift = (_DEEP, _CLEAR) if supported else (_LEVEL, _LIFT)
+
+    def changed(self, link: Link) -> Link:
+        joint = self._joint_of(link.name)
+        if joint is not None and joint.name in self._tyres:
+            return self._wheel(link, joint)
+        if link.friction is not None or self._rolls_on_caster(joint):
+            return _shrunk(link) if self._shrinks else link
+        if joint is None:
+            link = self._lifted(link)
+        return replace(link, friction=_GLIDING)
+
+    def _joint_of(self, link: str) -> Joint | None:
+        """The joint that moves a link; None for the base and what is fixed to it."""
+        first, _ = self._poses[link]
+        return self._joints.get(first)
+
+    def _rolls_on_caster(self, joint: Joint | None) -> bool:
+        """Whether a joint is a caster's wheel, not its swivel: both it and the one above turn."""
+        if joint is None or joint.name not in self._casters:
+            return False
+        carrier = self._joint_of(joint.parent)
+        return carrier is not None and carrier.name in self._casters
+
+    def _ground_height(self) -> float:
+        """The height on which the driven wheels roll, in the frame of the root link, m."""
+        heights = [-math.inf]
+        for joint in self._robot.joints:
+            if tyre := self._tyres.get(joint.name):
+                place = self._poses[joint.parent][1] @ matrix(joint.origin)
+                middle = place @ np.array([*(tyre.offset * value for value in joint.axis), 1.0])
+                heights.append(float(middle[2]) - tyre.radius)
+        return max(heights)
+
+    def _gap(self, link: Link, geometry: Geometry) -> float:
+        """The height of a shape of the base above the ground, m."""
+        pose = self._poses[link.name][1] @ matrix(geometry.origin)
+        return _bottom(geometry.shape, pose) - self._ground
+
+    def _wheel(self, link: Link, joint: Joint) -> Link:
+        """A link of a driven wheel, which rolls on a thin cylinder unless it is thin itself."""
+        tyre, first = self._tyres[joint.name], joint.child
+        shapes = [
+            geometry.shape
+            for part in self._robot.links
+            if self._poses[part.name][0] == first
+            for geometry in part.collisions
+        ]
+        if tyre is None or (shapes and all(map(_is_thin, shapes))):
+            return link
+        return replace(link, collisions=(_thin(joint, tyre),) if link.name == first else ())
+
+    def _lifted(self, link: Link) -> Link:
+        """A link of the base, with shapes lifted that are about as low as the wheels."""
+        collisions, most = [], 0.0
+        pose = self._poses[link.name][1]
+        for geometry in link.collisions:
+            gap = self._gap(link, geometry)
+            is_round = _is_round(geometry.shape)
+            depth, lift = (_LEVEL, _LIFT) if is_round else (self._depth, self._lift)
+            if -depth < gap < lift:
+                most = max(most, lift - gap)
+                place = pose @ matrix(geometry.origin)
+                place[2, 3] += lift - gap
+                geometry = replace(geometry, origin=origin_of(np.linalg.inv(pose) @ place))
+            collisions.append(geometry)
+        if most > _LEVEL:
+            logger.warning(
+                '%s: a collision shape of link "%s" reaches below the wheels; the simulation '
+                "lifts it by %.0f mm, so that the wheels carry the robot",
+                link.where,
+                link.name,
+                1e3 * most,
+            )
+        return replace(link, collisions=tuple(collisions))
+
+
+def _shrunk(link: Link) -> Link:
+    """The wheel of a caster with smaller round shapes; lifted, it would roll unevenly."""
+    collisions = tuple(
+        replace(geometry, shape=replace(geometry.shape, radius=geometry.shape.radius - _LIFT))
+        if isinstance(geometry.shape, Sphere | Cylinder) and geometry.shape.radius > 2.0 * _LIFT
+        else geometry
+        for geometry in link.collisions
+    )
+    return replace(link, collisions=collisions)
+
+
+def _is_round(shape: Shape) -> bool:
+    """Whether a shape can support a robot as a caster does."""
+    return not isinstance(shape, Mesh | Box)
+
+
+def _is_thin(shape: Shape) -> bool:
+    return isinstance(shape, Sphere) or (isinstance(shape, Cylinder) and shape.length <= _THIN)
+
+
+def _thin(joint: Joint, tyre: "Tyre") -> Geometry:
+    """A thin wheel on the axle of ``joint``."""
+    x, y, z = joint.axis
+    # A cylinder lies along z.
+    rpy = (0.0, math.atan2(math.hypot(x, y), z), math.atan2(y, x))
+    middle = (tyre.offset * x, tyre.offset * y, tyre.offset * z)
+    return Geometry(Cylinder(tyre.radius, _WIDTH), Origin(middle, rpy))
+
+
+def _bottom(shape: Shape, pose: Floats) -> float:
+    """The least height of a shape at ``pose``."""
+    up, height = pose[2, :3], float(pose[2, 3])
+    if isinstance(shape, Mesh):
+        corners = mesh_corners(shape) * np.array(shape.scale)
+        return height + float((corners @ up).min()) - _MARGIN
+    if isinstance(shape, Box):
+        return height - float(abs(up) @ np.array(shape.size)) / 2.0
+    if isinstance(shape, Sphere):
+        return height - shape.radius
+    around = shape.radius * (math.hypot(up[0], up[1]) if isinstance(shape, Cylinder) else 1.0)
+    return height - abs(float(up[2])) * shape.length / 2.0 - around
+
+
+# In PyBullet ------------------------------------------------------------------------------------
+
+
+def set_contact(
+    client: int, robot: int, index: int, body: Body, description: Description, settings: Settings
+) -> None:
+    """Set the friction of a loaded body, and check that PyBullet has loaded all of its shapes."""
+    count = len(engine.getCollisionShapeData(robot, index, physicsClientId=client))
+    if count < len(body.collisions):
+        raise OneBotError(
+            f"{description.source}: PyBullet loaded {count} of the {len(body.collisions)} "
+            f'collision shapes of link "{body.link}"; use box, cylinder, sphere or a simpler mesh'
+        )
+    engine.changeDynamics(
+        robot,
+        index,
+        lateralFriction=settings.friction if body.friction is None else body.friction,
+        contactProcessingThreshold=_TOUCHING,
+        physicsClientId=client,
+    )
+
+
+def soften(client: int, robot: int, wheels: Sequence[int], mass: float, settings: Settings) -> None:
+    """Let wheels share the weight of ``mass`` as tyres do: by springs, critically damped."""
+    for index in wheels:
+        share = mass / len(wheels)
+        stiffness = share * settings.gravity / _SAG
+        engine.changeDynamics(
+            robot,
+            index,
+            contactStiffness=stiffness,
+            contactDamping=2.0 * math.sqrt(stiffness * share),
+            physicsClientId=client,
+        )
+
+
+def hold_hub(client: int, robot: int, index: int) -> None:
+    """Hold the hub of a wheel that skids in the middle of its axle."""
+    engine.setJointMotorControl2(
+        robot, index, engine.POSITION_CONTROL, 0.0, force=_HOLDING, physicsClientId=client
+    )

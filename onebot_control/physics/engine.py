@@ -1,0 +1,84 @@
+"""PyBullet as ``engine``; output of its C code on stdout is captured and logged."""
+
+import contextlib
+import ctypes
+import logging
+import os
+import re
+import sys
+import threading
+from collections.abc import Iterator
+from typing import BinaryIO
+
+__all__ = ["captured", "engine", "log", "logger"]
+
+logger = logging.getLogger("onebot_control.physics")
+
+# File descriptors belong to the process: two captures at once would restore each other's.
+_lock = threading.RLock()
+_LIBC = ctypes.CDLL(None)
+# Bullet's prefix of each warning: the place in its sources.
+_ORIGIN = re.compile(r"b3(?:Warning|Error|Printf)\[[^\]]*\]:\s*")
+
+
+@contextlib.contextmanager
+def captured(*descriptors: int) -> Iterator[list[str]]:
+    """Capture everything that the process writes to ``descriptors`` (default: 1, stdout).
+
+    The output of other threads is captured too, so the lines should be logged. Closed descriptors
+    are skipped.
+
+    Yields:
+        A list that is filled with the written lines when the block ends, also by an exception.
+    """
+    lines: list[str] = []
+    with _lock, _memory() as file, contextlib.ExitStack() as restoring:
+        _flush()
+        for descriptor in descriptors or (1,):
+            # A closed descriptor has nothing to write to, nor to restore.
+            with contextlib.suppress(OSError):
+                saved = os.dup(descriptor)
+                restoring.callback(_restore, saved, descriptor)
+                os.dup2(file.fileno(), descriptor)
+        try:
+            yield lines
+        finally:
+            _flush()
+            restoring.close()
+            file.seek(0)
+            lines += _lines(file.read().decode(errors="replace"))
+
+
+def log(lines: list[str]) -> None:
+    """Log captured lines as warnings."""
+    for line in lines:
+        logger.warning("PyBullet: %s", line)
+
+
+def _memory() -> BinaryIO:
+    """A file in memory."""
+    return open(os.memfd_create("captured"), "w+b")
+
+
+def _flush() -> None:
+    """Flush the buffers of C and Python to the present descriptors."""
+    for stream in (sys.stdout, sys.stderr):
+        # Under a test runner or without a terminal a stream may be None or closed.
+        with contextlib.suppress(AttributeError, ValueError, OSError):
+            stream.flush()
+    _LIBC.fflush(None)
+
+
+def _restore(saved: int, descriptor: int) -> None:
+    os.dup2(saved, descriptor)
+    os.close(saved)
+
+
+def _lines(text: str) -> list[str]:
+    """Split the C code's output into messages; some of them do not end with a newline."""
+    return [line.strip() for line in _ORIGIN.sub("\n", text).splitlines() if line.strip()]
+
+
+# PyBullet prints a line about itself when it is imported.
+with captured(1, 2):
+    import pybullet as engine

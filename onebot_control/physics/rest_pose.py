@@ -1,0 +1,236 @@
+"""The pose of a robot at rest, on level ground or in a scene: it is simulated until it rests."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from onebot_control.physics.engine import engine, logger
+from onebot_control.physics.physics_settings import Settings
+from onebot_control.physics.scene_bodies import SceneBodies
+from onebot_control.physics.spawning import (
+    LoadedRobot,
+    RobotSpawn,
+    SpawnPose,
+    load_robot,
+    make_world,
+)
+from onebot_control.poses import Quaternion, Transform, Triple, about_z, multiply, yaw_of
+from onebot_description.description import Description
+from onebot_description.description.sizes import LARGEST_ROBOT
+from onebot_description.errors import OneBotError, listing
+
+# Faster than this after the settling time, m/s and rad/s: a warning.
+_MAX_SPEED = 1e-3
+# A stable robot that is slower than this for so many seconds is at rest.
+_RESTING = 1e-6
+_RESTING_TIME = 0.05
+_MIN_SUPPORT = 1e-3  # m, half width of the area that supports a stable robot
+_MAX_TILT = math.radians(45.0)
+
+# In a scene.
+_STEP, _FINE = 0.01, 1e-4  # m, of the search for the height above what is there
+_ABOVE = 1e-3  # m, from where the robot is let go
+_SWIVELLING = 0.02  # m/s and rad/s, of casters that still turn downhill
+_AWAY = 0.1  # m that a robot may slide before it rests
+
+
+class RestPose(NamedTuple):
+    """Height and tilt of the robot at rest."""
+
+    height: float  # height of the root link's frame above the ground, m
+    tilt: Quaternion  # rotation of that frame, x y z w, without any yaw
+
+    def at(self, x: float, y: float, yaw: float) -> Transform:
+        """Pose of the root link's frame of a robot at rest at x, y (m), yaw (rad)."""
+        return (x, y, self.height), multiply(about_z(yaw), self.tilt)
+
+
+def settle(
+    robot: LoadedRobot, description: Description, driven: Sequence[str], settings: Settings
+) -> RestPose:
+    """Let the robot come to rest on its wheels at the origin, joints at 0.
+
+    Afterwards it is at rest there, all joints exactly 0.
+
+    Raises:
+        OneBotError: it does not stay on the ground or upright, or is in another unit than metres.
+    """
+    client = robot.client
+    near = engine.getClosestPoints(robot.body, robot.ground, 1e9, physicsClientId=client)
+    lowest = min(point[8] for point in near)
+    _check_size(robot, description, lowest)
+    robot.place(((0.0, 0.0, -lowest), (0.0, 0.0, 0.0, 1.0)))
+    _come_to_rest(robot, settings)
+    position, rotation = robot.pose()
+    touching = engine.getContactPoints(robot.body, robot.ground, physicsClientId=client)
+    _check_rest(description, position, rotation, bool(touching))
+    if _base_speed(robot) > _MAX_SPEED:
+        logger.warning(
+            "%s: the robot has not come to rest within %g s on the ground",
+            description.source,
+            settings.settling,
+        )
+    links = {point[3] for point in touching}
+    for name in driven:
+        if robot.joints[name] not in links:
+            logger.warning(
+                '%s: the link driven by joint "%s" does not touch the ground',
+                description.source,
+                name,
+            )
+    rest_pose = RestPose(position[2], multiply(about_z(-yaw_of(*rotation)), rotation))
+    robot.place(rest_pose.at(0.0, 0.0, 0.0), [0.0] * len(robot.joints))
+    return rest_pose
+
+
+def _check_size(robot: LoadedRobot, description: Description, lowest: float) -> None:
+    """Refuse a robot that is in another unit than metres; ``lowest`` is where it ends, m."""
+    if abs(lowest) > LARGEST_ROBOT:
+        raise OneBotError(
+            f"{description.source}: the robot would start at z = {-lowest:.4g} m; is a <collision> "
+            "or an <origin> in millimetres? Lengths are in m"
+        )
+    links = {robot.joints[joint.name]: joint.child for joint in description.moving_joints}
+    for index, link in {-1: description.root_link, **links}.items():
+        low, high = engine.getAABB(robot.body, index, physicsClientId=robot.client)
+        length = max(most - least for least, most in zip(low, high, strict=True))
+        if length > LARGEST_ROBOT:
+            raise OneBotError(
+                f'{description.source}: the <collision> of link "{link}" is {length:.4g} m large, '
+                "with what is fixed to it; is it in millimetres? Lengths are in m"
+            )
+
+
+def _come_to_rest(robot: LoadedRobot, settings: Settings) -> None:
+    """Simulate until the robot rests on the ground, for ``settings.settling`` seconds at most."""
+    needed, rested = math.ceil(_RESTING_TIME * settings.rate), 0
+    for _ in range(round(settings.settling * settings.rate)):
+        engine.stepSimulation(robot.client)
+        rested = rested + 1 if _fastest(robot) < _RESTING else 0
+        if rested >= needed:
+            if _is_stable(robot):
+                return
+            rested = 0
+
+
+def _base_speed(robot: LoadedRobot) -> float:
+    """The greatest speed of the base, m/s or rad/s."""
+    linear, angular = engine.getBaseVelocity(robot.body, robot.client)
+    speeds: list[float] = [*linear, *angular]
+    return max(map(abs, speeds))
+
+
+def _fastest(robot: LoadedRobot) -> float:
+    """The greatest speed of the base and of the joints, m/s or rad/s."""
+    joints = engine.getJointStates(robot.body, list(robot.joints.values()), robot.client)
+    speeds: list[float] = [_base_speed(robot), *(abs(state[1]) for state in joints)]
+    return max(speeds)
+
+
+def _is_stable(robot: LoadedRobot) -> bool:
+    """Whether an area supports the robot, not a point or a line on which it only balances.
+
+    At rest the mean of the contact forces is below the centre of mass; their least standard
+    deviation over all horizontal directions is a measure of the width of the area.
+    """
+    touching = engine.getContactPoints(robot.body, robot.ground, physicsClientId=robot.client)
+    forces: list[Triple] = [(point[9], *point[6][:2]) for point in touching]
+    total = sum(force for force, _, _ in forces)
+    if not total > 0.0:
+        return False
+    a = sum(force * x for force, x, _ in forces) / total
+    b = sum(force * y for force, _, y in forces) / total
+    xx = sum(force * (x - a) ** 2 for force, x, _ in forces) / total
+    yy = sum(force * (y - b) ** 2 for force, _, y in forces) / total
+    xy = sum(force * (x - a) * (y - b) for force, x, y in forces) / total
+    return (xx + yy) / 2.0 - math.hypot((xx - yy) / 2.0, xy) > _MIN_SUPPORT**2
+
+
+def _check_rest(
+    description: Description, position: Triple, rotation: Quaternion, touching: bool
+) -> None:
+    source = description.source
+    if not math.isfinite(sum(position) + sum(rotation)):
+        raise OneBotError(
+            f"{source}: the simulation diverged while the robot was set on the ground; "
+            "check for masses and inertias that differ by many powers of ten"
+        )
+    if not touching:
+        raise OneBotError(
+            f"{source}: the robot does not stay on the ground (its root link is at z = "
+            f"{position[2]:.3g} m); check its <collision> shapes and masses"
+        )
+    if not _is_upright(rotation):
+        raise OneBotError(
+            f"{source}: the robot topples over when it is set on the ground; it needs a "
+            "<collision> on each side of its centre of mass, such as a caster"
+        )
+
+
+def _is_upright(rotation: Quaternion) -> bool:
+    """Whether a robot of this rotation has not toppled over."""
+    x, y = rotation[:2]
+    return 1 - 2 * (x * x + y * y) >= math.cos(_MAX_TILT)
+
+
+def pose_on(
+    scene: Description, spawn: RobotSpawn, settings: Settings, rest: RestPose, where: SpawnPose
+) -> Transform:
+    """Return the pose of a robot's root link at rest on what stands still in a scene.
+
+    The robot is held level above it, let go, and has to come to rest there on its wheels.
+
+    Raises:
+        OneBotError: it cannot stand there.
+    """
+    client: int = engine.connect(engine.DIRECT)
+    try:
+        ground = make_world(client, settings)
+        bodies = SceneBodies(scene)
+        bodies.enter(client, ground, settings, free=False)
+        robot = load_robot(client, ground, spawn.description, settings, spawn.driven)
+        links = _lift(bodies, robot, rest.at(*where))
+        _come_to_rest(robot, settings)
+        pose = robot.pose()
+        if not _stands(robot, spawn.driven, pose, where):
+            x, y, yaw = where
+            raise OneBotError(
+                f"x {x:g} m, y {y:g} m, yaw {yaw:g} rad: a robot cannot stand there, inside or on "
+                f"link {listing(links)} of {scene.source}; put it somewhere else"
+            )
+        return pose
+    finally:
+        engine.disconnect(client)
+
+
+def _lift(scene: SceneBodies, robot: LoadedRobot, pose: Transform) -> list[str]:
+    """Lift the robot from ``pose`` until it is free; return the links that it was in."""
+    (x, y, z), rotation = pose
+
+    def links_at(height: float) -> Mapping[int, str]:
+        robot.place(((x, y, z + height), rotation))
+        return scene.fixed_at(robot)
+
+    low = high = 0.0
+    met: dict[str, None] = {}
+    while links := links_at(high):
+        met.update(dict.fromkeys(links.values()))
+        low, high = high, high + _STEP
+    while high - low > _FINE:
+        middle = (low + high) / 2.0
+        low, high = (middle, high) if links_at(middle) else (low, middle)
+    links_at(high + _ABOVE)
+    return list(met)
+
+
+def _stands(robot: LoadedRobot, driven: Sequence[str], pose: Transform, where: SpawnPose) -> bool:
+    """Whether the robot rests upright on its wheels, where it was let go."""
+    (x, y, _), rotation = pose
+    touching = engine.getContactPoints(robot.body, physicsClientId=robot.client)
+    links = {point[3] for point in touching}
+    return (
+        math.hypot(x - where[0], y - where[1]) <= _AWAY
+        and _base_speed(robot) <= _SWIVELLING
+        and _is_upright(rotation)
+        and all(robot.joints[name] in links for name in driven)
+    )

@@ -1,0 +1,289 @@
+"""One robot of a world: the motors of its driven joints, its state, and where it is put."""
+
+import math
+from collections.abc import Iterable, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple
+
+from onebot_control.physics.engine import engine
+from onebot_control.physics.rest_pose import RestPose
+from onebot_control.physics.spawning import (
+    LoadedRobot,
+    RobotSpawn,
+    checked_spawn_pose,
+    load_robot,
+)
+from onebot_control.poses import Quaternion, Transform, Triple, conjugate, cross, rotate
+from onebot_description.description.description import Joint
+from onebot_description.errors import OneBotError, did_you_mean
+
+if TYPE_CHECKING:
+    from onebot_control.physics.world import World
+
+_EFFORT = 3  # column of getJointStates, after position, velocity and reaction forces
+
+
+class JointStates(NamedTuple):
+    """State of all joints that move, in the description's order."""
+
+    positions: tuple[float, ...]  # rad (never wrapped), m for prismatic joints
+    velocities: tuple[float, ...]  # rad/s or m/s
+    efforts: tuple[float, ...]  # a motor's mean during the last ``step``, Nm or N; 0 without one
+
+
+class Pose(NamedTuple):
+    """Pose of the root link's frame (not of its centre of mass) in the world."""
+
+    translation: Triple  # m
+    rotation: Quaternion  # unit, x y z w
+
+
+class Twist(NamedTuple):
+    """Velocity of the root link's frame in its own axes, as in nav_msgs/Odometry."""
+
+    linear: Triple  # the frame's origin, m/s
+    angular: Triple  # rad/s
+
+
+class MassVelocity(NamedTuple):
+    """Velocity of the root link's centre of mass in the world's axes, as PyBullet has it."""
+
+    linear: Triple  # m/s
+    angular: Triple  # rad/s
+    centre: Triple  # the centre of mass in the root link's frame, m
+
+    def twist(self, rotation: Quaternion) -> Twist:
+        """Return the velocity of the root link's frame, which has this ``rotation``."""
+        back = conjugate(rotation)
+        x, y, z = rotate(back, self.linear)
+        turning = rotate(back, self.angular)
+        a, b, c = cross(turning, self.centre)
+        return Twist((x - a, y - b, z - c), turning)
+
+
+class Robot:
+    """One robot of a world, which moves when the world steps.
+
+    Each driven joint has a motor, limited by the effort and the velocity of its ``<limit>``. All
+    other joints turn freely, except for the friction and damping of their ``<dynamics>``.
+    """
+
+    world: "World"
+    spawn: RobotSpawn
+    joints: tuple[str, ...]  # names of the moving joints, in the description's order
+    driven: tuple[str, ...]  # names of the joints with a motor, in the given order
+    rest_pose: RestPose  # height and tilt at rest on level ground
+    parts: LoadedRobot
+    pose: Transform  # the root link's frame, as last read
+    positions: tuple[float, ...]  # the joints', by row of ``joints``, as last read
+    finite: bool  # whether the last state was finite
+
+    def __init__(self, world: "World", spawn: RobotSpawn) -> None:
+        """Find the joints; ``load`` adds the robot to its world.
+
+        Raises:
+            ValueError: its pose is not finite.
+            OneBotError: its pose is too far away, or a driven joint is unknown, named twice or
+                without effort.
+        """
+        self.world, self.spawn = world, spawn
+        self.start = checked_spawn_pose(spawn.x, spawn.y, spawn.yaw)
+        self.joints = tuple(joint.name for joint in spawn.description.moving_joints)
+        self.driven = tuple(spawn.driven)
+        self._driven_rows = [self.joints.index(joint.name) for joint in _driven_joints(spawn)]
+        motors = [spawn.description.moving_joints[row] for row in self._driven_rows]
+        self._strengths = [joint.effort for joint in motors]
+        self._fastest = [math.inf if joint.velocity is None else joint.velocity for joint in motors]
+        self.finite = True
+
+    def load(self, ground: int) -> None:
+        """Add the robot to its world, at the origin."""
+        client = self.world.client
+        description, settings = self.spawn.description, self.world.settings
+        self.parts = load_robot(client, ground, description, settings, self.driven)
+        body = self.parts.body
+        self._indices = list(self.parts.joints.values())
+        self._driven_indices = [self.parts.joints[name] for name in self.driven]
+        self._read_joints = partial(engine.getJointStates, body, self._indices, client)
+        self._read_motors = partial(engine.getJointStates, body, self._driven_indices, client)
+        self._read_velocity = partial(engine.getBaseVelocity, body, client)
+        self._targets = [0.0] * len(self.driven)
+        self._efforts = (0.0,) * len(self.joints)  # the motors'
+        self._recorded: list[float] = []  # the same of each physics step
+        self._update(self._read_joints())
+
+    @property
+    def obstructed(self) -> bool:
+        """Whether something other than the ground touches the robot."""
+        if len(self.world.robots) == 1 and self.world.scene is None:
+            return False
+        own_bodies = {self.parts.body, self.parts.ground}
+        points = engine.getContactPoints(self.parts.body, physicsClientId=self.world.client)
+        return any(not {point[1], point[2]} <= own_bodies for point in points)
+
+    def turn(self, velocities: Sequence[float]) -> None:
+        """Set the target velocities of the motors, which stay until others are set.
+
+        Args:
+            velocities: of the driven joints, in the order of ``driven``, rad/s (m/s for prismatic
+                ones). A joint is no faster than its limit.
+
+        Raises:
+            ValueError: they are too few or too many, or one is not finite; then nothing has
+                changed.
+        """
+        self.world.check_open()
+        # PyBullet keeps the targets, and setting them takes as long as reading the joints.
+        if list(velocities) != self._targets:
+            self._drive(self.targets(velocities))
+
+    def targets(self, velocities: Sequence[float]) -> list[float]:
+        """Return velocities within the joints' limits; see ``turn``."""
+        if len(velocities) != len(self.driven):
+            raise ValueError(f"velocities must be {len(self.driven)} numbers, not {velocities!r}")
+        if not all(map(math.isfinite, velocities)):
+            # A single NaN would make the whole world NaN permanently.
+            raise ValueError(f"velocities must be finite, not {velocities!r}")
+        return [
+            min(max(velocity, -fastest), fastest)
+            for velocity, fastest in zip(velocities, self._fastest, strict=True)
+        ]
+
+    def state(self) -> tuple[JointStates, Pose, MassVelocity]:
+        """Return the state of the joints, and the true pose and velocity of the root link."""
+        self.check()
+        return (
+            JointStates(self.positions, self._velocities, self._efforts),
+            Pose(*self.pose),
+            MassVelocity(*self._velocity, self.parts.mass_frame[0]),
+        )
+
+    def joint_states(self) -> JointStates:
+        """Return positions, velocities and motor efforts, in the order of ``joints``."""
+        return self.state()[0]
+
+    def base_pose(self) -> Pose:
+        """Return the true pose of the root link's frame in the world."""
+        return self.state()[1]
+
+    def base_twist(self) -> Twist:
+        """Return the true velocity of the root link's frame, in its own axes."""
+        _, pose, velocity = self.state()
+        return velocity.twist(pose.rotation)
+
+    def reset(self) -> None:
+        """Move the robot back to its start, joints at 0, and the scene's boxes; time continues.
+
+        A box stays where it is if another robot is in its place.
+
+        Raises:
+            OneBotError: another robot is at its start, or it cannot stand there; nothing has
+                changed then.
+        """
+        self.world.stand(self, self.start, at_start=True)
+
+    def teleport(self, x: float, y: float, yaw: float) -> None:
+        """Move the robot to another pose, at rest.
+
+        Joint positions and time continue, so that odometry is not affected.
+
+        Args:
+            x: of the root link's frame, m.
+            y: likewise, m.
+            yaw: its heading, rad.
+
+        Raises:
+            ValueError: a value is not finite.
+            OneBotError: it is too far from the origin to be exact, another robot is there, or the
+                robot cannot stand there for the scene; nothing has changed then.
+        """
+        self.world.stand(self, checked_spawn_pose(x, y, yaw), at_start=False)
+
+    def put(self, pose: Transform, positions: Sequence[float] | None = None) -> None:
+        """Place the robot at rest, with these positions of its joints; by default 0."""
+        self.parts.place(pose, positions or [0.0] * len(self.joints))
+        # A saved state contains neither targets nor efforts of motors.
+        self._drive([0.0] * len(self.driven))
+        self._efforts = (0.0,) * len(self.joints)
+        self._update(self._read_joints())
+
+    def continue_from(self, other: "Robot") -> None:
+        """Move on as the same robot does in another world."""
+        body, client = self.parts.body, self.world.client
+        self.parts.place(other.pose)
+        engine.resetBaseVelocity(body, *other._velocity, physicsClientId=client)
+        states = zip(self._indices, other.positions, other._velocities, strict=True)
+        for index, position, velocity in states:
+            engine.resetJointState(body, index, position, velocity, client)
+        self._drive(other._targets)
+        self._efforts = other._efforts
+        self._update(self._read_joints())
+
+    def check(self) -> None:
+        """Raise OneBotError if the world is closed, or the robot's last state not finite."""
+        self.world.check_open()
+        if not self.finite:
+            raise OneBotError(
+                f"{self.spawn.description.source}: the simulation diverged: its state is no longer "
+                "finite; start it again"
+            )
+
+    def record_efforts(self) -> None:
+        """Record the motors' efforts after a physics step; ``read`` adds those of the last one."""
+        # Floats only: whole states of 100 robots would not fit into the processor's caches.
+        for state in self._read_motors():
+            self._recorded.append(state[_EFFORT])
+
+    def read(self, steps: int) -> None:
+        """Read the state after ``steps`` physics steps."""
+        states = self._read_joints()
+        efforts = [0.0] * len(states)
+        for number, row in enumerate(self._driven_rows):
+            total = 0.0
+            # Not sum(), which rounds differently from Python 3.12 on.
+            for effort in self._recorded[number :: len(self._driven_rows)]:
+                total += effort
+            efforts[row] = (total + states[row][_EFFORT]) / steps
+        self._efforts, self._recorded = tuple(efforts), []
+        self._update(states)
+
+    def _drive(self, targets: list[float]) -> None:
+        self._targets = targets
+        engine.setJointMotorControlArray(
+            self.parts.body,
+            self._driven_indices,
+            engine.VELOCITY_CONTROL,
+            targetVelocities=targets,
+            forces=self._strengths,
+            physicsClientId=self.world.client,
+        )
+
+    def _update(self, states: Sequence[Sequence[float]]) -> None:
+        """Store the joints' state, read the base's, and check that all values are finite."""
+        self.positions, self._velocities, _, _ = zip(*states, strict=True)
+        self.pose = self.parts.pose()
+        self._velocity: tuple[Triple, Triple] = self._read_velocity()
+        (place, turn), (linear, angular) = self.pose, self._velocity
+        root = *place, *turn, *linear, *angular
+        joints = *self.positions, *self._velocities, *self._efforts
+        self.finite = math.isfinite(sum(root) + sum(joints))
+
+
+def _driven_joints(spawn: RobotSpawn) -> Iterable[Joint]:
+    """Yield the joints with a motor, each checked."""
+    source = spawn.description.source
+    joints = {joint.name: joint for joint in spawn.description.moving_joints}
+    if not spawn.driven:
+        raise OneBotError(f"{source}: the simulation has no driven joints")
+    for name in spawn.driven:
+        if name not in joints:
+            hint = did_you_mean(name, joints, "joints that move")
+            raise OneBotError(f'{source}: there is no joint "{name}" to drive{hint}')
+        if list(spawn.driven).count(name) > 1:
+            raise OneBotError(f'{source}: driven joint "{name}" is named twice')
+        if not joints[name].effort:
+            raise OneBotError(
+                f'{source}: driven joint "{name}" needs <limit effort="..." velocity="...">; '
+                "the effort (Nm, or N) of its motor must be above 0"
+            )
+        yield joints[name]

@@ -1,0 +1,195 @@
+"""What stands around the robots of a world: walls and ramps, and boxes that can be pushed.
+
+It is described by URDF, as a robot is. What fixed joints connect with the root link stands still,
+whatever its mass; a link below a ``floating`` joint, with all that is fixed to it, is a body of its
+own, which falls, and can be pushed.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+from onebot_control.physics.bodies import Body, link_poses, link_problems, origin_of
+from onebot_control.physics.engine import engine
+from onebot_control.physics.physics_settings import Settings
+from onebot_control.physics.spawning import LoadedRobot, load_fixed, load_robot, make_world
+from onebot_control.poses import Transform
+from onebot_description.description.description import Description
+from onebot_description.description.loading import load_world
+from onebot_description.errors import OneBotError
+from onebot_description.model.quaternions import from_rpy
+
+_DEPTH = 1e-3  # m; bodies that touch penetrate each other by less
+# m. PyBullet separates overlapping bodies gently up to 15 mm, as measured; deeper ones are thrown,
+# 0.5 m high from half of a box of 0.2 m in the ground. Any other place for such a box would be a
+# guess, so it is refused, as robots are that start in a wall.
+_DEEPEST = 0.01
+
+
+def load_scene(world: str) -> Description | None:
+    """Return the description of a world, as ``load_world`` reads it; None for "".
+
+    Raises:
+        OneBotError: there is no such world, or it cannot be simulated.
+    """
+    if not world:
+        return None
+    description = load_world(world)
+    client: int = engine.connect(engine.DIRECT)
+    try:
+        settings = Settings()
+        SceneBodies(description).enter(client, make_world(client, settings), settings)
+    finally:
+        engine.disconnect(client)
+    return description
+
+
+class SceneBodies:
+    """The bodies of a scene in a PyBullet world.
+
+    Attributes:
+        description: of the scene.
+        links: that can be pushed: the first one of each such body.
+        poses: of these links' frames in the world, as last read.
+        finite: whether the poses are.
+    """
+
+    def __init__(self, description: Description) -> None:
+        """Divide a scene into its bodies; ``enter`` adds them to a world.
+
+        Raises:
+            OneBotError: what of it cannot be simulated, a line each.
+        """
+        self._firsts = {link: first for link, (first, _) in link_poses(description).items()}
+        self.description = description
+        if problems := [*link_problems(description), *self._joint_problems()]:
+            raise OneBotError("\n".join(problems))
+        joints = tuple(replace(joint, kind="fixed") for joint in description.joints)
+        poses = link_poses(replace(description, joints=joints))  # poses in the root link's frame
+        # Each link is a body of its own, since it has a friction of its own.
+        self._fixed = []
+        for link in description.links:
+            if link.collisions and self._firsts[link.name] == description.root_link:
+                self._fixed.append(Body(link.name))
+                self._fixed[-1].add(link, poses[link.name][1])
+        self.links = tuple(joint.child for joint in description.joints if joint.kind == "floating")
+        self._free = [self._part(link) for link in self.links]
+        self._starts: list[Transform] = []
+        for name in self.links:
+            origin = origin_of(poses[name][1])
+            x, y, z, w = from_rpy(origin.rpy).tolist()
+            self._starts.append((origin.xyz, (x, y, z, w)))
+        self.poses: Sequence[Transform] = self._starts
+        self.finite = True
+
+    def _joint_problems(self) -> Iterator[str]:
+        """Report joints and boxes that would be right in a robot, but not in a scene."""
+        for joint in self.description.joints:
+            where = f'{joint.where}: joint "{joint.name}"'
+            if joint.kind not in ("fixed", "floating"):
+                yield (
+                    f'{where} is {joint.kind}; the joints of a world are type="fixed" (stands '
+                    'still) or type="floating" (can be pushed)'
+                )
+            elif joint.kind == "floating":
+                links = self._part(joint.child).links
+                what = f'{where} is floating, so that link "{joint.child}" can be pushed'
+                if not any(link.inertial and link.inertial.mass > 0 for link in links):
+                    yield (
+                        f"{what}, but it has no mass; give it an <inertial> with mass and inertia, "
+                        'or write type="fixed" to have it stand still'
+                    )
+                if not any(link.collisions for link in links):
+                    yield (
+                        f"{what}, but it has no <collision> and would fall through the ground; "
+                        'give it one, or write type="fixed"'
+                    )
+
+    def _part(self, first: str) -> Description:
+        """The description of the body that begins with the link ``first``."""
+        description = self.description
+        links = tuple(link for link in description.links if self._firsts[link.name] == first)
+        names = {link.name for link in links} - {first}
+        joints = tuple(joint for joint in description.joints if joint.child in names)
+        return replace(description, root_link=first, links=links, joints=joints)
+
+    def enter(self, client: int, ground: int, settings: Settings, *, free: bool = True) -> None:
+        """Load the bodies into the world ``client``; ``free``: also those that can be pushed.
+
+        Raises:
+            OneBotError: one cannot be loaded, or what can be pushed starts in something else.
+        """
+        self._client = client
+        self.fixed = {
+            load_fixed(client, self.description, body, settings): body.link for body in self._fixed
+        }
+        self._parts: list[LoadedRobot] = []
+        for part, start in zip(self._free if free else (), self._starts, strict=False):
+            self._parts.append(load_robot(client, ground, part, settings))
+            self._parts[-1].place(start)
+        if problems := [*self._overlap_problems(ground)]:
+            raise OneBotError("\n".join(problems))
+        self.read()
+
+    def _overlap_problems(self, ground: int) -> Iterator[str]:
+        """Report boxes that are in the ground, in what stands still, or in another box."""
+        joints = {joint.child: joint for joint in self.description.joints}
+        obstacles = {body: f'link "{link}"' for body, link in self.fixed.items()}
+        obstacles[ground] = "the ground"
+        for link, part in zip(self.links, self._parts, strict=False):
+            where = f'{joints[link].where}: joint "{joints[link].name}": link "{link}"'
+            for body, obstacle in obstacles.items():
+                if (depth := self._depth(part.body, body)) > _DEEPEST:
+                    remedy = f"{'raise' if body == ground else 'move'} its <origin>"
+                    text = f"starts {depth:.3g} m deep in {obstacle}, which would throw it out"
+                    yield f"{where} {text}; {remedy}"
+            obstacles[part.body] = f'link "{link}"'
+
+    def read(self) -> None:
+        """Read the poses of the bodies that can be pushed."""
+        self.poses = [part.pose() for part in self._parts]
+        self.finite = math.isfinite(sum(sum(at) + sum(turn) for at, turn in self.poses))
+
+    def put(self, poses: Sequence[Transform]) -> None:
+        """Put what can be pushed to ``poses``, at rest."""
+        for part, pose in zip(self._parts, poses, strict=True):
+            part.place(pose)
+        self.read()
+
+    def put_back(self, robots: Sequence[LoadedRobot]) -> None:
+        """Put what can be pushed to where it was at the start, at rest, unless a robot is there.
+
+        ``read`` has to follow.
+        """
+        for part, pose, start in zip(self._parts, self.poses, self._starts, strict=True):
+            part.place(start)
+            if any(self._overlaps(robot, part.body) for robot in robots):
+                part.place(pose)
+
+    def check(self) -> None:
+        """Raise OneBotError if the last poses were not finite."""
+        if not self.finite:
+            raise OneBotError(
+                f"{self.description.source}: the simulation of the world diverged: its state is no "
+                "longer finite; start it again"
+            )
+
+    def fixed_at(self, robot: LoadedRobot) -> dict[int, str]:
+        """Return the bodies that stand still where ``robot`` is, with the names of their links."""
+        return {body: link for body, link in self.fixed.items() if self._overlaps(robot, body)}
+
+    def free_at(self, robot: LoadedRobot) -> list[str]:
+        """Return the links that can be pushed where ``robot`` is."""
+        return [
+            link
+            for link, part in zip(self.links, self._parts, strict=True)
+            if self._overlaps(robot, part.body)
+        ]
+
+    def _overlaps(self, robot: LoadedRobot, body: int) -> bool:
+        return self._depth(robot.body, body) > _DEPTH
+
+    def _depth(self, one: int, other: int) -> float:
+        """Return how deep two bodies are in each other, m; 0 if they are not."""
+        near = engine.getClosestPoints(one, other, 0.0, physicsClientId=self._client)
+        return max((-point[8] for point in near), default=0.0)

@@ -1,0 +1,265 @@
+"""Makes PyBullet worlds with level ground, and loads robots and scenes into them."""
+
+import math
+import os
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from onebot_control.physics.bodies import HUB, Body, SkidAxle, physics_urdf, rigid_bodies
+from onebot_control.physics.contacts import hold_hub, set_contact, soften
+from onebot_control.physics.engine import captured, engine, log
+from onebot_control.physics.physics_settings import Settings
+from onebot_control.poses import Transform, compose, inverse
+from onebot_description.description.description import Description, Link, Mesh
+from onebot_description.description.meshes import read_mesh
+from onebot_description.errors import OneBotError, listing
+
+# m; farther out, rounding errors are not small compared with a wheel's contact depth (micrometres).
+FARTHEST = 10_000.0
+_SLAB = (FARTHEST, FARTHEST, 1.0)  # half the size of the ground's visual, m
+
+
+class RobotSpawn(NamedTuple):
+    """A robot to add to a world, and the initial pose of its root link's frame."""
+
+    description: Description
+    driven: Sequence[str]  # joints with a motor; see ``Robot``
+    x: float = 0.0  # m
+    y: float = 0.0  # m
+    yaw: float = 0.0  # heading, rad
+    name: str = ""  # named in errors
+
+
+SpawnPose = tuple[float, float, float]  # x and y of the root link's frame, m, and yaw, rad
+
+
+def checked_spawn_pose(x: float, y: float, yaw: float) -> SpawnPose:
+    """Return a checked pose for a robot, m and rad.
+
+    Raises:
+        ValueError: a value is not finite.
+        OneBotError: it is too far from the origin to be exact.
+    """
+    if not all(map(math.isfinite, (x, y, yaw))):
+        raise ValueError(f"x, y and yaw must be finite, not {x}, {y}, {yaw}")
+    if max(abs(x), abs(y)) > FARTHEST:
+        raise OneBotError(
+            f"x {x:g} m, y {y:g} m: the simulation is exact up to {FARTHEST:g} m from the origin"
+        )
+    return float(x), float(y), float(yaw)
+
+
+class LoadedRobot(NamedTuple):
+    """A robot, or a box of a scene, with PyBullet's indices of its parts."""
+
+    client: int  # its world
+    ground: int
+    body: int
+    joints: Mapping[str, int]  # the moving ones by name, in the description's order
+    hubs: Sequence[int]  # the joints on which the hubs of wheels that skid slide
+    # Centre of mass and principal axes of the root body in the root link's frame; that frame, not
+    # the link's, is PyBullet's base.
+    mass_frame: Transform
+    link_frame: Transform  # the root link's frame in ``mass_frame``
+
+    def pose(self) -> Transform:
+        """Return the pose of the root link's frame in the world: m, and quaternion x y z w."""
+        mass_pose = engine.getBasePositionAndOrientation(self.body, self.client)
+        position, (x, y, z, w) = compose(mass_pose, self.link_frame)
+        # Of the two quaternions of a rotation, the one with w >= 0.
+        return position, (x, y, z, w) if w >= 0.0 else (-x, -y, -z, -w)
+
+    def place(self, pose: Transform, positions: Iterable[float] | None = None) -> None:
+        """Set the pose of the root link's frame, at rest, and ``positions`` of the joints."""
+        mass_pose = compose(pose, self.mass_frame)
+        body, client = self.body, self.client
+        engine.resetBasePositionAndOrientation(body, *mass_pose, physicsClientId=client)
+        engine.resetBaseVelocity(body, (0, 0, 0), (0, 0, 0), physicsClientId=client)
+        for index in self.hubs:
+            engine.resetJointState(body, index, 0.0, 0.0, physicsClientId=client)
+        if positions is not None:
+            for index, position in zip(self.joints.values(), positions, strict=True):
+                engine.resetJointState(body, index, position, 0.0, physicsClientId=client)
+
+
+def make_world(client: int, settings: Settings) -> int:
+    """Set up the physics of the empty world ``client``; return the index of its ground."""
+    engine.setTimeStep(1.0 / settings.rate, physicsClientId=client)
+    engine.setGravity(0.0, 0.0, -settings.gravity, physicsClientId=client)
+    engine.setPhysicsEngineParameter(
+        numSolverIterations=settings.iterations,
+        solverResidualThreshold=0.0,
+        # With the cache a changed file would be loaded in its old version.
+        enableFileCaching=0,
+        physicsClientId=client,
+    )
+    plane = engine.createCollisionShape(engine.GEOM_PLANE, physicsClientId=client)
+    # Without a visual PyBullet shows a plane, whose texture takes 7 ms and 6 MB.
+    slab = engine.createVisualShape(
+        engine.GEOM_BOX,
+        halfExtents=_SLAB,
+        visualFramePosition=(0.0, 0.0, -_SLAB[2]),
+        physicsClientId=client,
+    )
+    ground: int = engine.createMultiBody(0, plane, slab, physicsClientId=client)
+    engine.changeDynamics(ground, -1, lateralFriction=settings.friction, physicsClientId=client)
+    return ground
+
+
+def load_robot(
+    client: int,
+    ground: int,
+    description: Description,
+    settings: Settings,
+    driven: Collection[str] = (),
+) -> LoadedRobot:
+    """Load a robot into the world ``client``, its root link's frame at the origin.
+
+    The ``driven`` joints have a motor, which holds them until they get a velocity. What PyBullet
+    prints is logged.
+    """
+    bodies = rigid_bodies(description)
+    if not any(body.collisions for body in bodies.values()):
+        raise OneBotError(
+            f"{description.source}: no link has a <collision>, so the robot would fall through "
+            "the ground; give the wheels one"
+        )
+    robot = _load(client, description, bodies)
+    moving = description.moving_joints
+    root, *moved = bodies.values()
+    indices, hubs = {}, []
+    for index in range(engine.getNumJoints(robot, physicsClientId=client)):
+        info = engine.getJointInfo(robot, index, physicsClientId=client)
+        name = info[1].decode()
+        if name.startswith(HUB):
+            hubs.append(index)
+            hold_hub(client, robot, index)
+            continue
+        row = int(name)
+        joint = moving[row]
+        indices[row] = index
+        # Friction of a joint without a motor: a motor with target 0 and that torque.
+        torque = joint.effort if joint.name in driven else info[7]
+        engine.setJointMotorControl2(
+            robot, index, engine.VELOCITY_CONTROL, force=torque, physicsClientId=client
+        )
+        set_contact(client, robot, index, moved[row], description, settings)
+    set_contact(client, robot, -1, root, description, settings)
+    joints = {joint.name: indices[row] for row, joint in enumerate(moving)}
+    skidding = [joints[joint.name] for joint in moving if isinstance(joint, SkidAxle)]
+    soften(client, robot, skidding, sum(body.mass for body in bodies.values()), settings)
+    for damping in ("linearDamping", "angularDamping"):
+        # One key per call: with either of these PyBullet ignores the link index.
+        engine.changeDynamics(robot, -1, **{damping: 0.0}, physicsClientId=client)
+    dynamics = engine.getDynamicsInfo(robot, -1, physicsClientId=client)
+    mass_frame = dynamics[3], dynamics[4]
+    return LoadedRobot(client, ground, robot, joints, hubs, mass_frame, inverse(mass_frame))
+
+
+def load_fixed(client: int, description: Description, body: Body, settings: Settings) -> int:
+    """Load a body of a scene that stands still, at the origin; return its index."""
+    index = _load(client, description, {body.link: body}, fixed=True)
+    set_contact(client, index, -1, body, description, settings)
+    return index
+
+
+def _load(
+    client: int, description: Description, bodies: Mapping[str, Body], *, fixed: bool = False
+) -> int:
+    flags = engine.URDF_USE_INERTIA_FROM_FILE | engine.URDF_USE_IMPLICIT_CYLINDER
+    with (
+        converted_meshes(bodies.values(), convex=not fixed) as meshes,
+        _file(physics_urdf(description, bodies, meshes, fixed=fixed)) as path,
+    ):
+        try:
+            with captured() as lines:
+                body: int = engine.loadURDF(
+                    path, useFixedBase=fixed, flags=flags, physicsClientId=client
+                )
+        except engine.error:
+            reason = "; ".join(lines) or "it gives no reason"
+            raise OneBotError(
+                f"{description.source}: PyBullet cannot load this: {reason}"
+            ) from None
+    log(lines)
+    return body
+
+
+@contextmanager
+def _file(text: str) -> Iterator[str]:
+    """The path of a file in memory with ``text``."""
+    with open(os.memfd_create("robot.urdf"), "w", encoding="utf-8") as file:
+        file.write(text)
+        file.flush()
+        yield f"/proc/self/fd/{file.fileno()}"
+
+
+@contextmanager
+def converted_meshes(bodies: Iterable[Body], *, convex: bool = True) -> Iterator[Mapping[str, str]]:
+    """Yield a file of each collision mesh by URI; ``convex``: of its hull, for bodies that move.
+
+    Raises:
+        OneBotError: meshes cannot be read; each is named with its links.
+    """
+    meshes: dict[str, tuple[Mesh, list[Link]]] = {}
+    for body in bodies:
+        for shape, _, link in body.collisions:
+            if isinstance(shape, Mesh):
+                meshes.setdefault(shape.uri, (shape, []))[1].append(link)
+    if not meshes:
+        yield {}
+        return
+    # Imported late, like trimesh below: most robots have no collision meshes.
+    from tempfile import TemporaryDirectory
+
+    written: dict[str, str] = {}
+    failures: dict[str, list[Link]] = {}  # reason to links
+    with TemporaryDirectory() as folder:
+        for uri, (mesh, links) in meshes.items():
+            try:
+                text = _as_obj(mesh, convex)
+            except OneBotError as error:
+                failures.setdefault(str(error), []).extend(links)
+                continue
+            file = Path(folder) / f"{len(written)}.obj"
+            file.write_text(text, encoding="utf-8")
+            written[uri] = str(file)
+        if failures:
+            raise OneBotError(
+                "\n".join(
+                    f"{links[0].where}: link {listing(link.name for link in links)}: "
+                    f"collision mesh {reason}"
+                    for reason, links in failures.items()
+                )
+            )
+        yield written
+
+
+def _as_obj(mesh: Mesh, convex: bool) -> str:
+    """A mesh file, or its convex hull, in metres, as Wavefront OBJ."""
+    corners, faces = read_mesh(mesh)
+    if convex:
+        faces = _hull(corners)
+    used, faces = np.unique(faces, return_inverse=True)
+    lines = ["v " + " ".join(map(repr, corner)) for corner in corners[used].tolist()]
+    lines += ["f " + " ".join(map(str, face)) for face in (faces.reshape(-1, 3) + 1).tolist()]
+    return "\n".join(lines) + "\n"
+
+
+def _hull(corners: NDArray[np.float64]) -> NDArray[np.intp]:
+    """The faces (N, 3) of the convex hull of (M, 3) corners.
+
+    It is all that PyBullet makes of a mesh, but in minutes.
+    """
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        return np.asarray(ConvexHull(corners).simplices, np.intp)
+    except QhullError:  # it is flat: any faces will do, as only the corners count
+        count = len(corners)
+        return np.arange(3 * -(-count // 3), dtype=np.intp).reshape(-1, 3) % count

@@ -1,0 +1,254 @@
+"""Worlds: robots on the same ground, and among the same walls, moved by their driven joints."""
+
+import weakref
+from collections.abc import Sequence
+
+from onebot_control.physics.engine import engine
+from onebot_control.physics.physics_settings import Settings
+from onebot_control.physics.rest_pose import RestPose, pose_on, settle
+from onebot_control.physics.robot import Robot
+from onebot_control.physics.scene_bodies import SceneBodies
+from onebot_control.physics.spawning import RobotSpawn, SpawnPose, make_world
+from onebot_control.poses import Transform
+from onebot_description.description import Description
+from onebot_description.errors import OneBotError, listing
+
+
+class World:
+    """Robots on the same ground, which can collide.
+
+    Time advances in ``step`` only, for all robots. The same calls give identical results, in any
+    process. Worlds are independent of each other; a world must not be used by two threads at the
+    same time.
+    """
+
+    settings: Settings
+    client: int  # PyBullet's index of the world, for direct calls
+    robots: tuple[Robot, ...]  # order as given
+    scene: SceneBodies | None  # bodies around the robots
+    is_open: bool  # until ``close``
+
+    def __init__(
+        self,
+        spawns: Sequence[RobotSpawn],
+        settings: Settings = Settings(),  # noqa: B008 - it is frozen
+        scene: Description | None = None,
+        *,
+        at_start: bool = True,
+    ) -> None:
+        """Place the robots at rest, with their joints at 0, on the ground or on the scene's ramps.
+
+        Args:
+            spawns: the robots.
+            settings: of the simulation.
+            scene: walls, ramps and boxes; see ``onebot_control.physics.scene_bodies``.
+            at_start: place each robot at its start; else somebody else has to place them.
+
+        Raises:
+            ValueError: a pose is not finite.
+            OneBotError: a robot or the scene cannot be simulated, two robots overlap, or one cannot
+                stand where it is to start.
+        """
+        self.settings = settings
+        self.scene = None if scene is None else SceneBodies(scene)
+        self.robots = tuple(Robot(self, spawn) for spawn in spawns)
+        self._on_scene: dict[tuple[Robot, SpawnPose], Transform] = {}
+        # A robot on bare ground comes to rest in this world, others in one of their own.
+        self._alone = len(self.robots) == 1 and scene is None
+        if not self._alone:
+            self._find_rest_poses()
+        client: int = engine.connect(engine.DIRECT)
+        self.client = client
+        self._disconnect = weakref.finalize(self, engine.disconnect, client)
+        self.is_open = True
+        try:
+            self._build()
+            if at_start:
+                self._start()
+        except BaseException:
+            self.close()
+            raise
+
+    def step(self, duration: float) -> None:
+        """Advance by ``duration`` seconds, a whole number of physics steps.
+
+        Raises:
+            ValueError: it is not a whole number of steps.
+            OneBotError: the state is no longer finite.
+        """
+        count = self.settings.steps(duration)
+        self.check_usable()
+        client, robots = self.client, self.robots
+        for _ in range(count - 1):
+            engine.stepSimulation(client)
+            for robot in robots:
+                robot.record_efforts()
+        engine.stepSimulation(client)
+        for robot in robots:
+            robot.read(count)
+        if self.scene is not None:
+            self.scene.read()
+        self.check_usable()
+
+    def stand(self, robot: Robot, where: SpawnPose, *, at_start: bool) -> None:
+        """Place a robot at rest.
+
+        Args:
+            robot: of this world.
+            where: its pose.
+            at_start: its joints go to 0 and the scene's boxes back to their start, too.
+
+        Raises:
+            OneBotError: the world is closed, or has diverged, the robot cannot stand there, or
+                another one is there; nothing has changed then.
+        """
+        self.check_usable()
+        positions = [0.0] * len(robot.joints) if at_start else robot.positions
+        present: int = engine.saveState(physicsClientId=self.client)
+        try:
+            if len(self.robots) == 1 and (at_start or self.scene is None):
+                # Without other robots the contacts of all that is at rest can be restored.
+                engine.restoreState(self._saved, physicsClientId=self.client)
+            pose = self._pose_at(robot, where)
+            robot.parts.place(pose, positions)
+            if self.scene is not None and at_start:
+                self.scene.put_back([standing_robot.parts for standing_robot in self.robots])
+            self._check_boxes(robot, where)
+            self._check_overlaps(robot)
+        except OneBotError:
+            engine.restoreState(present, physicsClientId=self.client)
+            raise
+        finally:
+            engine.removeState(present, physicsClientId=self.client)
+        robot.put(pose, positions)
+        if self.scene is not None:
+            self.scene.read()
+
+    def replaced(self, row: int, spawn: RobotSpawn) -> "World":
+        """Return a world with ``spawn``, at rest, in place of the robot of ``row``.
+
+        The others move on as they do in this one, which stays as it is. Each robot's start stays,
+        whether there is room for it or not. The scene's boxes are where they are now, at rest.
+
+        Raises:
+            OneBotError: the robot cannot be simulated, or another one, or the scene, is in the way.
+        """
+        spawns = [robot.spawn for robot in self.robots]
+        spawns[row] = spawns[row]._replace(description=spawn.description, driven=spawn.driven)
+        around = self.scene.description if self.scene else None
+        world = World(spawns, self.settings, around, at_start=False)
+        try:
+            if self.scene is not None and world.scene is not None:
+                world.scene.put(self.scene.poses)
+            for index, (new, old) in enumerate(zip(world.robots, self.robots, strict=True)):
+                if index != row:
+                    new.continue_from(old)
+            world.robots[row].teleport(spawn.x, spawn.y, spawn.yaw)
+        except BaseException:
+            world.close()
+            raise
+        return world
+
+    def close(self) -> None:
+        """Free the world; most other methods raise OneBotError afterwards."""
+        self.is_open = False
+        self._disconnect()
+
+    def check_open(self) -> None:
+        """Raise OneBotError if the world has been closed."""
+        if not self.is_open:
+            raise OneBotError("this simulation has been closed; make a new one")
+
+    def check_usable(self) -> None:
+        """Raise OneBotError if the world has been closed, or its state is not finite."""
+        for robot in self.robots:
+            robot.check()
+        if self.scene is not None:
+            self.scene.check()
+
+    def __enter__(self) -> "World":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _find_rest_poses(self) -> None:
+        """Simulate each robot alone, identical ones once."""
+        rest_poses: dict[tuple[str, tuple[str, ...]], RestPose] = {}
+        for robot in self.robots:
+            key = (robot.spawn.description.urdf, robot.driven)
+            if key not in rest_poses:
+                spawn = RobotSpawn(robot.spawn.description, robot.driven)
+                with World([spawn], self.settings) as alone:
+                    rest_poses[key] = alone.robots[0].rest_pose
+            robot.rest_pose = rest_poses[key]
+
+    def _build(self) -> None:
+        """Load all bodies, and save that state."""
+        client, settings = self.client, self.settings
+        ground = make_world(client, settings)
+        for robot in self.robots:
+            robot.load(ground)
+            if self._alone:
+                description, parts = robot.spawn.description, robot.parts
+                robot.rest_pose = settle(parts, description, robot.driven, settings)
+            else:
+                # Away from the origin, where the next one is loaded.
+                robot.parts.place(robot.rest_pose.at(*robot.start))
+        if self.scene is not None:
+            self.scene.enter(client, ground, settings)
+        self._saved: int = engine.saveState(physicsClientId=client)
+
+    def _start(self) -> None:
+        """Place all robots at their starts, from the saved state, as ``Robot.reset`` does."""
+        engine.restoreState(self._saved, physicsClientId=self.client)
+        for robot in self.robots:
+            robot.put(self._pose_at(robot, robot.start))
+            self._check_boxes(robot, robot.start)
+        self._check_overlaps()
+        self.check_usable()
+
+    def _pose_at(self, robot: Robot, where: SpawnPose) -> Transform:
+        """Place the robot at rest on what stands still there; return its pose.
+
+        Raises:
+            OneBotError: it cannot stand there for the scene.
+        """
+        pose = robot.rest_pose.at(*where)
+        if self.scene is None:
+            return pose
+        robot.parts.place(pose)
+        if self.scene.fixed_at(robot.parts):
+            key = robot, where
+            if key not in self._on_scene:
+                scene, rest_pose = self.scene.description, robot.rest_pose
+                self._on_scene[key] = pose_on(scene, robot.spawn, self.settings, rest_pose, where)
+            pose = self._on_scene[key]
+            robot.parts.place(pose)
+        return pose
+
+    def _check_boxes(self, robot: Robot, where: SpawnPose) -> None:
+        """Raise OneBotError if a robot, which was put there, is in a box."""
+        if self.scene is not None and (links := self.scene.free_at(robot.parts)):
+            raise OneBotError(
+                f"x {where[0]:g} m, y {where[1]:g} m: link {listing(links)} of "
+                f"{self.scene.description.source} is there; put the robot somewhere else"
+            )
+
+    def _check_overlaps(self, robot: Robot | None = None) -> None:
+        """Raise OneBotError if two robots overlap; with ``robot``, if it overlaps another."""
+        if len(self.robots) == 1:
+            return
+        engine.performCollisionDetection(physicsClientId=self.client)
+        rows = {standing_robot.parts.body: row for row, standing_robot in enumerate(self.robots)}
+        for point in engine.getContactPoints(physicsClientId=self.client):
+            if point[1] == point[2] or point[8] >= 0.0 or not {point[1], point[2]} <= rows.keys():
+                continue
+            first, second = sorted((rows[point[1]], rows[point[2]]))
+            if robot in (None, self.robots[first], self.robots[second]):
+                names = [self.robots[row].spawn.name or str(row + 1) for row in (first, second)]
+                (x, y, _), _ = self.robots[second].parts.pose()
+                raise OneBotError(
+                    f"robots {' and '.join(names)} of the world would stand in the same place, "
+                    f"x {round(x, 6) + 0.0:g} m, y {round(y, 6) + 0.0:g} m; move one of them"
+                )

@@ -1,0 +1,109 @@
+"""Which nodes this process discovers: on this computer, on a network, or by a discovery server.
+
+ROS and Fast DDS read it from environment variables, when rclpy is initialised.
+"""
+
+import os
+import re
+import socket
+from collections.abc import Mapping
+from typing import Any
+
+from onebot_description.description.packages import package_share
+from onebot_description.errors import OneBotError
+from onebot_description.ros.parameters.values import MAX_PORT
+from onebot_description.ros.shared_memory import remove_broken_ports
+
+RANGE, SERVER = "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_DISCOVERY_SERVER"
+LOCALHOST, SUBNET = "localhost", "subnet"
+# Of the argument ``discovery``: a range, or the address of a server.
+ARGUMENT = re.compile(rf"{LOCALHOST}|{SUBNET}|(?P<host>[\w.-]+):(?P<port>[0-9]{{1,5}})")
+WANTED = f"{LOCALHOST}, {SUBNET}, or HOST:PORT of a discovery server (fastdds discovery -i 0)"
+
+_SUPER_CLIENT = "ROS_SUPER_CLIENT"
+_PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+_TRANSPORTS = "FASTDDS_BUILTIN_TRANSPORTS"
+_UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"  # rcl's name for one
+MAX_DOMAIN = 232  # beyond it the ports of DDS (RTPS 2.2, section 9.6.1.1) exceed 65535
+
+
+def discovery_variables(values: Mapping[str, str], *, forced: bool) -> dict[str, str]:
+    """Return the variables for the arguments ``discovery`` and ``domain_id``.
+
+    ``forced``: ``discovery`` was given, and so overrides the environment's setting.
+    """
+    variables = _variables(values["discovery"]) if forced or not _is_chosen() else {}
+    return variables | ({"ROS_DOMAIN_ID": values["domain_id"]} if values["domain_id"] else {})
+
+
+def _variables(argument: str) -> dict[str, str]:
+    match = ARGUMENT.fullmatch(argument)
+    if match is None or match["host"] is None:
+        return {RANGE: argument.upper(), SERVER: ""}
+    host, port = match["host"], int(match["port"])
+    if not 0 < port <= MAX_PORT:
+        raise OneBotError(f"discovery:={argument}: {port} is no port; write 1 to {MAX_PORT}")
+    try:
+        # By name, Fast DDS would take an address of IPv6 where there is one, and only that.
+        address = socket.gethostbyname(host)
+    except OSError as error:
+        raise OneBotError(f"discovery:={argument}: no host {host}: {error.strerror}") from None
+    return {RANGE: SUBNET.upper(), SERVER: f"{address}:{port}"}
+
+
+def _is_chosen() -> bool:
+    """Return whether the environment has a range or a server."""
+    return bool(os.environ.get(RANGE) or server())
+
+
+def node_name(end: Any) -> str:
+    """Return the full name of the node of a TopicEndpointInfo; "" while it is not discovered.
+
+    That takes longer than the discovery of its publishers and subscriptions.
+    """
+    known = end.node_name != _UNKNOWN_NODE
+    return f"{end.node_namespace.rstrip('/')}/{end.node_name}" if known else ""
+
+
+def use_local_discovery() -> None:
+    """Discover only this computer, unless the environment has it otherwise."""
+    if not _is_chosen():
+        os.environ[RANGE] = LOCALHOST.upper()
+
+
+def server() -> str:
+    """Return the address of the discovery server; empty without one."""
+    return os.environ.get(SERVER, "").strip(";")
+
+
+def question() -> str:
+    """Return what to ask when no other node is discovered; empty without a discovery server."""
+    return f"does the discovery server at {server()} run (fastdds discovery -i 0)?"
+
+
+def configure_discovery(*, whole_graph: bool = False) -> None:
+    """Set up Fast DDS for the range of discovery; call it before rclpy is initialised.
+
+    On one computer, nodes listen on loopback only: the range limits whom they look for, but another
+    computer that looks for this one (ROS_STATIC_PEERS) would find them. They announce themselves
+    five times a second. Fast DDS 2.14 announces a participant before it listens, so that about
+    every other first answer is lost, and by default the next announcement is 3 s away.
+
+    On a network, a node that sends to a computer that is not reached must not wait: while Linux
+    looks for that computer, for 3 s each time, packets fill the socket's buffer, and the control
+    loop would stand still. What is dropped and was reliable is sent again.
+
+    A profile or transports that the user has set stay. Ports that would stop the start are removed.
+
+    ``whole_graph``: with a discovery server, discover also what has no topic in common with this
+    process, as introspection needs it; in a large fleet that is much.
+    """
+    remove_broken_ports()
+    if whole_graph and server():
+        os.environ.setdefault(_SUPER_CLIENT, "TRUE")
+    if any(os.environ.get(name) for name in (*_PROFILES, _TRANSPORTS)):
+        return
+    local = os.environ.get(RANGE) == LOCALHOST.upper() and not server()
+    name = "one_computer" if local else "network"
+    profile = package_share("onebot_description") / f"config/{name}.xml"
+    os.environ[_PROFILES[0]] = str(profile)

@@ -1,0 +1,113 @@
+"""How old a message is, and whether it was sent before this process woke from a stop.
+
+DDS may deliver what waited while the process did not run at any time after that.
+"""
+
+import math
+import time
+from collections.abc import Callable
+from typing import NamedTuple
+
+from onebot_description.ros.wire.cdr import NANO
+
+_LONGEST_GAP = 0.5  # s between two checks; a longer one means that the process did not run
+_SAME_SIGNAL = 0.25  # s within which two threads notice one SIGCONT
+_STEADY_NS = NANO // 10  # transit times of one sender differ by less
+_SAMPLES, _SPAN_NS = 5, NANO // 2  # messages, and their time, from which a sender's clock is known
+_LONGEST_TRANSIT = 10.0  # s; counts where no stamp shows how long a message was under way
+# Unlike the monotonic clock, it counts the time in which the computer is suspended.
+_CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
+
+
+def boot_time() -> float:
+    """Return the seconds since the computer was started; nobody can set that clock."""
+    return time.clock_gettime(_CLOCK)
+
+
+class WakeDetector:
+    """Notices that this process did not run: SIGSTOP, a suspended computer, a starved processor.
+
+    Attributes:
+        woke: when it last woke, by ``boot_time``; -inf if it has always run.
+    """
+
+    def __init__(self, clock: Callable[[], float] = boot_time) -> None:
+        self._clock = clock
+        self._checked = clock()
+        self.woke = self._resumed = -math.inf
+
+    def check(self) -> float:
+        """Return ``woke``; to be called several times a second, from any thread."""
+        now = self._clock()
+        if now - self._checked > _LONGEST_GAP:
+            self.woke = now
+        self._checked = now
+        return self.woke
+
+    def resumed(self) -> None:
+        """Note a SIGCONT, which also follows a stop too short for ``check``."""
+        now = self._clock()
+        if now - self._resumed > _SAME_SIGNAL:
+            self.woke = self._resumed = now
+
+
+WAKE = WakeDetector()
+"""The wake detector of this process; ``run_node`` notifies it of each SIGCONT."""
+
+
+class Delivery(NamedTuple):
+    """The times of a message, and its number, as DDS reports them."""
+
+    source_ns: int  # when it was sent, by the sender's system clock
+    received_ns: int  # by this computer's
+    number: int | None  # the publisher counts its messages; None where DDS has no number
+
+
+class Age(NamedTuple):
+    """How old a message is, s."""
+
+    least: float  # for certain
+    most: float  # possibly; the same where the sender's clock is known
+
+
+class SenderClock:
+    """Learns how far the clock of a topic's sender is behind this computer's.
+
+    Until that is known, from a steady stream of messages, one with an old stamp may be old, or from
+    a computer whose clock is wrong.
+    """
+
+    def __init__(self) -> None:
+        self._behind: int | None = None  # ns; the shortest transit is part of it
+        self._number = 0  # of the last message
+        # A run of messages whose transit times, with the clocks' difference, are alike.
+        self._least = self._most = self._since_ns = self._count = 0
+
+    def age(self, delivery: Delivery, now_ns: int) -> Age:
+        """Return how old a message is at ``now_ns`` (system time)."""
+        behind = delivery.received_ns - delivery.source_ns
+        self._learn(behind, delivery)
+        waited = max(0, now_ns - delivery.received_ns) / NANO
+        if self._behind is not None:
+            age = waited + (behind - self._behind) / NANO
+            return Age(age, age)
+        # An own clock that was set back meanwhile, and another's that is fast, look alike.
+        transit = behind / NANO if behind > -_STEADY_NS else _LONGEST_TRANSIT
+        return Age(waited, waited + max(0.0, transit))
+
+    def _learn(self, behind: int, delivery: Delivery) -> None:
+        if delivery.number is not None:
+            if delivery.number <= self._number:  # another publisher's
+                self._behind, self._count = None, 0
+            self._number = delivery.number
+        least, most = min(self._least, behind), max(self._most, behind)
+        if self._count == 0 or most - least > _STEADY_NS:
+            least = most = behind
+            self._since_ns, self._count = delivery.received_ns, 0
+        self._least, self._most = least, most
+        self._count += 1
+        if self._count >= _SAMPLES and delivery.received_ns - self._since_ns >= _SPAN_NS:
+            self._behind = least
+        elif self._behind is not None and behind < self._behind:
+            # By much: one of the clocks was set.
+            self._behind = behind if self._behind - behind <= _STEADY_NS else None

@@ -1,0 +1,360 @@
+"""YAML files of parameters, with the line of each: ROS 2 parameter files as rcl reads them, others.
+
+rcl reads a file only once, when the process starts, and its errors name neither the parameter nor
+the remedy. Reading it again, while the node runs, is ours. What the parameters may be is the
+business of the dataclass that describes them, see ``reader``.
+"""
+
+import functools
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NoReturn
+
+import yaml
+
+from onebot_description.errors import listing, shortened
+from onebot_description.ros.parameters import bounded_yaml
+from onebot_description.ros.parameters.reader import (
+    ConfigError,
+    Problem,
+    defaults,
+    is_parameter,
+    unknown_parameters,
+)
+
+_MARK = "ros__parameters"
+_BOOLS = {
+    **dict.fromkeys("y Y yes Yes YES true True TRUE on On ON".split(), True),
+    **dict.fromkeys("n N no No NO false False FALSE off Off OFF".split(), False),
+}
+_INTEGER = re.compile(r"[-+]?(0[xX][0-9a-fA-F]+|[0-9]+)")
+_DOUBLE = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+_NOT_FINITE = re.compile(r"([-+]?)\.?(inf|infinity|nan)", re.IGNORECASE)
+_INT64 = range(-(2**63), 2**63)
+
+Unknown = Callable[[Iterable[str]], list[Problem]]
+"""Reports those of some names that a node does not declare."""
+
+
+@dataclass
+class Parameters:
+    """Parameters that files hold for one node."""
+
+    values: dict[str, Any] = field(default_factory=dict)  # keys: dotted names
+    places: dict[str, str] = field(default_factory=dict)  # file and line of each, joints.yaml:7
+    shared: set[str] = field(default_factory=set)  # names in a section for several nodes
+    sections: list[str] = field(default_factory=list)  # node names that the files have
+
+    def update(self, later: "Parameters") -> None:
+        """Add another file's, which override where both name a parameter."""
+        self.values.update(later.values)
+        self.places.update(later.places)
+        self.shared = (self.shared - later.values.keys()) | later.shared
+        self.sections += later.sections
+
+    def drop_shared(self, unknown: Unknown) -> None:
+        """Drop what ``unknown`` finds in sections of several nodes: it is meant for another."""
+        for problem in unknown(self.shared):
+            del self.values[problem.key], self.places[problem.key]
+
+
+def read_parameters(text: str, name: str, node: str) -> Parameters:
+    """Read the parameters that the YAML ``text`` of the file ``name`` holds for one node.
+
+    ``node`` is its full name, such as ``/joint_state_publisher``. Raises ConfigError if the YAML is
+    broken, or not that of ROS 2 parameters.
+    """
+    merged = Parameters()
+    for section, parameters in _sections(text, name).items():
+        merged.sections.append(section)
+        if section_matches(section, node):
+            merged.update(parameters)
+    return merged
+
+
+@functools.lru_cache(maxsize=8)
+def _sections(text: str, name: str) -> dict[str, Parameters]:
+    """Return a file's parameters by section; it is read for each of several nodes."""
+    file = _YamlFile(text, name, aliases=False)
+    sections: dict[str, Parameters] = {}
+
+    def gather(node: yaml.Node, path: str) -> None:
+        for key, value in file.pairs(node):
+            if key.value == _MARK:
+                parameters = _section(file, value)
+                if path.rpartition("/")[2] in ("*", "**"):
+                    parameters.shared = set(parameters.values)
+                sections.setdefault(path or "/", Parameters()).update(parameters)
+            elif isinstance(value, yaml.MappingNode):
+                gather(value, f"{path}/{key.value.strip('/')}")
+            else:
+                file.fail(key, f'"{key.value}" must hold a map with "{_MARK}:" in it')
+
+    if file.root is not None:
+        gather(file.root, "")
+    return sections
+
+
+def section_matches(section: str, node: str) -> bool:
+    """Whether a file's section name is for ``node``; ``*`` is one name, ``**`` any number."""
+    pattern = "/" + section.strip("/")
+    expression = re.escape(pattern).replace(r"/\*\*", r"(/\w+)*").replace(r"/\*", r"/\w+")
+    return re.fullmatch(expression, node) is not None
+
+
+class _YamlFile:
+    """The tree of a YAML file, None if it is empty; errors name file and line."""
+
+    def __init__(self, text: str, name: str, *, aliases: bool) -> None:
+        self._name = name
+        try:
+            self.root = bounded_yaml.compose(text, aliases=aliases)
+        except yaml.YAMLError as error:
+            if not isinstance(error, yaml.MarkedYAMLError):
+                raise self._error(None, f"invalid YAML: {error}") from None
+            mark = error.problem_mark or error.context_mark
+            # libyaml ends a last line that has no end.
+            line = min(mark.line, text.count("\n")) if mark else None
+            reason = " ".join(part for part in (error.context, error.problem) if part)
+            raise self._error(line, f"invalid YAML: {reason}") from None
+
+    def pairs(self, node: yaml.Node) -> list[tuple[yaml.ScalarNode, yaml.Node]]:
+        """Return keys and values of a map, whose names must be plain and differ."""
+        if not isinstance(node, yaml.MappingNode):
+            what = f'"{shortened(node.value)}"' if isinstance(node, yaml.ScalarNode) else "a list"
+            self.fail(node, f"{what} stands where a map belongs")
+        lines: dict[str, int] = {}
+        for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                self.fail(key, "a name must be a plain word")
+            if key.value in lines:
+                self.fail(key, f'"{key.value}" is here twice, first on line {lines[key.value]}')
+            lines[key.value] = key.start_mark.line + 1
+        return list(node.value)
+
+    def entries(self, node: yaml.Node, prefix: str = "") -> Iterator[tuple[str, str, yaml.Node]]:
+        """Yield dotted name, place and value of each entry of a map and of the maps in it."""
+        for key, value in self.pairs(node):
+            name = prefix + key.value
+            if isinstance(value, yaml.MappingNode) and value.value:
+                yield from self.entries(value, f"{name}.")
+            else:
+                yield name, f"{self._name}:{key.start_mark.line + 1}", value
+
+    def fail(self, node: yaml.Node, text: str) -> NoReturn:
+        """Raise the error about what is wrong at ``node``."""
+        raise self._error(node.start_mark.line, text)
+
+    def _error(self, line: int | None, text: str) -> ConfigError:
+        place = self._name if line is None else f"{self._name}:{line + 1}"
+        return ConfigError([Problem("", f"{place}: {text}")])
+
+
+def _section(file: _YamlFile, node: yaml.Node) -> Parameters:
+    parameters = Parameters()
+    for name, place, value in file.entries(node):
+        # rcl cannot infer the type of an empty list, and treats it as not given.
+        if value.value or isinstance(value, yaml.ScalarNode):
+            parameters.values[name] = _value(file, name, value)
+            parameters.places[name] = place
+    return parameters
+
+
+def _value(file: _YamlFile, name: str, node: yaml.Node) -> Any:
+    if isinstance(node, yaml.ScalarNode):
+        return _scalar(file, name, node)
+    values = [_scalar(file, name, item) for item in node.value]
+    kinds = {type(value) for value in values}
+    if len(kinds) > 1:
+        remedy = (
+            "write all its numbers with a decimal point, as in 1.0"
+            if kinds == {int, float}
+            else "put quotes around its strings"
+        )
+        file.fail(node, f"{name}: a list holds values of one kind; {remedy}")
+    return values
+
+
+def _scalar(file: _YamlFile, name: str, node: Any) -> bool | int | float | str:
+    if not isinstance(node, yaml.ScalarNode):
+        file.fail(node, f"{name}: a list holds plain values only")
+    if node.style:  # quoted, or a block of text
+        return str(node.value)
+    if not node.value:
+        file.fail(node, f"{name}: has no value")
+    return plain_value(node.value)
+
+
+def plain_value(text: str) -> bool | int | float | str:
+    """Return what rcl takes an unquoted word for: a bool, an integer, a double or a string."""
+    if text in _BOOLS:
+        return _BOOLS[text]
+    if _INTEGER.fullmatch(text):
+        for base in (0, 8):  # 010 is octal, 09 is a double
+            with suppress(ValueError):
+                if (value := int(text, base)) in _INT64:
+                    return value
+    if word := _NOT_FINITE.fullmatch(text):
+        return float(word[1] + word[2])
+    return float(text) if _DOUBLE.fullmatch(text) else text
+
+
+# Other YAML files: a map, of no node -------------------------------------------------------------
+
+
+def read_map(text: str, name: str) -> Parameters:
+    """Return the values by dotted names of a YAML file that is a map, such as a saved view.
+
+    Unlike a parameter file, it may have aliases, null and lists of anything; an empty map is a
+    value.
+    """
+    content, loader = Parameters(), yaml.SafeLoader("")
+    file = _YamlFile(text, name, aliases=True)
+    for entry, place, node in file.entries(file.root) if file.root is not None else ():
+        try:
+            content.values[entry] = loader.construct_object(node, deep=True)
+        except Exception as error:  # any kind, if a value does not suit its tag
+            file.fail(node, f"invalid YAML: {' '.join(str(error).split())}")
+        content.places[entry] = place
+    return content
+
+
+# The parameter files of one node, read as one --------------------------------------------------
+
+
+def read_files(files: Iterable[Path], node: str, kind: type) -> Parameters:
+    """Read the parameters that ``files`` hold for ``node``; later files override.
+
+    Unknown parameters in a section shared by several nodes are taken to be for another one. Raises
+    ConfigError if a file cannot be read, or is not ROS 2 parameter YAML.
+    """
+    merged = Parameters()
+    for file in files:
+        merged.update(read_parameters(read_text(file), str(file), node))
+    merged.drop_shared(lambda names: unknown_parameters(kind, names))
+    return merged
+
+
+def no_section(parameters: Parameters, files: Iterable[Path], node: str) -> str | None:
+    """Return a warning if the files have sections, but none for ``node``."""
+    sections = parameters.sections
+    if not sections or any(section_matches(section, node) for section in sections):
+        return None
+    names = ", ".join(map(str, files))
+    return f"{names} has no section for {node}, only for {listing(sections)}"
+
+
+def undeclared_names(file: Path, unknown: Iterable[Unknown]) -> list[str]:
+    """Return a warning for each name that sections of several nodes have for none of these.
+
+    Args:
+        file: its other sections are checked by their nodes.
+        unknown: of each node that gets the file, what reports the names that it does not declare.
+    """
+    warnings = []
+    for section, parameters in _sections(read_text(file), str(file)).items():
+        names: set[str] = parameters.shared
+        for report in unknown:
+            names = {problem.key for problem in report(names)}
+        warnings += [
+            f'{parameters.places[name]}: {name} in section "{section}": no node of this bringup '
+            "that is given the file declares it"
+            for name in parameters.values
+            if name in names
+        ]
+    return warnings
+
+
+def refuse_other_sections(file: Path, nodes: Sequence[str]) -> None:
+    """Refuse a file with sections for none of ``nodes``, full names: they would do nothing.
+
+    The ConfigError lists the sections that would be for them.
+    """
+    problems = []
+    for section in _sections(read_text(file), str(file)):
+        if not any(section_matches(section, node) for node in nodes):
+            name = section.rpartition("/")[2]
+            same = [node for node in nodes if node.rpartition("/")[2] == name] or nodes
+            names = dict.fromkeys(node.rpartition("/")[2] for node in same)
+            possible = listing([*same, *(f"/**/{name}" for name in names)])
+            text = f'{file}: section "{section}" is for no node that it is given to: {possible}'
+            problems.append(Problem("", text))
+    if problems:
+        raise ConfigError(problems)
+
+
+def read_text(file: Path) -> str:
+    """Return a file's text; a ConfigError says why it cannot be read."""
+    try:
+        return bounded_yaml.read_text(file)
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+        raise ConfigError([Problem("", f"{file}: cannot be read: {reason}")]) from None
+
+
+# Parameter files that count while the node runs, not only when it starts ------------------------
+
+# They name files, so that setting them while the node runs is to read others.
+_SOURCES = ("config_file", "robot_description")
+
+
+class LiveParameters:
+    """The parameters that files hold for one node, now and when they are next saved.
+
+    Saving makes every parameter as the files have it: what they do not name goes back to its
+    default, also if it was set while the node ran. Only what the command line has set stays.
+    """
+
+    def __init__(self, files: Sequence[Path], node: str, kind: type) -> None:
+        """Read the files; later ones override earlier ones. Raises as ``read_files``."""
+        self._given = self.files = tuple(files)
+        self._node, self._kind = node, kind
+        self._pinned: dict[str, Any] = {}
+        self.file = self.read()
+
+    @property
+    def warning(self) -> str | None:
+        """A warning if the files have sections, but none for this node."""
+        return no_section(self.file, self.files, self._node)
+
+    def add(self, config_file: str) -> None:
+        """Have the file of the parameter ``config_file`` read, too; the given ones override it."""
+        self.files = (Path(config_file), *self._given) if config_file else self._given
+
+    def pin(self, names: Iterable[str], values: Mapping[str, Any]) -> None:
+        """Remember the parameters of these ``names``, which the command line sets."""
+        self._pinned = {
+            name: values[name] for name in names if name in values and name not in _SOURCES
+        }
+
+    def read(self) -> Parameters:
+        """Read the files as they are now, in any thread; raises as ``read_files``."""
+        return read_files(self.files, self._node, self._kind)
+
+    def changes(self, file: Parameters, current: Mapping[str, Any]) -> dict[str, Any]:
+        """Return what to set, None to unset, for ``current`` to be as ``file`` has it."""
+        names = [name for name in current if is_parameter(self._kind, name)]
+        values = {**dict.fromkeys(names), **defaults(self._kind), **file.values, **self._pinned}
+        written = {*file.values, *self._pinned}
+        return {
+            name: value
+            for name, value in values.items()
+            if not _same(current.get(name), value) and (name in written or name not in _SOURCES)
+        }
+
+    def overridden(self, file: Parameters) -> list[str]:
+        """Names edited in ``file`` without effect, as the command line overrides them."""
+        last = self.file.values
+        return [name for name in self._pinned if file.values.get(name) != last.get(name)]
+
+    def places(self, values: Mapping[str, Any]) -> dict[str, str]:
+        """Return where the files have the ``values`` that they decided."""
+        written, places = self.file.values, self.file.places
+        return {key: at for key, at in places.items() if _same(values.get(key), written[key])}
+
+
+def _same(one: Any, other: Any) -> bool:
+    return type(one) is type(other) and bool(one == other)

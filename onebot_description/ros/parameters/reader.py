@@ -1,0 +1,588 @@
+"""Parameters as checked dataclasses: what each may be is written once, beside its default.
+
+A field made by ``parameter`` is one ROS parameter or one key of a YAML file. A field that is itself
+a dataclass is a group (``camera.eye``), one of type ``Mapping[str, X]`` a map with names of the
+user's own (``motions.elbow.position``, where X is a dataclass, or ``zeros.elbow``)::
+
+    @dataclass(frozen=True)
+    class PlotParameters:
+        rate: float = parameter(10.0, "samples a second, Hz", above=0.0, at_most=100.0)
+        joints: tuple[str, ...] = parameter((), "the joints shown; empty: all")
+
+        def check(self) -> Iterable[Problem]: ...  # what must hold between several parameters
+
+    settings = read(PlotParameters, declare(node, PlotParameters))
+
+``read`` checks values, whichever file or node they are from; ``declare`` gives a node's parameters
+the same descriptions, ranges and read-only flags. A class may have ``REMEDIES``, names that are no
+longer parameters and what to write now.
+"""
+
+import contextlib
+import dataclasses
+import functools
+import sys
+import types
+import typing
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import MISSING, dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+
+from onebot_description.errors import OneBotError, did_you_mean
+from onebot_description.ros.parameters.values import Rule, ValueType, plain, shown, yaml_text
+
+if TYPE_CHECKING:
+    from rcl_interfaces.msg import ParameterDescriptor
+    from rclpy.node import Node
+    from rclpy.parameter import Parameter
+
+T = TypeVar("T")
+Values = Mapping[str, Any]
+
+REQUIRED = MISSING
+"""The default of a parameter that must be given."""
+
+_RULE = "onebot parameter"  # the key in a field's metadata
+_MOST_LISTED = 50  # problems in one message
+# Parameters that rclpy declares on every node.
+_OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
+_OF_EVERY_NODE_PREFIXES = ("qos_overrides.", "overrides.")
+
+
+# Problems -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing that is wrong or surprising."""
+
+    # Dotted name of the parameter or of its group, such as motions.elbow.frequency; empty when no
+    # parameter is the cause.
+    key: str
+    text: str  # the fault, and what would be right
+
+    def message(self, places: Mapping[str, str] | None = None) -> str:
+        """Return ``place: key: text``; ``places`` are where each parameter was written.
+
+        The place of a group is that of the first parameter in it.
+        """
+        inside = (place for key, place in (places or {}).items() if _is_in(key, self.key))
+        place = (places or {}).get(self.key) or next(inside, "")
+        return ": ".join(part for part in (place, self.key, self.text) if part)
+
+
+def _is_in(name: str, group: str) -> bool:
+    return bool(group) and name.startswith(f"{group}.")
+
+
+class ConfigError(OneBotError):
+    """Parameters that cannot be used; ``problems`` are all that were found."""
+
+    def __init__(
+        self, problems: Iterable[Problem], places: Mapping[str, str] | None = None
+    ) -> None:
+        self.problems = tuple(problems)
+        lines = [problem.message(places) for problem in self.problems[:_MOST_LISTED]]
+        surplus = len(self.problems) - len(lines)
+        super().__init__("\n".join([*lines, *([f"and {surplus} more"] if surplus else [])]))
+
+    def located(self, places: Mapping[str, str]) -> "ConfigError":
+        """Return the same error, its message naming where each parameter was written."""
+        return ConfigError(self.problems, places)
+
+
+# Fields of the dataclasses --------------------------------------------------------------------
+
+
+def parameter(default: Any, description: str, **rules: Any) -> Any:
+    """Return a dataclass field for one parameter. Its type is the field's annotation.
+
+    A type may be float (an integer is one, too), int, bool, str, a tuple of these (``tuple[str,
+    ...]``, or ``tuple[float, float, float]`` for exactly three), ``X | None``, where None and an
+    empty list are both "not given", or a mapping from names to one of these or to a dataclass.
+    The default of a parameter that must be given is REQUIRED; ``rules`` are fields of Rule.
+    """
+    metadata = {_RULE: Rule(description, **rules)}
+    if isinstance(default, dict):
+        return dataclasses.field(default_factory=lambda: dict(default), metadata=metadata)
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+class Same:
+    """As X of ``Mapping[str, X]``: the class that has this map, without the map itself."""
+
+
+def group(kind: type[T], name: str = "") -> T:
+    """Return a dataclass field for a group of parameters, the dataclass ``kind`` by default.
+
+    ``name`` is the one in ROS or YAML, if it is not the field's; it may hold dots.
+    """
+    return dataclasses.field(default_factory=kind, metadata={_RULE: Rule(name=name)})
+
+
+# What a dataclass consists of -----------------------------------------------------------------
+
+
+class _Field(NamedTuple):
+    """One field of a dataclass."""
+
+    field: str  # its name in the dataclass
+    name: str  # the one in ROS or YAML
+    shape: "_Shape"
+    default: Any  # REQUIRED if there is none
+
+
+class _Group(NamedTuple):
+    """A dataclass."""
+
+    kind: Any
+    fields: tuple[_Field, ...]
+
+
+class _Map(NamedTuple):
+    """A map with names of the user's own."""
+
+    item: "_Shape"
+    key: str  # a word for its names, such as joint; empty: no parameters of a node
+
+
+_Shape = ValueType | _Group | _Map
+
+
+@functools.cache
+def _group(kind: Any) -> _Group:
+    hints = typing.get_type_hints(kind)
+    fields, maps = [], []
+    for item in dataclasses.fields(kind):
+        rule = item.metadata.get(_RULE, Rule())
+        default = item.default if item.default_factory is MISSING else item.default_factory()
+        if hints[item.name] == Mapping[str, Same]:
+            maps.append((item.name, default))
+            continue
+        shape = _shape(hints[item.name], rule)
+        fields.append(_Field(item.name, rule.name or item.name, shape, default))
+    same = _Map(_Group(kind, tuple(fields)), "")
+    fields += [_Field(name, name, same, default) for name, default in maps]
+    return _Group(kind, tuple(fields))
+
+
+def _shape(hint: Any, rule: Rule) -> _Shape:
+    origin, args = typing.get_origin(hint), typing.get_args(hint)
+    if dataclasses.is_dataclass(hint):
+        return _group(typing.cast(Any, hint))
+    if origin in (typing.Union, types.UnionType):  # one with None
+        return dataclasses.replace(typing.cast(ValueType, _shape(args[0], rule)), optional=True)
+    if origin is tuple:
+        return ValueType(args[0], rule, True, None if args[-1] is Ellipsis else len(args))
+    if origin is None:
+        return ValueType(hint, rule)
+    key, *keys = (*rule.keys, "")
+    return _Map(_shape(args[1], dataclasses.replace(rule, keys=tuple(keys))), key)
+
+
+class Leaf(NamedTuple):
+    """A parameter, or all whose names differ in words of the user's own."""
+
+    name: str  # it has <joint> for a name of the user's own
+    type: ValueType
+    default: Any
+
+    @property
+    def default_text(self) -> str:
+        """The default as YAML has it; "required" if there is none."""
+        if self.default is REQUIRED:
+            return "required"
+        return yaml_text(_as_ros(self.type, self.default))
+
+
+def leaves(kind: Any) -> list[Leaf]:
+    """Return the parameters of the dataclass ``kind``, its groups and maps included.
+
+    A map counts if its ``keys`` say what its names are.
+    """
+    return [*_walk(_group(kind), "")]
+
+
+def _walk(shape: "_Shape", name: str, default: Any = None) -> Iterator[Leaf]:
+    if isinstance(shape, ValueType):
+        yield Leaf(name, shape, default)
+    elif isinstance(shape, _Group):
+        for field in shape.fields:
+            yield from _walk(field.shape, _join(name, field.name), field.default)
+    elif shape.key:
+        yield from _walk(shape.item, f"{name}.<{shape.key}>")
+
+
+def _as_ros(leaf: ValueType, value: Any) -> Any:
+    if value is REQUIRED or value is None:
+        return [] if leaf.many else None
+    return list(value) if leaf.many else value
+
+
+# Names ----------------------------------------------------------------------------------------
+
+
+def _locate(kind: type, name: str) -> tuple[_Shape, str]:
+    """Return the innermost shape that ``name`` leads to, and the rest of ``name``."""
+    shape: _Shape = _group(kind)
+    while name and (step := _step(shape, name)):
+        _, shape, name = step
+    return shape, name
+
+
+def _step(shape: _Shape, name: str) -> tuple[str, _Shape, str] | None:
+    """Return the part of ``shape`` that ``name`` begins with, its shape, and what follows."""
+    if isinstance(shape, _Map):
+        first, subname = _split(shape.item, name)
+        return first, shape.item, subname
+    for field in shape.fields if isinstance(shape, _Group) else ():
+        if f"{name}.".startswith(f"{field.name}."):
+            return field.name, field.shape, name[len(field.name) + 1 :]
+    return None
+
+
+def _split(item: _Shape, name: str) -> tuple[str, str]:
+    """Split off a name of the user's own, which may hold dots, from what is inside."""
+    if isinstance(item, ValueType):
+        return name, ""
+    if isinstance(item, _Map):
+        first, _, subname = name.partition(".")
+        return first, subname
+    ends = [field.name for field in item.fields if name.endswith(f".{field.name}")]
+    end = max(ends, key=len, default=name.rpartition(".")[2])
+    return (name.removesuffix(f".{end}"), end) if "." in name else (name, "")
+
+
+def is_parameter(kind: type, name: str) -> bool:
+    """Whether the dataclass ``kind`` has a parameter, group or map of this name."""
+    return bool(name) and not _locate(kind, name)[1]
+
+
+def unknown_parameters(kind: type, names: Iterable[str]) -> list[Problem]:
+    """Return a problem for each of ``names`` that is no parameter of the dataclass ``kind``.
+
+    Those that every node has are none.
+    """
+    problems: list[Problem] = []
+    for name in names:
+        shape, unknown = _locate(kind, name)
+        if unknown and not is_of_every_node(name):
+            problems.append(Problem(name, _no_such(shape, unknown, len(problems))))
+    return problems
+
+
+def _no_such(shape: _Shape, name: str, number: int = 0) -> str:
+    """Return what is wrong with a ``name`` that ``shape`` does not have; problem ``number``."""
+    if not isinstance(shape, _Group):
+        return "is one value, not a map"
+    if remedy := getattr(shape.kind, "REMEDIES", {}).get(name):
+        return f"no longer a parameter; {remedy}"
+    # To find similar names takes time, and the problems after the first are not listed.
+    names = [field.name for field in shape.fields]
+    return f"no such parameter{did_you_mean(name, names) if number < _MOST_LISTED else ''}"
+
+
+def is_of_every_node(name: str) -> bool:
+    """Whether rclpy declares the parameter ``name`` on every node."""
+    return name in _OF_EVERY_NODE or name.startswith(_OF_EVERY_NODE_PREFIXES)
+
+
+# Values of a dataclass ------------------------------------------------------------------------
+
+
+def defaults(kind: type) -> dict[str, Any]:
+    """Return every parameter of the dataclass ``kind`` whose name is fixed, with its default.
+
+    Values are as ROS has them: lists, and an empty one for a list that is not given.
+    """
+    fixed = (leaf for leaf in leaves(kind) if "<" not in leaf.name)
+    return {leaf.name: _as_ros(leaf.type, leaf.default) for leaf in fixed}
+
+
+def values_of(config: Any) -> dict[str, Any]:
+    """Return what ``defaults`` does, but with the values of ``config``, a dataclass."""
+    changed, usual = dict(_flat(as_map(config))), defaults(type(config))
+    return {name: changed.get(name, value) for name, value in usual.items()}
+
+
+def as_map(config: Any) -> dict[str, Any]:
+    """Return ``config``, a dataclass, as nested maps for ``read``, without what has its default."""
+    changes: dict[str, Any] = {}
+    kind: Any = type(config)
+    for field in _group(kind).fields:
+        value = getattr(config, field.field)
+        if value == field.default:
+            continue
+        if isinstance(field.shape, ValueType):
+            changes[field.name] = _as_ros(field.shape, value)
+        elif isinstance(field.shape, _Map):
+            changes[field.name] = {name: as_map(item) for name, item in value.items()}
+        else:
+            changes[field.name] = as_map(value)
+    return changes
+
+
+def replaced(config: T, name: str, value: Any) -> T:
+    """Return ``config``, a dataclass, with another value of the parameter ``name``."""
+    kind = type(config)
+    if name not in defaults(kind):
+        problems = unknown_parameters(kind, [name])
+        raise ConfigError(problems or [Problem(name, "is more than one parameter")])
+    return read(kind, {**dict(_flat(as_map(config))), name: value})
+
+
+# Reading --------------------------------------------------------------------------------------
+
+
+def read(kind: type[T], values: Values, places: Mapping[str, str] | None = None) -> T:
+    """Return ``values`` as the dataclass ``kind``.
+
+    Args:
+        kind: a dataclass of parameters.
+        values: dotted names, or nested maps as YAML has them, to values; what is missing has its
+            default.
+        places: where each was written, such as ``joints.yaml:7``, for the error.
+
+    Raises:
+        ConfigError: with every problem, each naming the parameter and what would be right.
+    """
+    node_values = {name: value for name, value in _flat(values) if not is_of_every_node(name)}
+    problems: list[Problem] = []
+    config = _build(_group(typing.cast(Any, kind)), node_values, "", problems)
+    if problems:
+        raise ConfigError(problems, places)
+    return typing.cast(T, config)
+
+
+def _flat(values: Values, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield values by dotted names; an empty map is a value."""
+    for key, value in values.items():
+        if isinstance(value, Mapping) and value:
+            yield from _flat(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value
+
+
+def _build(shape: _Shape, given: Values, key: str, problems: list[Problem]) -> Any:
+    """Return what is given for ``key``, a dotted name, checked; REQUIRED if it is wrong.
+
+    ``given`` are values by the rest of their names, "" for the value of ``key`` itself;
+    ``problems`` is extended.
+    """
+    parts: dict[str, dict[str, Any]] = {}
+    shapes: dict[str, _Shape] = {}
+    for name, value in given.items():
+        if name and (step := _step(shape, name)):
+            first, shapes[first], subname = step
+            parts.setdefault(first, {})[subname] = value
+        elif name:
+            problems.append(Problem(_join(key, name), _no_such(shape, name, len(problems))))
+        elif isinstance(shape, ValueType):
+            try:
+                return shape.checked(value)
+            except ValueError as error:
+                problems.append(Problem(key, str(error)))
+                return REQUIRED
+        elif value != {}:
+            problems.append(Problem(key, f"{shown(value)}; write a map{_form(shape)}"))
+            return REQUIRED
+    if key and any(given) and not parts:  # only unknown names: it counts as not given
+        return REQUIRED
+    built = {n: _build(shapes[n], part, _join(key, n), problems) for n, part in parts.items()}
+    built = {name: value for name, value in built.items() if value is not REQUIRED}
+    return _make(shape, parts, built, key, problems) if isinstance(shape, _Group) else built
+
+
+def _make(shape: _Group, given: Values, values: Values, key: str, problems: list[Problem]) -> Any:
+    """Return the dataclass of checked ``values``; REQUIRED if one is missing."""
+    required = [field for field in shape.fields if field.default is REQUIRED]
+    problems += [_missing(field, key) for field in required if field.name not in given]
+    if any(field.name not in values for field in required):
+        return REQUIRED
+    named = {field.field: values[field.name] for field in shape.fields if field.name in values}
+    config = shape.kind(**named)
+    if hasattr(config, "check") and len(problems) < _MOST_LISTED:
+        # A parameter that is wrong has its default now: what follows from that is not reported.
+        more = [Problem(_join(key, problem.key), problem.text) for problem in config.check()]
+        earlier = list(problems)
+        problems += [
+            problem
+            for problem in more
+            if not any(_overlap(problem, reported) for reported in earlier)
+        ]
+    return config
+
+
+def _overlap(one: Problem, other: Problem) -> bool:
+    """Whether the two are about the same parameter, or one is about the group of the other."""
+    first, second = f"{one.key}.", f"{other.key}."
+    return first.startswith(second) or second.startswith(first)
+
+
+def _missing(field: _Field, key: str) -> Problem:
+    rule = field.shape.rule if isinstance(field.shape, ValueType) else Rule()
+    choices = f"one of {', '.join(rule.choices)}" if rule.choices else ""
+    what = "".join(f", {text}" for text in (rule.description, choices) if text)
+    if key:  # the group's, because only what is written has a line
+        return Problem(key, f"has no {field.name}{what}")
+    return Problem(field.name, f"is missing{what}")
+
+
+def _join(prefix: str, name: str) -> str:
+    return ".".join(part for part in (prefix, name) if part)
+
+
+def _form(shape: _Group | _Map) -> str:
+    """How a map is written, in words."""
+    if isinstance(shape, _Group):
+        return f" with {', '.join(field.name for field in shape.fields)}"
+    if isinstance(shape.item, ValueType):
+        return f", such as {{some_name: {'0.5' if shape.item.base is float else '...'}}}"
+    return f" of names, each a map{_form(shape.item)}"
+
+
+# Parameters of nodes --------------------------------------------------------------------------
+
+
+def declare(
+    node: "Node", kind: type, values: Values | None = None, fixed: Values | None = None
+) -> dict[str, Any]:
+    """Declare every parameter of the dataclass ``kind``; return the values in force by dotted name.
+
+    Their types are left open, so that ``read`` reports a wrong one with all else that is wrong; an
+    integer for a double is declared as a double. ``values`` replace the defaults, also of names
+    that only the user defines, None for one that the command line sets; ``fixed`` override the
+    command line.
+    """
+    first = {**defaults(kind), **(values or {}), **(fixed or {})}
+    for name, default in first.items():
+        if not node.has_parameter(name):
+            _declare(node, kind, name, default, ignore_override=name in (fixed or {}))
+    current = {n: plain(node.get_parameter(n).value) for n in first if is_parameter(kind, n)}
+    return {name: value for name, value in current.items() if value is not None}
+
+
+def _declare(node: "Node", kind: type, name: str, default: Any, *, ignore_override: bool) -> None:
+    from rcl_interfaces.msg import ParameterDescriptor
+    from rclpy.exceptions import InvalidParameterValueException
+
+    # rclpy cannot infer the type of an empty list: it is set afterwards, as is a double.
+    first = None if default == [] else default
+    node.declare_parameter(name, first, ParameterDescriptor(dynamic_typing=True), ignore_override)
+    present = node.get_parameter(name)
+    final = _with_double(kind, ros_parameter(name, default) if present.value is None else present)
+    if final.type_ != present.type_:
+        node.set_parameters([final])
+    # Out of range, it is left to ``read`` to report.
+    with contextlib.suppress(InvalidParameterValueException):
+        node.set_descriptor(name, descriptor(kind, name))
+
+
+def _value_type(kind: type, name: str) -> ValueType | None:
+    """Return the type of the parameter ``name``; None if it is no single parameter."""
+    shape, unknown = _locate(kind, name)
+    return shape if isinstance(shape, ValueType) and not unknown else None
+
+
+def _with_double(kind: type, parameter: "Parameter") -> "Parameter":
+    """Return a parameter of the dataclass ``kind``, as a double if it has an integer for one."""
+    value, leaf = plain(parameter.value), _value_type(kind, parameter.name)
+    if leaf and leaf.base is float and value not in (None, []):
+        with contextlib.suppress(ValueError):  # ``read`` reports it
+            return ros_parameter(parameter.name, _as_ros(leaf, leaf.checked(value)))
+    return parameter
+
+
+def set_doubles(node: "Node", kind: type) -> None:
+    """Have an integer that is set for a double of the dataclass ``kind`` be one on ``node``."""
+    node.add_pre_set_parameters_callback(lambda given: [_with_double(kind, item) for item in given])
+
+
+def refuse_undeclared(node: "Node", kind: type) -> None:
+    """Refuse to set a parameter that ``node`` does not have, with its name and what would be right.
+
+    rclpy refuses it as well, but names nothing. Integers for doubles are set as doubles.
+    """
+    from rclpy.exceptions import ParameterNotDeclaredException
+
+    def check(parameters: list["Parameter"]) -> list["Parameter"]:
+        names = [item.name for item in parameters if not node.has_parameter(item.name)]
+        if names:
+            texts = {problem.key: problem.text for problem in unknown_parameters(kind, names)}
+            error = ParameterNotDeclaredException(names)
+            lines = (f"{name}: {texts.get(name, 'no such parameter')}" for name in names)
+            error.args = ("\n".join(lines),)
+            raise error
+        return [_with_double(kind, item) for item in parameters]
+
+    node.add_pre_set_parameters_callback(check)
+
+
+def descriptor(kind: type, name: str) -> "ParameterDescriptor":
+    """Return what a node publishes about the parameter ``name`` of the dataclass ``kind``."""
+    from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+
+    result = ParameterDescriptor(dynamic_typing=True)
+    leaf = _value_type(kind, name)
+    if leaf is None:
+        return result
+    rule = leaf.rule
+    result.description, result.read_only = rule.description, rule.read_only
+    result.additional_constraints = leaf.constraints
+    if leaf.many or rule.nan or not rule.range:
+        return result
+    low = rule.at_least if rule.above is None else rule.above
+    bounds = {"from_value": low, "to_value": rule.at_most}
+    ends = {end: leaf.base(value) for end, value in bounds.items() if value is not None}
+    if leaf.base is float:
+        widest = {"from_value": -sys.float_info.max, "to_value": sys.float_info.max}
+        result.floating_point_range = [FloatingPointRange(**{**widest, **ends})]
+    elif leaf.base is int:
+        widest = {"from_value": -(2**63), "to_value": 2**63 - 1, "step": 1}
+        result.integer_range = [IntegerRange(**{**widest, **ends})]
+    return result
+
+
+def ros_parameter(name: str, value: Any) -> "Parameter":
+    """Return a parameter of whichever type ``value`` has; None unsets it."""
+    from rclpy.parameter import Parameter
+
+    if value == []:
+        return Parameter(name, Parameter.Type.STRING_ARRAY, [])
+    return Parameter(name, value=value)
+
+
+# Parameters as a table, for a node's --help and its README -------------------------------------
+
+
+class Row(NamedTuple):
+    """Parameters that differ in their names only."""
+
+    names: list[str]
+    type: str
+    default: str
+    meaning: str
+
+
+def rows(*kinds: type) -> list[Row]:
+    """Return a row for each parameter of dataclasses; alike ones share a row.
+
+    Where some can be changed while the node runs, "start:" marks those that cannot.
+    """
+    parameters = [leaf for kind in kinds for leaf in leaves(kind)]
+    some_change = not all(leaf.type.rule.read_only for leaf in parameters)
+    table: dict[tuple[str, str, str], Row] = {}
+    for leaf in parameters:
+        start = "start: " if leaf.type.rule.read_only and some_change else ""
+        cells = leaf.type.name, leaf.default_text, start + leaf.type.meaning
+        table.setdefault(cells, Row([], *cells)).names.append(leaf.name)
+    return list(table.values())
+
+
+def help_text(*kinds: type) -> str:
+    """Return the parameters for ``--help``."""
+    lines = ["Parameters:"]
+    for row in rows(*kinds):
+        default = f", default {row.default}" if row.default else ""
+        lines.append(f"    {', '.join(row.names)} ({row.type}{default}): {row.meaning}")
+    return "\n".join(lines)

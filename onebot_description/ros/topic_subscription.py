@@ -1,0 +1,191 @@
+"""Subscribe to a topic whose type and QoS are only known from its publishers."""
+
+from collections.abc import Callable, Collection, Iterable, Mapping
+from functools import partial
+from inspect import Parameter, Signature
+from typing import Any
+
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
+
+from onebot_description.errors import OneBotError
+from onebot_description.ros.message_age import Delivery
+
+RCLError = rclpy_implementation.RCLError
+
+
+class TypeConflictError(OneBotError):
+    """The node has subscribed to the topic as another type already."""
+
+
+def choose_type(offered: Collection[str], current: str | None = None) -> str | None:
+    """Return the current type while it is offered, or else the first by name, if there is one."""
+    return current if current in offered else min(offered, default=None)
+
+
+def compatible_qos(offers: Iterable[QoSProfile], depth: int) -> QoSProfile:
+    """Return the strictest QoS that receives from all publishers.
+
+    A request that is stricter than an offer excludes its publisher: it is reliable only if all are,
+    and transient local only if all are. Without any it is ROS's default, reliable and volatile.
+    """
+    offers = list(offers)
+    reliable = all(map(is_reliable, offers))
+    latched = offers and all(map(is_transient_local, offers))
+    return QoSProfile(
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+    )
+
+
+def exceeds(qos: QoSProfile, other: QoSProfile) -> bool:
+    """Return whether ``qos`` excludes publishers that offer no more than ``other``."""
+    return (is_reliable(qos) and not is_reliable(other)) or (
+        is_transient_local(qos) and not is_transient_local(other)
+    )
+
+
+def is_reliable(qos: QoSProfile) -> bool:
+    """Return whether lost messages are sent again."""
+    return bool(qos.reliability == ReliabilityPolicy.RELIABLE)
+
+
+def is_transient_local(qos: QoSProfile) -> bool:
+    """Return whether late subscribers get the last messages."""
+    return bool(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def offers(
+    node: Node, topic: str, accepted: Collection[str] | None = None
+) -> Mapping[str, list[QoSProfile]]:
+    """Return which types a topic (its full name) has, and what its publishers offer for each.
+
+    As long as it has no publisher, the types are those of other nodes' subscriptions, and nothing
+    is offered for them: an early subscription does not miss the first messages. Only ``accepted``
+    types count; None for all.
+    """
+    offered: dict[str, list[QoSProfile]] = {}
+    for end in node.get_publishers_info_by_topic(topic):
+        offered.setdefault(end.topic_type, []).append(end.qos_profile)
+    publishers = {
+        kind: qos for kind, qos in offered.items() if accepted is None or kind in accepted
+    }
+    if publishers:
+        return publishers
+    node_name = node.get_name(), node.get_namespace()
+    ends = node.get_subscriptions_info_by_topic(topic)
+    types = {end.topic_type for end in ends if (end.node_name, end.node_namespace) != node_name}
+    return {kind: [] for kind in types if accepted is None or kind in accepted}
+
+
+class TopicSubscription:
+    """A subscription whose type and QoS can change.
+
+    A node can hold a topic as one type only, and the executor releases a subscription some time
+    after the callback that destroys it. A change of type therefore takes two calls of ``update``,
+    from two callbacks, or more of them after a TypeConflictError; a change of QoS takes one.
+    """
+
+    type: str | None = None  # subscribed to; None while there is no subscription
+    qos: QoSProfile | None = None
+
+    def __init__(
+        self,
+        node: Node,
+        topic: str,
+        received: Callable[[str, Any], None],
+        message_class: Callable[[str], Any],
+        *,
+        raw: bool = True,
+        lost: Callable[[int], None] | None = None,
+        delivered: Callable[[Delivery], None] | None = None,
+    ) -> None:
+        """Prepare; ``update`` subscribes.
+
+        Args:
+            node: the subscriber.
+            topic: a name.
+            received: called with the type and the message, which is bytes if ``raw``.
+            message_class: returns the Python class of a type such as "std_msgs/msg/String".
+            raw: receive messages as bytes.
+            lost: called with the number of messages that DDS lost.
+            delivered: called before ``received`` with the times that DDS reports.
+        """
+        self._node, self._topic, self._delivered = node, topic, delivered
+        self._received, self._message_class, self._raw = received, message_class, raw
+
+        def on_lost(status: Any) -> None:
+            assert lost is not None
+            lost(status.total_count_change)
+
+        self._events = SubscriptionEventCallbacks(message_lost=on_lost if lost else None)
+        self._subscription: Subscription | None = None
+
+    def update(self, kind: str, qos: QoSProfile) -> None:
+        """Make the subscription, or change it; to be called several times a second.
+
+        Raises TypeConflictError while the node holds the topic as another type.
+        """
+        if (kind, qos) == (self.type, self.qos):
+            return
+        waits = self.type not in (None, kind)
+        self.close()
+        if not waits:
+            self._subscribe(kind, qos)
+
+    def close(self) -> None:
+        """End the subscription, if there is one; ``update`` makes a new one."""
+        if self._subscription is not None:
+            self._node.destroy_subscription(self._subscription)
+        self._subscription = self.type = self.qos = None
+
+    def _subscribe(self, kind: str, qos: QoSProfile) -> None:
+        received: Callable[..., None] = partial(self._receive, kind)
+        if self._delivered is not None:
+            received = _WithInfo(partial(self._receive_dated, kind))
+        try:
+            self._subscription = self._node.create_subscription(
+                self._message_class(kind),
+                self._topic,
+                received,
+                qos,
+                event_callbacks=self._events,
+                raw=self._raw,
+            )
+        except RCLError as error:
+            raise TypeConflictError(
+                f'topic "{self._topic}" cannot be subscribed as {kind}: '
+                f"{self._node.get_name()} has subscribed to it as another type"
+            ) from error
+        self.type, self.qos = kind, qos
+
+    def _receive(self, kind: str, message: Any) -> None:
+        if kind == self.type:  # not what was in flight when the subscription was closed
+            self._received(kind, message)
+
+    def _receive_dated(self, kind: str, message: Any, info: Mapping[str, Any]) -> None:
+        if kind == self.type and self._delivered is not None:
+            sent, received = info["source_timestamp"], info["received_timestamp"]
+            self._delivered(Delivery(sent, received, info["publication_sequence_number"]))
+            self._received(kind, message)
+
+
+class _WithInfo:
+    """A callback that rclpy calls with a message and its info.
+
+    Executors pass two arguments, but the events executor a tuple of both.
+    """
+
+    __signature__ = Signature(
+        [Parameter(name, Parameter.POSITIONAL_ONLY) for name in ("message", "info")]
+    )
+
+    def __init__(self, receive: Callable[[Any, Mapping[str, Any]], None]) -> None:
+        self._receive = receive
+
+    def __call__(self, *taken: Any) -> None:
+        self._receive(*(taken[0] if len(taken) == 1 else taken))

@@ -1,0 +1,160 @@
+"""Compiles the library of this package; needs a C compiler or the ``ziglang`` wheel.
+
+``python -m onebot_description.ros.wire.build_library [TARGET]`` builds it in place, or as
+``TARGET``.
+The build hook of the wheel loads this file by its path, before the package can be imported: only
+the standard library may be used here.
+"""
+
+import importlib.util
+import os
+import platform
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+import zlib
+from pathlib import Path
+
+_FOLDER = Path(__file__).parent
+_MODEL = _FOLDER.parents[1] / "model"
+SOURCES = (
+    _FOLDER / "_tf_message.c",
+    _FOLDER / "_schema.c",
+    _FOLDER / "_state_converter.c",
+    _MODEL / "_kinematics.c",
+)
+_HEADERS = (_MODEL / "_joint.h",)
+LIBRARY = Path(__file__).with_name("_library.so")
+
+# The oldest C library that the ROS 2 wheels themselves run on.
+_ZIG_TARGETS = {
+    "x86_64": "x86_64-linux-gnu.2.28",
+    "aarch64": "aarch64-linux-gnu.2.28",
+}
+# -fexceptions: Fast CDR, which is C++, throws through our functions.
+_FLAGS = (
+    "-std=c11 -O3 -ffp-contract=off -g0 -s -fPIC -shared -fexceptions -fvisibility=hidden".split()
+)
+if sys.platform == "darwin":  # its linker would look for Python's functions now
+    _FLAGS += ["-undefined", "dynamic_lookup"]
+
+
+class BuildError(Exception):
+    """The library cannot be compiled; ``str(error)`` says why and what to do."""
+
+
+def source_digest() -> str:
+    """Hash the sources; the library carries it, so that an outdated one is noticed.
+
+    A checksum is enough for that, and hashlib would load OpenSSL into each node: 3 MB and 3 ms.
+    """
+    texts = b"\0".join(source.read_bytes() for source in (*SOURCES, *_HEADERS))
+    return f"{len(texts):x}-{zlib.crc32(texts):08x}"
+
+
+def find_system_compilers() -> list[list[str]]:
+    """List the commands of the C compilers on this machine, the preferred one first.
+
+    The environment variable ``CC`` (which may hold arguments) overrides the usual names.
+    """
+    if os.environ.get("CC", "").strip():
+        candidates = [shlex.split(os.environ["CC"])]
+    else:
+        candidates = [["cc"], ["gcc"], ["clang"]]
+    return [command for command in candidates if shutil.which(command[0])]
+
+
+def find_zig() -> list[str] | None:
+    """Return the command of the C compiler in the ``ziglang`` wheel, None without one."""
+    target = _ZIG_TARGETS.get(platform.machine())
+    if target is None or importlib.util.find_spec("ziglang") is None:
+        return None
+    return [sys.executable, "-m", "ziglang", "cc", "-target", target]
+
+
+def build(target: Path) -> None:
+    """Compile the library, with the first compiler that can.
+
+    ``target`` is replaced in one step: a process that has the old one loaded keeps it.
+    """
+    commands = find_system_compilers()
+    if zig := find_zig():
+        commands.append(zig)
+    failures: list[str] = []
+    try:
+        with tempfile.TemporaryDirectory(dir=target.parent, prefix=".build-") as folder:
+            for command in commands:
+                # A new name for each: the dynamic loader knows a library by its file.
+                library = Path(folder) / f"{len(failures)}.so"
+                failure = _compile(command, library)
+                if failure is None:
+                    os.replace(library, target)
+                    return
+                failures.append(f"`{shlex.join(command)}` {failure}")
+    except OSError as error:
+        raise BuildError(f"cannot write {target}: {error.strerror or error}") from error
+    raise BuildError(_explain(failures))
+
+
+def _compile(command: list[str], library: Path) -> str | None:
+    """Run one compiler and load what it made; return what went wrong, None if nothing."""
+    digest = f'-DONEBOT_SOURCE_DIGEST="{source_digest()}"'
+    arguments = [*command, *_FLAGS, digest, "-o", str(library), *map(str, SOURCES), "-lm"]
+    # Zig keeps what it built in a folder that would stay behind, or may be read-only.
+    caches = {name: str(library.parent) for name in ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR")}
+    environment = {**os.environ, **caches}
+    try:
+        result = subprocess.run(
+            arguments, capture_output=True, text=True, errors="replace", env=environment
+        )
+    except OSError as error:
+        return f"cannot be run: {error.strerror}"
+    if result.returncode != 0:
+        output = (result.stderr or result.stdout).strip()
+        return f"failed with exit code {result.returncode}: {output[-2000:]}"
+    # Loaded by a process that ends: here the file would stay mapped, and writing to it later would
+    # kill this process (SIGBUS) when it ends.
+    load = "import ctypes, sys; ctypes.CDLL(sys.argv[1])"
+    loaded = subprocess.run(
+        [sys.executable, "-I", "-S", "-c", load, str(library)], capture_output=True, text=True
+    )
+    if loaded.returncode != 0:
+        why = (loaded.stderr.strip().splitlines() or ["no reason given"])[-1]
+        return f"made a library that this Python cannot load: {why}"
+    return None
+
+
+def _explain(failures: list[str]) -> str:
+    lines = [f"cannot compile {LIBRARY.name}, which publishing transforms needs."]
+    if failures:
+        lines += ["Tried:", *(f"  {failure}" for failure in failures)]
+    elif cc := os.environ.get("CC", "").strip():
+        lines.append(f"The environment variable CC names {cc!r}, which is no program here.")
+    else:
+        lines.append("There is no C compiler: none of cc, gcc and clang is on the PATH.")
+    lines.append("Install gcc or clang, or run `pip install ziglang`, then try again.")
+    return "\n".join(lines)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Build the library in place or as the one argument; return the exit code."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    if len(arguments) > 1 or any(argument.startswith("-") for argument in arguments):
+        print(
+            "usage: python -m onebot_description.ros.wire.build_library [TARGET]", file=sys.stderr
+        )
+        return 2
+    target = Path(arguments[0]) if arguments else LIBRARY
+    try:
+        build(target)
+    except BuildError as error:
+        print(error, file=sys.stderr)
+        return 1
+    print(target)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

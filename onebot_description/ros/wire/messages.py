@@ -1,0 +1,177 @@
+"""ROS messages as arrays, and arrays as ROS messages.
+
+Messages come as bytes, which ``Schema`` reads in place.
+"""
+
+import functools
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
+from numpy.typing import NDArray
+from rclpy import serialization
+from std_msgs.msg import Header
+
+from onebot_description.ros.wire.cdr import NANO, Floats, nanoseconds
+from onebot_description.ros.wire.schema import Schema
+from onebot_description.ros.wire.tf_message import TFMessage
+
+BAD_MESSAGE = (ValueError, IndexError)  # raised for bytes that are no such message
+
+# Bytes; nothing of a larger message is cached, as publishers decide how large they are.
+LARGEST_KEPT = 2**19
+
+_COVARIANCE = 36
+_UNKNOWN: Floats = np.zeros(_COVARIANCE)
+
+
+class TfArrays(NamedTuple):
+    """A TFMessage; one row a transform."""
+
+    parents: list[str]  # header.frame_id of each transform, N of them
+    children: list[str]  # child_frame_id of each
+    stamps_ns: NDArray[np.int64]  # (N,) nanoseconds
+    translations: Floats  # (N, 3) metres
+    rotations: Floats  # (N, 4) quaternions x y z w
+
+
+class JointStateArrays(NamedTuple):
+    """A JointState; a field that was left empty has shape (0,)."""
+
+    stamp_ns: int
+    frame_id: str
+    names: tuple[str, ...]
+    positions: Floats  # radians or metres
+    velocities: Floats  # radians or metres a second
+    efforts: Floats  # newton metres or newtons
+
+
+class OdometrySample(NamedTuple):
+    """An Odometry message without the covariance of its velocities."""
+
+    stamp_ns: int
+    frame_id: str  # the pose's frame
+    child_frame_id: str  # the frame that moves, in which the velocities are given
+    translation: Floats  # (3,) metres
+    rotation: Floats  # (4,) quaternion x y z w
+    linear: Floats  # (3,) metres a second
+    angular: Floats  # (3,) radians a second
+    # (36,) of the pose, row by row: x, y, z in m, the angles about x, y, z in rad
+    covariance: Floats = _UNKNOWN
+
+
+_HEADER = "std_msgs/Header header\n"
+_TYPES = {  # their fields
+    "tf2_msgs/TFMessage": "geometry_msgs/TransformStamped[] transforms",
+    "sensor_msgs/JointState": (
+        f"{_HEADER}string[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort"
+    ),
+    "nav_msgs/Odometry": (
+        f"{_HEADER}string child_frame_id\n"
+        "geometry_msgs/PoseWithCovariance pose\ngeometry_msgs/TwistWithCovariance twist"
+    ),
+    "geometry_msgs/PoseWithCovariance": "Pose pose\nfloat64[36] covariance",
+    "geometry_msgs/Pose": "Vector3 position\nQuaternion orientation",
+    "geometry_msgs/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w",
+    "geometry_msgs/Transform": "Vector3 translation\nQuaternion rotation",
+    "geometry_msgs/TransformStamped": f"{_HEADER}string child_frame_id\nTransform transform",
+    "geometry_msgs/Twist": "Vector3 linear\nVector3 angular",
+    "geometry_msgs/TwistStamped": f"{_HEADER}Twist twist",
+    "geometry_msgs/TwistWithCovariance": "Twist twist\nfloat64[36] covariance",
+    "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z",
+    "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id",
+}
+
+
+@functools.cache
+def known_schema(name: str) -> Schema:
+    """Return the schema of a type whose definition is here, such as nav_msgs/Odometry."""
+    sections = (f"MSG: {inner}\n{fields}" for inner, fields in _TYPES.items())
+    return Schema(name, f"\n{'=' * 80}\n".join(["", *sections]))
+
+
+# These raise WireError where the bytes are no whole message of plain little-endian CDR. The arrays
+# are views into the bytes where they can be.
+
+
+def tf_arrays(data: bytes) -> TfArrays:
+    """Read a serialized tf2_msgs/msg/TFMessage; names that come again are the same lists."""
+    transforms = known_schema("tf2_msgs/TFMessage").read(data).transforms
+    header = transforms.header
+    values = transforms.transform.array()
+    stamps = header.stamp.sec.astype(np.int64) * NANO + header.stamp.nanosec
+    lists = _lists if len(data) <= LARGEST_KEPT else _lists.__wrapped__
+    parents, children = lists(tuple(header.frame_id), tuple(transforms.child_frame_id))
+    return TfArrays(parents, children, stamps, values[:, :3], values[:, 3:])
+
+
+@functools.lru_cache(maxsize=64)
+def _lists(parents: tuple[str, ...], children: tuple[str, ...]) -> tuple[list[str], list[str]]:
+    return list(parents), list(children)
+
+
+def one_joint_state(data: bytes) -> JointStateArrays:
+    """Read a serialized sensor_msgs/msg/JointState."""
+    state = known_schema("sensor_msgs/JointState").read(data)
+    fields = state.position, state.velocity, state.effort
+    stamp_ns = nanoseconds(state.header.stamp)
+    return JointStateArrays(stamp_ns, state.header.frame_id, tuple(state.name), *fields)
+
+
+def odometry_sample(data: bytes) -> OdometrySample:
+    """Read a serialized nav_msgs/msg/Odometry."""
+    message = known_schema("nav_msgs/Odometry").read(data)
+    pose = message.pose.pose.array()
+    twist = message.twist.twist
+    return OdometrySample(
+        nanoseconds(message.header.stamp),
+        message.header.frame_id,
+        message.child_frame_id,
+        pose[:3],
+        pose[3:],
+        twist.linear.array(),
+        twist.angular.array(),
+        message.pose.covariance,
+    )
+
+
+def deserialize_message(data: bytes, kind: type) -> Any:
+    """Decode a message of the class ``kind`` as rclpy does, whose own errors are of many kinds."""
+    try:
+        return serialization.deserialize_message(data, kind)
+    except Exception as error:
+        # Behind the reason is a place in rclpy's sources.
+        reason, _, _ = " ".join(str(error).split()).partition("., at /")
+        raise ValueError(f"it is no {kind.__name__}: {reason}") from error
+
+
+def time_message(stamp_ns: int) -> Time:
+    """Return nanoseconds as builtin_interfaces/Time."""
+    sec, nanosec = divmod(stamp_ns, NANO)
+    return Time(sec=sec, nanosec=nanosec)
+
+
+def transforms_message(
+    stamp: Time, parents: Sequence[str], children: Sequence[str], values: Floats
+) -> TFMessage:
+    """Return transforms (N, 7) as a TFMessage: x y z in metres, then a quaternion x y z w.
+
+    ``parents`` and ``children`` are the frames of each.
+    """
+    return TFMessage(
+        transforms=[
+            TransformStamped(
+                header=Header(stamp=stamp, frame_id=parent),
+                child_frame_id=child,
+                transform=Transform(
+                    translation=Vector3(x=x, y=y, z=z),
+                    rotation=Quaternion(x=qx, y=qy, z=qz, w=qw),
+                ),
+            )
+            for parent, child, (x, y, z, qx, qy, qz, qw) in zip(
+                parents, children, values.tolist(), strict=True
+            )
+        ]
+    )
