@@ -1,7 +1,9 @@
 """What MRM, my robotic manipulator, is."""
 
+import onebot_description
+
 TYPE_CHECKING = False  # typing's constant; typing is slow to import
 __version__: str
 
 if not TYPE_CHECKING:  # else any name would be one of the package
-    from onebot_description import __getattr__  # noqa: F401 - which knows __version__
+    __getattr__ = onebot_description.lazy({})

@@ -1,9 +1,59 @@
-"""What moves OneBot."""
+"""What moves robots: controllers, odometry, a simulation in PyBullet, and sensors.
 
-import onebot_description  # noqa: F401 - which explains a missing ROS
+From Python, without ROS, everything begins with a ``Simulation``::
+
+    from onebot_control import Simulation
+
+    with Simulation(world="maze", sensors=True) as simulation:
+        simulation.robot.drive(0.5)
+        simulation.run(2.0)
+        print(simulation.robot.pose, simulation.robot.scan().ahead)
+
+``simulation.robot`` is a ``SimulatedRobot``. It gives its true ``Pose`` and ``Twist``, its
+``Odometry``, the ``JointState`` of each joint, and what its sensors measure: a ``Scan``, an
+``ImuReading``, or arrays. Several robots are given as ``RobotSetup``. A mistake in a file or an
+argument is a ``OneBotError``.
+
+The node is ``python -m onebot_control.velocity_controller``.
+"""
+
+import onebot_description
 
 TYPE_CHECKING = False  # typing's constant; typing is slow to import
 __version__: str
 
-if not TYPE_CHECKING:  # else any name would be one of the package
-    from onebot_description import __getattr__  # noqa: F401 - which knows __version__
+__all__ = [
+    "ImuReading",
+    "JointState",
+    "Odometry",
+    "OneBotError",
+    "Pose",
+    "RobotSetup",
+    "Scan",
+    "SimulatedRobot",
+    "Simulation",
+    "Twist",
+    "__version__",
+]
+
+if TYPE_CHECKING:
+    from onebot_control.sensing.readings import (
+        ImuReading,
+        JointState,
+        Odometry,
+        Pose,
+        Scan,
+        Twist,
+    )
+    from onebot_control.simulation import RobotSetup, SimulatedRobot, Simulation
+    from onebot_description.errors import OneBotError
+else:
+    __getattr__ = onebot_description.lazy(
+        {
+            "onebot_control.sensing.readings": (
+                *("ImuReading", "JointState", "Odometry", "Pose", "Scan", "Twist"),
+            ),
+            "onebot_control.simulation": ("RobotSetup", "SimulatedRobot", "Simulation"),
+            "onebot_description.errors": ("OneBotError",),
+        }
+    )

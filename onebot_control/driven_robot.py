@@ -165,15 +165,23 @@ class DrivenRobot:
         self.joints = (*plant.joints, *(follower.name for follower in followers))
         self._followers = [(self.joints.index(each.leader), each) for each in followers]
         self.description = wheels.description
-        self.geometry, kinematics, self.broadcaster = self.fitted(config)
-        self.controller = DiffDriveController(config, kinematics)
-        self._use(config)
-        self.ticks = 0
         self._left, self._right = (
             Side(names, wheels.directions, plant.joints) for names in (wheels.left, wheels.right)
         )
+        self.start(config)
+
+    def start(self, config: ControlConfig) -> None:
+        """Begin with these parameters, at rest where the plant is, with odometry and time at zero.
+
+        Raises:
+            OneBotError: see ``fitted``.
+        """
+        self.geometry, kinematics, self.broadcaster = self.fitted(config)
+        self.controller = DiffDriveController(config, kinematics)
+        self._use(config)
+        self.ticks, self._observed = 0, -1
         self._command = DriveCommand(0.0, 0.0, 0.0, 0.0)
-        self.drift = DriftCheck(skids=len(wheels.names) > 2)
+        self.drift = DriftCheck(skids=len(self.wheels.names) > 2)
         self._read_state()
         self.place_odometry(PlanarPose())
 
@@ -222,15 +230,23 @@ class DrivenRobot:
 
     def begin(self) -> Snapshot:
         """Read the robot's state and update the controller with it."""
-        self._read_state()
-        left, left_velocity = self._left.mean(self._joints)
-        right, right_velocity = self._right.mean(self._joints)
-        wheels = WheelStates(left, right, left_velocity, right_velocity)
-        self._command = self.controller.update(wheels, self.period)
+        self.observe()
+        self._command = self.controller.decide(self.period)
         snapshot = self.snapshot()
         if self.ticks % self._drift_cycles == 0:
             self.drift.update(snapshot.odometry, self.true_pose, lambda: self.plant.obstructed)
         return snapshot
+
+    def observe(self) -> None:
+        """Read the robot's state and update the odometry, if that is not done in this cycle."""
+        if self._observed == self.ticks:
+            return
+        self._observed = self.ticks
+        self._read_state()
+        left, left_velocity = self._left.mean(self._joints)
+        right, right_velocity = self._right.mean(self._joints)
+        wheels = WheelStates(left, right, left_velocity, right_velocity)
+        self.controller.observe(wheels, self.period)
 
     def turn(self) -> None:
         """Set the wheels' velocities, as ``begin`` has decided, for the world's next step."""
@@ -266,6 +282,7 @@ class DrivenRobot:
         self._read_state()
         self.controller.odometry.reset()
         self.place_odometry(PlanarPose())
+        self._observed = -1
 
     def teleport(self, pose: PlanarPose) -> None:
         """Put the robot elsewhere in the world, at rest; its odometry stays as it is."""
@@ -274,6 +291,7 @@ class DrivenRobot:
         self.controller.odometry.forget_wheels()
         self.drift.restart()
         self._read_state()
+        self._observed = -1
 
     def place_odometry(self, pose: PlanarPose) -> None:
         """Set the odometry to ``pose`` here and now; its covariance is zero."""

@@ -92,6 +92,17 @@ class Fleet:
             robot.turn()
         self.world.step(self.period)
 
+    def restart(self) -> None:
+        """Begin again, as a new fleet of the same robots does."""
+        self.world.restart()
+        for robot in self.robots:
+            robot.start(robot.config)
+
+    def observe(self) -> None:
+        """Read the robots' states now, before the cycle in which the controllers decide."""
+        for robot in self.robots:
+            robot.observe()
+
     def replace(self, row: int, description: Description) -> None:
         """Drive the robot of ``row`` by another description, where it is; the others move on.
 
@@ -124,6 +135,21 @@ class Fleet:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+class Divider:
+    """Picks so many of the cycles a second, evenly, and never more than there are."""
+
+    def __init__(self, rate: float, cycles: float) -> None:
+        self._share = min(rate / cycles, 1.0)
+        self._phase = 1.0
+
+    def due(self) -> bool:
+        """Return whether this cycle is picked."""
+        # A little less than 1, so that rounding errors of the sum drop no cycle.
+        picked = self._phase >= 1.0 - 1e-9
+        self._phase += self._share - (1.0 if picked else 0.0)
+        return picked
 
 
 def _part(member: Member) -> DrivenSpawn:

@@ -7,15 +7,16 @@ robots it drives each 2 m and once round, and writes the second one.
 import math
 import re
 import sys
-from collections.abc import Iterable, Iterator, Sequence
-from typing import NamedTuple
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from onebot_control.drive.odometry import Odometry, PoseCovariance
-from onebot_control.fleet import Fleet, Member
-from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
-from onebot_control.poses import PlanarPose, yaw_of
+from onebot_control import Simulation
+from onebot_control.drive.odometry import DiffDriveKinematics, Odometry
+from onebot_control.poses import PlanarPose
 from onebot_description.description import Description, load_description
 from onebot_description.errors import OneBotError
 from tests.readme import CHECKOUT
@@ -95,7 +96,7 @@ class Result(NamedTuple):
     path: DrivenPath
     commanded: PlanarPose  # final pose of the limited command, integrated along exact arcs
     odometry: PlanarPose  # final pose by wheel odometry
-    covariance: PoseCovariance  # the odometry's
+    covariance: NDArray[np.float64]  # (3, 3), of x, y and yaw of the odometry
     truth: PlanarPose  # final pose of the simulated robot
     length: float  # m, of the commanded path
     turned: float  # rad, all commanded turning, left and right added up
@@ -125,52 +126,42 @@ class Result(NamedTuple):
         return float(np.max(shares))
 
 
-def default_config(**changes: object) -> ControlConfig:
-    """Return the parameters of OneBot's control.yaml, with changes."""
-    values = read_control_files([default_control_file()], "/", "velocity_controller").values
-    return ControlConfig.from_parameters({**values, **changes})
-
-
 def measure(
-    description: Description, config: ControlConfig, paths: Iterable[DrivenPath]
+    description: Description,
+    paths: Iterable[DrivenPath],
+    parameters: Mapping[str, Any] = MappingProxyType({}),
 ) -> list[Result]:
     """Drive ``paths``, each from the robot's start."""
-    with Fleet.of([Member(description, config)]) as fleet:
-        return [_follow(fleet, path) for path in paths]
+    with Simulation(description, parameters=parameters) as simulation:
+        return [_follow(simulation, path) for path in paths]
 
 
-def _follow(fleet: Fleet, path: DrivenPath) -> Result:
-    [robot] = fleet.robots
-    robot.reset()
-    commanded = Odometry(robot.controller.odometry.kinematics)
-    start = robot.true_pose
-    heading = start.yaw
+def _follow(simulation: Simulation, path: DrivenPath) -> Result:
+    simulation.reset()
+    robot, period = simulation.robot, simulation.period
+    commanded = Odometry(DiffDriveKinematics(1.0, 1.0, 1.0))  # by velocities, not by wheels
+    start = PlanarPose(robot.pose.x, robot.pose.y, robot.pose.yaw)
+    heading, odometry_yaw = start.yaw, 0.0
     length = turned = odometry_worst = truth_worst = 0.0
-    commands = [command for part in path.segments for command in part.commands(robot.period)]
-    for command in (*commands, None):
-        if command is None:  # compare the final poses, at rest
-            snapshot = robot.begin()
-        else:
-            robot.accept(*command)
-            [snapshot] = fleet.cycle()
-        x, y, _ = snapshot.pose.translation
+    for command in (command for part in path.segments for command in part.commands(period)):
+        robot.drive(*command)
+        simulation.run(period)
+        linear, angular = robot.command.linear, robot.command.angular
+        commanded.update_open_loop(linear, angular, period)
+        length += abs(linear) * period
+        turned += abs(angular) * period
         # Headings are unwrapped.
-        yaw = yaw_of(*snapshot.pose.rotation)
-        heading += math.remainder(yaw - heading, 2.0 * math.pi)
-        truth = start.inverse().compose(PlanarPose(x, y, heading))
-        odometry = snapshot.odometry
+        heading += math.remainder(robot.pose.yaw - heading, math.tau)
+        odometry_yaw += math.remainder(robot.odometry.yaw - odometry_yaw, math.tau)
+        truth = start.inverse().compose(PlanarPose(robot.pose.x, robot.pose.y, heading))
+        odometry = PlanarPose(robot.odometry.x, robot.odometry.y, odometry_yaw)
         odometry_worst = max(odometry_worst, math.dist(odometry[:2], truth[:2]))
         truth_worst = max(truth_worst, math.dist(truth[:2], commanded.pose[:2]))
-        if command is not None:
-            linear, angular = snapshot.command.linear, snapshot.command.angular
-            commanded.update_open_loop(linear, angular, robot.period)
-            length += abs(linear) * robot.period
-            turned += abs(angular) * robot.period
     return Result(
         path,
         commanded.pose,
         odometry,
-        snapshot.covariance,
+        np.array(robot.odometry.covariance),
         truth,
         length,
         turned,
@@ -179,10 +170,10 @@ def _follow(fleet: Fleet, path: DrivenPath) -> Result:
     )
 
 
-def rest_drift(description: Description, config: ControlConfig, seconds: float = 60.0) -> float:
+def rest_drift(description: Description, seconds: float = 60.0) -> float:
     """Return the largest distance of a robot at rest from its start, m."""
     path = DrivenPath("rest", (Segment(0.0, 0.0, seconds),))
-    return measure(description, config, [path])[0].truth_worst
+    return measure(description, [path])[0].truth_worst
 
 
 def table(results: Iterable[Result], drift: float) -> str:
@@ -191,14 +182,14 @@ def table(results: Iterable[Result], drift: float) -> str:
     return f"{_markdown(_HEAD, map(_row, results))}\n{rest}\n"
 
 
-def robots_table(files: Iterable[str], config: ControlConfig) -> str:
+def robots_table(files: Iterable[str]) -> str:
     """Drive 2 m and turn once with each robot, and return the results as Markdown.
 
     Robots of the same result share a row.
     """
     names: dict[tuple[str, ...], list[str]] = {}
     for file in files:
-        name, *cells = _robot(file, config)
+        name, *cells = _robot(file)
         names.setdefault(tuple(cells), []).append(name)
     return _markdown(_ROBOTS_HEAD, [(", ".join(names[cells]), *cells) for cells in names])
 
@@ -233,10 +224,10 @@ def _row(result: Result) -> Sequence[str]:
     return [result.path.name, *cells]
 
 
-def _robot(file: str, config: ControlConfig) -> tuple[str, ...]:
+def _robot(file: str) -> tuple[str, ...]:
     description = load_description(file)
     try:
-        ahead, turned = measure(description, config, PATHS[:2])
+        ahead, turned = measure(description, PATHS[:2])
     except OneBotError as error:
         reason = str(error).splitlines()[0].split(". ")[0].split("cannot be driven: ")[-1]
         return description.robot_name, f"refused: {reason}", ""
@@ -252,12 +243,12 @@ def _robot(file: str, config: ControlConfig) -> tuple[str, ...]:
 
 def main(files: Sequence[str]) -> int:
     """Write a table to the README; return 1 if a goal is missed, and print which."""
-    config, failures = default_config(), []
+    failures: list[str] = []
     if files:
-        name, text = "accuracy of robots", robots_table(files, config)
+        name, text = "accuracy of robots", robots_table(files)
     else:
         onebot = load_description(ONEBOT)
-        results, drift = measure(onebot, config, PATHS), rest_drift(onebot, config)
+        results, drift = measure(onebot, PATHS), rest_drift(onebot)
         name, text, failures = "accuracy", table(results, drift), missed(results, drift)
     readme = CHECKOUT / "onebot_control" / "README.md"
     marked = rf"(<!-- {name} -->\n).*?(<!-- /{name} -->)"

@@ -3,6 +3,7 @@
 import os
 import re
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -124,6 +125,17 @@ def test_commands_beside_a_running_robot(robot, block, ros_domain, tmp_path):
                 ["bash", "-c", command], cwd=tmp_path, capture_output=True, text=True
             )
             assert done.returncode == 0 and done.stdout, command + done.stdout + done.stderr
+
+
+def test_the_example_in_python(tmp_path):
+    """Saved as the README has it, it passes."""
+    [(name, code)] = re.findall(
+        r"`(test_\w+\.py)`.*?```python\n(.*?)```", TEXTS["README.md"], re.DOTALL
+    )
+    (tmp_path / name).write_text(code)
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", name]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert "1 passed" in done.stdout, done.stdout + done.stderr
 
 
 @pytest.mark.slow

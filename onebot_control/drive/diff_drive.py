@@ -101,12 +101,27 @@ class DiffDriveController:
 
     def update(self, wheels: WheelStates, dt: float) -> DriveCommand:
         """Do one control cycle, ``dt`` seconds after the last one."""
+        self.observe(wheels, dt)
+        return self.decide(dt)
+
+    def observe(self, wheels: WheelStates, dt: float) -> None:
+        """Update the odometry by the wheels, ``dt`` seconds after the last time."""
+        if self._config.open_loop:
+            return
+        if self._config.position_feedback:
+            left, right = wheels.left_position, wheels.right_position
+            self.odometry.update_from_positions(left, right, dt)
+        else:
+            left, right = wheels.left_velocity, wheels.right_velocity
+            self.odometry.update_from_velocities(left, right, dt)
+
+    def decide(self, dt: float) -> DriveCommand:
+        """Return the velocities for the next ``dt`` seconds, by the command and its limits."""
         # A command's first cycle comes less than dt after it, so do not age it yet.
         self._age += 0.0 if self._fresh else dt
         self._fresh = False
         self._pass(dt + self._stalled, dt)
         self._stalled = 0.0
-        self._follow(wheels, dt)
         linear, angular = self._limited(dt)
         if self._config.open_loop:
             self.odometry.update_open_loop(linear, angular, dt)
@@ -142,16 +157,6 @@ class DiffDriveController:
         if self.pace < 1.0 or cycle < seconds:
             cycles, durations = zip(*self._passed, strict=True)
             self.pace = sum(cycles) / sum(durations)
-
-    def _follow(self, wheels: WheelStates, dt: float) -> None:
-        if self._config.open_loop:
-            return
-        if self._config.position_feedback:
-            left, right = wheels.left_position, wheels.right_position
-            self.odometry.update_from_positions(left, right, dt)
-        else:
-            left, right = wheels.left_velocity, wheels.right_velocity
-            self.odometry.update_from_velocities(left, right, dt)
 
     def _limited(self, dt: float) -> tuple[float, float]:
         # A timed-out command becomes a zero reference, ramped down by the limiter.

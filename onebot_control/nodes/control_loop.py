@@ -134,21 +134,6 @@ class SystemStamps:
         return system - (start + end) // 2, end - start
 
 
-class Divider:
-    """Picks so many of the cycles a second, evenly, and never more than there are."""
-
-    def __init__(self, rate: float, cycles: float) -> None:
-        self._share = min(rate / cycles, 1.0)
-        self._phase = 1.0
-
-    def due(self) -> bool:
-        """Return whether this cycle is picked."""
-        # A little less than 1, so that rounding errors of the sum drop no cycle.
-        picked = self._phase >= 1.0 - 1e-9
-        self._phase += self._share - (1.0 if picked else 0.0)
-        return picked
-
-
 class ControlLoop:
     """Drives the robots of a world at a fixed pace in a thread of its own.
 

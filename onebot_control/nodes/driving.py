@@ -17,18 +17,19 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
 from onebot_control.driven_robot import DrivenRobot, Snapshot
-from onebot_control.fleet import Fleet, Member, located
+from onebot_control.fleet import Divider, Fleet, Member, located
 from onebot_control.nodes.commands import Command, CommandLock, CommandSubscription, Warn
-from onebot_control.nodes.control_loop import ControlLoop, Divider
+from onebot_control.nodes.control_loop import ControlLoop
 from onebot_control.nodes.localization import FramesTransform, Localizer, TransformsOf, TransformTap
 from onebot_control.nodes.publishing import Frames, Publishers, ScenePublisher
 from onebot_control.nodes.real_time import Pace, PaceMeter
 from onebot_control.nodes.robot_sensors import RobotSensors
+from onebot_control.nodes.sensing_thread import Channel, Sensing
 from onebot_control.parameters import ControlConfig, ControlParameters
 from onebot_control.physics.engine import logger as simulation_log
 from onebot_control.physics.scene_bodies import load_scene
 from onebot_control.poses import PlanarPose, yaw_of
-from onebot_control.sensing.instruments import Instrument, Sensing
+from onebot_control.sensing.instruments import Sensors
 from onebot_control.sensing.surroundings import SensedRobot
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.loading import load_sensors
@@ -130,9 +131,10 @@ class Driving:
                 self._node, fleet.world.scene, first.world_frame, rate
             )
         gravity, warn = fleet.world.settings.gravity, self._node.get_logger().warning
-        self.sensing = Sensing(self.scene, fleet.rate, gravity, warn, self._fail)
+        sensors = Sensors(self.scene, fleet.rate, gravity)
+        self.sensing = Sensing(sensors, warn, self._fail)
         for robot, driven in zip(self.robots, fleet.robots, strict=True):
-            robot.sense(self.sensing, driven, robot.instruments(driven.config))
+            robot.sense(self.sensing, driven, robot.channels(driven.config))
         self.sensing.start()
         self.loop = ControlLoop(
             fleet,
@@ -427,17 +429,15 @@ class RobotDriving:
         if self._driving.sensing is not None:
             self.sense(self._driving.sensing, driven)
 
-    def instruments(self, config: ControlConfig) -> list[Instrument]:
+    def channels(self, config: ControlConfig) -> list[Channel]:
         """Return the sensors of the description and of the file that ``config`` names."""
         assert self.description is not None
         return self.sensors.update(self._row, self.description, config)
 
-    def sense(
-        self, sensing: Sensing, robot: DrivenRobot, instruments: Sequence[Instrument] = ()
-    ) -> None:
-        """Sense with these ``instruments``; call it in the control thread, or before it starts."""
+    def sense(self, sensing: Sensing, robot: DrivenRobot, channels: Sequence[Channel] = ()) -> None:
+        """Sense by these ``channels``; call it in the control thread, or before it starts."""
         sensed = SensedRobot(robot.description, robot.joints, robot.held)
-        sensing.enter(self._row, sensed, instruments)
+        sensing.enter(self._row, sensed, channels)
 
     def _sense_again(self) -> None:
         """Apply what has changed of the sensors."""
@@ -445,8 +445,8 @@ class RobotDriving:
         if loop is None or sensing is None:
             return
         try:
-            instruments = self.instruments(self._settings.config)
-            loop.call(lambda: self.sense(sensing, loop.fleet.robots[self._row], instruments))
+            channels = self.channels(self._settings.config)
+            loop.call(lambda: self.sense(sensing, loop.fleet.robots[self._row], channels))
         except OneBotError as error:
             self._refuse("sensors", f"sensors not applied: {error}")
 

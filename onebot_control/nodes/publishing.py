@@ -20,7 +20,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from onebot_control.driven_robot import DrivenRobot, Snapshot
-from onebot_control.nodes.control_loop import Divider
+from onebot_control.fleet import Divider
 from onebot_control.nodes.localization import FramesTransform
 from onebot_control.parameters import ControlConfig
 from onebot_control.physics import SceneBodies, Twist

@@ -25,6 +25,7 @@ from sensor_msgs.msg import (
 from sensor_msgs.msg import Imu as ImuMessage
 from std_msgs.msg import Header
 
+from onebot_control.nodes.sensing_thread import Channel
 from onebot_control.parameters import ControlConfig
 from onebot_control.poses import prefixed
 from onebot_control.sensing.camera import focal_length
@@ -233,8 +234,10 @@ class RobotSensors:
         if any(self._watch.poll()):
             self._changed()
 
-    def update(self, row: int, description: Description, config: ControlConfig) -> list[Instrument]:
-        """Return the robot's instruments; where a block has a fault, the last good one stays.
+    def update(self, row: int, description: Description, config: ControlConfig) -> list[Channel]:
+        """Return the robot's sensors with their topics.
+
+        Where a block has a fault, the last good one stays.
 
         Args:
             row: of the robot in its fleet.
@@ -262,7 +265,7 @@ class RobotSensors:
         self._sensors = [*_usable(named, config.update_rate, warn)]
         self._announce()
         space = self._node.get_namespace()
-        instruments = []
+        channels = []
         for sensor in self._sensors:
             rate = measuring_rate(sensor, config.update_rate)
             enabled, prefix = config.tf_frame_prefix_enable, config.tf_frame_prefix
@@ -272,11 +275,9 @@ class RobotSensors:
                 for output, topic in sensor.topics.items()
             }
             outlet = SensorPublisher(sensor, frame, rate, topics)
-            instrument = Instrument(
-                sensor, row, space, outlet, config.update_rate, config.sensor_noise
-            )
-            instruments.append(instrument)
-        return instruments
+            instrument = Instrument(sensor, row, space, config.update_rate, config.sensor_noise)
+            channels.append(Channel(instrument, outlet, config.update_rate))
+        return channels
 
     def _follow(self, file: str, description: Description) -> None:
         """Read the file, as it is now."""

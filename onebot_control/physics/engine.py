@@ -8,7 +8,7 @@ import re
 import sys
 import threading
 from collections.abc import Iterator
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 __all__ = ["captured", "engine", "log", "logger"]
 
@@ -79,6 +79,16 @@ def _lines(text: str) -> list[str]:
     return [line.strip() for line in _ORIGIN.sub("\n", text).splitlines() if line.strip()]
 
 
-# PyBullet prints a line about itself when it is imported.
-with captured(1, 2):
-    import pybullet as engine
+class _Engine:
+    """The module pybullet, imported when it is first used: that takes 0.3 s."""
+
+    def __getattr__(self, name: str) -> Any:
+        # PyBullet prints a line about itself when it is imported.
+        with captured(1, 2):
+            import pybullet
+        value = getattr(pybullet, name)
+        setattr(self, name, value)  # the next time it is found without this call
+        return value
+
+
+engine = _Engine()

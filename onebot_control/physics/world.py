@@ -90,6 +90,15 @@ class World:
             self.scene.read()
         self.check_usable()
 
+    def restart(self) -> None:
+        """Build the world again: what is simulated from then on is equal to the bit.
+
+        In a state that PyBullet restores, its solver keeps the order of contacts that it had.
+        """
+        engine.resetSimulation(self.client)
+        self._build()
+        self._start()
+
     def stand(self, robot: Robot, where: SpawnPose, *, at_start: bool) -> None:
         """Place a robot at rest.
 

@@ -1,22 +1,14 @@
-"""Measures with the sensors of a world's robots, in a thread of its own.
-
-The control loop gives a snapshot when a measurement is due that somebody subscribes to, and never
-waits. What is due while a sensor still has enough to do is dropped, the newest first.
-"""
+"""Measures with the sensors of a world's robots, one measurement a call."""
 
 import math
-import threading
-import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence, Set
 from functools import cached_property
-from queue import SimpleQueue
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from onebot_control.driven_robot import Snapshot
-from onebot_control.nodes.control_loop import Divider
 from onebot_control.physics.bodies import matrix
 from onebot_control.poses import Quaternion, Transform
 from onebot_control.sensing import camera, imu, lidar
@@ -37,12 +29,7 @@ Floats = NDArray[np.float64]
 
 # z ahead, x to the right, y down (REP-103), of a camera that looks along x.
 _OPTICAL = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
-# Measurements of a sensor that may wait, in the order in which those of a robot are made.
-_WAITING = {Imu: 50, Lidar: 4, Camera: 1}
 _INFOS = frozenset({"camera_info", "depth_camera_info"})
-_FIRST_REPORT, _REPORT = 10.0, 60.0  # s between reports of dropped measurements
-_ENOUGH = 0.95  # share of the measurements due; a smaller one is reported
-_PATIENCE = 10.0  # s for the thread to end
 _LEAP = 0.01  # m: a robot that has moved farther than by its speed was put there
 
 
@@ -56,16 +43,6 @@ class Frame(NamedTuple):
     boxes: Sequence[Transform]
     robots: Sequence[SensedRobot]
     starts: Sequence[Quaternion]  # rotations of the robots in the first cycle
-
-
-class Outlet(Protocol):
-    """Where measurements go."""
-
-    def wanted(self) -> frozenset[str]:
-        """Return the outputs that somebody wants: keys of ``Sensor.topics``."""
-
-    def publish(self, stamp: int, outputs: Mapping[str, Any]) -> None:
-        """Publish arrays by output, measured at ``stamp``, ns."""
 
 
 class SensedWorld(NamedTuple):
@@ -89,11 +66,7 @@ class Instrument:
     Attributes:
         sensor: what it is.
         row: the robot's in its fleet.
-        outlet: takes the measurements.
-        divider: picks the control cycles in which it is due.
-        given: measurements that the control thread has asked for.
-        done: those that were made.
-        dropped: those that were not asked for, although somebody subscribes to them.
+        rate: measurements a second, Hz.
     """
 
     def __init__(
@@ -101,39 +74,23 @@ class Instrument:
         sensor: Sensor,
         row: int,
         namespace: str,
-        outlet: Outlet,
         cycles: float,
         noisy: bool = True,
+        seed: int = 0,
     ) -> None:
         """Prepare to measure at ``cycles`` control cycles a second, with the sensor's noise or not.
 
-        The noise depends on the robot's ``namespace``.
+        The noise depends on the robot's ``namespace`` and the ``seed``.
         """
-        self.sensor, self.row, self.outlet, self._noisy = sensor, row, outlet, noisy
-        self._rate = measuring_rate(sensor, cycles)
-        self.divider = Divider(self._rate, cycles)
-        self.given = self.done = self.dropped = 0
-        self._next_report, self._reported = 0.0, (0, 0)  # monotonic s; done and dropped before
+        self.sensor, self.row, self._noisy, self._seed = sensor, row, noisy, seed
+        self.rate = measuring_rate(sensor, cycles)
         self._name = f"{namespace}/{sensor.link}/{sensor.name}"
         self._mount = matrix(sensor.origin)
 
-    @property
-    def busy(self) -> bool:
-        """Whether no more measurements may wait."""
-        return self.given - self.done > _WAITING[type(self.sensor.model)]
-
-    def warning(self, now: float) -> str:
-        """Return what to warn of at a time, s: once a minute, if too few measurements were made."""
-        self._next_report = self._next_report or now + _FIRST_REPORT
-        if now < self._next_report:
-            return ""
-        done, dropped = self.done - self._reported[0], self.dropped - self._reported[1]
-        self._next_report, self._reported = now + _REPORT, (self.done, self.dropped)
-        share = done / (done + dropped)
-        if share >= _ENOUGH:
-            return ""
-        text = f'sensor "{self.sensor.name}" reaches {share * self._rate:.3g} of {self._rate:g} Hz'
-        return f"{text}: measuring takes too long; lower its rate or its size"
+    def reseed(self, seed: int) -> None:
+        """Draw all noise anew, by another seed."""
+        self._seed = seed
+        self.__dict__.pop("_offsets", None)
 
     @cached_property
     def _rays(self) -> Rays:
@@ -144,39 +101,41 @@ class Instrument:
     @cached_property
     def _offsets(self) -> Floats:
         """The offsets of the noise, drawn once: of an IMU of all six values."""
-        model, once = self.sensor.model, noise_of(self._name, -1)
+        model, once = self.sensor.model, noise_of(self._name, -1, self._seed)
         if isinstance(model, Camera):
             return np.zeros(1)
         noises = [model.noise] if isinstance(model, Lidar) else imu.noises(model)
         return np.array([bias(noise, once) for noise in noises])
 
-    def measure(self, world: SensedWorld, wanted: frozenset[str]) -> None:
-        """Measure, and publish, the outputs ``wanted``."""
-        link = world.placed.link(self.row, self.sensor.link)
+    def pose(self, placed: Placed) -> LinkPose:
+        """Return where the sensor is in the world."""
+        link = placed.link(self.row, self.sensor.link)
         assert link is not None
         turn, at = self._mount[:3, :3], self._mount[:3, 3]
-        pose = LinkPose(link.rotation @ turn, link.rotation @ at + link.position)
-        generator = noise_of(self._name, world.frame.tick) if self._noisy else None
+        return LinkPose(link.rotation @ turn, link.rotation @ at + link.position)
+
+    def measure(self, world: SensedWorld, wanted: Set[str]) -> dict[str, Any]:
+        """Measure; return arrays by output, of those ``wanted``: keys of ``Sensor.topics``."""
+        pose = self.pose(world.placed)
+        generator = noise_of(self._name, world.frame.tick, self._seed) if self._noisy else None
         model = self.sensor.model
         if isinstance(model, Imu):
-            outputs = self._inertia(model, world, pose, generator)
-        elif isinstance(model, Lidar):
-            outputs = self._ranges(model, world, pose, wanted, generator)
-        else:
-            outputs = self._picture(model, world, pose, wanted, generator)
-        self.outlet.publish(world.frame.stamp, outputs)
+            return self._inertia(model, world, pose, generator)
+        if isinstance(model, Lidar):
+            return self._ranges(model, world, pose, wanted, generator)
+        return self._picture(model, world, pose, wanted, generator)
 
     def _cast(self, world: SensedWorld, pose: LinkPose, reach: float) -> Hits:
         placed = world.placed
-        own_target = placed.surroundings.target(self.row, self.sensor.link)
-        return cast(self._rays, *pose, placed.surroundings.still, placed.targets, reach, own_target)
+        own = placed.surroundings.target(self.row, self.sensor.link)
+        return cast(self._rays, *pose, placed.surroundings.still, placed.targets, reach, [own])
 
     def _ranges(
         self,
         model: Lidar,
         world: SensedWorld,
         pose: LinkPose,
-        wanted: frozenset[str],
+        wanted: Set[str],
         generator: "np.random.Generator | None",
     ) -> dict[str, Any]:
         hits = self._cast(world, pose, lidar.reach(model))
@@ -197,7 +156,7 @@ class Instrument:
         model: Camera,
         world: SensedWorld,
         pose: LinkPose,
-        wanted: frozenset[str],
+        wanted: Set[str],
         generator: "np.random.Generator | None",
     ) -> dict[str, Any]:
         outputs: dict[str, Any] = dict.fromkeys(self.sensor.topics.keys() & _INFOS)
@@ -266,98 +225,69 @@ def _was_put(before: Snapshot, now: Snapshot, period: float) -> bool:
     return shift > 2.0 * speed * period + _LEAP
 
 
-class Sensing:
-    """Measures in a thread; ``due``, ``take`` and ``enter`` are the control thread's."""
+class Sensors:
+    """The robots of a world as sensors see them, and what stands around them."""
 
-    def __init__(
-        self,
-        world: Description | None,
-        cycles: float,
-        gravity: float,
-        warn: Callable[[str], object],
-        failed: Callable[[BaseException], None],
-    ) -> None:
-        """Get ready; ``start`` starts the thread, and ``failed`` gets the error that ends it.
+    def __init__(self, world: Description | None, cycles: float, gravity: float) -> None:
+        """Begin without robots.
 
-        ``world`` is what stands around the robots; ``cycles`` is in Hz, ``gravity`` in m/s^2.
+        Args:
+            world: what stands around them.
+            cycles: control cycles a second, Hz.
+            gravity: m/s^2.
         """
         self._world, self._cycles, self._gravity = world, cycles, gravity
-        self._warn, self._failed = warn, failed
         self._robots: tuple[SensedRobot, ...] = ()
-        self._instruments: dict[int, list[Instrument]] = {}
-        self._due: list[tuple[Instrument, frozenset[str]]] = []
-        self._last: tuple[int, Sequence[Snapshot]] | None = None
         self._starts: Sequence[Quaternion] = ()
-        self._jobs: SimpleQueue[tuple[Instrument, frozenset[str], Frame] | None] = SimpleQueue()
         self._built: tuple[Sequence[SensedRobot], Surroundings, camera.Painter] | None = None
-        self._stopped = False
-        self._thread = threading.Thread(target=self._run, name="sensing", daemon=True)
+        self._placed: SensedWorld | None = None
 
-    def start(self) -> None:
-        """Start to measure.
-
-        The surroundings of robots with sensors are built here: reading meshes would hold up the
-        loop.
-        """
-        if any(self._instruments.values()):
-            self._build(self._robots)
-        self._thread.start()
-
-    def stop(self) -> None:
-        """End the thread after what it is measuring."""
-        self._stopped = True
-        self._jobs.put(None)
-        if self._thread.is_alive():
-            self._thread.join(_PATIENCE)
-
-    def enter(self, row: int, robot: SensedRobot, instruments: Sequence[Instrument]) -> None:
-        """Sense with these ``instruments`` of the robot of ``row`` from now on."""
+    def enter(self, row: int, robot: SensedRobot) -> None:
+        """Have this robot in a row from now on."""
         last = self._robots[row] if row < len(self._robots) else None
         if last is None or last.description is not robot.description:  # else what is built stays
             self._robots = (*self._robots[:row], robot, *self._robots[row + 1 :])
-        order = list(_WAITING)
-        self._instruments[row] = sorted(
-            instruments, key=lambda instrument: order.index(type(instrument.sensor.model))
-        )
 
-    def due(self, tick: int) -> frozenset[int]:
-        """Return the rows of the robots of which measurements are due in a control cycle."""
-        self._due = []
-        if self._last is None or self._last[0] != tick:  # else simulated time stands still
-            for instruments in self._instruments.values():
-                for instrument in instruments:
-                    if instrument.divider.due() and (topics := instrument.outlet.wanted()):
-                        self._due.append((instrument, topics))
-        return frozenset(instrument.row for instrument, _ in self._due)
+    def restart(self) -> None:
+        """Have the next frame be the first one."""
+        self._starts, self._placed = (), None
 
-    def take(self, stamp: int, snapshots: Sequence[Snapshot], boxes: Sequence[Transform]) -> None:
-        """Have what is due measured at a stamp, ns; ``boxes`` are poses of what can be pushed."""
-        tick, last = snapshots[0].tick, self._last
+    def frame(
+        self,
+        stamp: int,
+        snapshots: Sequence[Snapshot],
+        last: Sequence[Snapshot] | None,
+        boxes: Sequence[Transform],
+    ) -> Frame:
+        """Return what can be sensed in a control cycle.
+
+        Args:
+            stamp: of the cycle, ns.
+            snapshots: of the robots in it.
+            last: those that were known last.
+            boxes: poses of what can be pushed.
+        """
         self._starts = self._starts or [snapshot.pose.rotation for snapshot in snapshots]
-        if self._due:
-            previous = last[1] if last and last[0] == tick - 1 else None
-            frame = Frame(tick, stamp, snapshots, previous, boxes, self._robots, self._starts)
-            for instrument, topics in self._due:
-                if instrument.busy:
-                    instrument.dropped += 1
-                else:
-                    instrument.given += 1
-                    self._jobs.put((instrument, topics, frame))
-        self._last = tick, snapshots
+        tick = snapshots[0].tick
+        before = last if last and last[0].tick == tick - 1 else None
+        return Frame(tick, stamp, snapshots, before, boxes, self._robots, self._starts)
 
-    def _run(self) -> None:
-        try:
-            world: SensedWorld | None = None
-            while (job := self._jobs.get()) and not self._stopped:
-                instrument, topics, frame = job
-                if world is None or world.frame is not frame:
-                    world = self._world_of(frame)
-                instrument.measure(world, topics)
-                instrument.done += 1
-                if text := instrument.warning(time.monotonic()):
-                    self._warn(text)
-        except BaseException as error:
-            self._failed(error)
+    def prepare(self) -> None:
+        """Build the surroundings now, which takes long where meshes are read."""
+        self._build(self._robots)
+
+    def world(self, frame: Frame) -> SensedWorld:
+        """Return the world at the time of a frame; of the same frame the same one."""
+        if self._placed is None or self._placed.frame is not frame:
+            surroundings, painter = self._build(frame.robots)
+            states = [
+                RobotState(*snapshot.pose, snapshot.joints.positions)
+                for snapshot in frame.snapshots
+            ]
+            placed = Placed(surroundings, frame.boxes, states)
+            period = 1.0 / self._cycles
+            self._placed = SensedWorld(frame, placed, painter, period, self._gravity)
+        return self._placed
 
     def _build(self, robots: Sequence[SensedRobot]) -> tuple[Surroundings, camera.Painter]:
         """Return the surroundings with these robots, built where they are other ones."""
@@ -365,11 +295,3 @@ class Sensing:
             surroundings = Surroundings(self._world, robots)
             self._built = robots, surroundings, camera.Painter(surroundings.still)
         return self._built[1:]
-
-    def _world_of(self, frame: Frame) -> SensedWorld:
-        surroundings, painter = self._build(frame.robots)
-        states = [
-            RobotState(*snapshot.pose, snapshot.joints.positions) for snapshot in frame.snapshots
-        ]
-        placed = Placed(surroundings, frame.boxes, states)
-        return SensedWorld(frame, placed, painter, 1.0 / self._cycles, self._gravity)

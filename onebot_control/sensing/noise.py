@@ -1,4 +1,4 @@
-"""Gaussian noise that depends on the sensor and the time only: runs repeat to the byte."""
+"""Gaussian noise that depends on sensor, time and seed only: runs repeat to the byte."""
 
 import zlib
 from typing import TypeVar
@@ -14,13 +14,14 @@ T = TypeVar("T", np.float32, np.float64)
 _NONE = Noise()
 
 
-def noise_of(sensor: str, tick: int) -> "np.random.Generator":
+def noise_of(sensor: str, tick: int, seed: int = 0) -> "np.random.Generator":
     """Return the generator of a sensor's noise in a control cycle; -1 is for what is drawn once.
 
-    Each measurement has its own, so that it does not matter which ones were made.
+    Each measurement has its own, so that it does not matter which ones were made. The ``seed``, 0
+    to 2^64 - 1, gives all sensors other noise.
     """
-    # Of the counter's four words the lowest counts the numbers drawn.
-    key, counter = zlib.crc32(sensor.encode()), [0, tick + 1, 0, 0]
+    # Of the counter's four words the lowest counts the numbers drawn; the key has two words.
+    key, counter = zlib.crc32(sensor.encode()) | seed << 64, [0, tick + 1, 0, 0]
     return np.random.Generator(np.random.Philox(key=key, counter=counter))
 
 

@@ -166,7 +166,7 @@ def cast(
     still: "Surface",
     targets: Targets,
     reach: float,
-    skipped: int = NOTHING,
+    skipped: Sequence[int] = (),
 ) -> Hits:
     """Return what the rays of a sensor hit first.
 
@@ -177,7 +177,7 @@ def cast(
         still: what stands still, in the world's frame; its index is 0.
         targets: what may have moved; their indices begin with 1.
         reach: beyond which nothing is hit, in lengths of the directions.
-        skipped: index of a target that is not hit.
+        skipped: indices of targets that are not hit; NOTHING is none.
     """
     directions = rays.turned(rotation)
     limit, surfaces = _ground(directions[:, 2], position[2], reach)
@@ -190,8 +190,9 @@ def cast(
         return hits
     centers = (targets.centers - position) @ rotation
     near_rays = rays.near(centers, targets.radii, reach)
-    if skipped > 0:
-        near_rays[skipped - 1] = False
+    for index in skipped:
+        if index != NOTHING:
+            near_rays[index - 1] = False
     if not near_rays.any():
         return hits
     nearest = rays.nearest(centers, targets.radii)

@@ -63,11 +63,11 @@ def _ratios(quick: bool) -> dict[str, float]:
     fan, pixels = lidar.lidar_rays(ranger), camera.camera_rays(lens)
 
     def scan() -> Any:
-        hits = cast(fan, turn, place, scene.still, targets, lidar.reach(ranger), base)
+        hits = cast(fan, turn, place, scene.still, targets, lidar.reach(ranger), [base])
         return lidar.ranges(ranger, hits.distances, hits.surfaces != NOTHING)
 
     def picture() -> Any:
-        hits = cast(pixels, turn, face, scene.still, targets, camera.reach(lens), eye)
+        hits = cast(pixels, turn, face, scene.still, targets, camera.reach(lens), [eye])
         return painter.picture(lens, pixels, face, hits, targets), camera.depths(lens, hits)
 
     def bare(rays: Any, origin: Any) -> Callable[[], Any]:

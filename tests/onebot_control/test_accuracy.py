@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from onebot_control.drive.odometry import PoseCovariance
 from onebot_control.poses import PlanarPose
 from onebot_description.description import load_description
 from tests.accuracy import (
@@ -16,7 +15,6 @@ from tests.accuracy import (
     TRUTH_GOAL,
     DrivenPath,
     Result,
-    default_config,
     measure,
     missed,
     rest_drift,
@@ -33,14 +31,12 @@ DIFF_DRIVE = str(ROBOTS / "diff_drive.urdf")
 def test_goals_are_met() -> None:
     """Odometry within 0.05 % of truth, truth within 0.5 % of command, rest below 0.01 mm."""
     description = load_description(ONEBOT)
-    results = measure(description, default_config(), PATHS)
-    drift = 3.0 * rest_drift(description, default_config(), 20.0)  # in a minute
+    results = measure(description, PATHS)
+    drift = 3.0 * rest_drift(description, 20.0)  # in a minute
     assert missed(results, drift) == []
     for result in results:  # at the end odometry is inside its ellipse of 99 %
-        xx, xy, yy, xt, yt, tt = result.covariance
-        covariance = np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]])
         off = np.array(result.odometry) - np.array(result.truth)
-        assert off @ np.linalg.solve(covariance, off) < 11.34
+        assert off @ np.linalg.solve(result.covariance, off) < 11.34
     _check_commands(*results)
 
 
@@ -63,15 +59,15 @@ def _check_commands(two_metres: Result, full_turn: Result, square: Result, figur
 def test_odometry_is_as_accurate_at_every_control_rate(rate: float) -> None:
     paths = DrivenPath("line", straight(0.4)), DrivenPath("spot", turn(0.5), turning=True)
     description = load_description(DIFF_DRIVE)
-    for result in measure(description, default_config(update_rate=rate), paths):
+    for result in measure(description, paths, {"update_rate": rate}):
         assert result.odometry_error < ODOMETRY_GOAL
         assert result.truth_error < TRUTH_GOAL
 
 
 def test_wrong_odometry_is_seen() -> None:
     """A wheel that is believed 1 % larger than it is shows as 1 %."""
-    wrong = default_config(left_wheel_radius_multiplier=1.01, right_wheel_radius_multiplier=1.01)
-    results = measure(load_description(DIFF_DRIVE), wrong, PATHS[:1])
+    wrong = {f"{side}_wheel_radius_multiplier": 1.01 for side in ("left", "right")}
+    results = measure(load_description(DIFF_DRIVE), PATHS[:1], wrong)
     assert results[0].odometry_error == pytest.approx(0.01, rel=0.01)
     assert "odometry is off truth" in missed(results, 0.0)[0]
 
@@ -80,7 +76,7 @@ def test_missed_goals_are_named() -> None:
     """Position by the path's length, heading by all turning; on the spot the heading alone."""
     end = PlanarPose(1.0, 0.0, 0.0)
     path = DrivenPath("one", straight(1.0))
-    exact = Result(path, end, end, PoseCovariance(), end, 1.0, 2.0, 0.0, 0.0)
+    exact = Result(path, end, end, np.eye(3), end, 1.0, 2.0, 0.0, 0.0)
     assert missed([exact], 0.0) == []
     off = exact._replace(odometry=PlanarPose(1.001, 0.0, 0.0), commanded=PlanarPose(1.1, 0.0, 0.0))
     assert len(missed([off], 1e-4)) == 3 and "0.100%" in missed([off], 1e-4)[0]
@@ -93,7 +89,7 @@ def test_missed_goals_are_named() -> None:
 def test_robots_are_compared_in_one_table() -> None:
     arm = str(ROBOTS / "good_mimic_chain.urdf")
     files = [DIFF_DRIVE, arm, arm]
-    head, _, drives, stands = robots_table(files, default_config()).splitlines()
+    head, _, drives, stands = robots_table(files).splitlines()
     assert head.startswith("| Robot | 2 m straight")
     assert "| 2.0000 m, 0.0 mm aside, " in drives
     assert stands.startswith("| good_mimic_chain, good_mimic_chain | ")

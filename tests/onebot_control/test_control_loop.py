@@ -13,10 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onebot_control.driven_robot import Snapshot
-from onebot_control.fleet import Fleet
+from onebot_control.fleet import Divider, Fleet
 from onebot_control.nodes.control_loop import (
     ControlLoop,
-    Divider,
     Pacer,
     SystemStamps,
     wake_exactly,

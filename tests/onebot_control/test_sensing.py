@@ -14,9 +14,11 @@ from PIL import Image
 
 from onebot_control.driven_robot import Snapshot
 from onebot_control.fleet import Fleet, Member
+from onebot_control.nodes import sensing_thread
+from onebot_control.nodes.sensing_thread import Channel, Sensing
 from onebot_control.parameters import ControlConfig
 from onebot_control.sensing import camera, imu, instruments, lidar, noise, rays
-from onebot_control.sensing.instruments import Instrument, Sensing
+from onebot_control.sensing.instruments import Instrument, Sensors
 from onebot_control.sensing.rays import NOTHING, Rays, cast
 from onebot_control.sensing.surroundings import (
     Placed,
@@ -175,7 +177,7 @@ def test_the_link_with_the_sensor_is_not_seen_and_others_are():
     placed = Placed(scene, [], [turned])
     pose = placed.link(0, "a")
     fan = Rays(np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
-    hits = cast(fan, *pose, scene.still, placed.targets, 9.0, scene.target(0, "a"))
+    hits = cast(fan, *pose, scene.still, placed.targets, 9.0, [scene.target(0, "a")])
     assert hits.distances[0] == pytest.approx(1 - 0.05 * math.sqrt(2), abs=1e-6)
     assert hits.surfaces.tolist() == [scene.target(0, "b"), NOTHING]
     assert cast(fan, *pose, scene.still, placed.targets, 9.0).distances[1] == pytest.approx(0.1)
@@ -334,7 +336,7 @@ def test_onebot_pushed_against_a_wall_looks_at_it_from_outside(yaw: float):
     model = next(each.model for each in onebot.sensors if each.name == "camera")
     pixels = camera.camera_rays(model)
     own = around.target(0, "camera_link")
-    hits = cast(pixels, *camera_link, around.still, placed.targets, 8.0, own)
+    hits = cast(pixels, *camera_link, around.still, placed.targets, 8.0, [own])
     assert (hits.surfaces == 0).all() and hits.distances.max() < 0.02
 
 
@@ -498,14 +500,17 @@ class Subscriber:
 
 @contextmanager
 def sensing_of(*sensors: Sensor, **subscribers: Subscriber):
-    """Drive one robot; gives what does cycles, the instruments, and warnings."""
+    """Drive one robot; gives what does cycles, the channels, and warnings."""
     warnings: list[str] = []
     failures: list[BaseException] = []
     description = robot()
     with Fleet.of([Member(description, ControlConfig.from_parameters(WHEELS))]) as fleet:
         driven = fleet.robots[0]
-        sensing = Sensing(None, 100.0, 9.81, warnings.append, failures.append)
-        found = [Instrument(each, 0, "/", subscribers[each.name], 100.0) for each in sensors]
+        sensing = Sensing(Sensors(None, 100.0, 9.81), warnings.append, failures.append)
+        found = [
+            Channel(Instrument(each, 0, "/", 100.0), subscribers[each.name], 100.0)
+            for each in sensors
+        ]
         sensing.enter(0, SensedRobot(description, driven.plant.joints, driven.held), found)
 
         def cycle() -> frozenset[int]:
@@ -527,17 +532,17 @@ def sensing_of(*sensors: Sensor, **subscribers: Subscriber):
 
 def test_what_is_too_slow_is_dropped_the_newest_first(monkeypatch: pytest.MonkeyPatch) -> None:
     """The loop never waits; what the sensor reaches is a warning."""
-    monkeypatch.setattr(instruments, "_FIRST_REPORT", 1e-9)
+    monkeypatch.setattr(sensing_thread, "_FIRST_REPORT", 1e-9)
     model = Lidar(Fan(3, -1.0, 1.0), Fan(), 0.1, 9.0)
     scan = Sensor("slow", "base_link", Origin(), 50.0, {"scan": "scan"}, "base_link", model)
     outlet = Subscriber("scan", waiting=True)
-    with sensing_of(scan, slow=outlet) as (cycle, (instrument,), warnings):
+    with sensing_of(scan, slow=outlet) as (cycle, (channel,), warnings):
         for tick in range(40):
             assert cycle() == ({0} if tick % 2 == 0 else set())
-        asked = instrument.given
-        assert instrument.dropped == 20 - asked and 4 <= asked <= 6
+        asked = channel.given
+        assert channel.dropped == 20 - asked and 4 <= asked <= 6
         outlet.go.release(asked)
-        wait_for(lambda: instrument.done == asked, "what was waiting")
+        wait_for(lambda: channel.done == asked, "what was waiting")
     assert outlet.stamps == [2 * each for each in range(asked)]
     assert any('sensor "slow" reaches' in text and "of 50 Hz" in text for text in warnings)
 
@@ -552,7 +557,7 @@ def test_nothing_is_measured_that_nobody_subscribes_to(monkeypatch: pytest.Monke
     model = Camera(1.0, 8, 6, 0.1, 9.0, 0.1, 9.0)
     camera_block = Sensor("eye", "base_link", Origin(), 100.0, topics, "base_link", model)
     outlet = Subscriber()
-    with sensing_of(camera_block, eye=outlet) as (cycle, (instrument,), warnings):
+    with sensing_of(camera_block, eye=outlet) as (cycle, (channel,), warnings):
 
         def measured(*wanted: str) -> frozenset[str]:
             """What is published in a cycle while somebody subscribes to these."""
@@ -563,7 +568,7 @@ def test_nothing_is_measured_that_nobody_subscribes_to(monkeypatch: pytest.Monke
 
         for _ in range(20):
             assert cycle() == set()  # nor are transforms published for it
-        assert (instrument.given, instrument.dropped) == (0, 0)
+        assert (channel.given, channel.dropped) == (0, 0)
         assert measured("camera_info") == {"camera_info"} and not casts
         assert measured("depth") == {"camera_info", "depth"} and len(casts) == 1
         assert measured("points") == topics.keys()
@@ -589,10 +594,10 @@ def test_a_sensor_that_keeps_up_but_for_a_moment_is_not_reported() -> None:
     """It would be "15 of 15 Hz"."""
     model = Camera(1.0, 8, 6, 0.1, 9.0, 0.1, 9.0)
     found = Sensor("eye", "base_link", Origin(), 15.0, {"image": "image"}, "base_link", model)
-    instrument = Instrument(found, 0, "/", Subscriber(), 100.0)
-    assert instrument.warning(0.5) == ""
-    instrument.done, instrument.dropped = 895, 5
-    assert instrument.warning(70.0) == ""
-    instrument.done, instrument.dropped = 895 + 600, 5 + 300
-    assert instrument.warning(100.0) == ""
-    assert instrument.warning(131.0).startswith('sensor "eye" reaches 10 of 15 Hz')
+    channel = Channel(Instrument(found, 0, "/", 100.0), Subscriber(), 100.0)
+    assert channel.warning(0.5) == ""
+    channel.done, channel.dropped = 895, 5
+    assert channel.warning(70.0) == ""
+    channel.done, channel.dropped = 895 + 600, 5 + 300
+    assert channel.warning(100.0) == ""
+    assert channel.warning(131.0).startswith('sensor "eye" reaches 10 of 15 Hz')

@@ -15,7 +15,7 @@ from onebot_control.physics.drivable import drivable
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.packages import package_share
 from onebot_description.errors import OneBotError
-from tests.accuracy import DrivenPath, default_config, measure, straight, turn
+from tests.accuracy import DrivenPath, measure, straight, turn
 from tests.onebot_control.control_support import alone, config, robot
 
 INERTIA = '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
@@ -218,7 +218,7 @@ ROUTES = DrivenPath("line", straight(0.5)), DrivenPath("spot", turn(math.pi / 2.
 
 def drive(description: Description) -> list[tuple[float, float]]:
     """Drive 0.5 m, then turn by 90°; return odometry's and truth's distance and angle."""
-    line, spot = measure(description, default_config(), ROUTES)
+    line, spot = measure(description, ROUTES)
     assert line.odometry.x == pytest.approx(0.5, abs=1e-3)
     assert abs(line.truth.y) < 1e-3 and abs(line.truth.yaw) < 1e-3
     assert spot.odometry.yaw == pytest.approx(math.pi / 2.0, abs=2e-3)

@@ -1,0 +1,551 @@
+"""Robots in a simulated world, in Python: the way in for tests, notebooks and programs. No ROS.
+
+Example:
+    >>> from onebot_control import Simulation
+    >>> with Simulation(world="maze", sensors=True, seed=7) as simulation:
+    ...     robot = simulation.robot
+    ...     robot.drive(0.5)
+    ...     simulation.run(until=lambda: robot.distance_ahead() < 1.0)
+    ...     robot.drive(0.0)
+    ...     simulation.run(2.0)
+    ...     error = robot.scan().ahead - robot.distance_ahead()
+    >>> abs(error) < 0.05
+    True
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from onebot_control.driven_robot import DrivenRobot, Snapshot
+from onebot_control.fleet import Fleet, Member
+from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
+from onebot_control.poses import PlanarPose
+from onebot_control.sensing.instruments import Frame, Instrument, SensedWorld, Sensors
+from onebot_control.sensing.lidar import angles
+from onebot_control.sensing.rays import Rays, cast
+from onebot_control.sensing.readings import ImuReading, JointState, Odometry, Pose, Scan, Twist
+from onebot_control.sensing.surroundings import LinkPose, SensedRobot
+from onebot_description.description import Description, load_description
+from onebot_description.description.description import Lidar
+from onebot_description.description.loading import load_sensors, load_world
+from onebot_description.errors import OneBotError, did_you_mean, listing
+from onebot_description.model import quaternions
+from onebot_description.ros.parameters.reader import ConfigError, Problem
+
+ONEBOT = "package://onebot_description/urdf/onebot.urdf.xacro"
+"""The robot that is simulated if no model is named."""
+
+_NANO = 1e9
+_REACH = 1e4  # m; what is farther away counts as nothing
+_LARGEST_SEED = 2**64 - 1
+# Parameters of velocity_controller that are arguments here, or have no meaning without ROS.
+_INSTEAD = {
+    **dict.fromkeys(("x", "y", "yaw", "world", "sensors"), "is an argument of Simulation"),
+    "sensor_noise": "is the argument noise of Simulation",
+    "robot_description": "is the argument model of Simulation",
+    "real_time_factor": "has no effect here: a Simulation is as fast as it can be",
+    "cmd_vel_type": "has no effect here: there is no topic ~/cmd_vel",
+}
+
+
+@dataclass(frozen=True)
+class RobotSetup:
+    """One of several robots of a Simulation; what is left out is as its arguments have it.
+
+    Attributes:
+        x: where it starts in the world, m.
+        y: likewise, m.
+        yaw: where it faces at the start, rad.
+        model: a URDF or xacro file, or a Description.
+        parameters: of its controller, by their ROS names; they override the Simulation's.
+    """
+
+    x: float = 0.0
+    y: float = 0.0
+    yaw: float = 0.0
+    model: "str | Path | Description | None" = None
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+
+
+class Simulation:
+    """Robots in one world, whose time advances only in ``run``; equal runs are equal to the bit.
+
+    It is what ``velocity_controller`` simulates: the same physics, controller, odometry and
+    sensors. Nothing in it depends on how fast the computer is.
+    """
+
+    def __init__(
+        self,
+        model: "str | Path | Description" = ONEBOT,
+        *,
+        world: "str | Path | Description" = "",
+        x: float = 0.0,
+        y: float = 0.0,
+        yaw: float = 0.0,
+        sensors: bool | str | Path = False,
+        noise: bool = True,
+        seed: int = 0,
+        arguments: Mapping[str, str] = MappingProxyType({}),
+        parameters: Mapping[str, Any] = MappingProxyType({}),
+        robots: Mapping[str, RobotSetup] = MappingProxyType({}),
+    ) -> None:
+        """Build the world, with the robot at rest.
+
+        Args:
+            model: the robot: a .urdf or .xacro file, ``package://name/path``, or a Description.
+            world: what stands around it: the name of a world that ships ("maze", "ramp"), a URDF
+                or xacro file, or a Description; "" for bare ground.
+            x: where the robot starts, m.
+            y: likewise, m.
+            yaw: where it faces at the start, rad.
+            sensors: True for those that OneBot can have (a lidar, an IMU and a camera; other robots
+                have those of their URDF in any case); or a URDF or xacro file with further ones.
+            noise: whether sensors have the noise that the URDF gives them.
+            seed: of that noise, 0 to 2^64 - 1; 0 is what ``velocity_controller`` has.
+            arguments: of the model, if it is xacro, by name.
+            parameters: of the controller, by their ROS names, such as ``linear.x.max_velocity``;
+                they override OneBot's control.yaml.
+            robots: several robots in this world, by name, in place of the one.
+
+        Raises:
+            OneBotError: a robot, the world or a parameter cannot be used; it names the file or the
+                parameter, and what would be right.
+        """
+        self._seed, self._noisy = _checked_seed(seed), noise
+        if robots and (x or y or yaw):
+            raise OneBotError("x, y and yaw are of one robot; of several, give each its own")
+        setups = dict(robots) or {"": RobotSetup(x, y, yaw)}
+        if sensors is True and model == ONEBOT:
+            arguments = {"sensors_enabled": "true", **arguments}
+        description = _described(model, arguments)
+        members = [
+            _member(name, setup, description, {**parameters, **setup.parameters})
+            for name, setup in setups.items()
+        ]
+        scene = _world(world)
+        self._fleet = fleet = Fleet.of(members, scene=scene)
+        self._sensors = Sensors(scene, fleet.rate, fleet.world.settings.gravity)
+        self.robots: Mapping[str, SimulatedRobot] = MappingProxyType(
+            {name: SimulatedRobot(self, row) for row, name in enumerate(setups)}
+        )
+        """The robots by name; that of one alone is ""."""
+        try:
+            self._equip(sensors)
+            self._begin()
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def robot(self) -> "SimulatedRobot":
+        """The robot, where there is one.
+
+        Raises:
+            OneBotError: there are several.
+        """
+        if len(self.robots) > 1:
+            text = f"there are {len(self.robots)} robots here: {listing(self.robots)}"
+            raise OneBotError(f"{text}; write simulation.robots[name]")
+        return next(iter(self.robots.values()))
+
+    @property
+    def time(self) -> float:
+        """Simulated seconds since the start."""
+        return self._fleet.ticks / self._fleet.rate
+
+    @property
+    def period(self) -> float:
+        """Simulated seconds of a control cycle: 1 / update_rate."""
+        return self._fleet.period
+
+    @property
+    def seed(self) -> int:
+        """The seed of the sensors' noise."""
+        return self._seed
+
+    def run(
+        self,
+        seconds: float | None = None,
+        *,
+        until: Callable[[], object] | None = None,
+        timeout: float = 60.0,
+    ) -> None:
+        """Let simulated time pass, as quickly as the computer can.
+
+        Args:
+            seconds: for so long, rounded to control cycles.
+            until: instead, as long as this returns something false; it is called before the first
+                control cycle, and after each.
+            timeout: simulated seconds after which ``until`` is given up.
+
+        Raises:
+            TimeoutError: ``until`` returned nothing true in time.
+            ValueError: neither ``seconds`` nor ``until`` is given, or both, or a duration is
+                negative or not finite.
+            OneBotError: the simulation has been closed, or has diverged.
+        """
+        if (seconds is None) == (until is None):
+            raise ValueError("run takes seconds, or until=...")
+        cycles = self._cycles(timeout if seconds is None else seconds)
+        for _ in range(cycles):
+            if until is not None and until():
+                return
+            self._cycle()
+        if until is not None and not until():
+            states = "; ".join(map(str, self.robots.values()))
+            text = f"until returned nothing true in {timeout:g} s of simulated time"
+            raise TimeoutError(f"{text}; at {self.time:g} s: {states}")
+
+    def reset(self, seed: int | None = None) -> None:
+        """Go back to the start: all that follows equals a new Simulation, to the bit.
+
+        Args:
+            seed: another one, of the sensors' noise; None: the same again.
+        """
+        if seed is not None:
+            self._seed = _checked_seed(seed)
+            for robot in self.robots.values():
+                for instrument in robot._instruments:
+                    instrument.reseed(self._seed)
+        self._fleet.restart()
+        self._begin()
+
+    def ray(self, origin: Sequence[float], direction: Sequence[float]) -> float:
+        """Return the distance to the first thing on a ray, m; infinite if there is none.
+
+        Ground, world, boxes and robots are hit by their visual shapes, as sensors see them.
+
+        Args:
+            origin: (3,), in the world, m.
+            direction: (3,), of any length.
+
+        Raises:
+            ValueError: one has not three finite numbers, or the direction is zero.
+        """
+        start, way = _vector("origin", origin), _vector("direction", direction)
+        length = np.linalg.norm(way)
+        if not length > 0.0:
+            raise ValueError("direction is zero")
+        return self._distance(LinkPose(np.eye(3), start), way / length, ())
+
+    def close(self) -> None:
+        """Free the world; ``with`` does it at the end of its block."""
+        self._fleet.close()
+
+    def __enter__(self) -> "Simulation":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        return f"<Simulation at {self.time:g} s: {'; '.join(map(str, self.robots.values()))}>"
+
+    def _equip(self, sensors: bool | str | Path) -> None:
+        for robot in self.robots.values():
+            robot._equip("" if isinstance(sensors, bool) else str(sensors), self._noisy)
+            if sensors and not robot._instruments:
+                raise OneBotError(f"{robot.description.source}: the robot has no sensor")
+
+    def _begin(self) -> None:
+        self._before: Sequence[Snapshot] | None = None
+        self._frame: Frame | None = None
+        self._sensors.restart()
+        for robot in self.robots.values():
+            robot._command = 0.0, 0.0
+        self._fleet.observe()
+        self._now()
+
+    def _cycles(self, seconds: float) -> int:
+        if not (math.isfinite(seconds) and seconds >= 0.0):
+            raise ValueError(f"{seconds} s: a duration is finite, and not negative")
+        return round(seconds * self._fleet.rate)
+
+    def _cycle(self) -> None:
+        """Do one control cycle; what is observed is the state at its end."""
+        fleet = self._fleet
+        for robot in self.robots.values():
+            robot._driven.accept(*robot._command)
+        self._before = fleet.begin()
+        fleet.finish()
+        fleet.observe()
+        self._frame = None
+
+    def _now(self) -> SensedWorld:
+        """Return the world as it is now."""
+        fleet = self._fleet
+        if self._frame is None:
+            scene = fleet.world.scene
+            stamp = round((fleet.ticks + 1) * _NANO / fleet.rate)
+            snapshots = [robot.snapshot() for robot in fleet.robots]
+            boxes = scene.poses if scene else ()
+            self._frame = self._sensors.frame(stamp, snapshots, self._before, boxes)
+        return self._sensors.world(self._frame)
+
+    def _distance(
+        self, pose: LinkPose, direction: NDArray[np.float64], skipped: Sequence[int]
+    ) -> float:
+        placed = self._now().placed
+        hits = cast(
+            Rays(direction.reshape(1, 3)),
+            *pose,
+            placed.surroundings.still,
+            placed.targets,
+            _REACH,
+            skipped,
+        )
+        distance = float(hits.distances[0])
+        return distance if distance < _REACH else math.inf
+
+
+class SimulatedRobot:
+    """A robot of a Simulation: its commands, its true state, and what it measures."""
+
+    def __init__(self, simulation: Simulation, row: int) -> None:
+        """See ``Simulation.robots``."""
+        self._simulation, self._row = simulation, row
+        self._command = 0.0, 0.0
+        self._instruments: list[Instrument] = []
+
+    def drive(self, linear: float, angular: float = 0.0) -> None:
+        """Command a velocity, which holds until the next call, as if it were sent in each cycle.
+
+        The controller limits speed and acceleration; OneBot's to 0.5 m/s^2, so that it takes 1 s
+        to reach 0.5 m/s.
+
+        Args:
+            linear: forward, m/s.
+            angular: to the left, rad/s.
+
+        Raises:
+            ValueError: a velocity is not finite.
+        """
+        if not (math.isfinite(linear) and math.isfinite(angular)):
+            raise ValueError(f"velocities must be finite, not {linear} m/s and {angular} rad/s")
+        self._command = float(linear), float(angular)
+
+    def teleport(self, x: float, y: float, yaw: float = 0.0) -> None:
+        """Put the robot elsewhere in the world, at rest; its odometry stays as it is.
+
+        Args:
+            x: m.
+            y: m.
+            yaw: rad.
+
+        Raises:
+            OneBotError: something is in the way; nothing has changed then.
+            ValueError: a value is not finite.
+        """
+        self._driven.teleport(PlanarPose(x, y, yaw))
+        self._driven.observe()
+        self._simulation._frame = None
+
+    @property
+    def description(self) -> Description:
+        """What the robot was read from."""
+        return self._driven.description
+
+    @property
+    def wheel_separation(self) -> float:
+        """Distance between the wheels, m: the parameter, or as the URDF has it."""
+        return self._driven.geometry.separation
+
+    @property
+    def wheel_radius(self) -> float:
+        """Radius of the driven wheels, m: the parameter, or as the URDF has it."""
+        return self._driven.geometry.radius
+
+    @property
+    def pose(self) -> Pose:
+        """Where the robot truly is in the world."""
+        (x, y, z), rotation = self._driven.snapshot().pose
+        roll, pitch, yaw = quaternions.to_rpy(quaternions.to_matrix(rotation))
+        return Pose(x, y, z, roll, pitch, yaw)
+
+    @property
+    def twist(self) -> Twist:
+        """How fast the robot truly is."""
+        linear, angular = self._driven.snapshot().velocity
+        return Twist(linear[0], angular[2])
+
+    @property
+    def odometry(self) -> Odometry:
+        """Where the robot is by its wheels."""
+        snapshot = self._driven.snapshot()
+        x, y, yaw = snapshot.odometry
+        xx, xy, yy, xt, yt, tt = snapshot.covariance
+        covariance = ((xx, xy, xt), (xy, yy, yt), (xt, yt, tt))
+        return Odometry(x, y, math.remainder(yaw, math.tau), *snapshot.twist, covariance)
+
+    @property
+    def command(self) -> Twist:
+        """The velocity that the controller has set in the last cycle, within its limits.
+
+        As ``~/cmd_vel_out`` has it.
+        """
+        command = self._driven.snapshot().command
+        return Twist(command.linear, command.angular)
+
+    @property
+    def joints(self) -> Mapping[str, JointState]:
+        """The joints that move, by name."""
+        states = zip(*self._driven.snapshot().joints, strict=True)
+        return dict(zip(self._driven.joints, (JointState(*state) for state in states), strict=True))
+
+    def scan(self, sensor: str = "") -> Scan:
+        """Measure with a lidar, now; it need not be due.
+
+        Args:
+            sensor: its name; may be left out if there is one lidar.
+
+        Raises:
+            OneBotError: there is no such lidar, or there are several.
+        """
+        instrument = self._instrument("scan", sensor)
+        lidar = instrument.sensor.model
+        assert isinstance(lidar, Lidar)
+        ranges = self._measured(instrument, "scan")
+        return Scan(ranges, angles(lidar.horizontal), lidar.least, lidar.greatest)
+
+    def range(self, sensor: str = "") -> float:
+        """Measure with a range sensor, m, now; arguments and errors as those of ``scan``."""
+        return float(self._measured(self._instrument("range", sensor), "range"))
+
+    def image(self, sensor: str = "") -> NDArray[np.uint8]:
+        """Return a camera's picture (height, width, 3), RGB, now; otherwise as ``scan``."""
+        pixels: NDArray[np.uint8] = self._measured(self._instrument("image", sensor), "image")
+        return pixels
+
+    def depth(self, sensor: str = "") -> NDArray[np.float32]:
+        """Return a depth camera's picture (height, width), m along its axis; as ``scan``.
+
+        It is infinite where nothing is in range.
+        """
+        depths: NDArray[np.float32] = self._measured(self._instrument("depth", sensor), "depth")
+        return depths
+
+    def points(self, sensor: str = "") -> NDArray[np.float32]:
+        """Return the points (N, 3) that a lidar or depth camera sees, m; as ``scan``.
+
+        They are in the frame of the sensor's messages; rays that meet nothing have none.
+        """
+        cloud = self._measured(self._instrument("points", sensor), "points").ravel()
+        xyz: NDArray[np.float32] = np.stack([cloud[axis] for axis in "xyz"], axis=-1)
+        return xyz[np.isfinite(xyz).all(axis=1)]
+
+    def imu(self, sensor: str = "") -> ImuReading:
+        """Measure with an inertial measurement unit, now; otherwise as ``scan``."""
+        orientation, *vectors = self._measured(self._instrument("imu", sensor), "imu")
+        return ImuReading(None if orientation is None else np.array(orientation), *vectors)
+
+    def distance_ahead(self) -> float:
+        """Return the exact distance to the first thing ahead, m; infinite if there is none.
+
+        Along x of the lidar, or of the root link of a robot that has none; the robot itself is not
+        in the way. It has no noise, and no range.
+        """
+        placed = self._simulation._now().placed
+        lidars = [each for each in self._instruments if isinstance(each.sensor.model, Lidar)]
+        pose = lidars[0].pose(placed) if lidars else None
+        pose = pose or placed.link(self._row, self.description.root_link)
+        assert pose is not None
+        links = self.description.link_names
+        own = [placed.surroundings.target(self._row, link) for link in links]
+        return self._simulation._distance(pose, np.array([1.0, 0.0, 0.0]), own)
+
+    def __repr__(self) -> str:
+        pose = self.pose
+        name = next(key for key, robot in self._simulation.robots.items() if robot is self)
+        x, y, yaw = (round(value, 3) + 0.0 for value in (pose.x, pose.y, pose.yaw))
+        return f"{name or 'robot'} at x {x:.3f} m, y {y:.3f} m, yaw {yaw:.3f} rad"
+
+    @property
+    def _driven(self) -> DrivenRobot:
+        return self._simulation._fleet.robots[self._row]
+
+    def _equip(self, file: str, noisy: bool) -> None:
+        """Have the sensors of the description, and of a ``file``, unless that is ""."""
+        driven, simulation = self._driven, self._simulation
+        robot = SensedRobot(driven.description, driven.joints, driven.held)
+        simulation._sensors.enter(self._row, robot)
+        sensors = list(driven.description.sensors)
+        if file:
+            sensors += load_sensors(file, driven.description).sensors
+        space = next(name for row, name in enumerate(simulation.robots) if row == self._row)
+        rate, seed = simulation._fleet.rate, simulation.seed
+        self._instruments = [
+            Instrument(sensor, self._row, f"/{space}", rate, noisy, seed) for sensor in sensors
+        ]
+
+    def _instrument(self, output: str, name: str) -> Instrument:
+        able = {
+            each.sensor.name: each for each in self._instruments if output in each.sensor.topics
+        }
+        if not able:
+            hint = (
+                "" if self._instruments else "; Simulation(sensors=True) gives OneBot its sensors"
+            )
+            raise OneBotError(f"no sensor of the robot measures {output}{hint}")
+        if not name and len(able) > 1:
+            text = f"{len(able)} sensors measure {output}: {listing(able)}"
+            raise OneBotError(f"{text}; name the one that is meant")
+        if name and name not in able:
+            raise OneBotError(f'no sensor "{name}" measures {output}{did_you_mean(name, able)}')
+        return able[name] if name else next(iter(able.values()))
+
+    def _measured(self, instrument: Instrument, output: str) -> Any:
+        return instrument.measure(self._simulation._now(), {output})[output]
+
+
+def _described(
+    model: "str | Path | Description", arguments: Mapping[str, str] = MappingProxyType({})
+) -> Description:
+    if isinstance(model, Description):
+        if arguments:
+            raise OneBotError("arguments are for a xacro file; a Description has been expanded")
+        return model
+    return load_description(model, arguments)
+
+
+def _world(world: "str | Path | Description") -> Description | None:
+    if isinstance(world, Description):
+        return world
+    return load_world(str(world)) if str(world) else None
+
+
+def _member(
+    name: str, setup: RobotSetup, description: Description, parameters: Mapping[str, Any]
+) -> Member:
+    """Return a robot with its controller's parameters.
+
+    Raises:
+        OneBotError: a parameter is not one of velocity_controller's, or has no effect.
+    """
+    problems = [Problem(key, _INSTEAD[key]) for key in parameters if key in _INSTEAD]
+    if problems:
+        raise ConfigError(problems)
+    defaults = read_control_files([default_control_file()], "/", "velocity_controller")
+    start = {"x": float(setup.x), "y": float(setup.y), "yaw": float(setup.yaw)}
+    config = ControlConfig.from_parameters({**defaults.values, **parameters, **start})
+    model = description if setup.model is None else _described(setup.model)
+    return Member(model, config, name)
+
+
+def _checked_seed(seed: int) -> int:
+    if not 0 <= seed <= _LARGEST_SEED:
+        raise ValueError(f"seed {seed}: it can be 0 to 2^64 - 1")
+    return seed
+
+
+def _vector(name: str, values: Sequence[float]) -> NDArray[np.float64]:
+    vector = np.asarray(values, float)
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise ValueError(f"{name} must be three finite numbers, not {values!r}")
+    return vector

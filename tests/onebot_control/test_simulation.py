@@ -1,0 +1,271 @@
+"""Simulation, the way in from Python: equal to the bit, exact, and clear about mistakes."""
+
+import doctest
+import math
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import onebot_control
+from onebot_control import OneBotError, RobotSetup, SimulatedRobot, Simulation, simulation
+from onebot_control.fleet import Fleet, Member
+from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
+from onebot_description import load_description
+from onebot_description.description import parse_description
+from tests.onebot_control.control_support import urdf
+
+ROBOTS = Path(__file__).parents[1] / "robots"
+BOX = """<robot name="w"><link name="world"/>
+  <link name="box"><visual><geometry><box size="1 4 1"/></geometry></visual>
+    <collision><geometry><box size="1 4 1"/></geometry></collision></link>
+  <joint name="j" type="fixed"><parent link="world"/><child link="box"/><origin xyz="3 0 0.5"/>
+  </joint></robot>"""
+
+
+def observed(robot: SimulatedRobot) -> list[Any]:
+    """All that can be known of a robot, as bytes and numbers."""
+    imu = robot.imu()
+    assert imu.orientation is not None
+    arrays = [robot.scan().ranges, robot.image(), robot.depth(), robot.points("camera")]
+    arrays += [imu.orientation, imu.angular_velocity, imu.linear_acceleration]
+    values = [robot.pose, robot.twist, robot.odometry, robot.joints]
+    return values + [array.tobytes() for array in arrays]
+
+
+def drive(simulation: Simulation) -> list[Any]:
+    """Drive to a wall of the maze, and against it; what is observed on the way."""
+    robot = simulation.robot
+    found = [observed(robot)]
+    for linear, angular, seconds in ((0.5, 0.0, 2.0), (0.4, 0.8, 1.53), (1.0, 0.0, 4.0)):
+        robot.drive(linear, angular)
+        simulation.run(seconds)
+        found.append(observed(robot))
+    return found
+
+
+def test_the_example_of_the_module():
+    assert doctest.testmod(simulation).attempted
+    assert not doctest.testmod(simulation).failed
+
+
+def test_after_a_reset_all_equals_a_new_simulation():
+    with Simulation(world="maze", sensors=True, seed=7) as first:
+        began = drive(first)
+        first.reset()
+        assert first.time == 0.0
+        again = drive(first)
+        first.reset(seed=8)
+        otherwise = drive(first)
+    with Simulation(world="maze", sensors=True, seed=8) as second:
+        anew = drive(second)
+    assert began == again
+    assert otherwise == anew != began
+    # The noise is another one, in each measurement that has any; what moves is the same.
+    assert [each[:4] for each in began] == [each[:4] for each in anew]
+    assert all(one[4] != other[4] for one, other in zip(began, anew, strict=True))
+
+
+def test_it_is_what_the_node_simulates():
+    """A cycle of it is one of the fleet that velocity_controller drives, command by command."""
+    description = load_description(simulation.ONEBOT)
+    values = read_control_files([default_control_file()], "/", "velocity_controller").values
+    config = ControlConfig.from_parameters(values)
+    with Fleet.of([Member(description, config)]) as fleet, Simulation() as ours:
+        for cycle in range(300):
+            command = (0.5, 0.3 * math.sin(0.02 * cycle))
+            ours.robot.drive(*command)
+            fleet.robots[0].accept(*command)
+            [snapshot] = fleet.cycle()
+            odometry = ours.robot.odometry
+            assert (odometry.x, odometry.y) == snapshot.odometry[:2]
+            assert (odometry.linear, odometry.angular) == snapshot.twist
+            pose = ours.robot.pose
+            assert (pose.x, pose.y, pose.z) == snapshot.pose.translation
+            ours.run(ours.period)
+
+
+def test_what_is_observed_does_not_depend_on_when_it_is():
+    with (
+        Simulation(world="maze", sensors=True) as often,
+        Simulation(world="maze", sensors=True) as once,
+    ):
+        for each in (often, once):
+            each.robot.drive(0.5, 0.2)
+        for _ in range(200):
+            often.run(often.period)
+            observed(often.robot)
+        once.run(2.0)
+        assert observed(often.robot) == observed(once.robot)
+
+
+def test_where_a_robot_is_and_what_is_ahead():
+    """By arithmetic: a face at 2.5 m, an acceleration of 0.5 m/s^2."""
+    with Simulation(world=parse_description(BOX), sensors=True, noise=False) as world:
+        robot = world.robot
+        robot.drive(0.5)
+        world.run(3.0)
+        assert world.time == 3.0
+        assert robot.pose.x == pytest.approx(0.5 * 2.5, abs=0.005)
+        assert robot.twist.linear == pytest.approx(0.5, abs=1e-3)
+        assert robot.odometry.x == pytest.approx(robot.pose.x, abs=0.002)
+        ahead = robot.distance_ahead()
+        assert robot.scan().ahead == pytest.approx(ahead, abs=1e-5)
+        assert robot.points("lidar")[:, 0].max() <= ahead + 1e-5
+        lidar_x = 2.5 - ahead - robot.pose.x
+        assert abs(lidar_x) < 0.1  # where it stands on the robot
+        assert robot.joints["left_wheel_joint"].position == pytest.approx(
+            robot.odometry.x / 0.06, abs=1e-6
+        )
+        assert robot.image().shape == (*robot.depth().shape, 3)
+        assert robot.imu().linear_acceleration[2] == pytest.approx(9.81, abs=1e-3)
+        robot.teleport(-1.0, 0.5, math.pi)
+        assert robot.pose.yaw == pytest.approx(math.pi, abs=1e-6)
+        assert robot.distance_ahead() == math.inf
+        world.run(0.5)
+        assert robot.pose.x < -1.0
+
+
+def test_rays():
+    with Simulation(world=parse_description(BOX), x=-1.0) as world:
+        assert world.ray((0, 0, 0.3), (1, 0, 0)) == pytest.approx(2.5, abs=1e-6)
+        assert world.ray((0, 0, 0.3), (2, 0, 0.2)) == pytest.approx(2.5 * math.hypot(1, 0.1))
+        assert world.ray((0, 0, 0.3), (0, 0, -7)) == pytest.approx(0.3, abs=1e-6)  # the ground
+        assert world.ray((0, 0, 0.3), (0, 0, 1)) == math.inf
+        assert 0.6 < world.ray((0, 0, 0.06), (-1, 0, 0)) < 1.0  # the robot
+        # A robot without a lidar looks along x of its root link, and not at itself.
+        assert world.robot.distance_ahead() == pytest.approx(3.5, abs=1e-3)
+        for wrong in ((0, 0), (0, math.nan, 0), (math.inf, 0, 0)):
+            with pytest.raises(ValueError, match="three finite numbers"):
+                world.ray(wrong, (1, 0, 0))
+        with pytest.raises(ValueError, match="zero"):
+            world.ray((0, 0, 1), (0, 0, 0))
+
+
+def test_until_something_is_true():
+    with Simulation() as world:
+        robot = world.robot
+        world.run(until=lambda: True)
+        assert world.time == 0.0
+        robot.drive(0.5)
+        world.run(until=lambda: robot.pose.x > 0.3)
+        assert robot.pose.x == pytest.approx(0.3, abs=0.005 + 1e-3)
+        robot.drive(0.0)
+        with pytest.raises(TimeoutError, match=r"in 1.5 s of simulated time.*at x 0\.\d+ m"):
+            world.run(until=lambda: robot.pose.x > 9.0, timeout=1.5)
+        for wrong in (-1.0, math.nan, math.inf):
+            with pytest.raises(ValueError, match="duration"):
+                world.run(wrong)
+        for arguments in ({}, {"seconds": 1.0, "until": lambda: True}):
+            with pytest.raises(ValueError, match="until"):
+                world.run(**arguments)
+
+
+def test_several_robots():
+    """Each is driven for itself, sees the others, and has noise of its own."""
+    robots = {
+        "one": RobotSetup(),
+        "two": RobotSetup(x=1.5, parameters={"linear.x.max_velocity": 0.2}),
+    }
+    with Simulation(robots=robots, sensors=True) as world:
+        one, two = world.robots.values()
+        assert 0.9 < one.distance_ahead() < 1.5
+        two.drive(0.5)
+        world.run(3.0)
+        assert one.pose.x == pytest.approx(0.0, abs=1e-3)
+        assert two.twist.linear == pytest.approx(0.2, abs=1e-3)
+        with pytest.raises(OneBotError, match=r"2 robots here: one, two; .*robots\[name\]"):
+            world.robot  # noqa: B018
+        with pytest.raises(OneBotError, match="two"):
+            one.teleport(two.pose.x, 0.0)
+    with pytest.raises(OneBotError, match="would stand in the same place"):
+        Simulation(robots={"one": RobotSetup(), "two": RobotSetup(x=0.1)})
+    with pytest.raises(OneBotError, match="give each its own"):
+        Simulation(robots=robots, x=1.0)
+
+
+def test_any_robot(tmp_path: Path):
+    """With its own sensors, and those of a file; parameters by their ROS names."""
+    block = """<robot><gazebo reference="base_link"><sensor name="eye" type="ray"><ray><scan>
+      <horizontal><samples>3</samples><min_angle>-1</min_angle><max_angle>1</max_angle></horizontal>
+      </scan><range><min>0.1</min><max>9</max></range></ray></sensor></gazebo></robot>"""
+    (tmp_path / "eye.urdf").write_text(block)
+    model = tmp_path / "bot.urdf"
+    model.write_text(urdf())
+    with Simulation(
+        model, sensors=tmp_path / "eye.urdf", parameters={"wheel_radius": 0.03, "update_rate": 50}
+    ) as world:
+        assert world.period == 0.02
+        assert world.robot.scan().angles.tolist() == [-1.0, 0.0, 1.0]
+        world.robot.drive(0.2)
+        world.run(2.0)
+        assert world.robot.pose.x == pytest.approx(2.0 * world.robot.odometry.x, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"world": "maize"}, 'no world "maize" (did you mean "maze"?'),
+        ({"model": "nowhere.urdf"}, "nowhere.urdf: no such file"),
+        ({"arguments": {"mesh": "false"}}, "mesh_enabled"),
+        ({"parameters": {"linear.x.max_speed": 1.0}}, "linear.x.max_speed"),
+        ({"parameters": {"world": "maze"}}, "world: is an argument of Simulation"),
+        ({"parameters": {"sensor_noise": False}}, "argument noise of Simulation"),
+        ({"parameters": {"real_time_factor": 2.0}}, "has no effect here"),
+        ({"parameters": {"cmd_vel_timeout": -1.0}}, "cmd_vel_timeout"),
+        ({"model": ROBOTS / "diff_drive.urdf", "sensors": True}, "the robot has no sensor"),
+        ({"sensors": "nowhere.urdf"}, "nowhere.urdf"),
+        ({"x": math.nan}, "finite"),
+        ({"world": "maze", "x": 2.8, "y": 0.8}, "somewhere else"),
+    ],
+)
+def test_a_mistake_is_named(arguments: dict[str, Any], message: str):
+    with pytest.raises((OneBotError, ValueError)) as caught:
+        Simulation(**arguments)
+    assert message in str(caught.value)
+
+
+def test_a_mistake_of_a_running_simulation_changes_nothing():
+    with Simulation(sensors=True) as world:
+        robot = world.robot
+        robot.drive(0.2)
+        for wrong in (math.nan, math.inf):
+            with pytest.raises(ValueError, match="finite"):
+                robot.drive(0.1, wrong)
+        with pytest.raises(OneBotError, match="2 sensors measure points: camera, lidar; name"):
+            robot.points()
+        with pytest.raises(
+            OneBotError, match='no sensor "lidat" measures scan .did you mean "lidar"'
+        ):
+            robot.scan("lidat")
+        with pytest.raises(OneBotError, match="no sensor of the robot measures range"):
+            robot.range()
+        with pytest.raises(ValueError, match="seed"):
+            world.reset(seed=-1)
+        world.run(1.0)
+        assert robot.twist.linear == pytest.approx(0.2, abs=1e-3)
+    with pytest.raises(OneBotError, match="closed"):
+        world.run(1.0)
+    with Simulation() as bare, pytest.raises(OneBotError, match=r"Simulation\(sensors=True\)"):
+        bare.robot.scan()
+
+
+def test_importing_it_takes_neither_ros_nor_pybullet():
+    code = (
+        "import sys; from onebot_control import *; from onebot_description import *;"
+        "slow = {'rclpy', 'rerun', 'pybullet', 'yourdfpy', 'trimesh', 'scipy'} & set(sys.modules);"
+        "assert not slow, slow; Simulation; RobotModel"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_the_package_exports_what_its_manual_names():
+    assert onebot_control.__doc__ is not None
+    for name in onebot_control.__all__:
+        exported = getattr(onebot_control, name)
+        assert name in onebot_control.__doc__ or name == "__version__"
+        assert isinstance(exported, str) or exported.__doc__
+    with pytest.raises(AttributeError, match="Simulatoin"):
+        getattr(onebot_control, "Simulatoin")  # noqa: B009
