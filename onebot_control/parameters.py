@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from onebot_control.drive.odometry import DiffDriveKinematics
@@ -316,8 +317,13 @@ class ControlParameters:
     config: ControlConfig  # the same, checked
     places: dict[str, str]  # file and line of each value from a file
 
-    def __init__(self, node: "Node", arguments: "RosArguments") -> None:
-        """Declare them, with what the files and the command line have."""
+    def __init__(
+        self,
+        node: "Node",
+        arguments: "RosArguments",
+        given: Mapping[str, Any] = MappingProxyType({}),
+    ) -> None:
+        """Declare them, with what the files and the command line have; ``given`` override both."""
         namespace, name = node.get_namespace(), node.get_name()
         file = read_control_files(arguments.files, namespace, name)
         names = [n for to, n in arguments.names if to in ("", name)]
@@ -326,7 +332,7 @@ class ControlParameters:
         # Values of the files count unless -p sets them. With several sections
         # for a node rcl would use the first file's last, whatever later files have.
         written = {name: v for name, v in file.values.items() if name not in names}
-        self.values = declare(node, ControlConfig, file.values, fixed=written)
+        self.values = declare(node, ControlConfig, file.values, fixed={**written, **given})
         self.places = {
             k: at for k, at in file.places.items() if self.values.get(k) == file.values[k]
         }

@@ -18,7 +18,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,9 @@ from onebot_description.description.loading import load_sensors, load_world
 from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.model import quaternions
 from onebot_description.ros.parameters.reader import ConfigError, Problem
+
+if TYPE_CHECKING:
+    from onebot_control.nodes.lockstep import Lockstep
 
 ONEBOT = "package://onebot_description/urdf/onebot.urdf.xacro"
 """The robot that is simulated if no model is named."""
@@ -119,17 +122,26 @@ class Simulation:
                 parameter, and what would be right.
         """
         self._seed, self._noisy = _checked_seed(seed), noise
+        self._ros: Lockstep | None = None
         if robots and (x or y or yaw):
             raise OneBotError("x, y and yaw are of one robot; of several, give each its own")
         setups = dict(robots) or {"": RobotSetup(x, y, yaw)}
         if sensors is True and model == ONEBOT:
             arguments = {"sensors_enabled": "true", **arguments}
         description = _described(model, arguments)
-        members = [
-            _member(name, setup, description, {**parameters, **setup.parameters})
-            for name, setup in setups.items()
+        self._values = [
+            _values(setup, {**parameters, **setup.parameters}) for setup in setups.values()
         ]
-        scene = _world(world)
+        members = [
+            Member(
+                description if setup.model is None else _described(setup.model),
+                ControlConfig.from_parameters(values),
+                name,
+            )
+            for (name, setup), values in zip(setups.items(), self._values, strict=True)
+        ]
+        self._scene = scene = _world(world)
+        self._sensor_file = "" if isinstance(sensors, bool) else str(sensors)
         self._fleet = fleet = Fleet.of(members, scene=scene)
         self._sensors = Sensors(scene, fleet.rate, fleet.world.settings.gravity)
         self.robots: Mapping[str, SimulatedRobot] = MappingProxyType(
@@ -137,7 +149,10 @@ class Simulation:
         )
         """The robots by name; that of one alone is ""."""
         try:
-            self._equip(sensors)
+            for robot in self.robots.values():
+                robot._equip(self._sensor_file, noise)
+                if sensors and not robot._instruments:
+                    raise OneBotError(f"{robot.description.source}: the robot has no sensor")
             self._begin()
         except BaseException:
             self.close()
@@ -208,7 +223,12 @@ class Simulation:
 
         Args:
             seed: another one, of the sensors' noise; None: the same again.
+
+        Raises:
+            OneBotError: ROS nodes are in step with it.
         """
+        if self._ros is not None:
+            raise OneBotError("nodes are in step with it: time cannot go back for them; begin anew")
         if seed is not None:
             self._seed = _checked_seed(seed)
             for robot in self.robots.values():
@@ -235,8 +255,27 @@ class Simulation:
             raise ValueError("direction is zero")
         return self._distance(LinkPose(np.eye(3), start), way / length, ())
 
+    def ros(self, domain_id: int | None = None) -> "Lockstep":
+        """Put the robots on ROS topics, with nodes of this process in step: see ``Lockstep``.
+
+        Args:
+            domain_id: the ROS domain; None: ROS_DOMAIN_ID, or that of rclpy's context if it is
+                initialized.
+
+        Raises:
+            OneBotError: the robots are on ROS topics already, or ROS 2 is missing.
+        """
+        from onebot_control.nodes.lockstep import Lockstep  # only this needs ROS
+
+        if self._ros is not None:
+            raise OneBotError("the robots are on ROS topics already")
+        self._ros = Lockstep(self, domain_id)
+        return self._ros
+
     def close(self) -> None:
         """Free the world; ``with`` does it at the end of its block."""
+        if self._ros is not None:
+            self._ros.close()
         self._fleet.close()
 
     def __enter__(self) -> "Simulation":
@@ -248,18 +287,12 @@ class Simulation:
     def __repr__(self) -> str:
         return f"<Simulation at {self.time:g} s: {'; '.join(map(str, self.robots.values()))}>"
 
-    def _equip(self, sensors: bool | str | Path) -> None:
-        for robot in self.robots.values():
-            robot._equip("" if isinstance(sensors, bool) else str(sensors), self._noisy)
-            if sensors and not robot._instruments:
-                raise OneBotError(f"{robot.description.source}: the robot has no sensor")
-
     def _begin(self) -> None:
         self._before: Sequence[Snapshot] | None = None
         self._frame: Frame | None = None
         self._sensors.restart()
         for robot in self.robots.values():
-            robot._command = 0.0, 0.0
+            robot._command = None
         self._fleet.observe()
         self._now()
 
@@ -272,8 +305,11 @@ class Simulation:
         """Do one control cycle; what is observed is the state at its end."""
         fleet = self._fleet
         for robot in self.robots.values():
-            robot._driven.accept(*robot._command)
+            if robot._command is not None:
+                robot._driven.accept(*robot._command)
         self._before = fleet.begin()
+        if self._ros is not None:
+            self._ros.publish(self._before, self._stamp)
         fleet.finish()
         fleet.observe()
         self._frame = None
@@ -283,11 +319,15 @@ class Simulation:
         fleet = self._fleet
         if self._frame is None:
             scene = fleet.world.scene
-            stamp = round((fleet.ticks + 1) * _NANO / fleet.rate)
             snapshots = [robot.snapshot() for robot in fleet.robots]
             boxes = scene.poses if scene else ()
-            self._frame = self._sensors.frame(stamp, snapshots, self._before, boxes)
+            self._frame = self._sensors.frame(self._stamp, snapshots, self._before, boxes)
         return self._sensors.world(self._frame)
+
+    @property
+    def _stamp(self) -> int:
+        """Stamp of the present cycle, ns; not 0, which means "not known" in ROS."""
+        return round((self._fleet.ticks + 1) * _NANO / self._fleet.rate)
 
     def _distance(
         self, pose: LinkPose, direction: NDArray[np.float64], skipped: Sequence[int]
@@ -311,11 +351,13 @@ class SimulatedRobot:
     def __init__(self, simulation: Simulation, row: int) -> None:
         """See ``Simulation.robots``."""
         self._simulation, self._row = simulation, row
-        self._command = 0.0, 0.0
+        self._command: tuple[float, float] | None = None
         self._instruments: list[Instrument] = []
 
     def drive(self, linear: float, angular: float = 0.0) -> None:
         """Command a velocity, which holds until the next call, as if it were sent in each cycle.
+
+        Commands of ROS nodes in step have no effect then.
 
         The controller limits speed and acceleration; OneBot's to 0.5 m/s^2, so that it takes 1 s
         to reach 0.5 m/s.
@@ -520,22 +562,17 @@ def _world(world: "str | Path | Description") -> Description | None:
     return load_world(str(world)) if str(world) else None
 
 
-def _member(
-    name: str, setup: RobotSetup, description: Description, parameters: Mapping[str, Any]
-) -> Member:
-    """Return a robot with its controller's parameters.
+def _values(setup: RobotSetup, parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Return all parameters of a robot's controller that are given, by name.
 
     Raises:
-        OneBotError: a parameter is not one of velocity_controller's, or has no effect.
+        ConfigError: one has no effect here.
     """
-    problems = [Problem(key, _INSTEAD[key]) for key in parameters if key in _INSTEAD]
-    if problems:
+    if problems := [Problem(name, _INSTEAD[name]) for name in parameters if name in _INSTEAD]:
         raise ConfigError(problems)
     defaults = read_control_files([default_control_file()], "/", "velocity_controller")
     start = {"x": float(setup.x), "y": float(setup.y), "yaw": float(setup.yaw)}
-    config = ControlConfig.from_parameters({**defaults.values, **parameters, **start})
-    model = description if setup.model is None else _described(setup.model)
-    return Member(model, config, name)
+    return {**defaults.values, **parameters, **start}
 
 
 def _checked_seed(seed: int) -> int:

@@ -120,7 +120,7 @@ def velocity_controllers(
     from onebot_control.nodes.driving import Driving
 
     node_arguments = [arguments.joined(words) for words in robots] or [arguments]
-    driving = Driving(nodes, file, node_arguments)
+    driving = Driving.described(nodes, file, node_arguments)
     at_stop(driving.stop)
     for node in nodes:
         node.driving = driving

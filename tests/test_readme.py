@@ -127,11 +127,12 @@ def test_commands_beside_a_running_robot(robot, block, ros_domain, tmp_path):
             assert done.returncode == 0 and done.stdout, command + done.stdout + done.stderr
 
 
-def test_the_example_in_python(tmp_path):
+SAVED = re.findall(r"\*(test_\w+\.py)\*.*?```python\n(.*?)```", TEXTS["README.md"], re.DOTALL)
+
+
+@pytest.mark.parametrize(("name", "code"), SAVED, ids=[name for name, _ in SAVED])
+def test_an_example_in_python(name, code, tmp_path, ros_domain):
     """Saved as the README has it, it passes."""
-    [(name, code)] = re.findall(
-        r"`(test_\w+\.py)`.*?```python\n(.*?)```", TEXTS["README.md"], re.DOTALL
-    )
     (tmp_path / name).write_text(code)
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", name]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)

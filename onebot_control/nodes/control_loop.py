@@ -226,6 +226,10 @@ class ControlLoop:
         if factor != self._meter.wanted:
             self._meter.set(self._pacer.due, factor)
 
+    def pause(self, paused: bool) -> None:
+        """Stop simulated time, or let it go on (call it by ``call``)."""
+        self.paused = paused
+
     def step(self) -> None:
         """Do one cycle although paused (call it by ``call``)."""
         if not self.paused:

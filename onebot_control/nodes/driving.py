@@ -24,7 +24,7 @@ from onebot_control.nodes.localization import FramesTransform, Localizer, Transf
 from onebot_control.nodes.publishing import Frames, Publishers, ScenePublisher
 from onebot_control.nodes.real_time import Pace, PaceMeter
 from onebot_control.nodes.robot_sensors import RobotSensors
-from onebot_control.nodes.sensing_thread import Channel, Sensing
+from onebot_control.nodes.sensing import Channel, Sensing, SensingThread
 from onebot_control.parameters import ControlConfig, ControlParameters
 from onebot_control.physics.engine import logger as simulation_log
 from onebot_control.physics.scene_bodies import load_scene
@@ -70,18 +70,27 @@ class Driving:
         simulated: whether stamps are simulated time.
         factor: the real_time_factor of all.
         scene: what stands around the robots.
+        seed: of the sensors' noise.
         sensing: measures with their sensors, as long as there is a loop.
     """
 
     def __init__(
-        self, nodes: Sequence[Node], file: str | None, arguments: Sequence[RosArguments]
+        self,
+        nodes: Sequence[Node],
+        settings: Sequence[ControlParameters],
+        scene: Description | None,
+        *,
+        simulated: bool,
+        seed: int = 0,
     ) -> None:
-        """Start driving as soon as all descriptions are known.
+        """Offer the topics, parameters and services; ``start`` or ``describe`` has to follow.
 
         Args:
             nodes: velocity_controller, in the namespace of each robot.
-            file: URDF or xacro file; None to use each node's parameter or topic.
-            arguments: of each node.
+            settings: of each node.
+            scene: what stands around the robots.
+            simulated: whether stamps are simulated time.
+            seed: of the sensors' noise.
         """
         self.loop: ControlLoop | None = None
         self.sensing: Sensing | None = None
@@ -93,18 +102,32 @@ class Driving:
         self._transforms = TransformTap(self._node)
         self._of_odom = TransformsOf(())
         simulation_log.handlers = [NodeLog(self._node)]
-        settings = list(map(ControlParameters, nodes, arguments))
-        self.simulated = _is_simulated(nodes, settings)
+        self.simulated, self.scene, self.seed = simulated, scene, seed
         self.factor = settings[0].config.real_time_factor
-        self.scene = load_scene(settings[0].config.world)
         self.robots = [
             RobotDriving(self, row, node, settings[row]) for row, node in enumerate(nodes)
         ]
+
+    @classmethod
+    def described(
+        cls, nodes: Sequence[Node], file: str | None, arguments: Sequence[RosArguments]
+    ) -> "Driving":
+        """Return one that drives in real time as soon as all descriptions are known.
+
+        Args:
+            nodes: velocity_controller, in the namespace of each robot.
+            file: URDF or xacro file; None to use each node's parameter or topic.
+            arguments: of each node.
+        """
+        settings = list(map(ControlParameters, nodes, arguments))
+        scene = load_scene(settings[0].config.world)
+        driving = cls(nodes, settings, scene, simulated=_is_simulated(nodes, settings))
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._node.create_timer(_POLL_PERIOD, self._poll, clock=steady)
+        nodes[0].create_timer(_POLL_PERIOD, driving.poll, clock=steady)
         # Start last, when all members exist: ``stop`` may be called at any time from here on.
-        for robot in self.robots:
+        for robot in driving.robots:
             robot.describe(file)
+        return driving
 
     def stop(self) -> None:
         """Stop the control loop, and with it the robots."""
@@ -122,6 +145,29 @@ class Driving:
             with located(member):
                 robot.check_frames()
         fleet = Fleet.of(members, scene=self.scene)
+        warn = self._node.get_logger().warning
+        sensors = Sensors(self.scene, fleet.rate, fleet.world.settings.gravity)
+        sensing = SensingThread(sensors, warn, self._fail)
+        loop = ControlLoop(
+            fleet,
+            self.publish,
+            simulated=self.simulated,
+            meter=PaceMeter(self._publish_pace, self._log_pace),
+            failed=self._fail,
+        )
+        # Exclude long-lived objects from garbage collection.
+        gc.freeze()
+        self.start(loop, sensing)
+        # After the start, because rclpy's first log call takes 20 ms.
+        warnings = [*self.scene.notices] if self.scene else []
+        warnings += [text for robot in self.robots for text in robot.warnings]
+        for warning in dict.fromkeys(warnings):
+            self._node.get_logger().warning(warning)
+        self._node.get_logger().info(_driven_text(fleet))
+
+    def start(self, loop: ControlLoop, sensing: Sensing) -> None:
+        """Start a loop that drives the robots; all are described."""
+        fleet = loop.fleet
         for robot, driven in zip(self.robots, fleet.robots, strict=True):
             robot.publishing.use(driven)
         if fleet.world.scene is not None:
@@ -130,28 +176,12 @@ class Driving:
             self._scene_publisher = ScenePublisher(
                 self._node, fleet.world.scene, first.world_frame, rate
             )
-        gravity, warn = fleet.world.settings.gravity, self._node.get_logger().warning
-        sensors = Sensors(self.scene, fleet.rate, gravity)
-        self.sensing = Sensing(sensors, warn, self._fail)
+        self.sensing = sensing
         for robot, driven in zip(self.robots, fleet.robots, strict=True):
             robot.sense(self.sensing, driven, robot.channels(driven.config))
         self.sensing.start()
-        self.loop = ControlLoop(
-            fleet,
-            self._publish,
-            simulated=self.simulated,
-            meter=PaceMeter(self._publish_pace, self._log_pace),
-            failed=self._fail,
-        )
-        # Exclude long-lived objects from garbage collection.
-        gc.freeze()
+        self.loop = loop
         self.loop.start()
-        # After the start, because rclpy's first log call takes 20 ms.
-        warnings = [*self.scene.notices] if self.scene else []
-        warnings += [text for robot in self.robots for text in robot.warnings]
-        for warning in dict.fromkeys(warnings):
-            self._node.get_logger().warning(warning)
-        self._node.get_logger().info(_driven_text(fleet))
 
     def set_factor(self, factor: float) -> None:
         """Have real_time_factor be the same for all robots."""
@@ -159,7 +189,8 @@ class Driving:
         for robot in self.robots:
             robot.set_factor(factor)
 
-    def _publish(self, snapshots: Sequence[Snapshot], stamp: int) -> None:
+    def publish(self, snapshots: Sequence[Snapshot], stamp: int) -> None:
+        """Publish the robots' states in a control cycle, at a stamp in ns, and have them sense."""
         sensing, world = self.sensing, self.loop.fleet.world if self.loop else None
         assert sensing is not None and world is not None
         sensed = sensing.due(snapshots[0].tick)
@@ -169,7 +200,8 @@ class Driving:
             self._scene_publisher.publish(stamp)
         sensing.take(stamp, snapshots, world.scene.poses if world.scene else ())
 
-    def _poll(self) -> None:
+    def poll(self) -> None:
+        """Look who publishes commands and localizes; to be called several times a second."""
         if self._failure is not None:
             raise self._failure
         for robot in self.robots:
@@ -288,7 +320,7 @@ class RobotDriving:
         self._refuse = Throttled(lambda text: node.get_logger().error(text))
         self.publishing = Publishers(node, clock=driving.simulated and row == 0)
         self._localizer = Localizer("")
-        self.sensors = RobotSensors(node, self._sense_again)
+        self.sensors = RobotSensors(node, self._sense_again, driving.seed)
         choice = settings.config.cmd_vel_type
         # Before the commands: of an unlock and a command at once it is received first.
         self.lock = CommandLock(node, self._brake)
@@ -611,7 +643,7 @@ class Requests:
         robot.place_odometry(pose)
 
     def _on_pause(self, request: SetBool.Request, answer: SetBool.Response) -> SetBool.Response:
-        return self._on_trigger(lambda loop: setattr(loop, "paused", request.data), request, answer)
+        return self._on_trigger(lambda loop: loop.pause(request.data), request, answer)
 
     def _on_trigger(
         self,

@@ -25,7 +25,7 @@ from sensor_msgs.msg import (
 from sensor_msgs.msg import Imu as ImuMessage
 from std_msgs.msg import Header
 
-from onebot_control.nodes.sensing_thread import Channel
+from onebot_control.nodes.sensing import Channel
 from onebot_control.parameters import ControlConfig
 from onebot_control.poses import prefixed
 from onebot_control.sensing.camera import focal_length
@@ -216,14 +216,15 @@ def _ready(message: Any, values: Any) -> Any:
 class RobotSensors:
     """The sensors of one robot: from its description, and from a file that may change."""
 
-    def __init__(self, node: Node, changed: Callable[[], None]) -> None:
+    def __init__(self, node: Node, changed: Callable[[], None], seed: int = 0) -> None:
         """Begin without sensors.
 
         Args:
             node: of the robot.
             changed: called when the file was edited.
+            seed: of the noise.
         """
-        self._node, self._changed = node, changed
+        self._node, self._changed, self._seed = node, changed, seed
         self._sensors: list[Sensor] = []
         self._publishers: dict[tuple[type, str], Publisher] = {}  # keys: type and topic
         self._file, self._read = "", _NO_FILE
@@ -275,7 +276,8 @@ class RobotSensors:
                 for output, topic in sensor.topics.items()
             }
             outlet = SensorPublisher(sensor, frame, rate, topics)
-            instrument = Instrument(sensor, row, space, config.update_rate, config.sensor_noise)
+            rates, noisy = config.update_rate, config.sensor_noise
+            instrument = Instrument(sensor, row, space, rates, noisy, self._seed)
             channels.append(Channel(instrument, outlet, config.update_rate))
         return channels
 

@@ -95,7 +95,7 @@ class World:
 
         In a state that PyBullet restores, its solver keeps the order of contacts that it had.
         """
-        engine.resetSimulation(self.client)
+        engine.resetSimulation(physicsClientId=self.client)
         self._build()
         self._start()
 

@@ -14,8 +14,7 @@ from PIL import Image
 
 from onebot_control.driven_robot import Snapshot
 from onebot_control.fleet import Fleet, Member
-from onebot_control.nodes import sensing_thread
-from onebot_control.nodes.sensing_thread import Channel, Sensing
+from onebot_control.nodes.sensing import Channel, SensingThread
 from onebot_control.parameters import ControlConfig
 from onebot_control.sensing import camera, imu, instruments, lidar, noise, rays
 from onebot_control.sensing.instruments import Instrument, Sensors
@@ -506,7 +505,7 @@ def sensing_of(*sensors: Sensor, **subscribers: Subscriber):
     description = robot()
     with Fleet.of([Member(description, ControlConfig.from_parameters(WHEELS))]) as fleet:
         driven = fleet.robots[0]
-        sensing = Sensing(Sensors(None, 100.0, 9.81), warnings.append, failures.append)
+        sensing = SensingThread(Sensors(None, 100.0, 9.81), warnings.append, failures.append)
         found = [
             Channel(Instrument(each, 0, "/", 100.0), subscribers[each.name], 100.0)
             for each in sensors
@@ -532,7 +531,7 @@ def sensing_of(*sensors: Sensor, **subscribers: Subscriber):
 
 def test_what_is_too_slow_is_dropped_the_newest_first(monkeypatch: pytest.MonkeyPatch) -> None:
     """The loop never waits; what the sensor reaches is a warning."""
-    monkeypatch.setattr(sensing_thread, "_FIRST_REPORT", 1e-9)
+    monkeypatch.setattr("onebot_control.nodes.sensing._FIRST_REPORT", 1e-9)
     model = Lidar(Fan(3, -1.0, 1.0), Fan(), 0.1, 9.0)
     scan = Sensor("slow", "base_link", Origin(), 50.0, {"scan": "scan"}, "base_link", model)
     outlet = Subscriber("scan", waiting=True)

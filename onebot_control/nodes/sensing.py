@@ -1,8 +1,4 @@
-"""Measures with the sensors of a world's robots in real time, in a thread of its own.
-
-The control loop gives a snapshot when a measurement is due that somebody subscribes to, and never
-waits. What is due while a sensor still has enough to do is dropped, the newest first.
-"""
+"""Measures when a sensor is due and somebody subscribes to it: at once, or in a thread."""
 
 import threading
 import time
@@ -74,22 +70,17 @@ class Channel:
 
 
 class Sensing:
-    """Measures in a thread; ``due``, ``take`` and ``enter`` are the control thread's."""
+    """Measures what is due, at once.
 
-    def __init__(
-        self,
-        sensors: Sensors,
-        warn: Callable[[str], object],
-        failed: Callable[[BaseException], None],
-    ) -> None:
-        """Get ready; ``start`` starts the thread, and ``failed`` gets the error that ends it."""
-        self._sensors, self._warn, self._failed = sensors, warn, failed
+    ``due``, ``take`` and ``enter`` are for the control cycle.
+    """
+
+    def __init__(self, sensors: Sensors) -> None:
+        """Get ready; ``start`` has to follow."""
+        self._sensors = sensors
         self._channels: dict[int, list[Channel]] = {}
         self._due: list[tuple[Channel, frozenset[str]]] = []
         self._last: Sequence[Snapshot] | None = None
-        self._jobs: SimpleQueue[tuple[Channel, frozenset[str], Frame] | None] = SimpleQueue()
-        self._stopped = False
-        self._thread = threading.Thread(target=self._run, name="sensing", daemon=True)
 
     def start(self) -> None:
         """Start to measure.
@@ -99,14 +90,9 @@ class Sensing:
         """
         if any(self._channels.values()):
             self._sensors.prepare()
-        self._thread.start()
 
     def stop(self) -> None:
-        """End the thread after what it is measuring."""
-        self._stopped = True
-        self._jobs.put(None)
-        if self._thread.is_alive():
-            self._thread.join(_PATIENCE)
+        """End."""
 
     def enter(self, row: int, robot: SensedRobot, channels: Sequence[Channel]) -> None:
         """Sense by these ``channels`` of the robot of ``row`` from now on."""
@@ -130,19 +116,57 @@ class Sensing:
         """Have what is due measured at a stamp, ns; ``boxes`` are poses of what can be pushed."""
         frame = self._sensors.frame(stamp, snapshots, self._last, boxes)
         for channel, topics in self._due:
-            if channel.busy:
-                channel.dropped += 1
-            else:
-                channel.given += 1
-                self._jobs.put((channel, topics, frame))
+            self._measure(channel, topics, frame)
         self._last = snapshots
+
+    def _measure(self, channel: Channel, topics: frozenset[str], frame: Frame) -> None:
+        outputs = channel.instrument.measure(self._sensors.world(frame), topics)
+        channel.outlet.publish(frame.stamp, outputs)
+
+
+class SensingThread(Sensing):
+    """Measures in a thread, for which the control cycle does not wait.
+
+    What is due while a sensor still has enough to do is dropped, the newest first.
+    """
+
+    def __init__(
+        self,
+        sensors: Sensors,
+        warn: Callable[[str], object],
+        failed: Callable[[BaseException], None],
+    ) -> None:
+        """Get ready; ``start`` starts the thread, and ``failed`` gets the error that ends it."""
+        super().__init__(sensors)
+        self._warn, self._failed = warn, failed
+        self._jobs: SimpleQueue[tuple[Channel, frozenset[str], Frame] | None] = SimpleQueue()
+        self._stopped = False
+        self._thread = threading.Thread(target=self._run, name="sensing", daemon=True)
+
+    def start(self) -> None:
+        """Start to measure; see ``Sensing``."""
+        super().start()
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread after what it is measuring."""
+        self._stopped = True
+        self._jobs.put(None)
+        if self._thread.is_alive():
+            self._thread.join(_PATIENCE)
+
+    def _measure(self, channel: Channel, topics: frozenset[str], frame: Frame) -> None:
+        if channel.busy:
+            channel.dropped += 1
+        else:
+            channel.given += 1
+            self._jobs.put((channel, topics, frame))
 
     def _run(self) -> None:
         try:
             while (job := self._jobs.get()) and not self._stopped:
-                channel, topics, frame = job
-                outputs = channel.instrument.measure(self._sensors.world(frame), topics)
-                channel.outlet.publish(frame.stamp, outputs)
+                super()._measure(*job)
+                channel = job[0]
                 channel.done += 1
                 if text := channel.warning(time.monotonic()):
                     self._warn(text)

@@ -1,0 +1,230 @@
+"""ROS nodes of this process in step with a Simulation: what they do does not depend on its speed.
+
+In each control cycle the robots' topics and transforms are published, as ``velocity_controller``
+publishes them and by the same code, with /clock and the measurements that are due. Then the nodes'
+callbacks run until nothing is left to do, timers on simulated time included; their commands take
+effect in the next cycle, and only then the physics moves on.
+"""
+
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, TypeVar
+from unittest.mock import patch
+
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor, TimeoutException
+from rclpy.experimental.events_executor import EventsExecutor
+from rclpy.node import Node
+from rclpy.task import Future
+
+from onebot_control.driven_robot import Snapshot
+from onebot_control.fleet import Divider, Fleet
+from onebot_control.nodes.control_loop import ControlLoop
+from onebot_control.nodes.driving import Driving
+from onebot_control.nodes.sensing import Sensing
+from onebot_control.parameters import ControlParameters
+from onebot_description.errors import OneBotError, listing
+from onebot_description.ros.discovery import configure_discovery, use_local_discovery
+from onebot_description.ros.message_age import WakeDetector
+from onebot_description.ros.node import RosArguments
+
+if TYPE_CHECKING:
+    from onebot_control.simulation import Simulation
+
+T = TypeVar("T")
+
+_POLLS = 10.0  # a simulated second, of who publishes commands and localizes
+_QUIET = (
+    2  # times that the executor finds nothing to do: a message may be on its way the first time
+)
+_WAIT = 0.005  # s between looks whether topics are connected
+_SIMULATED = ["--ros-args", "-p", "use_sim_time:=true"]
+_PATIENCE = 10.0  # s for topics to be connected
+
+
+class Lockstep:
+    """Nodes in step with a simulation; made by ``Simulation.ros``.
+
+    Nodes by callbacks and by timers on simulated time behave in the same way each time. Nothing is
+    guaranteed of timers on the wall's time, of threads and of executors of their own.
+    """
+
+    def __init__(self, simulation: "Simulation", domain_id: int | None = None) -> None:
+        """Put the simulation's robots on their topics.
+
+        Unless rclpy's default context is initialized, it is now, with use_sim_time for all nodes.
+        """
+        self._simulation = simulation
+        # A context of its own: in one, a topic cannot have two types, as ~/cmd_vel may have.
+        self._context = Context()
+        self._owns_default = not rclpy.ok()
+        with patch.dict(os.environ):
+            use_local_discovery()
+            configure_discovery()
+            if self._owns_default:
+                rclpy.init(args=_SIMULATED, domain_id=domain_id)
+            domain = rclpy.get_default_context().get_domain_id()
+            rclpy.init(args=_SIMULATED, domain_id=domain, context=self._context)
+        self._robots = EventsExecutor(context=self._context)  # it is cheaper by far
+        self._executor = SingleThreadedExecutor()
+        self._added: list[Node] = []
+        self._nodes = [
+            Node("velocity_controller", context=self._context, namespace=f"/{name}")
+            for name in simulation.robots
+        ]
+        try:
+            self._driving = self._start()
+        except BaseException:
+            self.close()
+            raise
+
+    def _start(self) -> Driving:
+        simulation, fleet = self._simulation, self._simulation._fleet
+        common = {"sensor_noise": simulation._noisy, "sensors": simulation._sensor_file}
+        settings = [
+            ControlParameters(node, RosArguments(), {**values, **common})
+            for node, values in zip(self._nodes, simulation._values, strict=True)
+        ]
+        driving = Driving(
+            self._nodes, settings, simulation._scene, simulated=True, seed=simulation.seed
+        )
+        for robot, driven in zip(driving.robots, fleet.robots, strict=True):
+            robot.description = driven.description
+        for robot in driving.robots:
+            robot.check_frames()
+        driving.start(SteppedLoop(fleet, driving.publish), Sensing(simulation._sensors))
+        self._poll_due = Divider(_POLLS, fleet.rate)
+        for node in self._nodes:
+            self._robots.add_node(node)
+        return driving
+
+    def add(self, *nodes: Node, timeout: float = _PATIENCE) -> None:
+        """Put nodes in step, and wait until they are connected with the robots' topics.
+
+        They are destroyed with this.
+
+        Args:
+            nodes: of rclpy's default context; with timers, use_sim_time has to be true.
+            timeout: s of the wall's time.
+
+        Raises:
+            OneBotError: a topic of theirs that a robot has was not connected in time; its type or
+                its QoS is another one.
+        """
+        for node in nodes:
+            self._executor.add_node(node)
+            self._added.append(node)
+        deadline = time.monotonic() + timeout
+        while apart := sorted({*self._unconnected()}):
+            if time.monotonic() > deadline:
+                text = f"{listing(apart)}: not connected with the robot in {timeout:g} s"
+                raise OneBotError(f"{text}; is it of the same type, with a compatible QoS?")
+            self._driving.poll()
+            self.settle()
+            time.sleep(_WAIT)
+        self.settle()
+
+    def publish(self, snapshots: Sequence[Snapshot], stamp: int) -> None:
+        """Do the part of a control cycle in which the nodes act; ``Simulation.run`` calls it."""
+        self._driving.publish(snapshots, stamp)
+        if self._poll_due.due():
+            self._driving.poll()
+        self.settle()
+
+    def settle(self) -> None:
+        """Run callbacks until there is nothing to do; what one raises is raised."""
+        quiet = 0
+        while quiet < _QUIET:
+            # Without a timeout it runs all that is ready.
+            self._robots.spin_until_future_complete(Future(), 0.0)
+            quiet = 0 if self._run_one() else quiet + 1
+
+    def _run_one(self) -> bool:
+        """Run one callback of the nodes added; return whether one was ready."""
+        try:
+            handler, _, _ = self._executor.wait_for_ready_callbacks(timeout_sec=0.0)
+        except TimeoutException:
+            return False
+        handler()
+        if (error := handler.exception()) is not None:
+            raise error
+        return True
+
+    def close(self) -> None:
+        """Destroy the nodes; the simulation goes on without ROS."""
+        self._simulation._ros = None
+        self._executor.shutdown()
+        for node in self._added:
+            node.destroy_node()
+        for node in self._nodes:
+            self._robots.remove_node(node)
+            node.destroy_node()
+        self._robots.shutdown()
+        rclpy.shutdown(context=self._context)
+        if self._owns_default:
+            rclpy.try_shutdown()
+
+    def __enter__(self) -> "Lockstep":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _unconnected(self) -> Iterator[str]:
+        """Yield the topics on which a node and a robot have not found each other, both of them."""
+        for some, others in ((self._nodes, self._added), (self._added, self._nodes)):
+            publishers = {each.topic_name: each for node in some for each in node.publishers}
+            subscribers: dict[str, int] = {}
+            for subscription in (each for node in others for each in node.subscriptions):
+                topic = subscription.topic_name
+                if topic in publishers:
+                    subscribers[topic] = subscribers.get(topic, 0) + 1
+                    if not subscription.get_publisher_count():
+                        yield topic
+            for topic, count in subscribers.items():
+                if publishers[topic].get_subscription_count() < count:
+                    yield topic
+
+
+class SteppedLoop(ControlLoop):
+    """A control loop whose cycles ``Simulation.run`` does: nothing waits, there is no thread."""
+
+    def __init__(self, fleet: Fleet, publish: Callable[[Sequence[Snapshot], int], None]) -> None:
+        super().__init__(fleet, publish, simulated=True, wake=WakeDetector(lambda: 0.0))
+
+    def start(self) -> None:
+        """Do nothing: ``Simulation.run`` does the cycles."""
+
+    def stop(self) -> None:
+        """Do nothing: the world is the simulation's."""
+
+    def post(self, function: Callable[[], object]) -> None:
+        """Call ``function`` now, which is between two cycles."""
+        function()
+
+    def call(self, function: Callable[[], T]) -> T:
+        """Call ``function`` now, which is between two cycles."""
+        return function()
+
+    @property
+    def left(self) -> float:
+        """Nothing is left: what is called takes effect in the next cycle."""
+        return 0.0
+
+    def set_factor(self, factor: float) -> None:
+        """Ignore the pace: a simulation is as fast as it can be."""
+
+    def pause(self, paused: bool) -> None:
+        """Refuse to, as ``step`` does."""
+        if paused:
+            self.step()
+
+    def step(self) -> None:
+        """Refuse.
+
+        Raises:
+            OneBotError: always.
+        """
+        raise OneBotError("time passes in Simulation.run only")

@@ -1,0 +1,197 @@
+"""Nodes in step with a Simulation behave in the same way each time, at any speed."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+import rclpy
+from geometry_msgs.msg import Twist, TwistStamped
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
+from sensor_msgs.msg import Image, JointState, LaserScan
+from std_srvs.srv import SetBool, Trigger
+
+from onebot_control import OneBotError, RobotSetup, Simulation
+from onebot_description.ros.wire.tf_message import TFMessage
+
+COMMANDS = "velocity_controller/cmd_vel"
+MAZE = {"world": "maze", "y": 0.8, "sensors": True, "seed": 3}
+
+pytestmark = pytest.mark.usefixtures("ros_domain")
+
+
+class Stopper(Node):
+    """Drives ahead, and stops half a metre before what it sees."""
+
+    def __init__(self, command: type = Twist) -> None:
+        super().__init__("stopper")
+        self.scans: list[LaserScan] = []
+        self.speed = -1.0
+        self.commands = self.create_publisher(command, COMMANDS, 10)
+        self.create_subscription(LaserScan, "scan", self.on_scan, qos_profile_sensor_data)
+
+    def on_scan(self, scan: LaserScan) -> None:
+        self.scans.append(scan)
+        self.command(min(scan.ranges[175:186]) - 0.5)
+
+    def command(self, room: float) -> None:
+        self.speed = min(0.5, 0.8 * room) if room > 0.01 else 0.0
+        message = self.commands.msg_type()
+        twist = message.twist if isinstance(message, TwistStamped) else message
+        twist.linear.x = self.speed
+        if isinstance(message, TwistStamped):
+            message.header.stamp = self.get_clock().now().to_msg()
+        self.commands.publish(message)
+
+
+class TimedStopper(Stopper):
+    """Commands by a timer of 20 Hz on simulated time."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.room, self.ticks = 0.0, 0
+        self.create_timer(0.05, self.tick)
+
+    def on_scan(self, scan: LaserScan) -> None:
+        self.room = min(scan.ranges[175:186]) - 0.5
+
+    def tick(self) -> None:
+        self.ticks += 1
+        self.command(self.room)
+
+
+def stopped(make: Callable[[], Stopper]) -> tuple[Any, ...]:
+    """Where and when a robot stops, and what it has seen."""
+    with Simulation(**MAZE) as simulation, simulation.ros() as ros:
+        robot, node = simulation.robot, make()
+        ros.add(node)
+        simulation.run(until=lambda: node.speed == 0.0 and robot.twist.linear < 1e-4, timeout=30.0)
+        assert 2.1 < robot.pose.x < 2.4
+        seen = [tuple(scan.ranges) for scan in node.scans]
+        return simulation.time, robot.pose, robot.odometry, seen
+
+
+@pytest.mark.parametrize(
+    "make",
+    [Stopper, lambda: Stopper(TwistStamped), TimedStopper],
+    ids=["by scans", "stamped", "by a timer"],
+)
+def test_a_node_stops_at_the_same_place_each_time(make: Callable[[], Stopper]) -> None:
+    first, *others = [stopped(make) for _ in range(3)]
+    assert others == [first, first]
+
+
+def test_each_measurement_that_is_due_is_published() -> None:
+    """At 10 Hz from the first cycle on; it is what the robot measures then in Python."""
+    with Simulation(**MAZE) as simulation, simulation.ros() as ros:
+        node, robot = Stopper(), simulation.robot
+        node.commands = node.create_publisher(Twist, "unused", 10)
+        ros.add(node)
+        measured = []
+        for _ in range(20):
+            measured.append(robot.scan().ranges.tolist())
+            simulation.run(0.1)
+        assert [scan.ranges.tolist() for scan in node.scans] == measured
+        stamps = [scan.header.stamp.sec + 1e-9 * scan.header.stamp.nanosec for scan in node.scans]
+        assert stamps == pytest.approx([0.01 + 0.1 * count for count in range(20)], abs=1e-9)
+
+
+class Listener(Node):
+    """Subscribes to what a robot publishes, and has clients of its services."""
+
+    def __init__(self, space: str = "") -> None:
+        super().__init__("listener", namespace=space)
+        self.received: dict[str, list[Any]] = {}
+        for kind, topic in (
+            (Odometry, "velocity_controller/odom"),
+            (JointState, "joint_states"),
+            (TFMessage, "/tf"),
+        ):
+            self.received[topic] = []
+            self.create_subscription(kind, topic, self.received[topic].append, 100)
+
+    def called(self, ros: Any, kind: Any, name: str, request: Any) -> Any:
+        client = self.create_client(kind, f"velocity_controller/{name}")
+        assert client.wait_for_service(10.0)
+        answer = client.call_async(request)
+        ros.settle()
+        return answer.result()
+
+
+def test_topics_and_services_are_those_of_the_controller() -> None:
+    with Simulation() as simulation, simulation.ros() as ros:
+        node, robot = Listener(), simulation.robot
+        ros.add(node)
+        robot.drive(0.5)
+        simulation.run(1.0)
+        assert len(node.received["joint_states"]) == 100
+        assert len(node.received["velocity_controller/odom"]) == 50
+        assert node.received["/tf"][-1].transforms[0].child_frame_id == "base_link"
+        assert node.called(ros, Trigger, "reset_odometry", Trigger.Request()).success
+        assert robot.odometry.x == 0.0 < robot.pose.x
+        refused = node.called(ros, SetBool, "pause", SetBool.Request(data=True))
+        assert not refused.success and "Simulation.run" in refused.message
+        with pytest.raises(OneBotError, match="time cannot go back"):
+            simulation.reset()
+        with pytest.raises(OneBotError, match="already"):
+            simulation.ros()
+    assert not rclpy.ok()
+
+
+def test_two_robots_and_a_simulation_that_goes_on_without_nodes() -> None:
+    robots = {"one": RobotSetup(), "two": RobotSetup(x=2.0)}
+    with Simulation(robots=robots) as simulation:
+        with simulation.ros() as ros:
+            node = Listener("/two")
+            ros.add(node)
+            simulation.robots["two"].drive(0.3)
+            simulation.run(0.5)
+            [last] = node.received["velocity_controller/odom"][-1:]
+            assert last.header.frame_id == "two/odom" and last.twist.twist.linear.x > 0.1
+        simulation.run(0.5)
+        simulation.reset()
+
+
+def test_what_a_callback_raises_is_raised_by_run() -> None:
+    class Broken(Stopper):
+        def on_scan(self, scan: LaserScan) -> None:
+            raise ZeroDivisionError
+
+    with Simulation(**MAZE) as simulation, simulation.ros() as ros:
+        ros.add(Broken())
+        with pytest.raises(ZeroDivisionError):
+            simulation.run(1.0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "topic", "qos"),
+    [
+        (Image, "scan", qos_profile_sensor_data),
+        (
+            JointState,
+            "joint_states",
+            QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=1),
+        ),
+    ],
+    ids=["type", "QoS"],
+)
+def test_what_cannot_be_connected_is_named(kind: type, topic: str, qos: QoSProfile) -> None:
+    with Simulation(**MAZE) as simulation, simulation.ros() as ros:
+        node = Node("listener")
+        node.create_subscription(kind, topic, print, qos)
+        with pytest.raises(OneBotError, match=f"/{topic}: not connected .* in 1 s"):
+            ros.add(node, timeout=1.0)
+
+
+def test_a_context_of_the_user_s_stays() -> None:
+    rclpy.init()
+    try:
+        with Simulation() as simulation, simulation.ros() as ros:
+            node = Listener()
+            ros.add(node)
+            simulation.run(0.1)
+            assert len(node.received["joint_states"]) == 10
+        assert rclpy.ok()
+    finally:
+        rclpy.shutdown()
