@@ -14,7 +14,6 @@ from hypothesis import HealthCheck, settings
 from xdist.scheduler import LoadScopeScheduling
 
 from tests.orphans import end_with_this_process
-from tests.support import used_domain
 
 _MOST_WORKERS = 16  # each may need more than one of the 100 ROS domains
 
@@ -97,13 +96,6 @@ class SlowScheduling(LoadScopeScheduling):
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> SlowScheduling | None:
     """Of the slow tests some take a minute, too long for whole files in turn (--dist=loadfile)."""
     return SlowScheduling(config, log) if config.option.markexpr == "slow" else None
-
-
-@pytest.fixture
-def ros_domain() -> Iterator[int]:
-    """A domain of the test's own."""
-    with used_domain() as domain:
-        yield domain
 
 
 @pytest.fixture

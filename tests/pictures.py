@@ -14,10 +14,11 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from onebot_bringup.testing.domains import used_domain
 from tests.readme import CHECKOUT
 from tests.ros_support import NodeProcess
 from tests.steering_browser_support import Page
-from tests.support import used_domain, wait_for
+from tests.support import wait_for
 from tests.support_browser import browser
 from tests.support_rendering import colored, pixels
 

@@ -8,8 +8,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-from domains import claimed_domain
 from readme import CHECKOUT, run_until_up
+
+from onebot_bringup.testing.domains import claimed_domain
 
 ROBOTS = ("mrm", "onebot")
 DRAWN = CHECKOUT / "onebot_description/urdf/onebot.urdf.xacro"

@@ -3,14 +3,11 @@
 import os
 import shutil
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from typing import TypeVar
 
 import pytest
-
-from onebot_description.ros.shared_memory import remove_broken_ports
-from tests.domains import claimed_domain
 
 T = TypeVar("T")
 
@@ -85,19 +82,3 @@ def skip_for(missing: str) -> None:
     if os.environ.get("CI"):
         pytest.fail(reason)
     pytest.skip(reason)
-
-
-_PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
-
-
-@contextmanager
-def used_domain() -> Iterator[int]:
-    """A ROS_DOMAIN_ID that nobody else has, with discovery kept on this host."""
-    remove_broken_ports()
-    with claimed_domain() as domain, pytest.MonkeyPatch.context() as patch:
-        patch.setenv("ROS_DOMAIN_ID", str(domain))
-        patch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-        patch.delenv("ROS_LOCALHOST_ONLY", raising=False)
-        patch.setenv(_PROFILE, "")  # a command that runs in this process sets it
-        patch.delenv(_PROFILE)
-        yield domain

@@ -49,6 +49,9 @@ class Lockstep:
 
     Nodes by callbacks and by timers on simulated time behave in the same way each time. Nothing is
     guaranteed of timers on the wall's time, of threads and of executors of their own.
+
+    Attributes:
+        simulation: in which they are.
     """
 
     def __init__(self, simulation: "Simulation", domain_id: int | None = None) -> None:
@@ -56,7 +59,7 @@ class Lockstep:
 
         Unless rclpy's default context is initialized, it is now, with use_sim_time for all nodes.
         """
-        self._simulation = simulation
+        self.simulation = simulation
         # A context of its own: in one, a topic cannot have two types, as ~/cmd_vel may have.
         self._context = Context()
         self._owns_default = not rclpy.ok()
@@ -81,7 +84,7 @@ class Lockstep:
             raise
 
     def _start(self) -> Driving:
-        simulation, fleet = self._simulation, self._simulation._fleet
+        simulation, fleet = self.simulation, self.simulation._fleet
         common = {"sensor_noise": simulation._noisy, "sensors": simulation._sensor_file}
         settings = [
             ControlParameters(node, RosArguments(), {**values, **common})
@@ -154,7 +157,7 @@ class Lockstep:
 
     def close(self) -> None:
         """Destroy the nodes; the simulation goes on without ROS."""
-        self._simulation._ros = None
+        self.simulation._ros = None
         self._executor.shutdown()
         for node in self._added:
             node.destroy_node()

@@ -24,6 +24,7 @@ _DEPTH = 1e-3  # m; bodies that touch penetrate each other by less
 # 0.5 m high from half of a box of 0.2 m in the ground. Any other place for such a box would be a
 # guess, so it is refused, as robots are that start in a wall.
 _DEEPEST = 0.01
+_SLEEPS, _AWAKE = "ENABLE_SLEEPING ENABLE_WAKEUP", "WAKE_UP"  # as PyBullet's constants end
 
 
 def load_scene(world: str) -> Description | None:
@@ -127,6 +128,8 @@ class SceneBodies:
         for part, start in zip(self._free if free else (), self._starts, strict=False):
             self._parts.append(load_robot(client, ground, part, settings))
             self._parts[-1].place(start)
+            # At rest it takes no time, until something touches it: two crates took half of a step.
+            self._activate(self._parts[-1], _SLEEPS)
         if problems := [*self._overlap_problems(ground)]:
             raise OneBotError("\n".join(problems))
         self.read()
@@ -154,6 +157,7 @@ class SceneBodies:
         """Put what can be pushed to ``poses``, at rest."""
         for part, pose in zip(self._parts, poses, strict=True):
             part.place(pose)
+            self._activate(part, _AWAKE)
         self.read()
 
     def put_back(self, robots: Sequence[LoadedRobot]) -> None:
@@ -165,6 +169,11 @@ class SceneBodies:
             part.place(start)
             if any(self._overlaps(robot, part.body) for robot in robots):
                 part.place(pose)
+            self._activate(part, _AWAKE)
+
+    def _activate(self, part: LoadedRobot, states: str) -> None:
+        state = sum(getattr(engine, f"ACTIVATION_STATE_{name}") for name in states.split())
+        engine.changeDynamics(part.body, -1, activationState=state, physicsClientId=self._client)
 
     def check(self) -> None:
         """Raise OneBotError if the last poses were not finite."""

@@ -18,6 +18,7 @@ from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Image, LaserScan
 
+from onebot_bringup.testing.domains import used_domain
 from onebot_description.description import load_description
 from tests.benchmarks.measuring import (
     MODEL,
@@ -30,7 +31,7 @@ from tests.benchmarks.measuring import (
 )
 from tests.benchmarks.report import Report, Result
 from tests.ros_support import NodeProcess, Peer
-from tests.support import PATIENCE, used_domain
+from tests.support import PATIENCE
 
 _RATE = 100.0
 _SPEED, _TOLERANCE = 0.2, 0.01  # m/s

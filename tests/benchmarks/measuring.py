@@ -10,9 +10,9 @@ import psutil
 import pytest
 from numpy.typing import ArrayLike
 
+from onebot_bringup.testing.domains import used_domain
 from onebot_description.errors import OneBotError
 from tests.ros_support import NodeProcess
-from tests.support import used_domain
 
 T = TypeVar("T")
 MODEL = "package://onebot_description/urdf/onebot.urdf.xacro"

@@ -14,11 +14,12 @@ from typing import Any
 import pytest
 from nav_msgs.msg import Odometry
 
+from onebot_bringup.testing.domains import used_domain
 from onebot_description.ros.wire.tf_message import TFMessage
 from tests.benchmarks.measuring import WrongAnswer, in_turn, median, over, rss_mb
 from tests.benchmarks.report import Report, Result
 from tests.ros_support import NodeProcess, Peer
-from tests.support import used_domain, wait_for
+from tests.support import wait_for
 
 _ODOM = "/velocity_controller/odom"
 _BASE = ("odom", "base_link")

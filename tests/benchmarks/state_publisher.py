@@ -13,13 +13,13 @@ from tempfile import TemporaryDirectory
 from builtin_interfaces.msg import Time
 from rclpy.serialization import serialize_message
 
+from onebot_bringup.testing.domains import used_domain
 from onebot_description.ros.wire.messages import transforms_message
 from tests.benchmarks.chains import Chain
 from tests.benchmarks.load import Load, Window
 from tests.benchmarks.measuring import in_turn, median, over
 from tests.benchmarks.report import Report, Result
 from tests.ros_support import NodeProcess
-from tests.support import used_domain
 
 # Joints to the most CPU per message allowed, over the floor's.
 _GOALS = {10: 1.25, 50: 1.3, 200: 1.4, 1000: 2.0}

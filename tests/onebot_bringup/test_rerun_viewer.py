@@ -20,6 +20,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 from std_srvs.srv import Trigger
 
+from onebot_bringup.testing.domains import used_domain
 from onebot_bringup.viewer.live_view import LiveView
 from onebot_bringup.viewer.rendering import headless_viewer, still
 from onebot_bringup.viewer.rerun_viewer import PageCameras, RerunViewer
@@ -31,7 +32,7 @@ from onebot_description.ros.wire.tf_message import TFMessage
 from tests.onebot_bringup.drive_support import chunks, stamps, while_written
 from tests.onebot_bringup.viewer_support import ARM, BLUE, ORANGE, VIEW, viewer_node
 from tests.ros_support import LATCHED, NodeProcess, Peer
-from tests.support import lines_of_ours, used_domain, wait_for
+from tests.support import lines_of_ours, wait_for
 from tests.support_rendering import center, colored, pixels, require_renderer
 
 NODE = "/rerun_viewer"

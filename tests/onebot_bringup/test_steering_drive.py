@@ -8,10 +8,11 @@ import pytest
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 
+from onebot_bringup.testing.domains import used_domain
 from tests.onebot_bringup.steering_support import PageClient, steering
 from tests.onebot_control.control_support import urdf
 from tests.ros_support import NodeProcess, Peer, ros_args
-from tests.support import used_domain, wait_for
+from tests.support import wait_for
 
 WHEELS = {"left_wheel_names": "[left_wheel_joint]", "right_wheel_names": "[right_wheel_joint]"}
 LIMITS = {"linear.x.max_velocity": 0.5}  # the others are those of control.yaml

@@ -11,6 +11,7 @@ import aiohttp
 import pytest
 from std_msgs.msg import String
 
+from onebot_bringup.testing.domains import used_domain
 from tests.onebot_bringup.steering_support import (
     MODULE,
     Commands,
@@ -24,7 +25,7 @@ from tests.onebot_bringup.steering_support import (
     visited,
 )
 from tests.ros_support import LATCHED, NodeProcess, ros_args
-from tests.support import PATIENCE, used_domain, wait_for
+from tests.support import PATIENCE, wait_for
 
 
 @pytest.fixture(scope="module")

@@ -15,11 +15,12 @@ from selenium.webdriver.support.select import Select
 from sensor_msgs.msg import Image
 from std_msgs.msg import String
 
+from onebot_bringup.testing.domains import used_domain
 from tests.onebot_bringup.steering_support import Steering, steering
 from tests.onebot_bringup.viewer_support import ARM
 from tests.ros_support import LATCHED, Peer
 from tests.steering_browser_support import Page
-from tests.support import used_domain, wait_for
+from tests.support import wait_for
 from tests.support_browser import browser
 
 pytestmark = pytest.mark.slow

@@ -41,11 +41,12 @@ from onebot_bringup.steering.protocol import ProtocolError
 from onebot_bringup.steering.tool_requests import OtherThread, parse_values
 from onebot_bringup.steering.tools import Click, message_of, parse_click
 from onebot_bringup.steering.view_proxy import legend_of, shown_topics
+from onebot_bringup.testing.domains import used_domain
 from onebot_description.errors import OneBotError
 from onebot_description.ros.wire.tf_message import TFMessage
 from tests.onebot_bringup.steering_support import PageClient, address_of, steering
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
-from tests.support import PATIENCE, used_domain, wait_for
+from tests.support import PATIENCE, wait_for
 
 CLICK = {
     "tool": "goal", "frame": "map", "x": 1.5, "y": -2, "yaw": math.pi / 2,

@@ -21,6 +21,7 @@ from onebot_bringup.steering.command_limits import LINEAR, TIMEOUT
 from onebot_bringup.steering.command_topic import named_robots
 from onebot_bringup.steering.controllers import Controllers
 from onebot_bringup.steering.odometry_topic import choose_odometry
+from onebot_bringup.testing.domains import used_domain
 from tests.onebot_bringup.steering_support import (
     TOPIC,
     Commands,
@@ -31,7 +32,7 @@ from tests.onebot_bringup.steering_support import (
     visited,
 )
 from tests.ros_support import LATCHED, Peer
-from tests.support import PATIENCE, used_domain, wait_for
+from tests.support import PATIENCE, wait_for
 
 STAMPED = "geometry_msgs/msg/TwistStamped"
 ONLOOKED = "/base/cmd_vel"

@@ -179,6 +179,24 @@ def test_reset_puts_boxes_back_bit_for_bit():
         assert (bits(simulation), simulation.scene.poses) == (after, pushed)
 
 
+def test_boxes_that_have_long_been_at_rest_move_again():
+    """What touches one moves it, and one that goes back to where it began falls from there."""
+    high = part("high", xyz="2 1 0.5", kind="floating", mass=1.0)
+    with among(scene(BOX, high)) as simulation:
+        go(simulation, 0.0, 6.0)
+        poses = simulation.scene.poses
+        assert poses[1][0][2] == pytest.approx(0.1, abs=1e-3)
+        go(simulation, 0.0, 1.0)
+        assert simulation.scene.poses == poses  # they sleep
+        go(simulation, 4.0, 2.0)
+        assert simulation.scene.poses[0][0][0] > 0.6
+        for _ in range(2):
+            simulation.reset()
+            assert simulation.scene.poses[1][0][2] == pytest.approx(0.5)
+            go(simulation, 0.0, 4.0)
+            assert simulation.scene.poses[1][0][2] == pytest.approx(0.1, abs=1e-3)
+
+
 def test_one_of_several_robots_puts_boxes_back_unless_a_robot_is_there():
     other = part("other", xyz="3 0 0.1", kind="floating", mass=1.0)
     spawns = [RobotSpawn(robot(), DRIVEN), RobotSpawn(robot(), DRIVEN, 0.0, 3.0)]

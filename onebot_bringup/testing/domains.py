@@ -1,11 +1,14 @@
 """ROS domains that nothing else on this machine has."""
 
+import os
 import random
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
+from unittest.mock import patch
 
 from onebot_description.errors import OneBotError
+from onebot_description.ros.shared_memory import remove_broken_ports
 
 # Beyond 101 the ports of a domain (RTPS 2.2, section 9.6.1.1) meet those that Linux hands out.
 _DOMAINS = range(1, 101)
@@ -34,3 +37,19 @@ def claimed_domain() -> Iterator[int]:
             yield domain
             return
     raise OneBotError(f"all {len(_DOMAINS)} ROS domains are in use on this computer")
+
+
+@contextmanager
+def used_domain() -> Iterator[int]:
+    """Set ROS_DOMAIN_ID to a domain that nobody else has, with discovery kept on this computer.
+
+    The environment is as before afterwards.
+    """
+    remove_broken_ports()
+    with claimed_domain() as domain, patch.dict(os.environ):
+        os.environ["ROS_DOMAIN_ID"] = str(domain)
+        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+        # What a node in this process has set would hold for the next one, too.
+        for name in ("ROS_LOCALHOST_ONLY", "FASTRTPS_DEFAULT_PROFILES_FILE"):
+            os.environ.pop(name, None)
+        yield domain

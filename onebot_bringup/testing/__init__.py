@@ -1,0 +1,1 @@
+"""What tests of robots use: the pytest plugin, and ROS domains of their own."""

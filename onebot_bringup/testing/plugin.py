@@ -1,0 +1,96 @@
+"""The pytest plugin: robots for the tests of others, as fixtures. Nothing happens without them.
+
+``simulation`` makes a ``Simulation``, ``ros_simulation`` one with nodes in step, and ``bringup``
+starts a bringup as processes. Each test has a ROS domain of its own, ``ros_domain``, so that
+``pytest -n 8`` never crosses. All is closed after the test.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from onebot_bringup.testing.running import RunningBringup
+    from onebot_control.nodes.lockstep import Lockstep
+    from onebot_control.simulation import Simulation
+
+_MADE = pytest.StashKey["list[Simulation]"]()
+_DOMAIN = pytest.StashKey[int]()
+
+
+@pytest.fixture
+def simulation(request: pytest.FixtureRequest) -> Iterator[Callable[..., Simulation]]:
+    """Return a function that makes simulations; its arguments are those of ``Simulation``."""
+    from onebot_control.simulation import Simulation
+
+    made = request.node.stash.setdefault(_MADE, [])
+    with ExitStack() as stack:
+
+        def make(*args: Any, **arguments: Any) -> Simulation:
+            simulation = stack.enter_context(Simulation(*args, **arguments))
+            made.append(simulation)
+            return simulation
+
+        yield make
+
+
+@pytest.fixture
+def ros_domain(request: pytest.FixtureRequest) -> Iterator[int]:
+    """Set ROS_DOMAIN_ID to a domain that no other test and no robot of this computer has."""
+    from onebot_bringup.testing.domains import used_domain
+
+    with used_domain() as domain:
+        request.node.stash[_DOMAIN] = domain
+        yield domain
+
+
+@pytest.fixture
+def ros_simulation(
+    simulation: Callable[..., Simulation], ros_domain: int
+) -> Iterator[Callable[..., Lockstep]]:
+    """Return a function that makes simulations with ROS nodes in step.
+
+    Its arguments are those of ``Simulation``; it returns the ``Lockstep``, whose ``simulation`` it
+    is. rclpy is initialized then: nodes are made after it, and destroyed with it.
+    """
+    with ExitStack() as stack:
+
+        def make(*args: Any, **arguments: Any) -> Lockstep:
+            return stack.enter_context(simulation(*args, **arguments).ros(ros_domain))
+
+        yield make
+
+
+@pytest.fixture
+def bringup(ros_domain: int) -> Iterator[Callable[..., RunningBringup]]:
+    """Return a function that starts a bringup in real time, and returns when its robots are up.
+
+    Its arguments are words of the command line, such as ``"world:=maze"`` for ``onebot_bringup``;
+    ``command="mrm_bringup"`` starts another one. There is no viewer unless a word says so. It ends
+    with the test, and also if pytest is killed.
+    """
+    from onebot_bringup.testing.running import RunningBringup
+
+    with ExitStack() as stack:
+
+        def start(*words: str, command: str = "onebot_bringup") -> RunningBringup:
+            return stack.enter_context(RunningBringup(command, words))
+
+        yield start
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
+    """Add to the report of a failed test how to have the same run again, and where it ended."""
+    report = yield
+    if report.when == "call" and report.failed:  # type: ignore[attr-defined]
+        lines = [f"seed {each.seed}, {each!r}" for each in item.stash.get(_MADE, [])]
+        if _DOMAIN in item.stash:
+            lines.append(f"ROS_DOMAIN_ID {item.stash[_DOMAIN]}")
+        if lines:
+            report.sections.append(("robots", "\n".join(lines)))  # type: ignore[attr-defined]
+    return report

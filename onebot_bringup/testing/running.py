@@ -1,0 +1,122 @@
+"""A bringup that a test has started."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import TracebackType
+from unittest.mock import patch
+
+from onebot_bringup.launcher.guard import Guard, signal_group
+from onebot_description.errors import OneBotError
+from onebot_description.ros.discovery import configure_discovery
+
+_UP = "Ctrl-C stops everything"
+_MODULES = {
+    "onebot_bringup": "onebot_bringup.launch.onebot_bringup",
+    "mrm_bringup": "mrm_description.launch.mrm_bringup",
+}
+_START = 60.0  # s until the robot is up
+_STOP = 30.0  # s; the launcher itself kills what has not ended after 4 s
+_POLL = 0.02  # s
+
+
+class RunningBringup:
+    """A bringup in processes of its own: real time, real discovery.
+
+    It ends with the ``with`` block, and also if this process is killed.
+    """
+
+    def __init__(self, command: str, words: Sequence[str]) -> None:
+        """Start it, and wait until its robots publish joint states.
+
+        Args:
+            command: "onebot_bringup" or "mrm_bringup".
+            words: its arguments, such as "world:=maze".
+
+        Raises:
+            OneBotError: it ended, or it was not up after a minute; with what it printed.
+        """
+        self._folder = TemporaryDirectory(prefix="onebot-test-")
+        self._log = Path(self._folder.name) / "output"
+        self._guard = Guard()
+        shown = any(word.startswith("viewer:=") for word in words)
+        arguments = [*words] if shown else ["viewer:=none", *words]
+        with self._log.open("w") as log:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", _MODULES[command], *arguments],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+        self._guard.add(self._process.pid)
+        try:
+            self._await_robots()
+        except BaseException:
+            self.stop()
+            raise
+
+    @property
+    def output(self) -> str:
+        """All that it has printed so far."""
+        return self._log.read_text()
+
+    def stop(self) -> int:
+        """Press Ctrl-C, and wait for the end; return the exit code."""
+        if self._process.poll() is None:
+            signal_group(self._process.pid, signal.SIGINT)
+        try:
+            return self._process.wait(_STOP)
+        except subprocess.TimeoutExpired:
+            signal_group(self._process.pid, signal.SIGKILL)
+            return self._process.wait()
+        finally:
+            self._guard.discard(self._process.pid)
+            self._guard.close()
+
+    def __enter__(self) -> "RunningBringup":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: object, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+        if self._log.exists():
+            print(self.output)  # pytest shows it where the test has failed
+        self._folder.cleanup()
+
+    def _await_robots(self) -> None:
+        """Wait until the bringup has said that it is up, and a joint state comes."""
+        import rclpy
+        from rclpy.executors import SingleThreadedExecutor
+        from sensor_msgs.msg import JointState
+
+        context = rclpy.Context()
+        with patch.dict(os.environ):
+            configure_discovery()  # as the robots have it: neither waits for the other
+            rclpy.init(args=[], context=context)
+        node = rclpy.create_node("bringup_test", context=context)
+        executor = SingleThreadedExecutor(context=context)
+        executor.add_node(node)
+        received: list[JointState] = []
+        try:
+            deadline = time.monotonic() + _START
+            while not (received and _UP in self.output):
+                if self._process.poll() is not None:
+                    raise OneBotError(f"the bringup has ended:\n{self.output}")
+                if time.monotonic() > deadline:
+                    raise OneBotError(f"not up after {_START:g} s:\n{self.output}")
+                topics = dict(node.get_topic_names_and_types())
+                for topic in topics.keys() - {each.topic_name for each in node.subscriptions}:
+                    if topic.endswith("joint_states"):
+                        node.create_subscription(JointState, topic, received.append, 10)
+                executor.spin_once(timeout_sec=_POLL)
+        finally:
+            executor.shutdown()
+            node.destroy_node()
+            rclpy.shutdown(context=context)

@@ -1,0 +1,123 @@
+"""The pytest plugin, in the tests of somebody else."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.orphans import marked
+from tests.ros_support import RunningProcess
+from tests.support import wait_for
+
+PLUGIN = "onebot_bringup.testing.plugin"
+FIXTURES = """
+import os
+import rclpy
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+
+def test_simulation(simulation):
+    one, two = simulation(), simulation(seed=3)
+    one.robot.drive(0.5)
+    one.run(2.0)
+    assert one.robot.pose.x > 0.5 > two.robot.pose.x == 0.0
+
+def test_nodes_in_step(ros_simulation, ros_domain):
+    ros = ros_simulation()
+    received = []
+    node = Node("listener")
+    assert node.context.get_domain_id() == ros_domain == int(os.environ["ROS_DOMAIN_ID"])
+    node.create_subscription(JointState, "joint_states", received.append, 100)
+    ros.add(node)
+    ros.simulation.run(1.0)
+    assert len(received) == 100
+
+def test_nothing_is_left_of_the_test_before():
+    assert not rclpy.ok() and "ROS_DOMAIN_ID" not in os.environ
+"""
+BRINGUP = """
+def test_bringup(bringup):
+    assert "driving robot" in bringup().output
+
+def test_bringup_of_mrm(bringup):
+    assert "base_link" in bringup(command="mrm_bringup").output
+
+def test_what_does_not_start(bringup):
+    bringup("world:=maize")
+"""
+FAILS = """
+def test_fails(simulation, ros_domain):
+    world = simulation(seed=5)
+    world.run(1.0)
+    assert False
+"""
+WAITS = """
+import time
+def test_waits(bringup):
+    bringup()
+    print("up", flush=True)
+    time.sleep(600)
+"""
+
+
+def words(*arguments: str) -> list[str]:
+    return [sys.executable, "-m", "pytest", "-p", PLUGIN, "-p", "no:cacheprovider", *arguments]
+
+
+def run(folder: Path, code: str, *arguments: str) -> str:
+    """Run tests in a folder without any settings; what pytest prints."""
+    (folder / "test_robot.py").write_text(code)
+    environment = {name: value for name, value in os.environ.items() if name != "ROS_DOMAIN_ID"}
+    done = subprocess.run(
+        words(*arguments), cwd=folder, capture_output=True, text=True, env=environment
+    )
+    return done.stdout + done.stderr
+
+
+def test_fixtures(tmp_path: Path) -> None:
+    assert "3 passed" in run(tmp_path, FIXTURES)
+
+
+def test_a_failure_names_seed_time_and_domain(tmp_path: Path) -> None:
+    output = run(tmp_path, FAILS)
+    assert "1 failed" in output
+    assert "seed 5, <Simulation at 1 s: robot at x 0.000 m" in output
+    assert "ROS_DOMAIN_ID " in output
+
+
+@pytest.mark.slow
+def test_bringups_side_by_side(tmp_path: Path) -> None:
+    """Each in a domain of its own; what a bringup says of a mistake is the error."""
+    output = run(tmp_path, BRINGUP, "-n", "3")
+    assert "2 passed" in output and "1 failed" in output
+    assert 'no world "maize"' in output
+
+
+@pytest.mark.slow
+def test_nothing_is_left_of_a_run_that_is_killed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mark = f"killed-{time.monotonic_ns()}"
+    monkeypatch.setenv("ONEBOT_TEST_KILLED", mark)
+    (tmp_path / "test_robot.py").write_text(WAITS)
+    with RunningProcess(words("-s"), tmp_path, check=False) as process:
+        wait_for(lambda: "up\n" in process.output, "the bringup")
+        assert marked(mark, "velocity_controller")
+        os.kill(process.process.pid, signal.SIGKILL)
+        killed = time.monotonic()
+        wait_for(lambda: not marked(mark), "the end of all that it started")
+        assert time.monotonic() - killed < 15.0  # 5 s on an idle computer
+
+
+def test_importing_it_takes_nothing() -> None:
+    """A run of tests without robots pays nothing for the plugin."""
+    code = (
+        f"import sys, pytest; before = set(sys.modules); import {PLUGIN};"
+        "new = {name.partition('.')[0] for name in set(sys.modules) - before};"
+        "assert not new & {'rclpy', 'rerun', 'pybullet', 'numpy', 'onebot_control'}, new"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
