@@ -48,6 +48,7 @@ ROSDEP_KEYS = {
 # There is no key for these: pip installs them.
 WITHOUT_KEY = {
     "embreex",
+    "gymnasium",
     "ipywidgets",
     "lz4",
     "manifold3d",

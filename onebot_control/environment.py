@@ -1,0 +1,119 @@
+"""OneBot as an environment of Gymnasium, for learning: ``pip install 'onebot-robots[gym]'``.
+
+Example:
+    >>> from onebot_control.environment import OneBotEnv
+    >>> environment = OneBotEnv(world="maze", max_steps=50)
+    >>> observation, _ = environment.reset(seed=1)
+    >>> observation["scan"].shape, observation["odometry"].shape
+    ((360,), (5,))
+    >>> observation, reward, terminated, truncated, _ = environment.step(np.array([0.5, 0.0]))
+    >>> environment.close()
+"""
+
+import math
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from onebot_control.simulation import SimulatedRobot, Simulation
+
+_FASTEST = np.array([1.0, 3.0], np.float32)  # m/s, rad/s; OneBot's limiter allows no more
+_NEAR = 0.05  # m: nearer to something than the robot's front the episode ends
+_FRONT = 0.25  # m, from the lidar to the robot's outline at most
+
+Observation = dict[str, NDArray[np.float32]]
+
+
+class OneBotEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
+    """Velocity commands in; scan and odometry out. Override ``reward`` and ``is_over`` for a task.
+
+    As it is, it rewards metres driven forward, and an episode is over near an obstacle.
+
+    Attributes:
+        simulation: what is simulated; its ``robot`` is what acts.
+        action_space: (2,), -1 to 1: shares of 1 m/s forward and of 3 rad/s to the left.
+        observation_space: "scan" (N,): ranges in m, 0 where it is too near and the greatest range
+            where nothing is in range; "odometry" (5,): x, y (m), yaw (rad), m/s, rad/s.
+    """
+
+    metadata: dict[str, Any] = {  # noqa: RUF012 - it is the base class's
+        "render_modes": ["rgb_array"],
+        "render_fps": 10,
+    }
+
+    def __init__(
+        self,
+        render_mode: str | None = None,
+        *,
+        seconds: float = 0.1,
+        max_steps: int = 1000,
+        **simulation: Any,
+    ) -> None:
+        """Build the simulation.
+
+        Args:
+            render_mode: None, or "rgb_array" for what the camera sees.
+            seconds: simulated seconds of a step.
+            max_steps: steps after which an episode is truncated.
+            simulation: arguments of ``Simulation``, such as ``world="maze"``.
+        """
+        self.render_mode = render_mode
+        self._seconds, self._max_steps, self._steps = seconds, max_steps, 0
+        self.simulation = Simulation(**{"sensors": True, **simulation})
+        scan = self.simulation.robot.scan()
+        self._farthest = np.float32(scan.range_max)
+        self.action_space = spaces.Box(-1.0, 1.0, _FASTEST.shape)
+        self.observation_space = spaces.Dict(  # type: ignore[assignment] # of a dict of arrays
+            {
+                "scan": spaces.Box(0.0, scan.range_max, scan.ranges.shape),
+                "odometry": spaces.Box(-math.inf, math.inf, (5,)),
+            }
+        )
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Go back to the start; with a ``seed`` the noise of this and later episodes repeats."""
+        super().reset(seed=seed, options=options)
+        self.simulation.reset(seed=int(self.np_random.integers(2**63)))
+        self._steps = 0
+        return self._observation(), {}
+
+    def step(
+        self, action: NDArray[np.float32]
+    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Drive by an action for a step; return observation, reward, terminated and truncated."""
+        robot = self.simulation.robot
+        robot.drive(*(_FASTEST * action).tolist())
+        self.simulation.run(self._seconds)
+        self._steps += 1
+        truncated = self._steps >= self._max_steps
+        return self._observation(), self.reward(robot), self.is_over(robot), truncated, {}
+
+    def reward(self, robot: SimulatedRobot) -> float:
+        """Return the reward of the last step: metres forward."""
+        return robot.twist.linear * self._seconds
+
+    def is_over(self, robot: SimulatedRobot) -> bool:
+        """Return whether the episode is over: the robot is about to touch something ahead."""
+        return robot.distance_ahead() < _FRONT + _NEAR
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """Return the camera's picture (height, width, 3), if ``render_mode`` is "rgb_array"."""
+        return self.simulation.robot.image() if self.render_mode else None
+
+    def close(self) -> None:
+        """Free the simulation."""
+        self.simulation.close()
+
+    def _observation(self) -> Observation:
+        robot = self.simulation.robot
+        odometry = robot.odometry
+        values = odometry.x, odometry.y, odometry.yaw, odometry.linear, odometry.angular
+        return {
+            "scan": np.clip(robot.scan().ranges, np.float32(0.0), self._farthest),
+            "odometry": np.array(values, np.float32),
+        }

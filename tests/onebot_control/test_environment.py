@@ -1,0 +1,47 @@
+"""OneBot as an environment of Gymnasium."""
+
+import doctest
+import warnings
+
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+from onebot_control import environment
+from onebot_control.environment import OneBotEnv
+
+
+def test_the_example_of_the_module() -> None:
+    found = doctest.testmod(environment)
+    assert found.attempted and not found.failed
+
+
+def test_gymnasium_s_own_check() -> None:
+    """With noise on, and pictures; each warning of it is an error."""
+    made = OneBotEnv(render_mode="rgb_array", world="maze")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", message=".*(spec|infinity).*")
+        check_env(made)
+    made.close()
+
+
+def test_an_episode_repeats_by_its_seed_and_ends_near_a_wall() -> None:
+    made = OneBotEnv(world="maze", y=0.8, max_steps=60)
+
+    def episode(seed: int) -> list[bytes]:
+        made.reset(seed=seed)
+        scans = []
+        for step in range(1, 61):
+            observation, reward, terminated, truncated, _ = made.step(np.array([0.5, 0.0]))
+            assert reward == pytest.approx(0.1 * made.simulation.robot.twist.linear)
+            assert truncated == (step == 60)
+            scans.append(observation["scan"].tobytes())
+            if terminated:
+                assert 0.2 < made.simulation.robot.distance_ahead() < 0.3
+                return scans
+        raise AssertionError("it drove on")
+
+    first = episode(4)
+    assert first == episode(4) != episode(5)
+    made.close()
