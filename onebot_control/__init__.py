@@ -9,8 +9,8 @@ From Python, without ROS, everything begins with a ``Simulation``::
         simulation.run(2.0)
         print(simulation.robot.pose, simulation.robot.scan().ahead)
 
-``simulation.robot`` is a ``SimulatedRobot``. It gives its true ``Pose`` and ``Twist``, its
-``Odometry``, the ``JointState`` of each joint, and what its sensors measure: a ``Scan``, an
+``simulation.robot`` is a ``SimulatedRobot``. It gives its true ``RobotPose`` and ``PlanarVelocity``, its
+``OdometryReading``, the ``JointState`` of each joint, and what its sensors measure: a ``Scan``, an
 ``ImuReading``, or arrays. Several robots are given as ``RobotSetup``. A mistake in a file or an
 argument is a ``OneBotError``.
 
@@ -25,14 +25,14 @@ __version__: str
 __all__ = [
     "ImuReading",
     "JointState",
-    "Odometry",
+    "OdometryReading",
     "OneBotError",
-    "Pose",
+    "RobotPose",
     "RobotSetup",
     "Scan",
     "SimulatedRobot",
     "Simulation",
-    "Twist",
+    "PlanarVelocity",
     "__version__",
 ]
 
@@ -40,10 +40,10 @@ if TYPE_CHECKING:
     from onebot_control.sensing.readings import (
         ImuReading,
         JointState,
-        Odometry,
-        Pose,
+        OdometryReading,
+        PlanarVelocity,
+        RobotPose,
         Scan,
-        Twist,
     )
     from onebot_control.simulation import RobotSetup, SimulatedRobot, Simulation
     from onebot_description.errors import OneBotError
@@ -51,7 +51,8 @@ else:
     __getattr__ = onebot_description.lazy(
         {
             "onebot_control.sensing.readings": (
-                *("ImuReading", "JointState", "Odometry", "Pose", "Scan", "Twist"),
+                *("ImuReading", "JointState", "OdometryReading"),
+                *("RobotPose", "Scan", "PlanarVelocity"),
             ),
             "onebot_control.simulation": ("RobotSetup", "SimulatedRobot", "Simulation"),
             "onebot_description.errors": ("OneBotError",),

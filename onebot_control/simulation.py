@@ -30,7 +30,14 @@ from onebot_control.poses import PlanarPose
 from onebot_control.sensing.instruments import Frame, Instrument, SensedWorld, Sensors
 from onebot_control.sensing.lidar import angles
 from onebot_control.sensing.rays import Rays, cast
-from onebot_control.sensing.readings import ImuReading, JointState, Odometry, Pose, Scan, Twist
+from onebot_control.sensing.readings import (
+    ImuReading,
+    JointState,
+    OdometryReading,
+    PlanarVelocity,
+    RobotPose,
+    Scan,
+)
 from onebot_control.sensing.surroundings import LinkPose, SensedRobot
 from onebot_description.description import Description, load_description
 from onebot_description.description.description import Lidar
@@ -405,35 +412,35 @@ class SimulatedRobot:
         return self._driven.geometry.radius
 
     @property
-    def pose(self) -> Pose:
+    def pose(self) -> RobotPose:
         """Where the robot truly is in the world."""
         (x, y, z), rotation = self._driven.snapshot().pose
         roll, pitch, yaw = quaternions.to_rpy(quaternions.to_matrix(rotation))
-        return Pose(x, y, z, roll, pitch, yaw)
+        return RobotPose(x, y, z, roll, pitch, yaw)
 
     @property
-    def twist(self) -> Twist:
+    def twist(self) -> PlanarVelocity:
         """How fast the robot truly is."""
         linear, angular = self._driven.snapshot().velocity
-        return Twist(linear[0], angular[2])
+        return PlanarVelocity(linear[0], angular[2])
 
     @property
-    def odometry(self) -> Odometry:
+    def odometry(self) -> OdometryReading:
         """Where the robot is by its wheels."""
         snapshot = self._driven.snapshot()
         x, y, yaw = snapshot.odometry
         xx, xy, yy, xt, yt, tt = snapshot.covariance
         covariance = ((xx, xy, xt), (xy, yy, yt), (xt, yt, tt))
-        return Odometry(x, y, math.remainder(yaw, math.tau), *snapshot.twist, covariance)
+        return OdometryReading(x, y, math.remainder(yaw, math.tau), *snapshot.twist, covariance)
 
     @property
-    def command(self) -> Twist:
+    def command(self) -> PlanarVelocity:
         """The velocity that the controller has set in the last cycle, within its limits.
 
         As ``~/cmd_vel_out`` has it.
         """
         command = self._driven.snapshot().command
-        return Twist(command.linear, command.angular)
+        return PlanarVelocity(command.linear, command.angular)
 
     @property
     def joints(self) -> Mapping[str, JointState]:

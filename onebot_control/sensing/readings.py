@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
-class Pose:
+class RobotPose:
     """The true pose of a robot's root link in the world.
 
     Angles are fixed-axis roll, pitch and yaw (REP-103): ``yaw`` is where it faces, from above.
@@ -30,7 +30,7 @@ class Pose:
 
 
 @dataclass(frozen=True)
-class Twist:
+class PlanarVelocity:
     """A velocity of the root link in its own axes.
 
     Attributes:
@@ -43,7 +43,7 @@ class Twist:
 
 
 @dataclass(frozen=True)
-class Odometry:
+class OdometryReading:
     """Pose and velocity by the wheels, as ``~/odom`` has them.
 
     Attributes:
