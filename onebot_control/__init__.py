@@ -9,10 +9,10 @@ From Python, without ROS, everything begins with a ``Simulation``::
         simulation.run(2.0)
         print(simulation.robot.pose, simulation.robot.scan().ahead)
 
-``simulation.robot`` is a ``SimulatedRobot``. It gives its true ``RobotPose`` and ``PlanarVelocity``, its
-``OdometryReading``, the ``JointState`` of each joint, and what its sensors measure: a ``Scan``, an
-``ImuReading``, or arrays. Several robots are given as ``RobotSetup``. A mistake in a file or an
-argument is a ``OneBotError``.
+``simulation.robot`` is a ``SimulatedRobot``. It gives its true ``RobotPose`` and
+``PlanarVelocity``, its ``OdometryReading``, the ``JointState`` of each joint, and what its sensors
+measure: a ``Scan``, an ``ImuReading``, or arrays. Several robots are given as ``RobotSetup``. A
+mistake in a file or an argument is a ``OneBotError``.
 
 The node is ``python -m onebot_control.velocity_controller``.
 """
