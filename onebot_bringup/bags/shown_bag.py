@@ -5,8 +5,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
-
-import rerun as rr
+from typing import TYPE_CHECKING
 
 from onebot_bringup.bags.bag_reader import Bag
 from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
@@ -18,6 +17,9 @@ from onebot_bringup.viewer.view_source import ViewSource
 from onebot_description.description import Description, parse_description
 from onebot_description.errors import OneBotError, did_you_mean, listing, printable
 from onebot_description.ros.wire.messages import tf_arrays
+
+if TYPE_CHECKING:
+    import rerun as rr
 
 _DESCRIPTION_NAME, _JOINTS_NAME = "robot_description", "joint_states"
 _TF_NAMES = ("/tf", "/tf_static")
@@ -41,7 +43,7 @@ class Shown:
 
 def log_bag(
     bag: Bag,
-    stream: rr.RecordingStream,
+    stream: "rr.RecordingStream",
     *,
     view: str = "",
     fixed_frame: str = "",
@@ -125,7 +127,7 @@ def _with_messages(bag: Bag, robot: "RecordedRobot", namespace: str) -> dict[str
 class _Player:
     """Plays a bag into a view whose clock is the bag's."""
 
-    def __init__(self, bag: Bag, stream: rr.RecordingStream, warn: Log) -> None:
+    def __init__(self, bag: Bag, stream: "rr.RecordingStream", warn: Log) -> None:
         self._bag = bag
         self._stream = stream
         self._warn = warn

@@ -116,8 +116,10 @@ def test_nothing_is_left_of_a_run_that_is_killed(
 def test_importing_it_takes_nothing() -> None:
     """A run of tests without robots pays nothing for the plugin."""
     code = (
-        f"import sys, pytest; before = set(sys.modules); import {PLUGIN};"
+        "import sys, os, pytest; before, environment = set(sys.modules), dict(os.environ);"
+        f"import {PLUGIN};"
         "new = {name.partition('.')[0] for name in set(sys.modules) - before};"
-        "assert not new & {'rclpy', 'rerun', 'pybullet', 'numpy', 'onebot_control'}, new"
+        "assert not new & {'rclpy', 'rerun', 'pybullet', 'numpy', 'onebot_control'}, new;"
+        "assert os.environ == environment, set(os.environ) - set(environment)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
