@@ -444,9 +444,11 @@ class SimulatedRobot:
 
     @property
     def joints(self) -> Mapping[str, JointState]:
-        """The joints that move, by name."""
+        """The joints that move, by name; another name is an OneBotError."""
         states = zip(*self._driven.snapshot().joints, strict=True)
-        return dict(zip(self._driven.joints, (JointState(*state) for state in states), strict=True))
+        return Joints(
+            zip(self._driven.joints, (JointState(*state) for state in states), strict=True)
+        )
 
     def scan(self, sensor: str = "") -> Scan:
         """Measure with a lidar, now; it need not be due.
@@ -551,6 +553,14 @@ class SimulatedRobot:
 
     def _measured(self, instrument: Instrument, output: str) -> Any:
         return instrument.measure(self._simulation._now(), {output})[output]
+
+
+class Joints(dict[str, JointState]):
+    """States of joints by their names."""
+
+    def __missing__(self, name: str) -> JointState:
+        """Raise an OneBotError with the names that there are."""
+        raise OneBotError(f'no joint "{name}" moves{did_you_mean(name, self)}')
 
 
 def _described(

@@ -55,12 +55,20 @@ def ros_simulation(
     """Return a function that makes simulations with ROS nodes in step.
 
     Its arguments are those of ``Simulation``; it returns the ``Lockstep``, whose ``simulation`` it
-    is. rclpy is initialized then: nodes are made after it, and destroyed with it.
+    is. rclpy is initialized then: nodes are made after it, and destroyed with it. It is called once
+    in a test: several robots are in one simulation.
     """
+    from onebot_description.errors import OneBotError
+
     with ExitStack() as stack:
+        made: list[Lockstep] = []
 
         def make(*args: Any, **arguments: Any) -> Lockstep:
-            return stack.enter_context(simulation(*args, **arguments).ros(ros_domain))
+            if made:
+                text = "a test has one simulation with nodes in step"
+                raise OneBotError(f"{text}; robots={{...}} puts several robots into it")
+            made.append(stack.enter_context(simulation(*args, **arguments).ros(ros_domain)))
+            return made[0]
 
         yield make
 

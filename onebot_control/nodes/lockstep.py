@@ -25,7 +25,7 @@ from onebot_control.nodes.control_loop import ControlLoop
 from onebot_control.nodes.driving import Driving
 from onebot_control.nodes.sensing import Sensing
 from onebot_control.parameters import ControlParameters
-from onebot_description.errors import OneBotError, listing
+from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.ros.discovery import configure_discovery, use_local_discovery
 from onebot_description.ros.message_age import WakeDetector
 from onebot_description.ros.node import RosArguments
@@ -122,12 +122,13 @@ class Lockstep:
         deadline = time.monotonic() + timeout
         while apart := sorted({*self._unconnected()}):
             if time.monotonic() > deadline:
-                text = f"{listing(apart)}: not connected with the robot in {timeout:g} s"
-                raise OneBotError(f"{text}; is it of the same type, with a compatible QoS?")
+                text = "\n".join(f"{topic}: {self._difference(topic)}" for topic in apart)
+                raise OneBotError(f"not connected with the robot in {timeout:g} s:\n{text}")
             self._driving.poll()
             self.settle()
             time.sleep(_WAIT)
         self.settle()
+        self._warn_of_silent_topics(nodes)
 
     def publish(self, snapshots: Sequence[Snapshot], stamp: int) -> None:
         """Do the part of a control cycle in which the nodes act; ``Simulation.run`` calls it."""
@@ -174,6 +175,30 @@ class Lockstep:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _difference(self, topic: str) -> str:
+        """Return why a node and a robot do not find each other on a topic."""
+        ours, theirs = (
+            {
+                f"{each.msg_type.__module__.split('.')[0]}/msg/{each.msg_type.__name__}"
+                for node in nodes
+                for each in (*node.publishers, *node.subscriptions)
+                if each.topic_name == topic
+            }
+            for nodes in (self._nodes, self._added)
+        )
+        if ours == theirs:
+            return f"its QoS does not go with the robot's ({listing(ours)})"
+        return f"the node has {listing(theirs)}, the robot {listing(ours)}"
+
+    def _warn_of_silent_topics(self, nodes: Sequence[Node]) -> None:
+        """Log the subscriptions of nodes that nobody publishes to, with the robots' like topic."""
+        robots = [each.topic_name for node in self._nodes for each in node.publishers]
+        for node in nodes:
+            for topic in sorted({each.topic_name for each in node.subscriptions}):
+                if not node.count_publishers(topic):
+                    hint = did_you_mean(topic, robots, "the robot's")
+                    node.get_logger().warning(f"nobody publishes {topic}{hint}")
 
     def _unconnected(self) -> Iterator[str]:
         """Yield the topics on which a node and a robot have not found each other, both of them."""

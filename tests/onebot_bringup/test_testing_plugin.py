@@ -16,7 +16,9 @@ from tests.support import wait_for
 PLUGIN = "onebot_bringup.testing.plugin"
 FIXTURES = """
 import os
+import pytest
 import rclpy
+from onebot_control import OneBotError
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
@@ -35,6 +37,8 @@ def test_nodes_in_step(ros_simulation, ros_domain):
     ros.add(node)
     ros.simulation.run(1.0)
     assert len(received) == 100
+    with pytest.raises(OneBotError, match="one simulation"):
+        ros_simulation()
 
 def test_nothing_is_left_of_the_test_before():
     assert not rclpy.ok() and "ROS_DOMAIN_ID" not in os.environ

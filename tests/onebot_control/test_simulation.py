@@ -94,10 +94,10 @@ def test_what_is_observed_does_not_depend_on_when_it_is():
     ):
         for each in (often, once):
             each.robot.drive(0.5, 0.2)
-        for _ in range(200):
+        for _ in range(50):
             often.run(often.period)
             observed(often.robot)
-        once.run(2.0)
+        once.run(0.5)
         assert observed(often.robot) == observed(once.robot)
 
 
@@ -240,6 +240,8 @@ def test_a_mistake_of_a_running_simulation_changes_nothing():
             OneBotError, match='no sensor "lidat" measures scan .did you mean "lidar"'
         ):
             robot.scan("lidat")
+        with pytest.raises(OneBotError, match='no joint "left_wheel" moves .did you mean'):
+            robot.joints["left_wheel"]
         with pytest.raises(OneBotError, match="no sensor of the robot measures range"):
             robot.range()
         with pytest.raises(ValueError, match="seed"):
