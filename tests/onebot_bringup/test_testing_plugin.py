@@ -45,10 +45,10 @@ def test_nothing_is_left_of_the_test_before():
 """
 BRINGUP = """
 def test_bringup(bringup):
-    assert "driving robot" in bringup().output
+    assert 'Robot "onebot"' in bringup().output
 
 def test_bringup_of_mrm(bringup):
-    assert "base_link" in bringup(command="mrm_bringup").output
+    assert 'Robot "mrm"' in bringup(command="mrm_bringup").output
 
 def test_what_does_not_start(bringup):
     bringup("world:=maize")
@@ -97,7 +97,7 @@ def test_a_failure_names_seed_time_and_domain(tmp_path: Path) -> None:
 def test_bringups_side_by_side(tmp_path: Path) -> None:
     """Each in a domain of its own; what a bringup says of a mistake is the error."""
     output = run(tmp_path, BRINGUP, "-n", "3")
-    assert "2 passed" in output and "1 failed" in output
+    assert "2 passed" in output and "1 failed" in output, output
     assert 'no world "maize"' in output
 
 

@@ -158,24 +158,29 @@ def test_temporary_folders_of_rerun_go_with_it(tmp_path, monkeypatch):
     folder = tmp_path / "tmp"
     folder.mkdir()
     monkeypatch.setenv("TMPDIR", str(folder))
-    command = [sys.executable, "-c", DRAWING, tmp_path / "x.rrd"]
+
+    def command(name: str) -> list[str]:
+        return [sys.executable, "-c", DRAWING, str(tmp_path / f"{name}.rrd")]
 
     def made_by_rerun() -> set[Path]:
         return set(folder.rglob("rerun-data-*"))
 
-    with (
-        subprocess.Popen([*command, "stay"], stdout=subprocess.PIPE) as killed,
-        subprocess.Popen([*command, "stay"], stdout=subprocess.PIPE) as running,
-    ):
+    with contextlib.ExitStack() as stack:
+        killed, running = (
+            stack.enter_context(subprocess.Popen([*command(name), "stay"], stdout=subprocess.PIPE))
+            for name in ("killed", "running")
+        )
+        # Of a test that fails, too: ``with`` only waits for their end.
+        for viewer in (killed, running):
+            stack.callback(viewer.send_signal, signal.SIGINT)
         for viewer in (killed, running):
             assert viewer.stdout is not None and viewer.stdout.readline() == b"drawing\n"
         both = made_by_rerun()
         assert len(both) == 2
         killed.kill()
         killed.wait()
-        subprocess.run(command, timeout=PATIENCE, check=True)
+        subprocess.run(command("next"), timeout=PATIENCE, check=True)
         assert len(made_by_rerun() & both) == 1, "of the viewer that still runs"
-        running.send_signal(signal.SIGINT)
     assert list(folder.iterdir()) == []
 
 
