@@ -81,4 +81,4 @@ def skip_for(missing: str) -> None:
     reason = f"this test needs {missing}"
     if os.environ.get("CI"):
         pytest.fail(reason)
-    pytest.skip(reason)
+    pytest.skip(reason, allow_module_level=True)

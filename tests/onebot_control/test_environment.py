@@ -2,13 +2,20 @@
 
 import doctest
 import warnings
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env
 
-from onebot_control import environment
-from onebot_control.environment import OneBotEnv
+from tests.support import skip_for
+
+if find_spec("gymnasium") is None:  # as in a workspace of colcon: it is an extra
+    skip_for("gymnasium: pip install 'gymnasium>=1.0'")
+
+from gymnasium.utils.env_checker import check_env  # noqa: E402
+
+from onebot_control import environment  # noqa: E402
+from onebot_control.environment import OneBotEnv  # noqa: E402
 
 
 def test_the_example_of_the_module() -> None:
