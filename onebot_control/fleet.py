@@ -16,6 +16,7 @@ from onebot_control.physics import Robot, Settings, World
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError
 from onebot_description.ros.parameters.reader import ConfigError
+from onebot_description.ros.wire.cdr import NANO
 
 
 class Member(NamedTuple):
@@ -75,6 +76,14 @@ class Fleet:
     def ticks(self) -> int:
         """Control cycles done."""
         return self.robots[0].ticks
+
+    @property
+    def stamp(self) -> int:
+        """Simulated time of the present cycle, ns.
+
+        One period ahead, because a stamp of 0 means "not known" in ROS.
+        """
+        return round((self.ticks + 1) * NANO / self.rate)
 
     def cycle(self) -> list[Snapshot]:
         """Do a control cycle of all robots; return them as they were at its beginning."""

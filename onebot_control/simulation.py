@@ -52,7 +52,6 @@ if TYPE_CHECKING:
 ONEBOT = "package://onebot_description/urdf/onebot.urdf.xacro"
 """The robot that is simulated if no model is named."""
 
-_NANO = 1e9
 _REACH = 1e4  # m; what is farther away counts as nothing
 _LARGEST_SEED = 2**64 - 1
 # Parameters of velocity_controller that are arguments here, or have no meaning without ROS.
@@ -152,7 +151,7 @@ class Simulation:
         self._fleet = fleet = Fleet.of(members, scene=scene)
         self._sensors = Sensors(scene, fleet.rate, fleet.world.settings.gravity)
         self.robots: Mapping[str, SimulatedRobot] = MappingProxyType(
-            {name: SimulatedRobot(self, row) for row, name in enumerate(setups)}
+            {name: SimulatedRobot(self, name, row) for row, name in enumerate(setups)}
         )
         """The robots by name; that of one alone is ""."""
         try:
@@ -316,7 +315,7 @@ class Simulation:
                 robot._driven.accept(*robot._command)
         self._before = fleet.begin()
         if self._ros is not None:
-            self._ros.publish(self._before, self._stamp)
+            self._ros.publish(self._before, fleet.stamp)
         fleet.finish()
         fleet.observe()
         self._frame = None
@@ -328,13 +327,8 @@ class Simulation:
             scene = fleet.world.scene
             snapshots = [robot.snapshot() for robot in fleet.robots]
             boxes = scene.poses if scene else ()
-            self._frame = self._sensors.frame(self._stamp, snapshots, self._before, boxes)
+            self._frame = self._sensors.frame(fleet.stamp, snapshots, self._before, boxes)
         return self._sensors.world(self._frame)
-
-    @property
-    def _stamp(self) -> int:
-        """Stamp of the present cycle, ns; not 0, which means "not known" in ROS."""
-        return round((self._fleet.ticks + 1) * _NANO / self._fleet.rate)
 
     def _distance(
         self, pose: LinkPose, direction: NDArray[np.float64], skipped: Sequence[int]
@@ -355,9 +349,9 @@ class Simulation:
 class SimulatedRobot:
     """A robot of a Simulation: its commands, its true state, and what it measures."""
 
-    def __init__(self, simulation: Simulation, row: int) -> None:
+    def __init__(self, simulation: Simulation, name: str, row: int) -> None:
         """See ``Simulation.robots``."""
-        self._simulation, self._row = simulation, row
+        self._simulation, self._name, self._row = simulation, name, row
         self._command: tuple[float, float] | None = None
         self._instruments: list[Instrument] = []
 
@@ -513,9 +507,8 @@ class SimulatedRobot:
 
     def __repr__(self) -> str:
         pose = self.pose
-        name = next(key for key, robot in self._simulation.robots.items() if robot is self)
         x, y, yaw = (round(value, 3) + 0.0 for value in (pose.x, pose.y, pose.yaw))
-        return f"{name or 'robot'} at x {x:.3f} m, y {y:.3f} m, yaw {yaw:.3f} rad"
+        return f"{self._name or 'robot'} at x {x:.3f} m, y {y:.3f} m, yaw {yaw:.3f} rad"
 
     @property
     def _driven(self) -> DrivenRobot:
@@ -529,10 +522,9 @@ class SimulatedRobot:
         sensors = list(driven.description.sensors)
         if file:
             sensors += load_sensors(file, driven.description).sensors
-        space = next(name for row, name in enumerate(simulation.robots) if row == self._row)
-        rate, seed = simulation._fleet.rate, simulation.seed
+        space, rate, seed = f"/{self._name}", simulation._fleet.rate, simulation.seed
         self._instruments = [
-            Instrument(sensor, self._row, f"/{space}", rate, noisy, seed) for sensor in sensors
+            Instrument(sensor, self._row, space, rate, noisy, seed) for sensor in sensors
         ]
 
     def _instrument(self, output: str, name: str) -> Instrument:

@@ -142,10 +142,3 @@ def nested_class(slot: Any) -> Any:
 def is_hidden(name: str) -> bool:
     """Whether a topic or service is hidden by ROS's rule, as what tools use among themselves."""
     return any(part.startswith("_") for part in name.split("/"))
-
-
-def type_name(message: Any) -> str:
-    """Return ``package/msg/Type`` of a message or of its class."""
-    kind = message if isinstance(message, type) else type(message)
-    package, folder, *_ = kind.__module__.split(".")
-    return f"{package}/{folder}/{kind.__name__}"

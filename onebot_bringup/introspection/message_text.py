@@ -25,9 +25,10 @@ from rosidl_parser.definition import (
     NamespacedType,
 )
 
-from onebot_bringup.introspection.interfaces import nested_class, type_name
+from onebot_bringup.introspection.interfaces import nested_class
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.ros.parameters import bounded_yaml
+from onebot_description.ros.wire.definition import type_name
 
 _TIME = ("builtin_interfaces", "msg", "Time")
 _HEADER = ("std_msgs", "msg", "Header")

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from onebot_description.ros.parameters.files import Unknown
 
 
+UP = "Ctrl-C stops everything"  # the last line of what a bringup prints when it is up
 # Parameters of the controller that name the frames.
 _FRAME_PREFIX = ("tf_frame_prefix_enable", "tf_frame_prefix")
 _FACTOR = "real_time_factor"
@@ -326,7 +327,7 @@ def summary_text(
     lines.append(f"  viewer   {_viewer_hint(values)}")
     if values["record"]:
         lines.append(f"  record   all topics to {values['record']}")
-    lines.append("  Ctrl-C stops everything")
+    lines.append(f"  {UP}")
     return "\n".join(lines)
 
 

@@ -11,11 +11,11 @@ from tempfile import TemporaryDirectory
 from types import TracebackType
 from unittest.mock import patch
 
+from onebot_bringup.launch.bringup import UP
 from onebot_bringup.launcher.guard import Guard, signal_group
 from onebot_description.errors import OneBotError
 from onebot_description.ros.discovery import configure_discovery
 
-_UP = "Ctrl-C stops everything"
 _MODULES = {
     "onebot_bringup": "onebot_bringup.launch.onebot_bringup",
     "mrm_bringup": "mrm_description.launch.mrm_bringup",
@@ -106,7 +106,7 @@ class RunningBringup:
         received: list[JointState] = []
         try:
             deadline = time.monotonic() + _START
-            while not (received and _UP in self.output):
+            while not (received and UP in self.output):
                 if self._process.poll() is not None:
                     raise OneBotError(f"the bringup has ended:\n{self.output}")
                 if time.monotonic() > deadline:

@@ -239,8 +239,7 @@ class ControlLoop:
     def now_ns(self) -> int:
         """Return the current cycle's stamp, ns."""
         if self.simulated:
-            # One period ahead, because a stamp of 0 means "not known" in ROS.
-            return round((self.fleet.ticks + 1) * NANO / self.fleet.rate)
+            return self.fleet.stamp
         return self._stamps.at(self._pacer.due)
 
     def _run(self) -> None:

@@ -29,6 +29,7 @@ from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.ros.discovery import configure_discovery, use_local_discovery
 from onebot_description.ros.message_age import WakeDetector
 from onebot_description.ros.node import RosArguments
+from onebot_description.ros.wire.definition import type_name
 
 if TYPE_CHECKING:
     from onebot_control.simulation import Simulation
@@ -36,9 +37,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 _POLLS = 10.0  # a simulated second, of who publishes commands and localizes
-_QUIET = (
-    2  # times that the executor finds nothing to do: a message may be on its way the first time
-)
+_QUIET = 2  # times that nothing is ready to run; the first time a message may be on its way
 _WAIT = 0.005  # s between looks whether topics are connected
 _SIMULATED = ["--ros-args", "-p", "use_sim_time:=true"]
 _PATIENCE = 10.0  # s for topics to be connected
@@ -180,7 +179,7 @@ class Lockstep:
         """Return why a node and a robot do not find each other on a topic."""
         ours, theirs = (
             {
-                f"{each.msg_type.__module__.split('.')[0]}/msg/{each.msg_type.__name__}"
+                type_name(each.msg_type)
                 for node in nodes
                 for each in (*node.publishers, *node.subscriptions)
                 if each.topic_name == topic

@@ -7,7 +7,7 @@ from rclpy.serialization import serialize_message
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from onebot_bringup.introspection.interfaces import type_name
+from onebot_description.ros.wire.definition import type_name
 
 SECOND = 10**9
 START = 1_700_000_000 * SECOND

@@ -8,6 +8,7 @@ from geometry_msgs.msg import PointStamped, PoseStamped
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import PointField
 
+from onebot_description.ros.wire.definition import type_name
 from tests.onebot_bringup.drive_support import column
 from tests.onebot_bringup.test_viewer_camera_info import camera
 from tests.onebot_bringup.test_viewer_image import compressed, image
@@ -22,7 +23,6 @@ from tests.onebot_bringup.viewer_support import (
     Shown,
     show,
     take,
-    type_name,
 )
 
 VIEW = """

@@ -13,6 +13,7 @@ from std_msgs.msg import String
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import parse_view
+from onebot_description.ros.wire.definition import type_name
 from onebot_description.ros.wire.messages import TfArrays, time_message, transforms_message
 from tests.ros_support import NodeProcess, ros_args
 
@@ -114,11 +115,6 @@ def show(folder: Path, view: str, *messages) -> tuple[Path, list[str]]:
     file = shown.end()
     assert not shown.bad
     return file, said
-
-
-def type_name(message) -> str:
-    """Its type, as ROS names it."""
-    return f"{type(message).__module__.split('.')[0]}/msg/{type(message).__name__}"
 
 
 def transforms(parent, child, y, stamp_ns=START_NS):

@@ -21,10 +21,9 @@ from onebot_bringup.introspection.interfaces import (
     full_definition,
     installed,
     message_class,
-    type_name,
 )
 from onebot_description.ros.wire.cdr import ENCAPSULATION, WireError, nanoseconds
-from onebot_description.ros.wire.definition import DefinitionError
+from onebot_description.ros.wire.definition import DefinitionError, type_name
 from onebot_description.ros.wire.schema import Message, Schema, Sequences, Table
 from tests.any_message import messages, serialized
 

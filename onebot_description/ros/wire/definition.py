@@ -6,7 +6,7 @@ of ``MSG: package/Name``.
 
 import re
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from onebot_description.errors import printable, shortened
 
@@ -94,3 +94,10 @@ def _full(name: str, home: str) -> str:
     if name in NUMBERS or name in STRINGS:
         return name
     return name.replace("/msg/", "/") if "/" in name else f"{home.partition('/')[0]}/{name}"
+
+
+def type_name(message: Any) -> str:
+    """Return ``package/msg/Type`` of a message or of its class."""
+    kind = message if isinstance(message, type) else type(message)
+    package, folder, *_ = kind.__module__.split(".")
+    return f"{package}/{folder}/{kind.__name__}"
