@@ -59,8 +59,8 @@ from onebot_description.ros.node import (
 )
 from onebot_description.ros.parameters.reader import declare, read, refuse_undeclared
 from onebot_description.ros.wire.cdr import NANO
+from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.state_converter import StateConverter
-from onebot_description.ros.wire.tf_message import TFMessage
 from onebot_description.state_parameters import StateParameters
 
 _POLL_EVERY = 0.1  # s, of the description's files

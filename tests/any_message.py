@@ -19,7 +19,7 @@ from rosidl_parser.definition import (
 )
 from sensor_msgs.msg import JointState
 
-from onebot_bringup.introspection.interfaces import nested_class
+from onebot_description.ros.wire.message_class import class_of
 
 _INTEGERS = {f"{sign}int{bits}": (sign, bits) for sign in ("", "u") for bits in (8, 16, 32, 64)}
 # Ordinary numbers, too: most of what reacts at all reacts to messages that are nearly right.
@@ -67,7 +67,7 @@ def _value(slot: Any, names: Sequence[str]) -> st.SearchStrategy[Any]:
     if isinstance(slot, AbstractGenericString):
         return _strings(names)
     if isinstance(slot, NamespacedType):
-        return messages(nested_class(slot), names)
+        return messages(class_of(slot), names)
     assert isinstance(slot, AbstractNestedType)
     item = _value(slot.value_type, names)
     if isinstance(slot, Array):

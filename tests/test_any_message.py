@@ -30,7 +30,7 @@ from onebot_description.description import load_description, parse_description
 from onebot_description.joint_state_publisher import JointStatePublisher
 from onebot_description.robot_state_publisher import RobotStatePublisher
 from onebot_description.ros.node import RosArguments
-from onebot_description.ros.wire.tf_message import TFMessage
+from onebot_description.ros.wire.interfaces import TFMessage
 from tests.any_message import broken, messages, received, serialized
 from tests.support import wait_for
 

@@ -11,8 +11,8 @@ from builtin_interfaces.msg import Time
 from rclpy.serialization import deserialize_message, serialize_message
 
 from onebot_description.errors import OneBotError
+from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.messages import transforms_message
-from onebot_description.ros.wire.tf_message import TFMessage
 from tests.benchmarks import cases, report, viewer
 from tests.benchmarks.__main__ import BENCHMARKS, main
 from tests.benchmarks.chains import Chain

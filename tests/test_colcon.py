@@ -99,7 +99,7 @@ def test_workspace_builds_and_runs(tmp_path, options):
     # PYTHONPATH from setup.bash comes before this environment's own (editable) install.
     sourced = _sourced(tmp_path)
     code = (
-        "import onebot_description.ros.wire.tf_message as m; print(m.__file__);"
+        "import onebot_description.ros.wire.interfaces as m; print(m.__file__);"
         "from onebot_description.description.packages import package_share as share;"
         "print(share('mrm_description'))"
     )
@@ -128,7 +128,7 @@ def test_tf2_msgs_of_a_sourced_ros_is_used(tmp_path, ros_domain):
     assert built.returncode == 0, built.stdout + built.stderr
     sourced = _sourced(tmp_path)
     code = (
-        "import sys; from onebot_description.ros.wire.tf_message import TFMessage;"
+        "import sys; from onebot_description.ros.wire.interfaces import TFMessage;"
         "print(sys.modules[TFMessage.__module__].__file__)"
     )
     used = _run(sourced, tmp_path, sys.executable, "-c", code)

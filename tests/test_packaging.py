@@ -156,7 +156,7 @@ def _say(python: Path, code: str, cwd: Path) -> str:
 
 WHERE = (
     "from onebot_description.description.packages import package_share;"
-    "from onebot_description.ros.wire.tf_message import TFMessage;"
+    "from onebot_description.ros.wire.interfaces import TFMessage;"
     "import os, xacro;"
     "share = package_share('mrm_description');"
     "from ament_index_python import get_package_share_directory as find;"

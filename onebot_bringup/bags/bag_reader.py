@@ -24,9 +24,9 @@ from onebot_bringup.bags.contents import (
 from onebot_bringup.bags.mcap_file import McapFile
 from onebot_bringup.bags.sqlite_file import SqliteFile
 from onebot_bringup.bags.writer import METADATA
-from onebot_bringup.introspection.interfaces import full_definition
 from onebot_description.errors import OneBotError, natural_order
 from onebot_description.ros.parameters import bounded_yaml
+from onebot_description.ros.wire.interface_text import full_definition
 
 MAX_SIZE = 256_000_000  # bytes
 _FILE_RATIO = 100  # a file that is compressed as a whole becomes larger by at most as much

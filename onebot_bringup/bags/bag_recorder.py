@@ -33,7 +33,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile
 
 from onebot_bringup.bags.writer import BagWriter, Qos, RecordedTopic
-from onebot_bringup.introspection.interfaces import full_definition, is_hidden, message_class
+from onebot_bringup.introspection.interfaces import is_hidden, message_class
 from onebot_description.errors import OneBotError
 from onebot_description.ros.node import Throttled, ends_node, run_node
 from onebot_description.ros.parameters.reader import (
@@ -53,6 +53,7 @@ from onebot_description.ros.topic_subscription import (
     is_transient_local,
     offers,
 )
+from onebot_description.ros.wire.interface_text import full_definition
 
 _POLL_PERIOD = 0.2  # seconds between looking for topics
 _POLLS = 8  # polls, after which every topic is looked at, also where no count has changed

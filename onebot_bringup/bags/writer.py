@@ -11,8 +11,8 @@ from typing import Any
 import yaml
 from mcap.writer import CompressionType, IndexType, Writer
 
-from onebot_bringup.introspection.interfaces import full_definition
 from onebot_description.errors import OneBotError
+from onebot_description.ros.wire.interface_text import full_definition
 from onebot_description.whole_file import write_whole
 
 METADATA = "metadata.yaml"

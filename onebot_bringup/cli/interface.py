@@ -5,8 +5,9 @@ from argparse import Namespace
 from collections.abc import Iterator
 
 from onebot_bringup.cli.options import Subcommand, exclusive, flag, positional
-from onebot_bringup.introspection.interfaces import definition, full_name, installed
+from onebot_bringup.introspection.interfaces import full_name, installed
 from onebot_description.errors import OneBotError, did_you_mean
+from onebot_description.ros.wire.interface_text import interface_text
 
 _TITLES = (("Messages", "msg"), ("Services", "srv"), ("Actions", "action"))
 _FIELD = re.compile(r"^\s*([A-Za-z]\w*(?:/[A-Za-z]\w*)*)")
@@ -38,7 +39,7 @@ def _find(name: str) -> str:
 
 def _lines(name: str, comments: bool, nested_comments: bool, indent: str) -> Iterator[str]:
     package = name.partition("/")[0]
-    for line in definition(name).splitlines():
+    for line in interface_text(name).splitlines():
         text = line.rstrip()
         if not comments:
             text = text.partition("#")[0].rstrip()

@@ -180,7 +180,7 @@ class _Transforms:
         from rclpy.qos import DurabilityPolicy, QoSProfile
 
         from onebot_bringup.introspection.transforms import FrameTree
-        from onebot_description.ros.wire.tf_message import TFMessage
+        from onebot_description.ros.wire.interfaces import TFMessage
 
         self.frames = FrameTree()
         self.arrivals: dict[str, Intervals] = {}  # keys: child frames

@@ -1,44 +1,32 @@
-"""The installed message and service types, their definitions and Python classes.
+"""The names of all message, service and action types, and their Python classes.
 
-The types are listed in the ament index; ``tf2_msgs/msg/TFMessage`` is this project's own where
-tf2_msgs is not installed.
+Installed types are listed in the ament index; a few are this project's own where no package has
+them, see ``onebot_description.ros.wire.interface_text``.
 """
 
 import importlib
 import importlib.util
 import os
-import re
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from onebot_description.description.packages import use_environment_prefix
 from onebot_description.errors import OneBotError, did_you_mean
+from onebot_description.ros.wire.interface_text import own_interfaces
 
 _INDEX = "share/ament_index/resource_index/rosidl_interfaces"  # below a prefix
-_TF_MESSAGE = "tf2_msgs/msg/TFMessage"
-_DELIMITER = "=" * 80  # rosbag2's, between the definitions of types
-_FIELD_TYPE = re.compile(r"^\s*([A-Za-z0-9_/]+)(?:<=\d+)?(?:\[[^]]*\])?\s", re.MULTILINE)
-_PRIMITIVE = frozenset(
-    "bool byte char float32 float64 int8 uint8 int16 uint16 int32 uint32 int64 uint64 string "
-    "wstring".split()
-)
 _KINDS = {"msg": "message", "srv": "service", "action": "action"}
 
 
 def message_class(name: str) -> Any:
     """Return the class of a message type, by its full or short name, ready for rclpy."""
-    full = full_name(name, "msg")
-    if full == _TF_MESSAGE:
-        from onebot_description.ros.wire.tf_message import TFMessage
-
-        return TFMessage
-    return _import(full)
+    return _load(full_name(name, "msg"))
 
 
 def service_class(name: str) -> Any:
     """Return the class of a service type, with its ``Request`` and ``Response``."""
-    return _import(full_name(name, "srv"))
+    return _load(full_name(name, "srv"))
 
 
 def full_name(name: str, kind: str) -> str:
@@ -66,8 +54,8 @@ def _suggestion(name: str, types: tuple[str, ...]) -> str:
 
 @cache
 def installed(kind: str) -> tuple[str, ...]:
-    """Return the full names of all installed types of a kind (msg, srv, action), sorted."""
-    names = {_TF_MESSAGE} if kind == "msg" else set()
+    """Return the full names of all types of a kind (msg, srv, action), sorted."""
+    names = {*own_interfaces(kind)}
     for package, listed in _index():
         if importlib.util.find_spec(package) is None:
             continue  # such as rmw_dds_common: for C++ only
@@ -90,53 +78,10 @@ def _index() -> list[tuple[str, str]]:
     return sorted(entries.items())
 
 
-def definition(name: str) -> str:
-    """Return the text of the .msg, .srv or .action file that defines a type."""
-    package, kind, type_name = name.split("/")
-    use_environment_prefix()
-    for prefix in os.environ["AMENT_PREFIX_PATH"].split(os.pathsep):
-        path = Path(prefix) / "share" / package / kind / f"{type_name}.{kind}"
-        if path.is_file():
-            return path.read_text(encoding="utf-8")
-    if name == _TF_MESSAGE:  # this project has it where tf2_msgs is not installed
-        return "geometry_msgs/TransformStamped[] transforms\n"
-    raise OneBotError(f"{name} is installed without its file {type_name}.{kind}")
+def _load(full: str) -> Any:
+    from onebot_description.ros.wire.interfaces import load_interface
 
-
-@cache
-def full_definition(name: str) -> str:
-    """Return the definition of a message type as rosbag2 stores it with the messages.
-
-    The .msg file comes first; those it refers to follow, each once and under a line of its own.
-    """
-    return _joined(name, set())
-
-
-def _joined(name: str, seen: set[str]) -> str:
-    text = definition(name)
-    package = name.partition("/")[0]
-    parts = [text]
-    for kind in sorted({*_FIELD_TYPE.findall(text)} - _PRIMITIVE):
-        full = kind if "/" in kind else f"{package}/{kind}"
-        if full not in seen:
-            seen.add(full)
-            home, _, short = full.rpartition("/")
-            nested = _joined(f"{home.partition('/')[0]}/msg/{short}", seen)
-            parts.append(f"\n{_DELIMITER}\nMSG: {full}\n{nested}")
-    return "".join(parts)
-
-
-def _import(full: str) -> Any:
-    package, kind, name = full.split("/")
-    try:
-        return getattr(importlib.import_module(f"{package}.{kind}"), name)
-    except (ImportError, AttributeError) as error:
-        raise OneBotError(f"{full} is installed but cannot be used: {error}") from error
-
-
-def nested_class(slot: Any) -> Any:
-    """Return the class for a ``NamespacedType`` of rosidl, as fields of messages have."""
-    return getattr(importlib.import_module(".".join(slot.namespaces)), slot.name)
+    return load_interface(full)
 
 
 def is_hidden(name: str) -> bool:

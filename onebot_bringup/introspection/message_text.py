@@ -25,10 +25,10 @@ from rosidl_parser.definition import (
     NamespacedType,
 )
 
-from onebot_bringup.introspection.interfaces import nested_class
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.ros.parameters import bounded_yaml
 from onebot_description.ros.wire.definition import type_name
+from onebot_description.ros.wire.message_class import class_of
 
 _TIME = ("builtin_interfaces", "msg", "Time")
 _HEADER = ("std_msgs", "msg", "Header")
@@ -234,7 +234,7 @@ class _Filler:
 
     def _message(self, slot: NamespacedType, value: Any, path: str, current: Any) -> Any:
         full = tuple(slot.namespaced_name())
-        message = current if current is not None else nested_class(slot)()
+        message = current if current is not None else class_of(slot)()
         if value == "auto" and full == _HEADER:
             self.times.append(message.stamp)
         elif value == "now" and full == _TIME:

@@ -12,8 +12,8 @@ from onebot_description.ros.topic_subscription import (
     compatible_qos,
     offers,
 )
+from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.messages import tf_arrays
-from onebot_description.ros.wire.tf_message import TFMessage
 
 _STATIC = "/tf_static"
 _TF_TOPICS = dict.fromkeys(("/tf", _STATIC), "tf2_msgs/msg/TFMessage")

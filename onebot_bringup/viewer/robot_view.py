@@ -11,7 +11,6 @@ from typing import Any
 
 import rerun as rr
 
-from onebot_bringup.introspection.interfaces import full_definition
 from onebot_bringup.viewer.automatic import OfferedTopic, TopicSelection
 from onebot_bringup.viewer.blueprint import BlueprintSender, Layout
 from onebot_bringup.viewer.displays import MESSAGE_DRAWINGS, ROBOT_DISPLAYS
@@ -32,6 +31,7 @@ from onebot_bringup.viewer.stage import Stage
 from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError
+from onebot_description.ros.wire.interface_text import full_definition
 
 # Seconds to wait for all links' frames before laying out without them.
 _PATIENCE = 1.0

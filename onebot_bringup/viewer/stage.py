@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import rerun as rr
 
-from onebot_bringup.introspection.interfaces import full_definition
 from onebot_bringup.introspection.transforms import FrameTree
 from onebot_bringup.viewer.columns import ReadyColumn, joinable, joined, one_row, time_column
 from onebot_bringup.viewer.displays.tf_display import TransformStream
@@ -16,6 +15,7 @@ from onebot_bringup.viewer.shown_robot import WORLD_DESCRIPTION, RobotToShow, Sh
 from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_description.description import Description
 from onebot_description.errors import did_you_mean, listing
+from onebot_description.ros.wire.interface_text import full_definition
 
 if TYPE_CHECKING:
     from onebot_bringup.viewer.displays.drawing import MessageDisplay

@@ -16,8 +16,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from onebot_control.poses import Transform
 from onebot_description.ros.discovery import node_name
 from onebot_description.ros.wire.cdr import NANO
+from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.messages import BAD_MESSAGE, tf_arrays
-from onebot_description.ros.wire.tf_message import TFMessage
 
 _TOPICS = {"/tf": DurabilityPolicy.VOLATILE, "/tf_static": DurabilityPolicy.TRANSIENT_LOCAL}
 _DEPTH = 100  # messages between two polls; of more, the last: localizers repeat theirs

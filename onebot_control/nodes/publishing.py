@@ -30,8 +30,8 @@ from onebot_description.model.robot_model import JointArrays
 from onebot_description.ros.node import LATCHED, OnlyPublisher
 from onebot_description.ros.parameters.reader import Problem
 from onebot_description.ros.wire.cdr import NANO
+from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.messages import time_message, transforms_message
-from onebot_description.ros.wire.tf_message import TFMessage
 
 _DEPTH = 10  # ROS's system default
 _KEPT = 200  # transforms of the truth

@@ -10,7 +10,7 @@ from types import ModuleType, TracebackType
 
 from onebot_description.errors import OneBotError
 
-# What is imported of it. Not tf2_msgs, which need not be there (see wire/tf_message.py).
+# What is imported of it. Not tf2_msgs, which need not be there (see wire/interfaces.py).
 ROS_PACKAGES = (
     "builtin_interfaces",
     "diagnostic_msgs",
@@ -19,6 +19,7 @@ ROS_PACKAGES = (
     "rcl_interfaces",
     "rclpy",
     "rosgraph_msgs",
+    "rosidl_adapter",
     "rosidl_parser",
     "sensor_msgs",
     "std_msgs",

@@ -15,7 +15,7 @@ from sensor_msgs.msg import JointState
 
 from onebot_description.ros.discovery import configure_discovery
 from onebot_description.ros.wire.cdr import NANO
-from onebot_description.ros.wire.tf_message import TFMessage
+from onebot_description.ros.wire.interfaces import TFMessage
 from tests.benchmarks.chains import Chain, Floats
 from tests.benchmarks.measuring import WrongAnswer, cpu_ns, median
 from tests.ros_support import NodeProcess

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from onebot_description.description.packages import use_environment_prefix
-from onebot_description.ros.wire.tf_message import TFMessage
+from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_bringup.launcher_support import RunningCommand, alive
 from tests.orphans import marked
 from tests.ros_support import LATCHED, Peer

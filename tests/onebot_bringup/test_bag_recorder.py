@@ -18,7 +18,7 @@ from std_msgs.msg import String
 
 from onebot_bringup.bags.bag_recorder import Selection, TopicRecorder
 from onebot_bringup.bags.writer import BagWriter
-from onebot_description.ros.wire.tf_message import TFMessage
+from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_bringup.bag_support import read_all, read_growing
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.support import wait_for

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from geometry_msgs.msg import TransformStamped
 
-from onebot_description.ros.wire.tf_message import TFMessage
+from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_bringup.cli_support import onebot, output_of, running
 from tests.ros_support import LATCHED, Peer
 

@@ -13,7 +13,7 @@ from geometry_msgs.msg import Twist, TwistStamped
 from std_msgs.msg import String
 
 from onebot_bringup.cli.main import main
-from onebot_description.ros.wire.tf_message import TFMessage
+from onebot_description.ros.wire.interfaces import TFMessage
 from tests.hosts import missing
 from tests.onebot_bringup.cli_support import MODULE, onebot, output_of, running
 from tests.ros_support import LATCHED, Peer

@@ -9,8 +9,9 @@ import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from std_srvs.srv import SetBool
 
-from onebot_bringup.introspection.interfaces import full_definition, message_class, service_class
+from onebot_bringup.introspection.interfaces import message_class, service_class
 from onebot_description.errors import OneBotError
+from onebot_description.ros.wire.interface_text import full_definition
 
 
 @pytest.mark.parametrize(
@@ -54,7 +55,7 @@ def test_a_definition_is_utf_8_whatever_the_locale(tmp_path: Path) -> None:
     text = "float64 alpha  # \N{GREEK SMALL LETTER ALPHA}\n"
     (folder / "Angle.msg").write_text(text, encoding="utf-8")
     code = (
-        "from onebot_bringup.introspection.interfaces import definition;"
+        "from onebot_description.ros.wire.interface_text import interface_text as definition;"
         "print(ascii(definition('names_of_angles/msg/Angle')))"
     )
     limited = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}

@@ -18,7 +18,7 @@ from sensor_msgs.msg import JointState, LaserScan
 from std_msgs.msg import String
 
 from onebot_description.ros.shared_memory import FOLDER
-from onebot_description.ros.wire.tf_message import TFMessage
+from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_bringup.cli_support import onebot
 from tests.onebot_control.control_support import urdf
 from tests.readme import CHECKOUT

@@ -14,7 +14,7 @@ from onebot_bringup.cli.snapshot import kind_of
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.rendering import headless_viewer
 from onebot_description.errors import OneBotError
-from onebot_description.ros.wire.tf_message import TFMessage
+from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_bringup.bag_support import topic, write_words
 from tests.onebot_bringup.cli_support import running
 from tests.onebot_bringup.drive_support import chunks, column

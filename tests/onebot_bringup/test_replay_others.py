@@ -27,9 +27,9 @@ from onebot_bringup.bags import shown_bag
 from onebot_bringup.bags.bag_reader import Bag
 from onebot_bringup.bags.shown_bag import log_bag
 from onebot_bringup.cli.main import main
-from onebot_bringup.introspection.interfaces import full_definition
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_description.ros.wire.tf_message import TFMessage
+from onebot_description.ros.wire.interface_text import full_definition
+from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_bringup.drive_support import chunks, column, entities, frames
 from tests.onebot_bringup.other_robots import SECOND, START, OtherRobot
 from tests.onebot_bringup.test_viewer_camera_info import camera

@@ -14,7 +14,7 @@ from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.topics import ViewFeed
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.errors import OneBotError
-from onebot_description.ros.wire.tf_message import TFMessage
+from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_bringup.drive_support import curve, strips, while_written
 from tests.onebot_bringup.viewer_support import ARM, viewer_node
 from tests.ros_support import LATCHED, Peer

@@ -16,7 +16,7 @@ from sensor_msgs.msg import Image, JointState
 from std_msgs.msg import String
 
 from onebot_description.description.packages import use_environment_prefix
-from onebot_description.ros.wire.tf_message import TFMessage
+from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_bringup.test_snapshot_pictures import SIZE, drawn, snapshot
 from tests.onebot_bringup.viewer_support import ARM, BLUE, ORANGE, VIEW, viewer_node
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args

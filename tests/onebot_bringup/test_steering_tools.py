@@ -43,7 +43,7 @@ from onebot_bringup.steering.tools import Click, message_of, parse_click
 from onebot_bringup.steering.view_proxy import legend_of, shown_topics
 from onebot_bringup.testing.domains import used_domain
 from onebot_description.errors import OneBotError
-from onebot_description.ros.wire.tf_message import TFMessage
+from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_bringup.steering_support import PageClient, address_of, steering
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.support import PATIENCE, wait_for

@@ -14,7 +14,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
 from onebot_description.ros.wire.cdr import nanoseconds
-from onebot_description.ros.wire.tf_message import TFMessage
+from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_control.control_support import urdf
 from tests.onebot_control.node_support import MODULE, Driver, twist
 from tests.ros_support import NodeProcess, Peer, ros_args

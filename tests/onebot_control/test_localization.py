@@ -12,7 +12,7 @@ from rclpy.serialization import serialize_message
 
 from onebot_control.nodes.localization import FramesTransform, Localizer, TransformsOf
 from onebot_description.ros.wire.cdr import NANO
-from onebot_description.ros.wire.tf_message import TFMessage
+from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_control.control_support import urdf
 from tests.onebot_control.node_support import MODULE, NODE
 from tests.onebot_control.test_scene import WALL

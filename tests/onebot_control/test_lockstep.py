@@ -13,7 +13,7 @@ from sensor_msgs.msg import Image, JointState, LaserScan
 from std_srvs.srv import SetBool, Trigger
 
 from onebot_control import OneBotError, RobotSetup, Simulation
-from onebot_description.ros.wire.tf_message import TFMessage
+from onebot_description.ros.wire.interfaces import TFMessage
 
 COMMANDS = "velocity_controller/cmd_vel"
 MAZE = {"world": "maze", "x": 1.3, "y": 0.8, "sensors": True, "seed": 3}

@@ -21,7 +21,7 @@ from onebot_control.physics import MassVelocity
 from onebot_control.poses import PlanarPose
 from onebot_description.description import parse_description
 from onebot_description.ros.wire.cdr import NANO
-from onebot_description.ros.wire.tf_message import TFMessage
+from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_control.control_support import IdealPlant, config, cycle, ideal_drive, robot
 from tests.onebot_control.test_scene import part
 from tests.ros_support import Peer

@@ -15,7 +15,7 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from onebot_description.ros.wire.cdr import nanoseconds
-from onebot_description.ros.wire.tf_message import TFMessage
+from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_control.control_support import CASTER, SEPARATION, urdf, wheel
 from tests.onebot_control.node_support import MODULE, NODE, Driver, speed, twist
 from tests.ros_support import NodeProcess, Peer, ros_args

@@ -19,7 +19,7 @@ from std_srvs.srv import SetBool, Trigger
 from onebot_bringup.launch.nodes import write_parameters
 from onebot_control.parameters import default_control_file
 from onebot_description.description import parse_description
-from onebot_description.ros.wire.tf_message import TFMessage
+from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_control.control_support import urdf
 from tests.onebot_control.node_support import MODULE, NODE, Driver, speed, twist, x
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args

@@ -14,7 +14,7 @@ from std_srvs.srv import Trigger
 
 from onebot_control.poses import Transform, compose
 from onebot_description.description import load_description
-from onebot_description.ros.wire.tf_message import TFMessage
+from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_control.control_support import urdf
 from tests.onebot_control.node_support import MODULE, NODE, Driver, twist, x
 from tests.onebot_control.test_scene import BOX, WALL

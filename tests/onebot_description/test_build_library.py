@@ -32,7 +32,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from geometry_msgs.msg import TransformStamped
 from onebot_description.ros.wire.build_library import LIBRARY
 from onebot_description.ros.wire.library import load_library
-from onebot_description.ros.wire.tf_message import TFMessage
+from onebot_description.ros.wire.interfaces import TFMessage
 message = TFMessage(transforms=[TransformStamped()])
 assert deserialize_message(serialize_message(message), TFMessage) == message
 assert load_library().onebot_link_poses
@@ -132,7 +132,7 @@ raise SystemExit(main(["robot_state_publisher", "onebot_description/urdf/onebot.
 def test_outdated_or_broken_library(checkout: Path) -> None:
     library = checkout / FOLDER / "_library.so"
     shutil.copy(build_library.LIBRARY, library)  # of the same sources
-    source = checkout / FOLDER / "_tf_message.c"
+    source = checkout / FOLDER / "_type_support.c"
     source.write_text(source.read_text() + "\n")
     outdated = run("-c", USE_MESSAGE, cwd=checkout)
     assert "is not built from the present source. Build it with: python -m" in outdated.stderr

@@ -16,7 +16,7 @@ from std_msgs.msg import Header
 
 from onebot_description.ros.clock_check import StampCheck
 from onebot_description.ros.wire.cdr import ENCAPSULATION, HEADER, NANO, stamp_at
-from onebot_description.ros.wire.tf_message import TFMessage
+from onebot_description.ros.wire.interfaces import TFMessage
 from tests.ros_support import NodeProcess, Peer, ros_args
 from tests.support import wait_for
 

@@ -19,8 +19,8 @@ from onebot_description.errors import OneBotError
 from onebot_description.joints.config import JointsConfig
 from onebot_description.joints.source import JointStateSource
 from onebot_description.model import RobotModel
+from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.state_converter import StateConverter
-from onebot_description.ros.wire.tf_message import TFMessage
 
 LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
 MOMENTS = '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'

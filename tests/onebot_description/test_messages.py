@@ -15,12 +15,12 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
+from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.messages import (
     odometry_sample,
     one_joint_state,
     tf_arrays,
 )
-from onebot_description.ros.wire.tf_message import TFMessage
 
 names = st.text(st.characters(blacklist_categories=("Cs",), blacklist_characters="\0"), max_size=12)
 doubles = st.floats(allow_nan=True, allow_infinity=True)

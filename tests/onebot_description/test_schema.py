@@ -17,13 +17,10 @@ from sensor_msgs.msg import LaserScan, PointCloud2, PointField
 from std_msgs.msg import ColorRGBA, String
 from visualization_msgs.msg import Marker, MarkerArray
 
-from onebot_bringup.introspection.interfaces import (
-    full_definition,
-    installed,
-    message_class,
-)
+from onebot_bringup.introspection.interfaces import installed, message_class
 from onebot_description.ros.wire.cdr import ENCAPSULATION, WireError, nanoseconds
 from onebot_description.ros.wire.definition import DefinitionError, type_name
+from onebot_description.ros.wire.interface_text import full_definition
 from onebot_description.ros.wire.schema import Message, Schema, Sequences, Table
 from tests.any_message import messages, serialized
 

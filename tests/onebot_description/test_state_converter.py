@@ -15,9 +15,9 @@ from std_msgs.msg import Header
 
 from onebot_description.description import parse_description
 from onebot_description.model import RobotModel
+from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.messages import one_joint_state
 from onebot_description.ros.wire.state_converter import JointStatePlan, StateConverter
-from onebot_description.ros.wire.tf_message import TFMessage
 from tests.random_robots import chain, robots
 
 NOW = 10**18

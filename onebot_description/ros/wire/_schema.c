@@ -1,15 +1,17 @@
 /* Reads CDR messages of any type, by the programs that schema.py makes of their definition.
  *
  * The messages are untrusted; the programs, and the rows that were made by them, are not checked.
- * Python's functions are declared by its stable ABI, as in _tf_message.c.
+ * Python's functions are declared by its stable ABI, as in _type_support.c.
  */
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>
 
+#include "_program.h"
+
 #define EXPORT __attribute__((visibility("default")))
-enum { BODY_AT = 4, PHASES = 8, PARTS = 64, KNOWN = 64, HASHED = 16 };
+enum { BODY_AT = 4, PARTS = 64, KNOWN = 64, HASHED = 16 };
 
 typedef struct _object PyObject;
 extern PyObject _Py_NoneStruct;
@@ -21,30 +23,6 @@ extern PyObject *PyUnicode_DecodeUTF8(const char *, intptr_t, const char *);
 extern PyObject *PyUnicode_DecodeUTF16(const char *, intptr_t, const char *, int *);
 extern void Py_IncRef(PyObject *);
 extern void Py_DecRef(PyObject *);
-
-/* ---- Programs: all of a definition lie in one block ---- */
-
-enum kind {
-  NUMBERS,  /* a fixed number of numbers: copied into the row */
-  SEQUENCE, /* numbers or characters: the row gets where they lie and how many they are */
-  STRUCTS,  /* of another program: as well, with where the first one begins, before padding */
-};
-
-struct operation {
-  uint32_t kind, size, count; /* count 0 of a sequence or of structs: the message has it */
-  uint32_t to;                /* byte in the row */
-  uint32_t program;
-  uint32_t booleans; /* each number must be 0 or 1: NumPy relies on that */
-};
-
-struct program {
-  uint32_t operations_at, operations; /* byte in the block, number */
-  uint32_t smallest;                  /* bytes of a struct in a message at least, never 0 */
-  uint32_t row_size;
-  /* By the start of a struct modulo PHASES: its bytes, and those from one to the next where that
-   * is constant and nothing in them needs a check; else 0. */
-  uint32_t size[PHASES], stride[PHASES];
-};
 
 /* ---- Structs ---- */
 

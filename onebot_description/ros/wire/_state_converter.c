@@ -5,7 +5,7 @@
  * hundred-odd steps that the same takes in Python then takes several times what it takes in a loop.
  * A message that is not recognised is passed on, untouched, to the way through ordinary messages.
  *
- * Python's functions are declared by its stable ABI, as in _tf_message.c.
+ * Python's functions are declared by its stable ABI, as in _type_support.c.
  */
 #include <math.h>
 #include <stdbool.h>

@@ -20,12 +20,12 @@ from pathlib import Path
 _FOLDER = Path(__file__).parent
 _MODEL = _FOLDER.parents[1] / "model"
 SOURCES = (
-    _FOLDER / "_tf_message.c",
+    _FOLDER / "_type_support.c",
     _FOLDER / "_schema.c",
     _FOLDER / "_state_converter.c",
     _MODEL / "_kinematics.c",
 )
-_HEADERS = (_MODEL / "_joint.h",)
+_HEADERS = (_FOLDER / "_program.h", _MODEL / "_joint.h")
 LIBRARY = Path(__file__).with_name("_library.so")
 
 # The oldest C library that the ROS 2 wheels themselves run on.

@@ -15,8 +15,9 @@ from rclpy import serialization
 from std_msgs.msg import Header
 
 from onebot_description.ros.wire.cdr import NANO, Floats, nanoseconds
+from onebot_description.ros.wire.interface_text import full_definition
+from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.schema import Schema
-from onebot_description.ros.wire.tf_message import TFMessage
 
 BAD_MESSAGE = (ValueError, IndexError)  # raised for bytes that are no such message
 
@@ -62,34 +63,10 @@ class OdometrySample(NamedTuple):
     covariance: Floats = _UNKNOWN
 
 
-_HEADER = "std_msgs/Header header\n"
-_TYPES = {  # their fields
-    "tf2_msgs/TFMessage": "geometry_msgs/TransformStamped[] transforms",
-    "sensor_msgs/JointState": (
-        f"{_HEADER}string[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort"
-    ),
-    "nav_msgs/Odometry": (
-        f"{_HEADER}string child_frame_id\n"
-        "geometry_msgs/PoseWithCovariance pose\ngeometry_msgs/TwistWithCovariance twist"
-    ),
-    "geometry_msgs/PoseWithCovariance": "Pose pose\nfloat64[36] covariance",
-    "geometry_msgs/Pose": "Vector3 position\nQuaternion orientation",
-    "geometry_msgs/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w",
-    "geometry_msgs/Transform": "Vector3 translation\nQuaternion rotation",
-    "geometry_msgs/TransformStamped": f"{_HEADER}string child_frame_id\nTransform transform",
-    "geometry_msgs/Twist": "Vector3 linear\nVector3 angular",
-    "geometry_msgs/TwistStamped": f"{_HEADER}Twist twist",
-    "geometry_msgs/TwistWithCovariance": "Twist twist\nfloat64[36] covariance",
-    "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z",
-    "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id",
-}
-
-
 @functools.cache
 def known_schema(name: str) -> Schema:
-    """Return the schema of a type whose definition is here, such as nav_msgs/Odometry."""
-    sections = (f"MSG: {inner}\n{fields}" for inner, fields in _TYPES.items())
-    return Schema(name, f"\n{'=' * 80}\n".join(["", *sections]))
+    """Return the schema of a type that is always there, such as nav_msgs/msg/Odometry."""
+    return Schema(name, full_definition(name))
 
 
 # These raise WireError where the bytes are no whole message of plain little-endian CDR. The arrays
@@ -98,7 +75,7 @@ def known_schema(name: str) -> Schema:
 
 def tf_arrays(data: bytes) -> TfArrays:
     """Read a serialized tf2_msgs/msg/TFMessage; names that come again are the same lists."""
-    transforms = known_schema("tf2_msgs/TFMessage").read(data).transforms
+    transforms = known_schema("tf2_msgs/msg/TFMessage").read(data).transforms
     header = transforms.header
     values = transforms.transform.array()
     stamps = header.stamp.sec.astype(np.int64) * NANO + header.stamp.nanosec
@@ -114,7 +91,7 @@ def _lists(parents: tuple[str, ...], children: tuple[str, ...]) -> tuple[list[st
 
 def one_joint_state(data: bytes) -> JointStateArrays:
     """Read a serialized sensor_msgs/msg/JointState."""
-    state = known_schema("sensor_msgs/JointState").read(data)
+    state = known_schema("sensor_msgs/msg/JointState").read(data)
     fields = state.position, state.velocity, state.effort
     stamp_ns = nanoseconds(state.header.stamp)
     return JointStateArrays(stamp_ns, state.header.frame_id, tuple(state.name), *fields)
@@ -122,7 +99,7 @@ def one_joint_state(data: bytes) -> JointStateArrays:
 
 def odometry_sample(data: bytes) -> OdometrySample:
     """Read a serialized nav_msgs/msg/Odometry."""
-    message = known_schema("nav_msgs/Odometry").read(data)
+    message = known_schema("nav_msgs/msg/Odometry").read(data)
     pose = message.pose.pose.array()
     twist = message.twist.twist
     return OdometrySample(

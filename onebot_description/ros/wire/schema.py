@@ -518,10 +518,21 @@ class Schema:
 
         Raises WireError for bytes that are no such message, or not plain little-endian CDR.
         """
+        return self._program.root.value(self._rows(data))
+
+    def read_table(self, data: bytes) -> Table:
+        """Read a message as ``read`` does, as a table of one row."""
+        return self._program.root.column(self._rows(data))
+
+    def _rows(self, data: bytes) -> _Rows:
         if not data.startswith(_PLAIN):
             raise WireError("not plain little-endian CDR")
-        rows = self._program.read(data, self._block, HEADER, 1)
-        return self._program.root.value(rows)
+        return self._program.read(data, self._block, HEADER, 1)
+
+    @property
+    def program(self) -> tuple[bytes, int]:
+        """The programs, and the number of the message's own: ``struct program`` in _program.h."""
+        return self._block, self._program.number
 
     def numeric_fields(self) -> tuple[str, ...]:
         """List the single numbers outside of arrays, such as ``twist.linear.x``.

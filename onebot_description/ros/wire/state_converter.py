@@ -32,6 +32,7 @@ from onebot_description.ros.wire.cdr import (
     WireError,
     Writer,
 )
+from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.library import load_library
 from onebot_description.ros.wire.messages import (
     LARGEST_KEPT,
@@ -40,7 +41,6 @@ from onebot_description.ros.wire.messages import (
     time_message,
     transforms_message,
 )
-from onebot_description.ros.wire.tf_message import TFMessage
 
 Warn = Callable[[str, str], None]
 ConvertBytes = Callable[[bytes, int], bytes | None]

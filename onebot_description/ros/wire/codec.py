@@ -1,0 +1,263 @@
+"""Makes CDR of message objects, and message objects of CDR, for types made at run time.
+
+The plan of a type follows from ``SLOT_TYPES`` of its class, and is made once. Messages are read by
+``Schema``, column by column; cdr.py says how they are laid out.
+"""
+
+import array
+import functools
+import itertools
+import operator
+import struct
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any
+
+import numpy as np
+from rosidl_parser.definition import (
+    AbstractGenericString,
+    AbstractNestedType,
+    AbstractType,
+    AbstractWString,
+    Array,
+    BasicType,
+    NamespacedType,
+)
+
+from onebot_description.ros.wire.message_class import NUMBERS, class_of, full_name
+from onebot_description.ros.wire.schema import Schema
+
+# Appends the CDR of a message, or of a field's value, to a body.
+Write = Callable[[bytearray, Any], None]
+# Makes the values of a field, one for each row of its column.
+Read = Callable[[Any], Iterable[Any]]
+
+_LETTERS = NUMBERS | {"boolean": "?", "octet": "c"}  # for ``struct``
+_MSG_TYPES = {"boolean": "bool", "octet": "byte", "float": "float32", "double": "float64"}
+_LENGTH = struct.Struct("<I")
+
+
+def _fields(kind: Any) -> Iterator[tuple[str, AbstractType]]:
+    """List the names and types of a message class's fields."""
+    return zip(kind.get_fields_and_field_types(), kind.SLOT_TYPES, strict=True)
+
+
+# ---- Objects to bytes ----
+
+
+def pack(kind: Any, message: Any) -> bytes:
+    """Return the CDR of a message of a class, without its encapsulation.
+
+    A TypeError, AttributeError or UnicodeEncodeError names what does not fit.
+    """
+    body = bytearray()
+    try:
+        _writer(kind)(body, message)
+    except struct.error as error:
+        raise TypeError(f"{kind.__name__}: {error}") from error
+    return bytes(body)
+
+
+@functools.cache
+def _writer(kind: Any) -> Write:
+    writers = [
+        write
+        for size, run in itertools.groupby(_fields(kind), lambda field: _size(field[1]))
+        for write in (_run_writers(size, list(run)))
+    ]
+    if not writers:
+        return lambda body, _message: body.append(0)  # nothing takes a byte
+
+    def write(body: bytearray, message: Any) -> None:
+        for writer in writers:
+            writer(body, message)
+
+    return write
+
+
+def _size(slot: AbstractType) -> int:
+    """Return the bytes of a number, to which it is aligned; 0 of what is none."""
+    return struct.calcsize(_LETTERS[slot.typename]) if isinstance(slot, BasicType) else 0
+
+
+def _run_writers(size: int, run: list[tuple[str, AbstractType]]) -> Iterator[Write]:
+    """Return what writes some fields of a message: numbers of one size at once."""
+    if size:
+        yield _numbers_writer(size, run)
+    else:
+        for name, slot in run:
+            yield _field_writer(name, _value_writer(slot))
+
+
+def _numbers_writer(size: int, run: list[tuple[str, AbstractType]]) -> Write:
+    pack_into = struct.Struct("<" + "".join(_LETTERS[slot.typename] for _, slot in run)).pack
+    names = [name for name, _ in run]
+    get = operator.attrgetter(*names)
+
+    def write(body: bytearray, message: Any) -> None:
+        values = get(message)
+        body += bytes(-len(body) % size)
+        body += pack_into(*values) if len(names) > 1 else pack_into(values)
+
+    return write
+
+
+def _field_writer(name: str, write: Write) -> Write:
+    get = operator.attrgetter(name)
+    return lambda body, message: write(body, get(message))
+
+
+def _value_writer(slot: AbstractType) -> Write:
+    if isinstance(slot, NamespacedType):
+        return _writer(class_of(slot))
+    if isinstance(slot, AbstractGenericString):
+        return _write_wide_text if isinstance(slot, AbstractWString) else _write_text
+    item = slot.value_type
+    write_items = (
+        _items_writer(_LETTERS[item.typename])
+        if isinstance(item, BasicType)
+        else functools.partial(_write_each, _value_writer(item))
+    )
+    if isinstance(slot, Array):
+        return functools.partial(_write_array, write_items, slot.size)
+    return functools.partial(_write_sequence, write_items)
+
+
+def _write_text(body: bytearray, text: str) -> None:
+    data = str.encode(text).partition(b"\0")[0]  # as in C, where rclpy keeps strings
+    _write_length(body, len(data) + 1)
+    body += data + b"\0"
+
+
+def _write_wide_text(body: bytearray, text: str) -> None:
+    data = str.encode(text, "utf-16-le")
+    _write_length(body, len(data) // 2)
+    body += data
+
+
+def _write_length(body: bytearray, length: int) -> None:
+    body += bytes(-len(body) % _LENGTH.size)
+    body += _LENGTH.pack(length)
+
+
+def _items_writer(letter: str) -> Write:
+    size = struct.calcsize(letter)
+
+    def write(body: bytearray, values: Any) -> None:
+        if len(values):
+            body += bytes(-len(body) % size)
+            data = np.asarray(values, "S1" if letter == "c" else letter)
+            body += data.tobytes()
+
+    return write
+
+
+def _write_each(write: Write, body: bytearray, values: Iterable[Any]) -> None:
+    for value in values:
+        write(body, value)
+
+
+def _write_array(write: Write, size: int, body: bytearray, values: Any) -> None:
+    if len(values) != size:
+        raise TypeError(f"an array of {size} has {len(values)} values")
+    write(body, values)
+
+
+def _write_sequence(write: Write, body: bytearray, values: Any) -> None:
+    _write_length(body, len(values))
+    write(body, values)
+
+
+# ---- Bytes to objects ----
+
+
+def unpack(kind: Any, schema: Schema, data: bytes) -> Any:
+    """Return the message of a class from its CDR, encapsulation included; WireError if it is none.
+
+    ``schema`` is that of the class, from ``schema_of``.
+    """
+    return _objects(kind, schema.read_table(data))[0]
+
+
+def _objects(kind: Any, table: Any) -> list[Any]:
+    """Return the messages in the rows of a table."""
+    messages = [kind() for _ in range(len(table))]
+    for name, read in _readers(kind):
+        for message, value in zip(messages, read(table[name]), strict=True):
+            setattr(message, name, value)
+    return messages
+
+
+@functools.cache
+def _readers(kind: Any) -> list[tuple[str, Read]]:
+    return [(name, _reader(slot)) for name, slot in _fields(kind)]
+
+
+def _reader(slot: AbstractType) -> Read:
+    if isinstance(slot, NamespacedType):
+        return functools.partial(_objects, class_of(slot))
+    if isinstance(slot, AbstractGenericString):
+        return lambda column: column
+    if isinstance(slot, BasicType):
+        if slot.typename == "octet":
+            return _octets
+        return lambda column: column.tolist()
+    inner = _list_reader(slot)
+    return lambda column: map(inner, column)
+
+
+def _list_reader(slot: AbstractNestedType) -> Callable[[Any], Any]:
+    """Return what makes the value of an array or a sequence from a column of its items."""
+    item = slot.value_type
+    letter = NUMBERS.get(item.typename) if isinstance(item, BasicType) else None
+    if letter is None:
+        read = _reader(item)
+        return lambda items: list(read(items))
+    if isinstance(slot, Array):
+        return np.copy
+    return lambda items: array.array(letter, items.tobytes())
+
+
+def _octets(column: Any) -> list[bytes]:
+    return [bytes([number]) for number in column.tolist()]
+
+
+# ---- The schema of a class ----
+
+
+def schema_of(kind: Any, name: str) -> Schema:
+    """Return what reads messages of a class; ``name``: the full name of its type."""
+    sections: dict[str, str] = {}
+    _add_sections(kind, name, sections)
+    parts = (f"MSG: {inner}\n{text}" for inner, text in sections.items())
+    return Schema(_short(name), f"\n{'=' * 80}\n".join(["", *parts]))
+
+
+def _short(name: str) -> str:
+    """Return ``package/Type`` of a full name."""
+    package, _, kind = name.split("/")
+    return f"{package}/{kind}"
+
+
+def _add_sections(kind: Any, name: str, sections: dict[str, str]) -> None:
+    """Add the .msg text of a class and of the types in it, by short name."""
+    if _short(name) in sections:
+        return
+    sections[_short(name)] = "\n".join(
+        f"{_msg_type(slot)} {field}" for field, slot in _fields(kind)
+    )
+    for _, slot in _fields(kind):
+        item = slot.value_type if isinstance(slot, AbstractNestedType) else slot
+        if isinstance(item, NamespacedType):
+            _add_sections(class_of(item), full_name(item), sections)
+
+
+def _msg_type(slot: AbstractType) -> str:
+    """Return a field's type as in a .msg file, without upper bounds."""
+    if isinstance(slot, AbstractNestedType):
+        size = slot.size if isinstance(slot, Array) else ""
+        return f"{_msg_type(slot.value_type)}[{size}]"
+    if isinstance(slot, NamespacedType):
+        return _short(full_name(slot))
+    if isinstance(slot, BasicType):
+        return _MSG_TYPES.get(slot.typename, str(slot.typename))
+    return "wstring" if isinstance(slot, AbstractWString) else "string"

@@ -1,0 +1,72 @@
+"""Finds the text that defines an interface, as ROS calls a message, service or action type.
+
+An installed package has it in its share folder, as .msg, .srv or .action file. Those of tf2_msgs,
+control_msgs and simulation_interfaces, which no wheel has, are in the folder ``definitions`` here;
+their names and types, which the type hash is made of, are those of ROS 2 Jazzy.
+"""
+
+import functools
+import os
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from onebot_description.errors import OneBotError
+
+_OWN = Path(__file__).with_name("definitions")
+_DELIMITER = "=" * 80  # rosbag2's, between the definitions of types
+_FIELD_TYPE = re.compile(r"^\s*([A-Za-z0-9_/]+)(?:<=\d+)?(?:\[[^]]*\])?\s", re.MULTILINE)
+_PRIMITIVE = frozenset(
+    "bool byte char float32 float64 int8 uint8 int16 uint16 int32 uint32 int64 uint64 string "
+    "wstring".split()
+)
+
+
+def own_interfaces(kind: str) -> list[str]:
+    """List the full names of the interfaces of a kind (msg, srv, action) that are defined here."""
+    paths = sorted(_OWN.glob(f"*/{kind}/*.{kind}"))
+    return [f"{path.parts[-3]}/{kind}/{path.stem}" for path in paths]
+
+
+def interface_text(name: str) -> str:
+    """Return the text of the file that defines an interface, such as ``std_srvs/srv/Trigger``.
+
+    An OneBotError says that there is none.
+    """
+    package, kind, type_name = name.split("/")
+    for folder in _folders():
+        try:
+            return (folder / package / kind / f"{type_name}.{kind}").read_text(encoding="utf-8")
+        except (FileNotFoundError, NotADirectoryError):
+            continue
+    raise OneBotError(f"{name} is installed without its file {type_name}.{kind}")
+
+
+def _folders() -> Iterator[Path]:
+    prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
+    yield from (Path(prefix, "share") for prefix in filter(None, prefixes))
+    yield _OWN
+
+
+@functools.cache
+def full_definition(name: str) -> str:
+    """Return the definition of a message type as rosbag2 stores it with the messages.
+
+    The .msg file comes first; those it refers to follow, each once and under a line of its own.
+    """
+    return _joined(name, set())
+
+
+def _joined(name: str, seen: set[str]) -> str:
+    text = interface_text(name)
+    package = name.partition("/")[0]
+    parts = [text]
+    for kind in sorted({*_FIELD_TYPE.findall(text)} - _PRIMITIVE):
+        full = kind if "/" in kind else f"{package}/{kind}"
+        if full not in seen:
+            seen.add(full)
+            home, _, short = full.rpartition("/")
+            nested = _joined(f"{home.partition('/')[0]}/msg/{short}", seen)
+            parts.append(f"\n{_DELIMITER}\nMSG: {full}\n{nested}")
+    return "".join(parts)

@@ -1,0 +1,290 @@
+"""Classes of messages, services and actions, whether or not a package has them.
+
+    load_interface("control_msgs/action/FollowJointTrajectory")
+
+is the class of an installed package, else one that is made of the definition in the folder
+``definitions``. Both are the same on the wire: the type's name, hash and description, and every
+field; so a node of anyone's, with the genuine package, works with it unchanged.
+
+rclpy loads the type support with the first publisher, subscription, service, client or conversion.
+Where it cannot be loaded, that raises an ``OneBotError`` that is also an ``ImportError``.
+"""
+
+import functools
+import importlib
+import logging
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING, Any
+
+from rosidl_adapter import parser
+from rosidl_parser.definition import (
+    AbstractType,
+    Array,
+    BasicType,
+    BoundedSequence,
+    BoundedString,
+    BoundedWString,
+    NamespacedType,
+    UnboundedSequence,
+    UnboundedString,
+    UnboundedWString,
+)
+
+from onebot_description.errors import OneBotError
+from onebot_description.ros.wire import type_support
+from onebot_description.ros.wire.interface_text import interface_text, own_interfaces
+from onebot_description.ros.wire.message_class import (
+    Field,
+    Hooks,
+    make_message_class,
+    make_metaclass,
+    module_name,
+)
+from onebot_description.ros.wire.type_description import Definition
+
+_IDL_NAMES = {  # of types in .msg files
+    "bool": "boolean",
+    "byte": "octet",
+    "char": "uint8",
+    "float32": "float",
+    "float64": "double",
+}
+
+
+@functools.cache
+def load_interface(name: str) -> Any:
+    """Return the class of an interface by its full name, such as ``std_srvs/srv/Trigger``.
+
+    An OneBotError says that there is none, or that an installed one cannot be used.
+    """
+    package, kind, short = name.split("/")
+    own = name in own_interfaces(kind)
+    try:
+        installed = getattr(importlib.import_module(f"{package}.{kind}"), short)
+        if own:
+            type_support.handle_of(installed)
+        return installed
+    except Exception as error:  # a failing type support raises bare Exceptions
+        if not own:
+            raise OneBotError(f"{name} cannot be used: {error}") from error
+        if not isinstance(error, ModuleNotFoundError):
+            logging.getLogger(__name__).debug("%s is installed but unusable: %s", name, error)
+    return make_interface(name)
+
+
+def make_interface(name: str) -> Any:
+    """Return a class made of the definition, whether or not the package is installed."""
+    package, kind, short = name.split("/")
+    text = interface_text(name)
+    make: Callable[[str, str, str], Any] = {"msg": _message, "srv": _service, "action": _action}[
+        kind
+    ]
+    return make(package, short, text)
+
+
+# ---- Messages ----
+
+
+def _message(package: str, name: str, text: str) -> Any:
+    specification = parser.parse_message_string(package, name, text)
+    return _make_message(
+        f"{package}/msg/{name}", _parsed(specification), specification.constants, "msg", text
+    )
+
+
+def _make_message(
+    name: str,
+    fields: Sequence[Field],
+    constants: Iterable[Any] = (),
+    encoding: str = "implicit",
+    text: str = "",
+) -> Any:
+    """Return a message class; ``text`` and its encoding are those of a file that defines it."""
+    described = Definition(name, fields or [type_support.EMPTY], encoding, text.rstrip("\n"))
+    load = functools.partial(type_support.support_message, definition=described)
+    values = {
+        constant.name: bytes([constant.value]) if constant.type == "byte" else constant.value
+        for constant in constants
+    }
+    return make_message_class(name, fields, values, Hooks(load, restore))
+
+
+def restore(name: str, values: dict[str, Any], check_fields: bool) -> Any:
+    """Return a message from its pickled form."""
+    package, folder, short = name.split("/")
+    if folder == "msg":
+        return load_interface(name)(**values, check_fields=check_fields)
+    # A part of a service or an action: StepSimulation_Request, FollowJointTrajectory_Goal.
+    whole, *parts = short.split("_")
+    kind = load_interface(f"{package}/{folder}/{whole}")
+    for part in parts:
+        kind = getattr(kind, part, None) or getattr(kind.Impl, _IMPL[part])
+    return kind(**values, check_fields=check_fields)
+
+
+def _parsed(specification: Any) -> list[Field]:
+    """Return the fields of a parsed definition; the classes of their messages exist then."""
+    return [
+        Field(field.name, _slot(field.type), field.default_value) for field in specification.fields
+    ]
+
+
+def _slot(kind: Any) -> AbstractType:
+    """Return a parsed type as generated classes have it."""
+    item = _item(kind)
+    if not kind.is_array:
+        return item
+    if not kind.array_size:
+        return UnboundedSequence(item)
+    return (BoundedSequence if kind.is_upper_bound else Array)(item, kind.array_size)
+
+
+def _item(kind: Any) -> AbstractType:
+    if kind.pkg_name:
+        load_interface(f"{kind.pkg_name}/msg/{kind.type}")
+        return NamespacedType([kind.pkg_name, "msg"], kind.type)
+    if kind.type == "string":
+        bound = kind.string_upper_bound
+        return BoundedString(bound) if bound else UnboundedString()
+    if kind.type == "wstring":
+        bound = kind.string_upper_bound
+        return BoundedWString(bound) if bound else UnboundedWString()
+    return BasicType(_IDL_NAMES.get(kind.type, kind.type))
+
+
+# ---- Services ----
+
+_PARTS = ("Request", "Response", "Event")
+_UUID = NamespacedType(["unique_identifier_msgs", "msg"], "UUID")
+_TIME = NamespacedType(["builtin_interfaces", "msg"], "Time")
+_EVENT_INFO = NamespacedType(["service_msgs", "msg"], "ServiceEventInfo")
+
+
+def _service(package: str, name: str, text: str) -> Any:
+    specification = parser.parse_service_string(package, name, text)
+    halves = specification.request, specification.response
+    return _make_service(
+        f"{package}/srv/{name}",
+        (_parsed(halves[0]), _parsed(halves[1])),
+        (halves[0].constants, halves[1].constants),
+        ("srv", text),
+    )
+
+
+def _make_service(
+    name: str,
+    fields: tuple[Sequence[Field], Sequence[Field]],
+    constants: tuple[Iterable[Any], Iterable[Any]] = ((), ()),
+    source: tuple[str, str] = ("implicit", ""),
+) -> Any:
+    """Return a service class by the fields and constants of its request and its response.
+
+    ``source``: encoding and text of the file that defines it.
+    """
+    package, folder, short = name.split("/")
+    types = [NamespacedType([package, folder], f"{short}_{part}") for part in _PARTS]
+    event = [
+        Field("info", _EVENT_INFO),
+        Field("request", BoundedSequence(types[0], 1)),
+        Field("response", BoundedSequence(types[1], 1)),
+    ]
+    parts = {
+        "Request": _make_message(f"{name}_Request", fields[0], constants[0]),
+        "Response": _make_message(f"{name}_Response", fields[1], constants[1]),
+        "Event": _make_message(f"{name}_Event", event),
+    }
+    members = [
+        Field(f"{part.lower()}_message", slot) for part, slot in zip(_PARTS, types, strict=True)
+    ]
+    described = Definition(name, members, source[0], source[1].rstrip("\n"))
+    return _make_class(described, parts, type_support.support_service)
+
+
+def _make_class(definition: Definition, parts: dict[str, Any], support: Callable[..., None]) -> Any:
+    """Return the class of a service or an action, which only holds its parts."""
+    name = definition.name.rpartition("/")[2]
+    load = functools.partial(support, definition=definition)
+    return make_metaclass(name, load)(
+        name, (), {"__module__": module_name(definition.name), "__init__": _refuse, **parts}
+    )
+
+
+def _refuse(self: Any) -> None:
+    raise NotImplementedError("Service and action classes can not be instantiated")
+
+
+# ---- Actions ----
+
+_IMPL = {"SendGoal": "SendGoalService", "GetResult": "GetResultService"}
+
+
+def _action(package: str, short: str, text: str) -> Any:
+    """Return an action class, with the services and the topic that ROS makes of it."""
+    from action_msgs.msg import GoalStatusArray
+    from action_msgs.srv import CancelGoal
+
+    name = f"{package}/action/{short}"
+    specification = parser.parse_action_string(package, short, text)
+    halves = {
+        "Goal": specification.goal,
+        "Result": specification.result,
+        "Feedback": specification.feedback,
+    }
+    parts = {
+        part: _make_message(f"{name}_{part}", _parsed(half), half.constants)
+        for part, half in halves.items()
+    }
+    goal, result, feedback = (
+        NamespacedType([package, "action"], f"{short}_{part}") for part in halves
+    )
+    goal_id = Field("goal_id", _UUID)
+    send_goal = _make_service(
+        f"{name}_SendGoal",
+        (
+            [goal_id, Field("goal", goal)],
+            [Field("accepted", BasicType("boolean")), Field("stamp", _TIME)],
+        ),
+    )
+    get_result = _make_service(
+        f"{name}_GetResult",
+        ([goal_id], [Field("status", BasicType("int8")), Field("result", result)]),
+    )
+    feedback_message = _make_message(
+        f"{name}_FeedbackMessage", [goal_id, Field("feedback", feedback)]
+    )
+    implementation = {
+        "SendGoalService": send_goal,
+        "GetResultService": get_result,
+        "FeedbackMessage": feedback_message,
+        "CancelGoalService": CancelGoal,
+        "GoalStatusMessage": GoalStatusArray,
+    }
+    slots = {
+        "goal": "Goal",
+        "result": "Result",
+        "feedback": "Feedback",
+        "send_goal_service": "SendGoal",
+        "get_result_service": "GetResult",
+        "feedback_message": "FeedbackMessage",
+    }
+    members = [
+        Field(member, NamespacedType([package, "action"], f"{short}_{part}"))
+        for member, part in slots.items()
+    ]
+    described = Definition(name, members, "action", text.rstrip("\n"))
+    parts["Impl"] = type("Impl", (), implementation)
+    return _make_class(described, parts, type_support.support_action)
+
+
+if TYPE_CHECKING:
+
+    class TFMessage:
+        """A tf2_msgs/msg/TFMessage: coordinate transforms, as on the topics /tf and /tf_static."""
+
+        transforms: Sequence[Any]
+
+        def __init__(
+            self, *, transforms: Sequence[Any] = (), check_fields: bool = False
+        ) -> None: ...
+else:
+    TFMessage = load_interface("tf2_msgs/msg/TFMessage")

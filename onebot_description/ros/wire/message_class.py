@@ -1,0 +1,301 @@
+"""Makes classes of messages like those that rosidl generates, from their fields at run time.
+
+They have the same attributes, constructor, properties, checks and text as generated ones, so that
+rclpy and tools that show any message take them for such.
+"""
+
+import array
+import functools
+import importlib
+import operator
+import os
+import re
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from rosidl_parser.definition import (
+    AbstractGenericString,
+    AbstractNestedType,
+    AbstractType,
+    AbstractWString,
+    Array,
+    BasicType,
+    BoundedSequence,
+    NamespacedType,
+)
+
+# rosidl's switch: assigning to a field checks the value's type if it is set to 1.
+_CHECK_FIELDS = os.getenv("ROS_PYTHON_CHECK_FIELDS", default="") == "1"
+# Numbers that lists of are arrays, by rosidl's names: letters that ``array``, ``struct`` and NumPy
+# have in common.
+NUMBERS = {
+    **{"int8": "b", "uint8": "B", "int16": "h", "uint16": "H", "int32": "i", "uint32": "I"},
+    **{"int64": "q", "uint64": "Q", "float": "f", "double": "d"},
+}
+_DEFAULTS = {"boolean": False, "octet": b"\0", "float": 0.0, "double": 0.0}  # else 0
+_CAPSULES = (
+    "_CREATE_ROS_MESSAGE",
+    "_CONVERT_FROM_PY",
+    "_CONVERT_TO_PY",
+    "_DESTROY_ROS_MESSAGE",
+    "_TYPE_SUPPORT",
+)
+
+
+class Field(NamedTuple):
+    """A field of a message.
+
+    Attributes:
+        name: as in the definition.
+        slot: its type, as in ``SLOT_TYPES`` of a generated class.
+        default: its value in a new message, as in the definition; None: rosidl's default.
+    """
+
+    name: str
+    slot: AbstractType
+    default: Any = None
+
+
+class Hooks(NamedTuple):
+    """How a class gets its type support, and a message comes back from its pickled form.
+
+    Attributes:
+        load: called once with the class; sets the capsules that rclpy looks for on its metaclass.
+        restore: called with the class's full name, the values of its fields by name, and whether
+            they are checked; returns the message.
+    """
+
+    load: Callable[[Any], None]
+    restore: Callable[[str, dict[str, Any], bool], Any]
+
+
+_MADE: dict[str, Any] = {}  # by full name
+
+
+def full_name(slot: NamespacedType) -> str:
+    """Return ``package/msg/Type`` of a field's type."""
+    return "/".join(slot.namespaced_name())
+
+
+def class_of(slot: NamespacedType) -> Any:
+    """Return the class of the messages in a field: made here, or generated."""
+    made = _MADE.get(full_name(slot))
+    return made or getattr(importlib.import_module(".".join(slot.namespaces)), slot.name)
+
+
+def module_name(name: str) -> str:
+    """Return the module that generated code of a type would lie in, by the type's full name."""
+    package, folder, short = name.split("/")
+    whole = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", short.split("_")[0])
+    return f"{package}.{folder}._{whole.lower()}"
+
+
+def make_metaclass(name: str, load: Callable[[Any], None]) -> Any:
+    """Return a metaclass that holds a type's support where rclpy looks for it."""
+    made: list[Any] = []
+
+    def remember(cls: Any, *_args: Any, **_kwargs: Any) -> None:
+        made.append(cls)
+
+    def import_type_support(metaclass: Any) -> None:
+        """Load the type support, once."""
+        if metaclass._TYPE_SUPPORT is None:
+            load(made[0])
+
+    attributes = {
+        **dict.fromkeys(_CAPSULES),
+        "__init__": remember,
+        "__import_type_support__": classmethod(import_type_support),
+    }
+    return type(f"Metaclass_{name}", (type,), attributes)
+
+
+def make_message_class(
+    name: str, fields: Sequence[Field], constants: Mapping[str, Any], hooks: Hooks
+) -> Any:
+    """Return the class of a message type.
+
+    Args:
+        name: ``package/msg/Type``; for a part of a service or an action, srv or action.
+        fields: its fields; the classes of nested messages exist.
+        constants: their values by name.
+        hooks: what the class calls.
+    """
+    package, folder, short = name.split("/")
+    names = [field.name for field in fields]
+    makers = [(field.name, _default(field)) for field in fields]
+
+    def __init__(self: Any, **kwargs: Any) -> None:
+        self._check_fields = kwargs.get("check_fields", _CHECK_FIELDS)
+        if self._check_fields:
+            unknown = {*kwargs} - {*names, "check_fields"}
+            assert not unknown, (
+                f"Invalid arguments passed to constructor: {', '.join(sorted(unknown))}"
+            )
+        for field, make in makers:
+            setattr(self, field, kwargs[field] if field in kwargs else make())
+
+    def __repr__(self: Any) -> str:
+        texts = (f"{field}={_text(getattr(self, field))}" for field in names)
+        return f"{package}.{folder}.{short}({', '.join(texts)})"
+
+    def __eq__(self: Any, other: object) -> bool:
+        return isinstance(other, made) and all(
+            _equal(getattr(self, field), getattr(other, field)) for field in names
+        )
+
+    def __reduce__(self: Any) -> tuple[Any, ...]:
+        # The module's name is not that of a real one.
+        by_name = {field: getattr(self, field) for field in names}
+        return hooks.restore, (name, by_name, self._check_fields)
+
+    types = {field.name: _type_name(field.slot) for field in fields}
+    defaults = {
+        f"{field.name.upper()}__DEFAULT": field.default
+        for field in fields
+        if field.default is not None
+    }
+    attributes = {
+        "__doc__": f"Message class '{short}'.",
+        "__module__": module_name(name),
+        "__slots__": [*(f"_{field}" for field in names), "_check_fields"],
+        "__hash__": None,
+        "SLOT_TYPES": tuple(field.slot for field in fields),
+        "_fields_and_field_types": types,
+        "get_fields_and_field_types": classmethod(lambda _: types.copy()),
+        **{function.__name__: function for function in (__init__, __repr__, __eq__, __reduce__)},
+        **{field.name: _property(field) for field in fields},
+        **constants,
+        **defaults,
+    }
+    made = make_metaclass(short, hooks.load)(short, (), attributes)
+    _MADE[name] = made
+    return made
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, array.array):
+        return repr(value.tolist())
+    return repr(value)
+
+
+def _equal(one: Any, other: Any) -> bool:
+    if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
+        return bool(np.array_equal(one, other))
+    return bool(one == other)
+
+
+# ---- Fields ----
+
+
+def _property(field: Field) -> property:
+    """Return the property of a field, which checks what is assigned if the message does."""
+    where, convert = f"_{field.name}", _converter(field.slot)
+    wanted = f"The '{field.name}' field must be {_wanted(field.slot)}"
+
+    def assign(message: Any, value: Any) -> None:
+        if message._check_fields:
+            assert _fits(field.slot, value), wanted
+        setattr(message, where, convert(value))
+
+    return property(operator.attrgetter(where), assign, doc=f"Message field '{field.name}'.")
+
+
+def _letter(slot: AbstractType) -> str | None:
+    """Return the letter of the numbers in an array or a sequence; None for other things."""
+    item = slot.value_type if isinstance(slot, AbstractNestedType) else None
+    return NUMBERS.get(item.typename) if isinstance(item, BasicType) else None
+
+
+def _converter(slot: AbstractType) -> Callable[[Any], Any]:
+    """Return what turns an assigned value into the one that the message holds."""
+    if not (letter := _letter(slot)):
+        return lambda value: value
+    if isinstance(slot, Array):
+        return functools.partial(np.array, dtype=letter)
+    return functools.partial(array.array, letter)
+
+
+def _default(field: Field) -> Callable[[], Any]:
+    """Return what makes the value of a field in a new message."""
+    slot, default = field.slot, field.default
+    if isinstance(slot, NamespacedType):
+        return lambda: class_of(slot)()
+    if isinstance(slot, Array) and default is None:
+        item = _default(Field("", slot.value_type))
+        return lambda: [item() for _ in range(slot.size)]
+    if isinstance(slot, AbstractNestedType):
+        return lambda: list(default or ())
+    if default is None:
+        text = isinstance(slot, AbstractGenericString)
+        default = "" if text else _DEFAULTS.get(slot.typename, 0)
+    return lambda: default
+
+
+def _type_name(slot: AbstractType) -> str:
+    """Return a field's type as ``get_fields_and_field_types`` names it."""
+    if isinstance(slot, AbstractNestedType):
+        item = _type_name(slot.value_type)
+        if isinstance(slot, Array):
+            return f"{item}[{slot.size}]"
+        bound = f", {slot.maximum_size}" if isinstance(slot, BoundedSequence) else ""
+        return f"sequence<{item}{bound}>"
+    if isinstance(slot, NamespacedType):
+        return f"{slot.namespaces[0]}/{slot.name}"
+    if isinstance(slot, BasicType):
+        return str(slot.typename)
+    bound = f"<{slot.maximum_size}>" if slot.has_maximum_size() else ""
+    return ("wstring" if isinstance(slot, AbstractWString) else "string") + bound
+
+
+def _python_type(slot: AbstractType) -> str:
+    if isinstance(slot, NamespacedType):
+        return str(slot.name)
+    if isinstance(slot, AbstractGenericString):
+        return "str"
+    kinds = {"boolean": "bool", "octet": "bytes", "float": "float", "double": "float"}
+    return kinds.get(slot.typename, "int")
+
+
+def _wanted(slot: AbstractType) -> str:
+    """Say what may be assigned to a field, in rosidl's words."""
+    if not isinstance(slot, AbstractNestedType):
+        message = "a sub message " if isinstance(slot, NamespacedType) else ""
+        return f"{message}of type '{_python_type(slot)}'"
+    length = f" with length {slot.size}" if isinstance(slot, Array) else ""
+    if isinstance(slot, BoundedSequence):
+        length = f" of at most {slot.maximum_size} values"
+    item = _python_type(slot.value_type)
+    return f"a set or sequence{length} and each value of type '{item}'"
+
+
+def _fits(slot: AbstractType, value: Any) -> bool:
+    """Whether a value may be assigned to a field."""
+    if isinstance(slot, NamespacedType):
+        return isinstance(value, class_of(slot))
+    if isinstance(slot, AbstractGenericString):
+        longest = slot.maximum_size if slot.has_maximum_size() else None
+        return isinstance(value, str) and (longest is None or len(value) <= longest)
+    if isinstance(slot, BasicType):
+        return _fits_number(slot.typename, value)
+    if isinstance(value, str) or not (hasattr(value, "__len__") and hasattr(value, "__iter__")):
+        return False
+    if isinstance(slot, Array) and len(value) != slot.size:
+        return False
+    if isinstance(slot, BoundedSequence) and len(value) > slot.maximum_size:
+        return False
+    if (letter := _letter(slot)) and isinstance(value, (array.array, np.ndarray)):
+        return np.asarray(value).dtype == np.dtype(letter)
+    return all(_fits(slot.value_type, item) for item in value)
+
+
+def _fits_number(kind: str, value: Any) -> bool:
+    if kind == "boolean":
+        return isinstance(value, bool)
+    if kind == "octet":
+        return isinstance(value, bytes) and len(value) == 1
+    if kind in ("float", "double"):
+        return isinstance(value, float)
+    limits = np.iinfo(NUMBERS[kind])
+    return isinstance(value, int) and limits.min <= value <= limits.max

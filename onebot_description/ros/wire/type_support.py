@@ -1,0 +1,280 @@
+"""Connects classes that are made at run time with the middleware, by _type_support.c.
+
+Where that cannot be done, a TypeSupportError says what to do.
+"""
+
+import ctypes
+import functools
+import os
+import re
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from rosidl_parser.definition import (
+    EMPTY_STRUCTURE_REQUIRED_MEMBER_NAME,
+    AbstractGenericString,
+    AbstractNestedType,
+    AbstractType,
+    AbstractWString,
+    Array,
+    BasicType,
+    BoundedSequence,
+    NamespacedType,
+)
+
+from onebot_description.errors import OneBotError
+from onebot_description.ros.wire.codec import pack, schema_of, unpack
+from onebot_description.ros.wire.library import load_library
+from onebot_description.ros.wire.message_class import Field, class_of, full_name
+from onebot_description.ros.wire.type_description import (
+    Definition,
+    Facts,
+    describe,
+    facts_of,
+    other_support,
+)
+
+# The ROS packages whose structures are repeated here and in C, and their versions in Jazzy.
+_VERSIONS = {
+    "rosidl_runtime_c": "4.6.",
+    "rosidl_typesupport_introspection_c": "4.6.",
+    "rosidl_typesupport_fastrtps_cpp": "3.6.",
+}
+_INTROSPECTION = "rosidl_typesupport_introspection_c"
+# A type without fields has one in C, and in its description.
+EMPTY = Field(EMPTY_STRUCTURE_REQUIRED_MEMBER_NAME, BasicType("uint8"))
+
+_FACTS: dict[Any, Facts] = {}  # of classes that were made at run time
+_KEPT: list[Any] = []  # memory that the library goes on to read
+
+
+class TypeSupportError(OneBotError, ImportError):
+    """A type that was made at run time cannot be used; ``str(error)`` says what to do."""
+
+
+class _Member(ctypes.Structure):
+    """A field, from rosidl_typesupport_introspection_c: only what describes it."""
+
+    _fields_ = (
+        ("name", ctypes.c_char_p),
+        ("type_id", ctypes.c_uint8),
+        ("string_upper_bound", ctypes.c_size_t),
+        ("members", ctypes.c_void_p),
+        ("is_key", ctypes.c_bool),
+        ("is_array", ctypes.c_bool),
+        ("array_size", ctypes.c_size_t),
+        ("is_upper_bound", ctypes.c_bool),
+        ("offset", ctypes.c_uint32),
+        ("default_value", ctypes.c_void_p),
+        ("functions", ctypes.c_void_p * 6),
+    )
+
+
+# rosidl_typesupport_introspection_c/field_types.h
+_IDS = {
+    name: number
+    for number, name in enumerate(
+        "float double longdouble char wchar boolean octet uint8 int8 uint16 int16 uint32 int32 "
+        "uint64 int64 string wstring message".split(),
+        1,
+    )
+}
+
+
+# ---- Messages, services, actions ----
+
+
+def support_message(kind: Any, definition: Definition) -> None:
+    """Make a message class ready for rclpy."""
+    library = _library()
+    nested = {
+        full_name(item): class_of(item)
+        for field in definition.fields
+        if isinstance(item := _item(field.slot), NamespacedType)
+    }
+    facts = describe(definition, map(_facts, nested.values()))
+    members = (_Member * len(definition.fields))(
+        *(_member(field, nested) for field in definition.fields)
+    )
+    schema = schema_of(kind, definition.name)
+    own_pack = functools.partial(pack, kind)
+    own_unpack = functools.partial(unpack, kind, schema)
+    package, folder, name = definition.name.split("/")
+    names = f"{package}::{folder}".encode(), f"{package}__{folder}".encode(), name.encode()
+    handle = library.onebot_types_message(
+        *names, ctypes.byref(facts), len(members), members, *schema.program, own_pack, own_unpack
+    )
+    # rclpy calls it with the interpreter lock.
+    create = ctypes.PYFUNCTYPE(ctypes.c_void_p)(
+        functools.partial(library.onebot_types_create, library.onebot_types_of(handle))
+    )
+    _KEPT.append((nested, facts, members, schema, own_pack, own_unpack, names, create))
+    _FACTS[kind] = facts
+    metaclass = type(kind)
+    metaclass._CREATE_ROS_MESSAGE = _capsule(create)
+    metaclass._CONVERT_FROM_PY = _capsule(library.onebot_types_convert_from_py)
+    metaclass._CONVERT_TO_PY = _capsule(library.onebot_types_convert_to_py)
+    metaclass._DESTROY_ROS_MESSAGE = _capsule(library.onebot_types_destroy)
+    metaclass._TYPE_SUPPORT = _capsule(handle)
+
+
+def support_service(kind: Any, definition: Definition) -> None:
+    """Make a service class ready for rclpy."""
+    parts = kind.Request, kind.Response, kind.Event
+    facts = describe(definition, map(_facts, parts))
+    package, folder, name = definition.name.split("/")
+    names = f"{package}::{folder}".encode(), name.encode()
+    _keep(kind, facts, names)
+    type(kind)._TYPE_SUPPORT = _capsule(
+        _library().onebot_types_service(*names, ctypes.byref(facts), *map(handle_of, parts))
+    )
+
+
+def support_action(kind: Any, definition: Definition) -> None:
+    """Make an action class ready for rclpy."""
+    parts = kind.Impl
+    described = kind.Goal, kind.Result, kind.Feedback
+    services = parts.SendGoalService, parts.GetResultService
+    facts = describe(definition, map(_facts, (*described, *services, parts.FeedbackMessage)))
+    _keep(kind, facts)
+    used = *services, parts.CancelGoalService, parts.FeedbackMessage, parts.GoalStatusMessage
+    type(kind)._TYPE_SUPPORT = _capsule(
+        _library().onebot_types_action(ctypes.byref(facts), *map(handle_of, used))
+    )
+
+
+def _keep(kind: Any, facts: Facts, *others: Any) -> None:
+    _FACTS[kind] = facts
+    _KEPT.append(others)
+
+
+def _facts(kind: Any) -> Facts:
+    """Return what a type says of itself, made at run time or generated."""
+    handle = handle_of(kind)
+    return _FACTS[kind] if kind in _FACTS else facts_of(handle)
+
+
+def _item(slot: AbstractType) -> AbstractType:
+    """Return the type of the values in an array or a sequence; another type is its own."""
+    return slot.value_type if isinstance(slot, AbstractNestedType) else slot
+
+
+def _member(field: Field, nested: dict[str, Any]) -> _Member:
+    """Return a field's entry; ``nested``: the classes of messages in fields, by full name."""
+    slot, item = field.slot, _item(field.slot)
+    members = None
+    kind = "message"
+    if isinstance(item, BasicType):
+        kind = item.typename
+    elif isinstance(item, AbstractGenericString):
+        kind = "wstring" if isinstance(item, AbstractWString) else "string"
+    else:
+        members = other_support(handle_of(nested[full_name(item)]), _INTROSPECTION)
+    size = getattr(slot, "size", getattr(slot, "maximum_size", 0)) if slot is not item else 0
+    return _Member(
+        name=field.name.encode(),
+        type_id=_IDS[kind],
+        string_upper_bound=getattr(item, "maximum_size", 0),
+        members=members,
+        is_array=isinstance(slot, AbstractNestedType),
+        array_size=size if isinstance(slot, (Array, BoundedSequence)) else 0,
+        is_upper_bound=isinstance(slot, BoundedSequence),
+    )
+
+
+def handle_of(kind: Any) -> int:
+    """Return the address of a class's type support, which is loaded if need be."""
+    if type(kind)._TYPE_SUPPORT is None:
+        type(kind).__import_type_support__()
+    if type(kind)._TYPE_SUPPORT is None:
+        raise ImportError(f"{kind.__module__} has no type support")
+    get = ctypes.pythonapi.PyCapsule_GetPointer
+    get.restype, get.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
+    address: int = get(type(kind)._TYPE_SUPPORT, None)
+    return address
+
+
+def _capsule(symbol: Any) -> Any:
+    """Wrap the address of a C function or structure, the way rclpy expects it."""
+    new = ctypes.pythonapi.PyCapsule_New
+    new.restype, new.argtypes = ctypes.py_object, [ctypes.c_void_p] * 3
+    return new(ctypes.cast(symbol, ctypes.c_void_p), None, None)
+
+
+# ---- The library ----
+
+
+@functools.cache
+def _library() -> ctypes.PyDLL:
+    """Return the library, connected to the type supports of std_msgs."""
+    check_versions()
+    library = load_library()
+    address, text, size = ctypes.c_void_p, ctypes.c_char_p, ctypes.c_uint32
+    functions: dict[str, Sequence[Any]] = {
+        "message": (
+            *[text] * 3,
+            *[address, size, address],
+            *[text, size],
+            *[ctypes.py_object] * 2,
+        ),
+        "of": (address,),
+        "create": (address,),
+        "service": (text, text, *[address] * 4),
+        "action": [address] * 6,
+    }
+    for name, arguments in functions.items():
+        function = library[f"onebot_types_{name}"]
+        function.restype, function.argtypes = address, arguments
+        setattr(library, f"onebot_types_{name}", function)
+    configure(library, _number_supports())
+    return library
+
+
+def configure(library: ctypes.PyDLL, handles: Sequence[int]) -> None:
+    """Have the library use the type supports of UInt8, UInt16, UInt32 and UInt64."""
+    library.onebot_types_configure.restype = ctypes.c_char_p
+    problem = library.onebot_types_configure((ctypes.c_void_p * len(handles))(*handles))
+    if problem is not None:
+        raise _unfit(problem.decode())
+
+
+def _number_supports() -> list[int]:
+    try:
+        from std_msgs.msg import UInt8, UInt16, UInt32, UInt64
+
+        return [handle_of(kind) for kind in (UInt8, UInt16, UInt32, UInt64)]
+    except Exception as error:  # rosidl raises bare Exceptions
+        raise _unfit(str(error)) from error
+
+
+def check_versions() -> None:
+    """Refuse another ROS than Jazzy, by its package.xml files."""
+    for package, expected in _VERSIONS.items():
+        version = _find_version(package)
+        if version is not None and not version.startswith(expected):
+            raise _unfit(f"{package} is version {version} instead of {expected}x")
+
+
+def _find_version(package: str) -> str | None:
+    """Return the version in an installed package.xml; None if there is no such file.
+
+    importlib.metadata has it as well, but for wheels only, and its import takes 15 ms.
+    """
+    prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
+    for prefix in filter(None, prefixes):
+        try:
+            text = Path(prefix, "share", package, "package.xml").read_text(encoding="utf-8")
+        except OSError:
+            continue
+        version = re.search(r"<version>\s*([^<\s]+)", text)
+        return version[1] if version else None
+    return None
+
+
+def _unfit(detail: str) -> TypeSupportError:
+    return TypeSupportError(
+        f"the types here are made for ROS 2 Jazzy, and the installed ROS differs: {detail}. "
+        "Install the ros-jazzy-* packages that onebot asks for, or the tf2_msgs of the other ROS."
+    )

@@ -1,0 +1,408 @@
+"""Classes made of a definition: the same as generated ones, for rclpy and on the wire.
+
+Every installed message and service has a twin here, made of its definition: the two are compared.
+"""
+
+import json
+import random
+import sys
+import textwrap
+from collections.abc import Iterator
+from pathlib import Path
+from subprocess import PIPE, Popen
+from typing import Any
+
+import pytest
+import rclpy
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from rclpy.action import ActionClient, ActionServer, CancelResponse
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.executors import MultiThreadedExecutor
+from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.service_introspection import ServiceIntrospectionState
+from std_srvs.srv import SetBool
+from type_description_interfaces.srv import GetTypeDescription
+
+from onebot_bringup.introspection.interfaces import installed
+from onebot_description.errors import OneBotError
+from onebot_description.ros.wire import message_class, type_support
+from onebot_description.ros.wire.interface_text import own_interfaces
+from onebot_description.ros.wire.interfaces import load_interface, make_interface
+from tests.any_message import messages
+from tests.support import wait_for
+
+OWN = [name for kind in ("msg", "srv", "action") for name in own_interfaces(kind)]
+GENERATED = [name for kind in ("msg", "srv") for name in installed(kind) if name not in OWN]
+
+# The first half of type hashes of the control_msgs of ROS 2 Jazzy (5.8.0), by its own generator.
+CONTROL_MSGS = {
+    "action/FollowJointTrajectory": "738ebcb7a2d7cfa42f9f1001cc99ce3a",
+    "action/FollowJointTrajectory_Feedback": "3fd0aaecf71725121ae1ff7f01098a5e",
+    "action/FollowJointTrajectory_FeedbackMessage": "80398fcb9674a79081a9906e2ccf0c80",
+    "action/FollowJointTrajectory_GetResult": "e3ceb38e3e1867c8dc0f46014df26e90",
+    "action/FollowJointTrajectory_GetResult_Request": "ecf7ea8463d3beec7084bca75216d0b0",
+    "action/FollowJointTrajectory_GetResult_Response": "08eefbaa146ce02ba45898d5e99160af",
+    "action/FollowJointTrajectory_Goal": "8a9060704b269608f5a340934cc26e66",
+    "action/FollowJointTrajectory_Result": "8002e99ed2c14c6faa522f2a93c26d74",
+    "action/FollowJointTrajectory_SendGoal": "b13789dddc325a7a962825c45e28c77d",
+    "action/FollowJointTrajectory_SendGoal_Request": "179c93691f1f6d1d115881ff88c3917b",
+    "action/FollowJointTrajectory_SendGoal_Response": "e6a48ba740ae254500129a877f0b071b",
+    "action/ParallelGripperCommand": "adfd3c1ebe8abc38ebcc0e454b6423d2",
+    "action/ParallelGripperCommand_Feedback": "ed6f7c4e5aea7f960432663c0e762e00",
+    "action/ParallelGripperCommand_FeedbackMessage": "c61f4cf99d06c5a3e24bed17c2910bdf",
+    "action/ParallelGripperCommand_GetResult": "e4c7f0e8a831ce5625ed20abcd137964",
+    "action/ParallelGripperCommand_GetResult_Request": "cea82415cadc3288fdfa8aaba509e993",
+    "action/ParallelGripperCommand_GetResult_Response": "c973b1bb9b454de1c3f38a2af9d45bc1",
+    "action/ParallelGripperCommand_Goal": "412807b6b6acf2bf406fb0cf3b5c8f84",
+    "action/ParallelGripperCommand_Result": "51acbcd62aa44097d3877c506eab1146",
+    "action/ParallelGripperCommand_SendGoal": "567c37373fed1260adbe047415688c73",
+    "action/ParallelGripperCommand_SendGoal_Request": "dc8e5d95c0e15af6f03ff237eb8cfdaa",
+    "action/ParallelGripperCommand_SendGoal_Response": "613e4f060bff03b152eeaba1f8c6baa9",
+    "msg/JointComponentTolerance": "739ea7566931944d33830fa10f1bf5e7",
+    "msg/JointTolerance": "c254f9cece0f3b733017b6990fd46d13",
+    "msg/JointTrajectoryControllerState": "51d8dd89cc624cbe9daaeeb4d80d6de9",
+    "srv/QueryTrajectoryState": "4a0935dffef18bc5b9e101c9d03d84e6",
+    "srv/QueryTrajectoryState_Request": "ec3322824b7a1ee850e03ff951f48b10",
+    "srv/QueryTrajectoryState_Response": "f7b920129b8d5841312bcb89e6275508",
+}
+
+
+@pytest.fixture
+def apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Twins that a test makes are not taken for fields of other tests' classes."""
+    monkeypatch.setattr(message_class, "_MADE", dict(message_class._MADE))
+
+
+def described(kind: Any) -> dict[str, Any]:
+    """Return what a class says of itself, as the .json file beside a generated one has it."""
+    facts = type_support._facts(kind)
+    return {"hash": bytes(facts.hash.value).hex(), **type_description(facts.description.contents)}
+
+
+def type_description(description: Any) -> dict[str, Any]:
+    referenced = [individual(item) for item in items(description.referenced)]
+    return {
+        "type_description": individual(description.type),
+        "referenced_type_descriptions": referenced,
+    }
+
+
+def items(sequence: Any) -> list[Any]:
+    return [sequence.data[index] for index in range(sequence.size)]
+
+
+def text(string: Any) -> str:
+    return (string.data or b"").decode()
+
+
+def individual(item: Any) -> dict[str, Any]:
+    return {
+        "type_name": text(item.type_name),
+        "fields": [
+            {
+                "name": text(field.name),
+                "type": {
+                    "type_id": field.type.type_id,
+                    "capacity": field.type.capacity,
+                    "string_capacity": field.type.string_capacity,
+                    "nested_type_name": text(field.type.nested_type_name),
+                },
+                "default_value": text(field.default_value),
+            }
+            for field in items(item.fields)
+        ],
+    }
+
+
+def generated_description(name: str) -> dict[str, Any]:
+    package, kind, short = name.split("/")
+    path = Path(sys.prefix, "share", package, kind, f"{short}.json")
+    data = json.loads(path.read_text())
+    hashes = {entry["type_name"]: entry["hash_string"] for entry in data["type_hashes"]}
+    return {"hash": hashes[name].removeprefix("RIHS01_"), **data["type_description_msg"]}
+
+
+@pytest.mark.parametrize("name", GENERATED)
+def test_a_twin_describes_itself_as_the_generated_type(apart: None, name: str) -> None:
+    """Type hash, every field, its default, and all types in it."""
+    assert described(make_interface(name)) == generated_description(name)
+
+
+def parts_of(name: str, kind: Any) -> Iterator[tuple[str, Any]]:
+    """List the messages of an interface."""
+    if "/msg/" in name:
+        yield "", kind
+    else:
+        yield from ((part, getattr(kind, part)) for part in ("Request", "Response", "Event"))
+
+
+@pytest.mark.parametrize("name", GENERATED)
+def test_a_twin_is_the_generated_type_on_the_wire(apart: None, name: str) -> None:
+    twins = dict(parts_of(name, make_interface(name)))
+
+    @settings(max_examples=4, suppress_health_check=list(HealthCheck), deadline=None)
+    @given(st.data())
+    def any_content(data: st.DataObject) -> None:
+        for part, generated in parts_of(name, load_interface(name)):
+            check_twin(twins[part], generated, data.draw(messages(generated)))
+
+    any_content()
+
+
+def check_twin(twin: Any, generated: Any, message: Any) -> None:
+    written = serialize_message(message)
+    read = deserialize_message(written, twin)
+    assert type(read) is twin and repr(read) == repr(message)
+    again = deserialize_message(serialize_message(read), generated)
+    assert repr(again) == repr(deserialize_message(written, generated))
+
+
+@pytest.mark.parametrize("name", GENERATED)
+def test_a_twin_is_the_generated_class_in_python(apart: None, name: str) -> None:
+    twins = dict(parts_of(name, make_interface(name)))
+    for part, generated in parts_of(name, load_interface(name)):
+        twin = twins[part]
+        assert twin.__name__ == generated.__name__
+        assert twin.__module__ == generated.__module__
+        assert twin.get_fields_and_field_types() == generated.get_fields_and_field_types()
+        assert twin.SLOT_TYPES == generated.SLOT_TYPES
+        assert list(twin.__slots__) == list(generated.__slots__)
+        assert repr(twin()) == repr(generated())
+        constants = {key for key in dir(generated) if key.isupper() and key != "SLOT_TYPES"}
+        for key in constants:
+            assert getattr(twin, key) == getattr(generated, key), key
+        for field in twin.get_fields_and_field_types():
+            value = getattr(generated(), field)
+            if "Event" not in (part, field):
+                assert type(getattr(twin(), field)) is type(value), field
+        with pytest.raises(AssertionError, match="Invalid arguments passed to constructor: wrong"):
+            twin(wrong=1, check_fields=True)
+
+
+def classes_of(name: str) -> Iterator[Any]:
+    """List the class of an interface and those of its parts, which have hashes of their own."""
+    kind = load_interface(name)
+    yield kind
+    services = [kind] if "/srv/" in name else []
+    if "/action/" in name:
+        services = [kind.Impl.SendGoalService, kind.Impl.GetResultService]
+        yield from (kind.Goal, kind.Result, kind.Feedback, kind.Impl.FeedbackMessage, *services)
+    for service in services:
+        yield from (service.Request, service.Response)
+
+
+def test_type_hashes_of_control_msgs() -> None:
+    hashes = {}
+    for name in OWN:
+        if name.startswith("control_msgs/"):
+            for kind in classes_of(name):
+                folder = kind.__module__.split(".")[1]
+                hashes[f"{folder}/{kind.__name__}"] = described(kind)["hash"][:32]
+    assert hashes == CONTROL_MSGS
+
+
+@pytest.mark.parametrize("name", OWN)
+def test_damaged_messages_are_refused(name: str) -> None:
+    dice = random.Random(name)
+    for kind in classes_of(name):
+        if not hasattr(kind, "SLOT_TYPES"):
+            continue
+        good = bytes(serialize_message(filled(kind)))
+        for length in range(4, len(good)):
+            with pytest.raises(rclpy._rclpy_pybind11.RMWError):
+                deserialize_message(good[:length], kind)
+        for _ in range(100):
+            data = bytearray(good)
+            for _ in range(dice.randint(1, 6)):
+                data[dice.randrange(4, len(data))] = dice.randrange(256)
+            try:
+                deserialize_message(bytes(data), kind)
+            except rclpy._rclpy_pybind11.RMWError:
+                continue
+
+
+def filled(kind: Any) -> Any:
+    """Return a message with something in each list and string."""
+    message = kind()
+    for name, slot in zip(kind.get_fields_and_field_types(), kind.SLOT_TYPES, strict=True):
+        value = getattr(message, name)
+        if isinstance(value, str):
+            setattr(message, name, "some text")
+        elif hasattr(value, "get_fields_and_field_types"):
+            setattr(message, name, filled(type(value)))
+        elif isinstance(slot, message_class.AbstractNestedType) and not len(value):
+            item = slot.value_type
+            if isinstance(item, message_class.NamespacedType):
+                setattr(message, name, [filled(message_class.class_of(item))])
+            else:
+                is_text = isinstance(item, message_class.AbstractGenericString)
+                setattr(message, name, ["a"] if is_text else [1])
+    return message
+
+
+def test_values_that_do_not_fit() -> None:
+    tolerance = load_interface("control_msgs/msg/JointTolerance")
+    state = load_interface("control_msgs/msg/JointTrajectoryControllerState")
+    features = load_interface("simulation_interfaces/msg/SimulatorFeatures")
+    for kind, field, wrong, wanted in (
+        (tolerance, "position", 1, "of type 'float'"),
+        (tolerance, "name", b"x", "of type 'str'"),
+        (state, "reference", tolerance(), "a sub message of type 'JointTrajectoryPoint'"),
+        (state, "joint_names", "elbow", "a set or sequence and each value of type 'str'"),
+        (features, "features", [-1], "a set or sequence and each value of type 'int'"),
+    ):
+        with pytest.raises(AssertionError, match=f"The '{field}' field must be {wanted}"):
+            kind(**{field: wrong}, check_fields=True)
+    with pytest.raises(TypeError, match="JointTolerance: required argument is not a float"):
+        serialize_message(tolerance(position="far"))
+
+
+def test_an_unknown_interface() -> None:
+    with pytest.raises(OneBotError, match="no_such_msgs/msg/Thing cannot be used: No module"):
+        load_interface("no_such_msgs/msg/Thing")
+
+
+# ---- On DDS ----
+
+SERVER = """
+    import rclpy
+    from onebot_description.ros.wire.interfaces import make_interface
+    SetBool = make_interface("std_srvs/srv/SetBool")
+
+    def answer(request, response):
+        response.success, response.message = request.data, f"got {request.data}"
+        return response
+
+    rclpy.init()
+    node = rclpy.create_node("server")
+    node.create_service(SetBool, "set", answer)
+    print("ready", flush=True)
+    rclpy.spin(node)
+"""
+
+
+@pytest.fixture
+def node(ros_domain: int) -> Iterator[Any]:
+    rclpy.init()
+    node = rclpy.create_node("test_interfaces")
+    yield node
+    node.destroy_node()
+    rclpy.try_shutdown()
+
+
+def spin_until(node: Any, condition: Any, what: str) -> Any:
+    def turn() -> Any:
+        rclpy.spin_once(node, timeout_sec=0.05)
+        return condition()
+
+    return wait_for(turn, what)
+
+
+def test_a_twin_serves_the_generated_client(node: Any) -> None:
+    with Popen([sys.executable, "-c", textwrap.dedent(SERVER)], stdout=PIPE, text=True) as server:
+        try:
+            client = node.create_client(SetBool, "set")
+            spin_until(node, client.service_is_ready, "the service")
+            for value in (True, False):
+                future = client.call_async(SetBool.Request(data=value))
+                spin_until(node, future.done, "the answer")
+                assert future.result() == SetBool.Response(success=value, message=f"got {value}")
+        finally:
+            server.kill()
+
+
+def test_a_service_is_described(node: Any) -> None:
+    """By ``~/get_type_description``, which ros2 type_description_interfaces has."""
+    kind = load_interface("simulation_interfaces/srv/StepSimulation")
+    node.create_service(kind, "step", lambda request, response: response)
+    client = node.create_client(GetTypeDescription, "~/get_type_description")
+    spin_until(node, client.service_is_ready, "the node's own service")
+    expected = described(kind)
+    request = GetTypeDescription.Request(
+        type_name="simulation_interfaces/srv/StepSimulation",
+        type_hash=f"RIHS01_{expected['hash']}",
+        include_type_sources=True,
+    )
+    future = client.call_async(request)
+    spin_until(node, future.done, "the description")
+    response = future.result()
+    assert response.successful, response.failure_reason
+    sources = {source.type_name: source for source in response.type_sources}
+    own = sources["simulation_interfaces/srv/StepSimulation"]
+    assert (own.encoding, own.raw_file_contents) == (
+        "srv",
+        "uint64 steps 1\n---\nResult result",
+    )
+    assert sources["simulation_interfaces/srv/StepSimulation_Request"].encoding == "implicit"
+
+
+def test_introspection_of_a_service_is_refused(node: Any) -> None:
+    """Rather than a crash: it needs what only generated code has."""
+    kind = load_interface("simulation_interfaces/srv/StepSimulation")
+    service = node.create_service(kind, "step", lambda request, response: response)
+    client = node.create_client(kind, "step")
+    qos = rclpy.qos.qos_profile_system_default
+    with pytest.raises(rclpy._rclpy_pybind11.RCLError):
+        service.configure_introspection(node.get_clock(), qos, ServiceIntrospectionState.CONTENTS)
+        spin_until(node, client.service_is_ready, "the service")
+        future = client.call_async(kind.Request(steps=3))
+        spin_until(node, future.done, "the answer")
+
+
+def test_an_action(node: Any) -> None:
+    """Goal, feedback, result, cancelling and refusing, by rclpy's own server and client."""
+    kind = load_interface("control_msgs/action/FollowJointTrajectory")
+    point = load_interface("trajectory_msgs/msg/JointTrajectoryPoint")
+    held = []
+
+    def execute(goal: Any) -> Any:
+        names = list(goal.request.trajectory.joint_names)
+        goal.publish_feedback(kind.Feedback(joint_names=names))
+        if names == ["held"]:
+            held.append(goal)
+            wait_for(lambda: goal.is_cancel_requested, "the request to cancel")
+            goal.canceled()
+        else:
+            goal.succeed()
+        return kind.Result(error_code=kind.Result.GOAL_TOLERANCE_VIOLATED, error_string="as asked")
+
+    server = ActionServer(
+        node,
+        kind,
+        "follow",
+        execute,
+        callback_group=ReentrantCallbackGroup(),
+        cancel_callback=lambda _goal: CancelResponse.ACCEPT,
+    )
+    client = ActionClient(node, kind, "follow")
+    executor = MultiThreadedExecutor(3)
+    executor.add_node(node)
+
+    def done(future: Any, what: str) -> Any:
+        def turn() -> bool:
+            executor.spin_once(timeout_sec=0.05)
+            return bool(future.done())
+
+        wait_for(turn, what)
+        return future.result()
+
+    wait_for(client.server_is_ready, "the action")
+    feedback = []
+    goal = kind.Goal()
+    goal.trajectory.joint_names = ["elbow", "wrist"]
+    goal.trajectory.points = [point(positions=[0.5, 1.5], velocities=[0.0, 0.0])]
+    handle = done(client.send_goal_async(goal, feedback.append), "acceptance")
+    assert handle.accepted
+    result = done(handle.get_result_async(), "the result")
+    assert (result.status, result.result.error_code) == (4, -5)
+    assert result.result.error_string == "as asked"
+    assert feedback[0].feedback.joint_names == ["elbow", "wrist"]
+    goal.trajectory.joint_names = ["held"]
+    handle = done(client.send_goal_async(goal), "acceptance")
+    future = handle.get_result_async()
+    done(handle.cancel_goal_async(), "the answer to cancelling")
+    assert done(future, "the result").status == 5
+    client.destroy()
+    server.destroy()
+    executor.shutdown()
