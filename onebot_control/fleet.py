@@ -151,6 +151,10 @@ class Divider:
 
     def __init__(self, rate: float, cycles: float) -> None:
         self._share = min(rate / cycles, 1.0)
+        self.restart()
+
+    def restart(self) -> None:
+        """Pick the next cycle."""
         self._phase = 1.0
 
     def due(self) -> bool:

@@ -149,6 +149,17 @@ class ControlConfig:
     real_time_factor: float = parameter(
         1.0, "simulated seconds a second; 0: as fast as possible", at_least=0.0
     )
+    paused: bool = parameter(
+        False, "starts before its first cycle, and waits to be stepped or resumed", read_only=True
+    )
+    step_topics: tuple[str, ...] = parameter(
+        (),
+        "topics of sensors: a step waits for a command with each message's stamp, or a later one",
+        unique=True,
+    )
+    step_timeout: float = parameter(
+        5.0, "how long a step waits for such a command, s of the wall's time", above=0.0
+    )
     world_frame_id: str = parameter(
         WORLD_FRAME,
         "frame of the truth and parent of odom; empty: the truth in odom, unless there is a world",

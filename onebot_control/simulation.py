@@ -61,6 +61,9 @@ _INSTEAD = {
     "robot_description": "is the argument model of Simulation",
     "real_time_factor": "has no effect here: a Simulation is as fast as it can be",
     "cmd_vel_type": "has no effect here: there is no topic ~/cmd_vel",
+    "paused": "has no effect here: time passes in Simulation.run only",
+    "step_topics": "has no effect here: nodes in step, of Simulation.ros, are always waited for",
+    "step_timeout": "has no effect here: nodes in step, of Simulation.ros, are always waited for",
 }
 
 

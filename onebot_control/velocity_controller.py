@@ -54,8 +54,13 @@ Services:
     ~/reset_odometry (std_srvs/srv/Trigger): odometry zero here and now.
     ~/pause (std_srvs/srv/SetBool): true stops simulated time, false lets it go on.
     ~/step (std_srvs/srv/Trigger): one control cycle of a paused simulation.
+    of a node /simulation beside it (in the robot's namespace, if it is alone): step_simulation,
+        reset_simulation, set_simulation_state, get_simulation_state and get_simulator_features, as
+        simulation_interfaces has them. A step is answered when all that was measured in it is
+        published and, with step_topics, answered by a command.
 Of several robots in one world, ~/pause and ~/step of any are all robots', and so is
-real_time_factor, which changes for all; update_rate, use_sim_time and world must be the same.
+real_time_factor, which changes for all; update_rate, use_sim_time, world and paused
+must be the same.
 
 Parameters are those of diff_drive_controller and joint_state_broadcaster, and the simulation's. A
 change takes effect at once, or is refused with the reason.

@@ -148,4 +148,4 @@ def test_all_that_is_imported_of_ros_is_explained():
             elif isinstance(node, ast.ImportFrom):
                 imported.add(str(node.module).split(".")[0])
     of_ros = re.compile(r"rcl\w*|rosidl_\w+|\w+_(msgs|srvs|interfaces)|ament_\w+")
-    assert {name for name in imported if of_ros.fullmatch(name)} == {*ROS_PACKAGES, "tf2_msgs"}
+    assert {name for name in imported if of_ros.fullmatch(name)} == set(ROS_PACKAGES)

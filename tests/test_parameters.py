@@ -98,7 +98,7 @@ def test_velocity_controller(
     descriptors = described(node)
     read_only = {name for name, one in descriptors.items() if one.read_only}
     names = {"left_wheel_names", "right_wheel_names", "robot_description", "world", "x", "y", "yaw"}
-    assert read_only == {*names, "update_rate"}
+    assert read_only == {*names, "update_rate", "paused"}
     assert float_range(descriptors["publish_rate"]) == (0.0, 10_000.0)
     (window,) = descriptors["velocity_rolling_window_size"].integer_range
     assert window.from_value == 1

@@ -420,7 +420,18 @@ def simulation_arguments(control: str) -> list[Argument]:
         switch("nav2_topics", False, "the topics that Nav2 expects, cmd_vel and odom"),
         of_controller("update_rate", "rate", note=_PACE, also="joint_state_publisher"),
         of_controller("real_time_factor"),
+        of_controller("paused"),
     ]
+
+
+_OF_SIMULATION = (
+    "world",
+    "sensors",
+    "ground_truth_tf",
+    "nav2_topics",
+    "real_time_factor",
+    "paused",
+)
 
 
 def checked_values(declared: list[Argument], given: Mapping[str, str]) -> dict[str, str]:
@@ -439,7 +450,7 @@ def checked_values(declared: list[Argument], given: Mapping[str, str]) -> dict[s
         raise UsageError("left_wheel:= and right_wheel:= belong together: name both, or neither")
     if values.get("robots"):
         _check_robots(values, given)
-    for name in ("world", "sensors", "ground_truth_tf", "nav2_topics", "real_time_factor"):
+    for name in _OF_SIMULATION:
         if values.get(name, "false") not in ("", "false") and values["sim"] == "false":
             text = "is for the simulation: leave out sim:=false"
             raise UsageError(f"{name}:={values[name]} {text}")

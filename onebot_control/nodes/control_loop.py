@@ -5,13 +5,14 @@ system clock that are as evenly spaced.
 """
 
 import ctypes
+import math
 import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
 from concurrent import futures
 from operator import itemgetter
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from typing import Any, TypeVar
 
 from onebot_control.driven_robot import Snapshot
@@ -28,8 +29,8 @@ _DRIFT = 2_000_000
 _COMPARISONS = 10  # comparisons of clocks at the start; the most exact one counts
 _SET_BACK = NANO  # ns that the system clock goes back at least when somebody sets it
 _PATIENCE = 10.0  # s for the loop to answer
-_PAUSED_WAIT = 0.01  # s between polls of the inbox while simulated time is stopped
-_LONGEST_WAIT = 0.1  # s between them while the next cycle is longer ahead
+_LONGEST_WAIT = 0.1  # s between looks whether anything was posted
+_PAUSED_WAIT = 0.01  # s at least between messages while paused on the system's time
 # Of Linux's <sys/prctl.h>.
 _PR_SET_TIMERSLACK = 29
 
@@ -154,15 +155,19 @@ class ControlLoop:
         simulated: bool = False,
         meter: PaceMeter | None = None,
         wake: WakeDetector = WAKE,
+        measured: Callable[[], object] = lambda: None,
+        missing: Callable[[], str] = lambda: "",
         failed: Callable[[BaseException], None] = lambda error: None,
     ) -> None:
         """Get ready; ``start`` starts.
 
         ``publish`` is called in each cycle with the robots' states and their stamp in ns, before
-        the robots move on; ``failed`` with the error that ends the loop.
+        the robots move on; ``failed`` with the error that ends the loop. A step waits in
+        ``measured`` until all measurements are published, and until ``missing`` returns "".
         """
         self.fleet, self.simulated, self.paused = fleet, simulated, False
         self._publish, self._failed = publish, failed
+        self._measured, self._missing = measured, missing
         self._meter, self.wake = meter or PaceMeter(), wake
         self._inbox: SimpleQueue[Callable[[], Any]] = SimpleQueue()
         self._stopped = False
@@ -173,7 +178,8 @@ class ControlLoop:
 
     def start(self) -> None:
         """Start with the first cycle."""
-        factor = self.fleet.robots[0].config.real_time_factor
+        config = self.fleet.robots[0].config
+        factor, self.paused = config.real_time_factor, config.paused
         self._pacer = Pacer(self.fleet.period, factor)
         self._stamps = SystemStamps()
         self._meter.set(self._pacer.due, factor)
@@ -185,6 +191,7 @@ class ControlLoop:
         if not self._stopped:
             self._stopped = True
             self._running.release()
+            self.post(lambda: None)  # for what waits for the inbox
         if self._thread.is_alive():
             self._thread.join(_PATIENCE)
 
@@ -192,8 +199,10 @@ class ControlLoop:
         """Have ``function`` called before the next cycle."""
         self._inbox.put(function)
 
-    def call(self, function: Callable[[], T]) -> T:
+    def call(self, function: Callable[[], T], patience: float | None = _PATIENCE) -> T:
         """Have ``function`` called before the next cycle; return what it returns.
+
+        ``patience``: s to wait for that; None: as long as the loop lives.
 
         Raises:
             OneBotError: it raised that, or the loop has ended.
@@ -210,10 +219,14 @@ class ControlLoop:
                 raise
 
         self.post(call)
-        try:
-            return answer.result(_PATIENCE)
-        except futures.TimeoutError:
-            raise OneBotError("the control loop does not answer") from None
+        deadline = math.inf if patience is None else time.monotonic() + patience
+        while True:
+            try:
+                return answer.result(_LONGEST_WAIT)
+            except futures.TimeoutError:
+                ended = not (self._thread.is_alive() or answer.done())
+                if ended or time.monotonic() > deadline:
+                    raise OneBotError("the control loop does not answer") from None
 
     @property
     def left(self) -> float:
@@ -230,11 +243,39 @@ class ControlLoop:
         """Stop simulated time, or let it go on (call it by ``call``)."""
         self.paused = paused
 
-    def step(self) -> None:
-        """Do one cycle although paused (call it by ``call``)."""
+    def step(self, cycles: int = 1) -> None:
+        """Do cycles although paused (call it by ``call``); their measurements are published then.
+
+        Raises:
+            OneBotError: it is not paused, it was resumed or stopped meanwhile, or what it waits for
+                did not come.
+        """
         if not self.paused:
             raise OneBotError("step is for a paused simulation; pause it first")
-        self._cycle(self.now_ns())
+        for done in range(cycles):
+            self._wait_for_missing()
+            if self._stopped or not self.paused:
+                raise OneBotError(f"stopped or resumed after {done} of {cycles} cycles")
+            self._cycle(self.fleet.stamp if self.simulated else self._stamps.at(time.monotonic()))
+            self._measured()
+            self._call_posted()
+        self._wait_for_missing()
+
+    def _wait_for_missing(self) -> None:
+        """Call what is posted until nothing is missing.
+
+        Raises:
+            OneBotError: something is after the ``step_timeout``; the text names it.
+        """
+        if not (text := self._missing()):
+            return
+        timeout = self.fleet.robots[0].config.step_timeout
+        deadline = time.monotonic() + timeout
+        while text := self._missing():
+            left = deadline - time.monotonic()
+            if left <= 0.0 or self._stopped:
+                raise OneBotError(f"{text} within {timeout:g} s (step_timeout)")
+            self._call_next(min(left, _LONGEST_WAIT))
 
     def now_ns(self) -> int:
         """Return the current cycle's stamp, ns."""
@@ -284,14 +325,31 @@ class ControlLoop:
         while not self._inbox.empty():
             self._inbox.get()()
 
+    def _call_next(self, timeout: float) -> None:
+        """Call what was posted first, or is within ``timeout``, s."""
+        try:
+            function = self._inbox.get(timeout=timeout)
+        except Empty:
+            return
+        function()
+
     def _wait(self, seconds: float) -> None:
         if self.paused:
-            seconds = max(seconds, _PAUSED_WAIT)
+            self._wait_paused(_LONGEST_WAIT if self.simulated else max(seconds, _PAUSED_WAIT))
+            return
         while seconds > _LONGEST_WAIT and not self._stopped:
             self._sleep(_LONGEST_WAIT)
             self._call_posted()
             seconds = self._pacer.left
         self._sleep(seconds)
+
+    def _wait_paused(self, seconds: float) -> None:
+        """Wait, and call at once what is posted: a step takes no longer than its cycle."""
+        end = time.monotonic() + seconds
+        while self.paused and not self._stopped and (left := end - time.monotonic()) > 0.0:
+            self._call_next(left)
+        if not self.paused:
+            self._sleep(self._pacer.left)
 
     def _sleep(self, seconds: float) -> None:
         if self._running.acquire(timeout=seconds):

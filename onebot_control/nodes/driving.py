@@ -25,6 +25,7 @@ from onebot_control.nodes.publishing import Frames, Publishers, ScenePublisher
 from onebot_control.nodes.real_time import Pace, PaceMeter
 from onebot_control.nodes.robot_sensors import RobotSensors
 from onebot_control.nodes.sensing import Channel, Sensing, SensingThread
+from onebot_control.nodes.simulation_services import SimulationServices
 from onebot_control.parameters import ControlConfig, ControlParameters
 from onebot_control.physics.engine import logger as simulation_log
 from onebot_control.physics.scene_bodies import load_scene
@@ -33,7 +34,7 @@ from onebot_control.sensing.instruments import Sensors
 from onebot_control.sensing.surroundings import SensedRobot
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.loading import load_sensors
-from onebot_description.errors import OneBotError, printable
+from onebot_description.errors import OneBotError, did_you_mean, printable
 from onebot_description.ros.message_age import boot_time
 from onebot_description.ros.node import (
     DescriptionTopic,
@@ -55,7 +56,7 @@ _LOCKED_EVERY = 60.0  # s between two warnings that a command is ignored because
 GetLoop = Callable[[], ControlLoop | None]  # None as long as there is no robot
 
 # Of the world, not of a robot: its parameters, one value for all.
-_OF_THE_WORLD = ("update_rate", "real_time_factor", "use_sim_time", "world")
+_OF_THE_WORLD = ("update_rate", "real_time_factor", "use_sim_time", "world", "paused")
 
 
 class Driving:
@@ -94,6 +95,7 @@ class Driving:
         """
         self.loop: ControlLoop | None = None
         self.sensing: Sensing | None = None
+        self._services: SimulationServices | None = None
         self._scene_publisher: ScenePublisher | None = None
         self.nodes, self._node = nodes, nodes[0]
         self._failure: BaseException | None = None
@@ -133,6 +135,8 @@ class Driving:
         """Stop the control loop, and with it the robots."""
         if self.loop is not None:
             self.loop.stop()
+        if self._services is not None:
+            self._services.stop()
         if self.sensing is not None:
             self.sensing.stop()
 
@@ -153,8 +157,11 @@ class Driving:
             self.publish,
             simulated=self.simulated,
             meter=PaceMeter(self._publish_pace, self._log_pace),
+            measured=sensing.flush,
+            missing=self._missing,
             failed=self._fail,
         )
+        sensing.patient = self.simulated and self.factor != 1.0
         # Exclude long-lived objects from garbage collection.
         gc.freeze()
         self.start(loop, sensing)
@@ -164,6 +171,7 @@ class Driving:
         for warning in dict.fromkeys(warnings):
             self._node.get_logger().warning(warning)
         self._node.get_logger().info(_driven_text(fleet))
+        self._services = SimulationServices(self._node, loop, self.restart)
 
     def start(self, loop: ControlLoop, sensing: Sensing) -> None:
         """Start a loop that drives the robots; all are described."""
@@ -186,8 +194,23 @@ class Driving:
     def set_factor(self, factor: float) -> None:
         """Have real_time_factor be the same for all robots."""
         self.factor = factor
+        if isinstance(self.sensing, SensingThread):
+            self.sensing.patient = self.simulated and factor != 1.0
         for robot in self.robots:
             robot.set_factor(factor)
+
+    def restart(self) -> None:
+        """Begin again, as at the start, in the control thread; simulated time, too."""
+        assert self.loop is not None and self.sensing is not None
+        self.loop.fleet.restart()
+        self.sensing.restart(self.seed)
+        for robot, driven in zip(self.robots, self.loop.fleet.robots, strict=True):
+            robot.publishing.use(driven)
+            robot.asked = robot.answered = 0
+
+    def _missing(self) -> str:
+        """Return what a step has to wait for, as a sentence that goes on; "" if it is nothing."""
+        return next(filter(None, (robot.missing() for robot in self.robots)), "")
 
     def publish(self, snapshots: Sequence[Snapshot], stamp: int) -> None:
         """Publish the robots' states in a control cycle, at a stamp in ns, and have them sense."""
@@ -195,6 +218,8 @@ class Driving:
         assert sensing is not None and world is not None
         sensed = sensing.due(snapshots[0].tick)
         for row, (robot, snapshot) in enumerate(zip(self.robots, snapshots, strict=True)):
+            if robot.awaited and not robot.awaited.isdisjoint(sensing.asked(row)):
+                robot.asked = stamp
             robot.publishing.publish(snapshot, stamp, sensed=row in sensed)
         if self._scene_publisher is not None:
             self._scene_publisher.publish(stamp)
@@ -310,6 +335,9 @@ class RobotDriving:
         commands: its ~/cmd_vel.
         lock: of these commands.
         sensors: what it senses with.
+        awaited: topics of sensors whose messages a command has to answer, before a step goes on.
+        asked: stamp of the newest such message, ns.
+        answered: stamp of the newest command, ns.
     """
 
     def __init__(self, driving: Driving, row: int, node: Node, settings: ControlParameters) -> None:
@@ -321,6 +349,8 @@ class RobotDriving:
         self.publishing = Publishers(node, clock=driving.simulated and row == 0)
         self._localizer = Localizer("")
         self.sensors = RobotSensors(node, self._sense_again, driving.seed)
+        self.answered = 0
+        self._await(settings.config)
         choice = settings.config.cmd_vel_type
         # Before the commands: of an unlock and a command at once it is received first.
         self.lock = CommandLock(node, self._brake)
@@ -385,6 +415,32 @@ class RobotDriving:
         # robot_state_publisher has logged the notices of its description.
         notices = self.description.notices if self.description.files else ()
         return [*notices, *self._settings.warnings]
+
+    def _await(self, config: ControlConfig) -> None:
+        names = map(self._node.resolve_topic_name, config.step_topics)
+        self.awaited, self.asked = frozenset(names), 0
+
+    def missing(self) -> str:
+        """Return what a step of the simulation has to wait for; "" if it is nothing.
+
+        Raises:
+            OneBotError: it would wait for a topic that no sensor has.
+        """
+        for topic in sorted(self.awaited):
+            if not (publisher := self.sensors.publisher(topic)):
+                hint = did_you_mean(topic, self.sensors.topics, "of sensors")
+                raise OneBotError(f'step_topics: "{topic}" is no topic of a sensor{hint}')
+            if not publisher.get_subscription_count():
+                return f"nobody subscribed to {topic}"
+        if self.asked <= self.answered:
+            return ""
+        kind = "" if self.commands.kind == "TwistStamped" else "; a Twist has none"
+        stamp = f"{self.asked / NANO:.3f} s"
+        return f"no command with the stamp {stamp} or a later one came on {self._cmd_vel}{kind},"
+
+    @property
+    def _cmd_vel(self) -> str:
+        return str(self._node.resolve_topic_name("~/cmd_vel"))
 
     def report_drift(self) -> None:
         """Warn once if the robot's odometry and the truth drift apart."""
@@ -500,6 +556,7 @@ class RobotDriving:
         loop.post(lambda: self._command(loop, command, given, now - command.age.most))
 
     def _command(self, loop: ControlLoop, command: Command, given: float, sent: float) -> None:
+        self.answered = max(self.answered, command.stamp or 0)
         if sent < loop.wake.check():
             refused: str | None = "it was sent before this process woke from a stop"
         else:
@@ -556,6 +613,7 @@ class RobotDriving:
         config, loop = self._settings.config, self._driving.loop
         if config == previous_config:
             return
+        self._await(config)
         if config.cmd_vel_type != previous_config.cmd_vel_type:
             self.commands.choose(config.cmd_vel_type)
         if loop is not None:

@@ -231,7 +231,7 @@ class SteppedLoop(ControlLoop):
         """Call ``function`` now, which is between two cycles."""
         function()
 
-    def call(self, function: Callable[[], T]) -> T:
+    def call(self, function: Callable[[], T], patience: float | None = None) -> T:
         """Call ``function`` now, which is between two cycles."""
         return function()
 
@@ -248,7 +248,7 @@ class SteppedLoop(ControlLoop):
         if paused:
             self.step()
 
-    def step(self) -> None:
+    def step(self, cycles: int = 1) -> None:
         """Refuse.
 
         Raises:

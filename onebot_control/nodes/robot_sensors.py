@@ -71,6 +71,11 @@ class SensorPublisher:
         self._sensor, self._frame, self._rate = sensor, frame, rate
         self._publishers = publishers
 
+    @property
+    def topics(self) -> Mapping[str, str]:
+        """The topic of each output."""
+        return {output: each.topic_name for output, each in self._publishers.items()}
+
     def wanted(self) -> frozenset[str]:
         """Return the outputs that are subscribed to."""
         try:
@@ -229,6 +234,15 @@ class RobotSensors:
         self._publishers: dict[tuple[type, str], Publisher] = {}  # keys: type and topic
         self._file, self._read = "", _NO_FILE
         self._watch = FileWatch(())
+
+    @property
+    def topics(self) -> list[str]:
+        """The topics, absolute."""
+        return sorted({each.topic_name for each in self._publishers.values()})
+
+    def publisher(self, topic: str) -> Publisher | None:
+        """Return the publisher of a topic; None without one."""
+        return next((p for p in self._publishers.values() if p.topic_name == topic), None)
 
     def poll(self) -> None:
         """Look whether the file was edited; to be called several times a second."""

@@ -21,7 +21,15 @@ _PATIENCE = 10.0  # s for the thread to end
 
 
 class Outlet(Protocol):
-    """Where measurements go."""
+    """Where measurements go.
+
+    Attributes:
+        topics: by output.
+    """
+
+    @property
+    def topics(self) -> Mapping[str, str]:
+        """The topic of each output."""
 
     def wanted(self) -> frozenset[str]:
         """Return the outputs that somebody wants: keys of ``Sensor.topics``."""
@@ -94,6 +102,28 @@ class Sensing:
     def stop(self) -> None:
         """End."""
 
+    def restart(self, seed: int) -> None:
+        """Begin again, as at the start, with noise by a seed."""
+        self.flush()
+        self._last = None
+        self._sensors.restart()
+        for channels in self._channels.values():
+            for channel in channels:
+                channel.divider.restart()
+                channel.instrument.reseed(seed)
+
+    def flush(self) -> None:
+        """Wait until all that was taken is measured and published."""
+
+    def asked(self, row: int) -> frozenset[str]:
+        """Return the topics on which a robot's measurements are due in this control cycle."""
+        return frozenset(
+            channel.outlet.topics[output]
+            for channel, outputs in self._due
+            if channel.instrument.row == row
+            for output in outputs
+        )
+
     def enter(self, row: int, robot: SensedRobot, channels: Sequence[Channel]) -> None:
         """Sense by these ``channels`` of the robot of ``row`` from now on."""
         self._sensors.enter(row, robot)
@@ -127,7 +157,11 @@ class Sensing:
 class SensingThread(Sensing):
     """Measures in a thread, for which the control cycle does not wait.
 
-    What is due while a sensor still has enough to do is dropped, the newest first.
+    What is due while a sensor still has enough to do is dropped, the newest first; unless it is
+    patient: then the cycle waits, and nothing is dropped.
+
+    Attributes:
+        patient: whether it is.
     """
 
     def __init__(
@@ -140,7 +174,8 @@ class SensingThread(Sensing):
         super().__init__(sensors)
         self._warn, self._failed = warn, failed
         self._jobs: SimpleQueue[tuple[Channel, frozenset[str], Frame] | None] = SimpleQueue()
-        self._stopped = False
+        self._stopped = self.patient = False
+        self._progress = threading.Condition()
         self._thread = threading.Thread(target=self._run, name="sensing", daemon=True)
 
     def start(self) -> None:
@@ -150,12 +185,29 @@ class SensingThread(Sensing):
 
     def stop(self) -> None:
         """End the thread after what it is measuring."""
-        self._stopped = True
+        self._end()
         self._jobs.put(None)
         if self._thread.is_alive():
             self._thread.join(_PATIENCE)
 
+    def flush(self) -> None:
+        """Wait for the thread."""
+        channels = [channel for channels in self._channels.values() for channel in channels]
+        self._wait(lambda: all(channel.done == channel.given for channel in channels))
+
+    def _wait(self, condition: Callable[[], bool]) -> None:
+        """Wait until a condition holds, or the thread has ended."""
+        with self._progress:
+            self._progress.wait_for(lambda: condition() or self._stopped)
+
+    def _end(self) -> None:
+        with self._progress:
+            self._stopped = True
+            self._progress.notify_all()
+
     def _measure(self, channel: Channel, topics: frozenset[str], frame: Frame) -> None:
+        if channel.busy and self.patient:
+            self._wait(lambda: not channel.busy)
         if channel.busy:
             channel.dropped += 1
         else:
@@ -167,8 +219,12 @@ class SensingThread(Sensing):
             while (job := self._jobs.get()) and not self._stopped:
                 super()._measure(*job)
                 channel = job[0]
-                channel.done += 1
+                with self._progress:
+                    channel.done += 1
+                    self._progress.notify_all()
                 if text := channel.warning(time.monotonic()):
                     self._warn(text)
         except BaseException as error:
             self._failed(error)
+        finally:
+            self._end()

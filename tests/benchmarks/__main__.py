@@ -18,6 +18,7 @@ BENCHMARKS = {
     "state_publisher": "CPU and latency of robot_state_publisher against a relay of bytes",
     "simulation": "1 to 100 OneBots with controllers in one world against bare PyBullet",
     "from_python": "Simulation in Python: times real time with and without sensors, start, reset",
+    "stepping": "steps of a paused robot by another process: of one cycle and of many",
     "fleet": "pace and memory of robots:=20, all driven: with lidars, and with the viewer",
     "startup": "command to first /tf and /odom, and memory, against an empty node",
     "control_loop": "jitter at 100 Hz with and without viewer and sensors",

@@ -487,6 +487,10 @@ class Subscriber:
         self.published: list[frozenset[str]] = []
         self.go = threading.Semaphore(0) if waiting else None
 
+    @property
+    def topics(self) -> dict[str, str]:
+        return {output: f"/{output}" for output in self.outputs}
+
     def wanted(self) -> frozenset[str]:
         return self.outputs
 
@@ -498,7 +502,7 @@ class Subscriber:
 
 
 @contextmanager
-def sensing_of(*sensors: Sensor, **subscribers: Subscriber):
+def sensing_of(*sensors: Sensor, patient: bool = False, **subscribers: Subscriber):
     """Drive one robot; gives what does cycles, the channels, and warnings."""
     warnings: list[str] = []
     failures: list[BaseException] = []
@@ -506,6 +510,7 @@ def sensing_of(*sensors: Sensor, **subscribers: Subscriber):
     with Fleet.of([Member(description, ControlConfig.from_parameters(WHEELS))]) as fleet:
         driven = fleet.robots[0]
         sensing = SensingThread(Sensors(None, 100.0, 9.81), warnings.append, failures.append)
+        sensing.patient = patient
         found = [
             Channel(Instrument(each, 0, "/", 100.0), subscribers[each.name], 100.0)
             for each in sensors
@@ -544,6 +549,22 @@ def test_what_is_too_slow_is_dropped_the_newest_first(monkeypatch: pytest.Monkey
         wait_for(lambda: channel.done == asked, "what was waiting")
     assert outlet.stamps == [2 * each for each in range(asked)]
     assert any('sensor "slow" reaches' in text and "of 50 Hz" in text for text in warnings)
+
+
+def test_a_patient_thread_is_waited_for() -> None:
+    """Faster than real time, and in steps: nothing is left out."""
+    model = Lidar(Fan(3, -1.0, 1.0), Fan(), 0.1, 9.0)
+    scan = Sensor("slow", "base_link", Origin(), 50.0, {"scan": "scan"}, "base_link", model)
+    outlet = Subscriber("scan", waiting=True)
+    with sensing_of(scan, patient=True, slow=outlet) as (cycle, (channel,), warnings):
+        slow = threading.Timer(0.3, lambda: outlet.go.release(20))
+        slow.start()
+        for _ in range(40):
+            cycle()
+        wait_for(lambda: channel.done == 20, "the measurements")
+        slow.join()
+    assert outlet.stamps == [2 * each for each in range(20)]
+    assert channel.dropped == 0 and not warnings
 
 
 def test_nothing_is_measured_that_nobody_subscribes_to(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -220,9 +220,6 @@ _IMPL = {"SendGoal": "SendGoalService", "GetResult": "GetResultService"}
 
 def _action(package: str, short: str, text: str) -> Any:
     """Return an action class, with the services and the topic that ROS makes of it."""
-    from action_msgs.msg import GoalStatusArray
-    from action_msgs.srv import CancelGoal
-
     name = f"{package}/action/{short}"
     specification = parser.parse_action_string(package, short, text)
     halves = {
@@ -256,8 +253,8 @@ def _action(package: str, short: str, text: str) -> Any:
         "SendGoalService": send_goal,
         "GetResultService": get_result,
         "FeedbackMessage": feedback_message,
-        "CancelGoalService": CancelGoal,
-        "GoalStatusMessage": GoalStatusArray,
+        "CancelGoalService": load_interface("action_msgs/srv/CancelGoal"),
+        "GoalStatusMessage": load_interface("action_msgs/msg/GoalStatusArray"),
     }
     slots = {
         "goal": "Goal",

@@ -1,0 +1,155 @@
+"""The services of simulation_interfaces: other processes step, pause and reset the simulation."""
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.task import Future
+
+from onebot_control.nodes.control_loop import ControlLoop
+from onebot_description.errors import OneBotError
+from onebot_description.ros.wire.interfaces import load_interface
+
+_PATIENCE = 10.0  # s for the thread to end
+
+
+class SimulationServices:
+    """A node of a world, with its services, in a thread of their own.
+
+    So a step may wait for commands, which the robots' nodes receive meanwhile.
+    """
+
+    def __init__(self, beside: Node, loop: ControlLoop, restart: Callable[[], None]) -> None:
+        """Offer the services.
+
+        Args:
+            beside: a robot's node; of a single robot it is in the same namespace, else in "/".
+            loop: of the world.
+            restart: begins again, as at the start; it is called in the control thread.
+        """
+        self._loop, self._restart = loop, restart
+        self._reset_paused = False  # and nothing was done since
+        self._context = beside.context
+        self._namespace = beside.get_namespace() if len(loop.fleet.robots) == 1 else "/"
+        self._ended = Future()
+        self._thread = threading.Thread(target=self._run, name="services", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread."""
+        self._ended.set_result(None)
+        self._thread.join(_PATIENCE)
+
+    def _run(self) -> None:
+        node = Node(
+            "simulation",
+            context=self._context,
+            namespace=self._namespace,
+            use_global_arguments=False,
+            start_parameter_services=False,
+        )
+        state = "simulation_interfaces/msg/SimulationState"
+        self._states, self._result = map(
+            load_interface, (state, "simulation_interfaces/msg/Result")
+        )
+        self._features = load_interface("simulation_interfaces/msg/SimulatorFeatures")
+        for name, kind, answer in (
+            ("step_simulation", "StepSimulation", self._step),
+            ("reset_simulation", "ResetSimulation", self._reset),
+            ("set_simulation_state", "SetSimulationState", self._set_state),
+            ("get_simulation_state", "GetSimulationState", self._get_state),
+            ("get_simulator_features", "GetSimulatorFeatures", self._get_features),
+        ):
+            node.create_service(load_interface(f"simulation_interfaces/srv/{kind}"), name, answer)
+        executor = SingleThreadedExecutor(context=self._context)
+        executor.add_node(node)
+        try:
+            executor.spin_until_future_complete(self._ended)
+        except ExternalShutdownException:
+            pass
+        finally:
+            executor.shutdown()
+            node.destroy_node()
+
+    def _do(
+        self, answer: Any, action: Callable[[], object], patience: float | None = _PATIENCE
+    ) -> Any:
+        """Do something in the control thread; return the answer with how it ended."""
+        answer.result.result = self._result.OK
+        try:
+            self._loop.call(action, patience)
+        except OneBotError as error:
+            return self._failed(answer, self._result.OPERATION_FAILED, str(error))
+        return answer
+
+    def _failed(self, answer: Any, code: int, text: str) -> Any:
+        answer.result.result, answer.result.error_message = code, text
+        return answer
+
+    def _step(self, request: Any, answer: Any) -> Any:
+        self._reset_paused = False
+        return self._do(answer, lambda: self._loop.step(request.steps), None)
+
+    def _reset(self, request: Any, answer: Any) -> Any:
+        state, time = request.SCOPE_STATE, request.SCOPE_TIME
+        scope = (request.scope or request.SCOPE_ALL) & ~request.SCOPE_SPAWNED
+        if scope == state:
+            return self._do(answer, self._reset_robots)
+        if scope in (state | time, request.SCOPE_ALL & ~request.SCOPE_SPAWNED):
+            return self._do(answer, self._restart)
+        text = f"scope {request.scope} is not supported; {state} is the state, {request.SCOPE_ALL}"
+        text += " all: time is reset together with the state, and nothing is spawned"
+        return self._failed(answer, self._result.FEATURE_UNSUPPORTED, text)
+
+    def _reset_robots(self) -> None:
+        for robot in self._loop.fleet.robots:
+            robot.reset()
+
+    def _get_state(self, _: Any, answer: Any) -> Any:
+        answer.state.state = self._state
+        answer.result.result = self._result.OK
+        return answer
+
+    @property
+    def _state(self) -> int:
+        states = self._states
+        if not self._loop.paused:
+            return int(states.STATE_PLAYING)
+        return int(states.STATE_STOPPED if self._reset_paused else states.STATE_PAUSED)
+
+    def _set_state(self, request: Any, answer: Any) -> Any:
+        wanted, states = request.state.state, self._states
+        if wanted not in (states.STATE_STOPPED, states.STATE_PLAYING, states.STATE_PAUSED):
+            text = f"state {wanted} is not supported; there are 0 stopped, 1 playing, 2 paused"
+            return self._failed(answer, self._result.FEATURE_UNSUPPORTED, text)
+        if wanted == self._state:
+            return self._failed(answer, answer.ALREADY_IN_TARGET_STATE, "it is in this state")
+        stopped = wanted == states.STATE_STOPPED
+
+        def change() -> None:
+            self._loop.pause(wanted != states.STATE_PLAYING)
+            if stopped:
+                self._restart()
+
+        self._do(answer, change)
+        self._reset_paused = stopped
+        return answer
+
+    def _get_features(self, _: Any, answer: Any) -> Any:
+        kind = self._features
+        features = [
+            kind.SIMULATION_RESET,
+            kind.SIMULATION_RESET_STATE,
+            kind.SIMULATION_STATE_GETTING,
+            kind.SIMULATION_STATE_SETTING,
+            kind.SIMULATION_STATE_PAUSE,
+            kind.STEP_SIMULATION_SINGLE,
+            kind.STEP_SIMULATION_MULTIPLE,
+        ]
+        if self._loop.simulated:
+            features.insert(1, kind.SIMULATION_RESET_TIME)
+        answer.features.features = features
+        answer.features.custom_info = "onebot_control: PyBullet"
+        return answer
