@@ -14,11 +14,12 @@ Example:
 """
 
 import math
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +27,7 @@ from numpy.typing import NDArray
 from onebot_control.driven_robot import DrivenRobot, Snapshot
 from onebot_control.fleet import Fleet, Member
 from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
-from onebot_control.poses import PlanarPose
+from onebot_control.poses import PlanarPose, Transform
 from onebot_control.sensing.instruments import Frame, Instrument, SensedWorld, Sensors
 from onebot_control.sensing.lidar import angles
 from onebot_control.sensing.rays import Rays, cast
@@ -65,6 +66,22 @@ _INSTEAD = {
     "step_topics": "has no effect here: nodes in step, of Simulation.ros, are always waited for",
     "step_timeout": "has no effect here: nodes in step, of Simulation.ros, are always waited for",
 }
+
+
+class Moment(NamedTuple):
+    """A control cycle that is remembered.
+
+    Attributes:
+        stamp: its simulated time, ns.
+        poses: of the robots' root links in the world, in the order of ``Simulation.robots``.
+        joints: their positions by name, of each robot; rad or m.
+        boxes: poses in the world of what can be pushed, by link.
+    """
+
+    stamp: int
+    poses: Sequence[Transform]
+    joints: Sequence[Mapping[str, float]]
+    boxes: Mapping[str, Transform]
 
 
 @dataclass(frozen=True)
@@ -132,6 +149,7 @@ class Simulation:
         """
         self._seed, self._noisy = _checked_seed(seed), noise
         self._ros: Lockstep | None = None
+        self._kept: deque[Moment] | None = None
         if robots and (x or y or yaw):
             raise OneBotError("x, y and yaw are of one robot; of several, give each its own")
         setups = dict(robots) or {"": RobotSetup(x, y, yaw)}
@@ -190,6 +208,11 @@ class Simulation:
         return self._fleet.period
 
     @property
+    def world(self) -> Description | None:
+        """What stands around the robots; None for bare ground."""
+        return self._scene
+
+    @property
     def seed(self) -> int:
         """The seed of the sensors' noise."""
         return self._seed
@@ -245,6 +268,34 @@ class Simulation:
                     instrument.reseed(self._seed)
         self._fleet.restart()
         self._begin()
+
+    def _moment(self, snapshots: Sequence[Snapshot]) -> "Moment":
+        fleet = self._fleet
+        scene = fleet.world.scene
+        return Moment(
+            fleet.stamp,
+            [snapshot.pose for snapshot in snapshots],
+            [
+                {**driven.held, **dict(zip(driven.joints, snapshot.joints.positions, strict=True))}
+                for driven, snapshot in zip(fleet.robots, snapshots, strict=True)
+            ],
+            dict(zip(scene.links, scene.poses, strict=True)) if scene else {},
+        )
+
+    def keep(self, seconds: float, rate: float) -> None:
+        """Remember the last simulated seconds from now on, for ``kept``.
+
+        Args:
+            seconds: how many.
+            rate: moments of a second, Hz.
+        """
+        self._kept_every = max(1, round(self._fleet.rate / rate))
+        self._kept = deque(maxlen=max(1, round(seconds * self._fleet.rate / self._kept_every)))
+
+    @property
+    def kept(self) -> "Sequence[Moment]":
+        """What ``keep`` has remembered, the oldest first; resets are in it."""
+        return tuple(self._kept or ())
 
     def ray(self, origin: Sequence[float], direction: Sequence[float]) -> float:
         """Return the distance to the first thing on a ray, m; infinite if there is none.
@@ -317,6 +368,8 @@ class Simulation:
             if robot._command is not None:
                 robot._driven.accept(*robot._command)
         self._before = fleet.begin()
+        if self._kept is not None and fleet.ticks % self._kept_every == 0:
+            self._kept.append(self._moment(self._before))
         if self._ros is not None:
             self._ros.publish(self._before, fleet.stamp)
         fleet.finish()

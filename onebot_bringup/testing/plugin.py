@@ -7,6 +7,7 @@ starts a bringup as processes. Each test has a ROS domain of its own, ``ros_doma
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 _MADE = pytest.StashKey["list[Simulation]"]()
 _DOMAIN = pytest.StashKey[int]()
+_KEPT, _KEPT_RATE = 60.0, 20.0  # simulated s of a failed test that are shown, and Hz
+_FOLDER = "failed_tests"  # below the folder of pytest's settings
 
 
 @pytest.fixture
@@ -32,6 +35,7 @@ def simulation(request: pytest.FixtureRequest) -> Iterator[Callable[..., Simulat
 
         def make(*args: Any, **arguments: Any) -> Simulation:
             simulation = stack.enter_context(Simulation(*args, **arguments))
+            simulation.keep(_KEPT, _KEPT_RATE)
             made.append(simulation)
             return simulation
 
@@ -96,9 +100,23 @@ def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
     """Add to the report of a failed test how to have the same run again, and where it ended."""
     report = yield
     if report.when == "call" and report.failed:  # type: ignore[attr-defined]
-        lines = [f"seed {each.seed}, {each!r}" for each in item.stash.get(_MADE, [])]
+        made = item.stash.get(_MADE, [])
+        lines = [f"seed {each.seed}, {each!r}" for each in made]
+        lines += [line for number, each in enumerate(made) for line in _shown(item, each, number)]
         if _DOMAIN in item.stash:
             lines.append(f"ROS_DOMAIN_ID {item.stash[_DOMAIN]}")
         if lines:
             report.sections.append(("robots", "\n".join(lines)))  # type: ignore[attr-defined]
     return report
+
+
+def _shown(item: pytest.Item, simulation: Simulation, number: int) -> list[str]:
+    """Write what a simulation of a failed test did last; return where, in lines of its report."""
+    from onebot_bringup.testing.failed_run import show_failed_run
+
+    name = re.sub(r"[^\w.-]+", "_", item.nodeid.replace(".py::", "-"))
+    base = item.config.rootpath / _FOLDER / (f"{name}-{number + 1}" if number else name)
+    try:
+        return [f"the end of it: {file}" for file in show_failed_run(simulation, base)]
+    except Exception as error:  # the failure of the test is what counts
+        return [f"the end of it cannot be shown: {error}"]

@@ -101,6 +101,11 @@ class CommandSubscription:
         )
         self._subscribe()
 
+    @property
+    def connected(self) -> bool:
+        """Whether somebody can send commands: of the type that is subscribed to."""
+        return self._subscription.publishers > 0
+
     def choose(self, choice: str) -> None:
         """Change over to another choice (see the constructor); with the next ``follow``."""
         self._choice = choice

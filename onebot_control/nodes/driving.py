@@ -432,6 +432,8 @@ class RobotDriving:
                 raise OneBotError(f'step_topics: "{topic}" is no topic of a sensor{hint}')
             if not publisher.get_subscription_count():
                 return f"nobody subscribed to {topic}"
+        if self.awaited and not self.commands.connected:
+            return f"nobody offered commands on {self._cmd_vel}"
         if self.asked <= self.answered:
             return ""
         kind = "" if self.commands.kind == "TwistStamped" else "; a Twist has none"

@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -31,8 +32,28 @@ class SimulationServices:
         """
         self._loop, self._restart = loop, restart
         self._reset_paused = False  # and nothing was done since
-        self._context = beside.context
-        self._namespace = beside.get_namespace() if len(loop.fleet.robots) == 1 else "/"
+        self._node = Node(
+            "simulation",
+            context=beside.context,
+            namespace=beside.get_namespace() if len(loop.fleet.robots) == 1 else "/",
+            use_global_arguments=False,
+            start_parameter_services=False,
+        )
+        self._result, self._states, self._features = (
+            load_interface(f"simulation_interfaces/msg/{kind}")
+            for kind in ("Result", "SimulationState", "SimulatorFeatures")
+        )
+        for name, kind, answer in (
+            ("step_simulation", "StepSimulation", self._step),
+            ("reset_simulation", "ResetSimulation", self._reset),
+            ("set_simulation_state", "SetSimulationState", self._set_state),
+            ("get_simulation_state", "GetSimulationState", self._get_state),
+            ("get_simulator_features", "GetSimulatorFeatures", self._get_features),
+        ):
+            service = load_interface(f"simulation_interfaces/srv/{kind}")
+            self._node.create_service(service, name, answer)
+        self._executor = SingleThreadedExecutor(context=beside.context)
+        self._executor.add_node(self._node)
         self._ended = Future()
         self._thread = threading.Thread(target=self._run, name="services", daemon=True)
         self._thread.start()
@@ -43,35 +64,10 @@ class SimulationServices:
         self._thread.join(_PATIENCE)
 
     def _run(self) -> None:
-        node = Node(
-            "simulation",
-            context=self._context,
-            namespace=self._namespace,
-            use_global_arguments=False,
-            start_parameter_services=False,
-        )
-        state = "simulation_interfaces/msg/SimulationState"
-        self._states, self._result = map(
-            load_interface, (state, "simulation_interfaces/msg/Result")
-        )
-        self._features = load_interface("simulation_interfaces/msg/SimulatorFeatures")
-        for name, kind, answer in (
-            ("step_simulation", "StepSimulation", self._step),
-            ("reset_simulation", "ResetSimulation", self._reset),
-            ("set_simulation_state", "SetSimulationState", self._set_state),
-            ("get_simulation_state", "GetSimulationState", self._get_state),
-            ("get_simulator_features", "GetSimulatorFeatures", self._get_features),
-        ):
-            node.create_service(load_interface(f"simulation_interfaces/srv/{kind}"), name, answer)
-        executor = SingleThreadedExecutor(context=self._context)
-        executor.add_node(node)
-        try:
-            executor.spin_until_future_complete(self._ended)
-        except ExternalShutdownException:
-            pass
-        finally:
-            executor.shutdown()
-            node.destroy_node()
+        with suppress(ExternalShutdownException):
+            self._executor.spin_until_future_complete(self._ended)
+        self._executor.shutdown()
+        self._node.destroy_node()
 
     def _do(
         self, answer: Any, action: Callable[[], object], patience: float | None = _PATIENCE

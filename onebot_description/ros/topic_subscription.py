@@ -137,6 +137,11 @@ class TopicSubscription:
         if not waits:
             self._subscribe(kind, qos)
 
+    @property
+    def publishers(self) -> int:
+        """How many publishers it is connected with."""
+        return self._subscription.get_publisher_count() if self._subscription is not None else 0
+
     def close(self) -> None:
         """End the subscription, if there is one; ``update`` makes a new one."""
         if self._subscription is not None:

@@ -7,11 +7,15 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
+from onebot_bringup.viewer.rrd import has_content
 from tests.orphans import marked
 from tests.ros_support import RunningProcess
 from tests.support import wait_for
+from tests.support_rendering import require_renderer
 
 PLUGIN = "onebot_bringup.testing.plugin"
 FIXTURES = """
@@ -55,9 +59,14 @@ def test_what_does_not_start(bringup):
 """
 FAILS = """
 def test_fails(simulation, ros_domain):
-    world = simulation(seed=5)
+    world = simulation(world="maze", y=0.8, seed=5)
+    world.robot.drive(0.3)
     world.run(1.0)
     assert False
+"""
+PASSES = """
+def test_passes(simulation):
+    simulation().run(0.1)
 """
 WAITS = """
 import time
@@ -86,11 +95,24 @@ def test_fixtures(tmp_path: Path) -> None:
     assert "3 passed" in run(tmp_path, FIXTURES)
 
 
-def test_a_failure_names_seed_time_and_domain(tmp_path: Path) -> None:
-    output = run(tmp_path, FAILS)
-    assert "1 failed" in output
-    assert "seed 5, <Simulation at 1 s: robot at x 0.000 m" in output
+@pytest.mark.slow
+def test_a_failure_is_reported_and_shown(tmp_path: Path) -> None:
+    """Its seed, time and domain, and what it did last as a recording and a picture.
+
+    Of a test that passes nothing is written.
+    """
+    require_renderer()
+    output = run(tmp_path, FAILS + PASSES)
+    assert "1 failed, 1 passed" in output
+    assert "seed 5, <Simulation at 1 s: robot at x 0." in output
     assert "ROS_DOMAIN_ID " in output
+    files = {path.name: path for path in (tmp_path / "failed_tests").iterdir()}
+    recorded, picture = "test_robot-test_fails.rrd", "test_robot-test_fails.png"
+    assert files.keys() == {recorded, picture}, output
+    assert {f"the end of it: {path}" for path in files.values()} <= {*output.splitlines()}
+    assert has_content(files[recorded])
+    pixels = np.asarray(Image.open(files[picture]).convert("RGB")).reshape(-1, 3)
+    assert len(np.unique(pixels, axis=0)) > 100
 
 
 @pytest.mark.slow

@@ -141,7 +141,7 @@ def parts_of(name: str, kind: Any) -> Iterator[tuple[str, Any]]:
 def test_a_twin_is_the_generated_type_on_the_wire(apart: None, name: str) -> None:
     twins = dict(parts_of(name, make_interface(name)))
 
-    @settings(max_examples=4, suppress_health_check=list(HealthCheck), deadline=None)
+    @settings(max_examples=2, suppress_health_check=list(HealthCheck), deadline=None)
     @given(st.data())
     def any_content(data: st.DataObject) -> None:
         for part, generated in parts_of(name, load_interface(name)):
