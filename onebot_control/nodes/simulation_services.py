@@ -130,7 +130,7 @@ class SimulationServices:
                 self._restart()
 
         self._do(answer, change)
-        self._reset_paused = stopped
+        self._reset_paused = stopped and answer.result.result == self._result.OK
         return answer
 
     def _get_features(self, _: Any, answer: Any) -> Any:

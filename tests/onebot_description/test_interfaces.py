@@ -123,12 +123,6 @@ def generated_description(name: str) -> dict[str, Any]:
     return {"hash": hashes[name].removeprefix("RIHS01_"), **data["type_description_msg"]}
 
 
-@pytest.mark.parametrize("name", GENERATED)
-def test_a_twin_describes_itself_as_the_generated_type(apart: None, name: str) -> None:
-    """Type hash, every field, its default, and all types in it."""
-    assert described(make_interface(name)) == generated_description(name)
-
-
 def parts_of(name: str, kind: Any) -> Iterator[tuple[str, Any]]:
     """List the messages of an interface."""
     if "/msg/" in name:
@@ -138,19 +132,24 @@ def parts_of(name: str, kind: Any) -> Iterator[tuple[str, Any]]:
 
 
 @pytest.mark.parametrize("name", GENERATED)
-def test_a_twin_is_the_generated_type_on_the_wire(apart: None, name: str) -> None:
-    twins = dict(parts_of(name, make_interface(name)))
+def test_a_twin_is_the_generated_type(apart: None, name: str) -> None:
+    """In its description, hash and every default included, as a class, and on the wire."""
+    whole = make_interface(name)
+    assert described(whole) == generated_description(name)
+    twins = dict(parts_of(name, whole))
 
     @settings(max_examples=2, suppress_health_check=list(HealthCheck), deadline=None)
     @given(st.data())
     def any_content(data: st.DataObject) -> None:
         for part, generated in parts_of(name, load_interface(name)):
-            check_twin(twins[part], generated, data.draw(messages(generated)))
+            check_on_the_wire(twins[part], generated, data.draw(messages(generated)))
 
+    for part, generated in parts_of(name, load_interface(name)):
+        check_class(part, twins[part], generated)
     any_content()
 
 
-def check_twin(twin: Any, generated: Any, message: Any) -> None:
+def check_on_the_wire(twin: Any, generated: Any, message: Any) -> None:
     written = serialize_message(message)
     read = deserialize_message(written, twin)
     assert type(read) is twin and repr(read) == repr(message)
@@ -158,26 +157,22 @@ def check_twin(twin: Any, generated: Any, message: Any) -> None:
     assert repr(again) == repr(deserialize_message(written, generated))
 
 
-@pytest.mark.parametrize("name", GENERATED)
-def test_a_twin_is_the_generated_class_in_python(apart: None, name: str) -> None:
-    twins = dict(parts_of(name, make_interface(name)))
-    for part, generated in parts_of(name, load_interface(name)):
-        twin = twins[part]
-        assert twin.__name__ == generated.__name__
-        assert twin.__module__ == generated.__module__
-        assert twin.get_fields_and_field_types() == generated.get_fields_and_field_types()
-        assert twin.SLOT_TYPES == generated.SLOT_TYPES
-        assert list(twin.__slots__) == list(generated.__slots__)
-        assert repr(twin()) == repr(generated())
-        constants = {key for key in dir(generated) if key.isupper() and key != "SLOT_TYPES"}
-        for key in constants:
-            assert getattr(twin, key) == getattr(generated, key), key
-        for field in twin.get_fields_and_field_types():
-            value = getattr(generated(), field)
-            if "Event" not in (part, field):
-                assert type(getattr(twin(), field)) is type(value), field
-        with pytest.raises(AssertionError, match="Invalid arguments passed to constructor: wrong"):
-            twin(wrong=1, check_fields=True)
+def check_class(part: str, twin: Any, generated: Any) -> None:
+    assert twin.__name__ == generated.__name__
+    assert twin.__module__ == generated.__module__
+    assert twin.get_fields_and_field_types() == generated.get_fields_and_field_types()
+    assert twin.SLOT_TYPES == generated.SLOT_TYPES
+    assert list(twin.__slots__) == list(generated.__slots__)
+    assert repr(twin()) == repr(generated())
+    constants = {key for key in dir(generated) if key.isupper() and key != "SLOT_TYPES"}
+    for key in constants:
+        assert getattr(twin, key) == getattr(generated, key), key
+    for field in twin.get_fields_and_field_types():
+        value = getattr(generated(), field)
+        if "Event" not in (part, field):
+            assert type(getattr(twin(), field)) is type(value), field
+    with pytest.raises(AssertionError, match="Invalid arguments passed to constructor: wrong"):
+        twin(wrong=1, check_fields=True)
 
 
 def classes_of(name: str) -> Iterator[Any]:
