@@ -8,7 +8,8 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 from unittest.mock import patch
@@ -16,6 +17,7 @@ from unittest.mock import patch
 import rclpy
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
@@ -26,6 +28,26 @@ P = TypeVar("P", bound="RunningProcess")
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _LOST = 20.0  # s without an answer of a service
+
+
+@contextmanager
+def node_here(name: str) -> Iterator[Node]:
+    """A node of rclpy's default context, for ``spin_until``."""
+    rclpy.init()
+    node = rclpy.create_node(name)
+    yield node
+    node.destroy_node()
+    rclpy.try_shutdown()
+
+
+def spin_until(node: Node, condition: Callable[[], Any], what: str) -> Any:
+    """Spin a node until a condition is true; return what it returned."""
+
+    def turn() -> Any:
+        rclpy.spin_once(node, timeout_sec=0.05)
+        return condition()
+
+    return wait_for(turn, what)
 
 
 class Peer:

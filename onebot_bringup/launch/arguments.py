@@ -311,6 +311,14 @@ _LEVELS = ("debug", "info", "warn", "error", "fatal")
 _AS_IN_FILE = "default: params_file's"
 _AS_IN_JOINTS = "on joint_states; default: that of joints"
 _PACE = "not simulated: messages on joint_states; default: that of params_file or joints"
+_OF_SIMULATION = (
+    "world",
+    "sensors",
+    "ground_truth_tf",
+    "nav2_topics",
+    "real_time_factor",
+    "paused",
+)
 _OF_STEERING = ("host", "port", "token")
 # What does not go together with robots:=, and why.
 _PLACED = "robots:= places them; write x, y and yaw of each in robots:=FILE.yaml"
@@ -422,16 +430,6 @@ def simulation_arguments(control: str) -> list[Argument]:
         of_controller("real_time_factor"),
         of_controller("paused"),
     ]
-
-
-_OF_SIMULATION = (
-    "world",
-    "sensors",
-    "ground_truth_tf",
-    "nav2_topics",
-    "real_time_factor",
-    "paused",
-)
 
 
 def checked_values(declared: list[Argument], given: Mapping[str, str]) -> dict[str, str]:

@@ -14,17 +14,19 @@ from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
 from onebot_bringup.viewer.displays.tf_display import TF
 from onebot_bringup.viewer.inbox import DESCRIPTION
-from onebot_bringup.viewer.rendering import Framing, render
+from onebot_bringup.viewer.rendering import render
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.shown_robot import ROBOT_DESCRIPTION, WORLD_DESCRIPTION, RobotToShow
 from onebot_bringup.viewer.view_config import ViewConfig
-from onebot_control.poses import WORLD_FRAME, PlanarPose, Transform
+from onebot_control.nodes.publishing import scene_transforms
+from onebot_control.poses import WORLD_FRAME, Transform
 from onebot_control.simulation import SimulatedRobot, Simulation
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
 from onebot_description.model.robot_model import JointArrays
 from onebot_description.ros.wire.cdr import Floats
+from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.messages import time_message, transforms_message
 
 if TYPE_CHECKING:
@@ -52,7 +54,7 @@ def show_failed_run(simulation: Simulation, base: Path) -> list[Path]:
     finally:
         recording.close()
     with suppress(OneBotError):
-        render(recorded, picture, framing=Framing(), progress=lambda _: None)
+        render(recorded, picture, progress=lambda _: None)
         return [recorded, picture]
     return [recorded]
 
@@ -66,7 +68,9 @@ def _record(simulation: Simulation, stream: "rr.RecordingStream") -> None:
     if moments:
         start = moments[0].stamp
         messages += (message for robot in robots for message in robot.standing(start))
-        messages += _world(world, start) if world else ()
+        if world is not None:
+            messages.append(_text(WORLD_DESCRIPTION, world))
+            messages.append(_tf("/tf_static", scene_transforms(world, WORLD_FRAME, start)))
     for moment in moments:
         for robot, pose, joints in zip(robots, moment.poses, moment.joints, strict=True):
             messages += robot.moving(moment.stamp, pose, joints)
@@ -121,20 +125,6 @@ class _ShownRobot:
         return _transforms(topic, stamp, parents, children, values)
 
 
-def _world(world: Description, stamp: int) -> list[Published]:
-    """Return the messages of what stands around the robots."""
-    fixed = JointArrays.of([joint for joint in world.joints if joint.kind == "fixed"])
-    parents, children, values = [*fixed.parents], [*fixed.children], fixed.constant
-    if world.root_link != WORLD_FRAME:
-        parents.append(WORLD_FRAME)
-        children.append(world.root_link)
-        values = np.vstack([values, _rows([PlanarPose().transform])])
-    return [
-        _text(WORLD_DESCRIPTION, world),
-        _transforms("/tf_static", stamp, parents, children, values),
-    ]
-
-
 def _rows(poses: Sequence[Transform]) -> Floats:
     """Return poses as (N, 7): x y z in m, and a quaternion x y z w."""
     return np.array([np.hstack(pose) for pose in poses])
@@ -147,5 +137,8 @@ def _text(topic: str, description: Description) -> Published:
 def _transforms(
     topic: str, stamp: int, parents: Sequence[str], children: Sequence[str], values: Floats
 ) -> Published:
-    message = transforms_message(time_message(stamp), parents, children, values)
+    return _tf(topic, transforms_message(time_message(stamp), parents, children, values))
+
+
+def _tf(topic: str, message: TFMessage) -> Published:
     return topic, TF.name, bytes(serialize_message(message))

@@ -151,7 +151,10 @@ class Driving:
         fleet = Fleet.of(members, scene=self.scene)
         warn = self._node.get_logger().warning
         sensors = Sensors(self.scene, fleet.rate, fleet.world.settings.gravity)
-        sensing = SensingThread(sensors, warn, self._fail)
+        # Only in real time measurements are dropped.
+        sensing = SensingThread(
+            sensors, warn, self._fail, lambda: self.simulated and self.factor != 1.0
+        )
         loop = ControlLoop(
             fleet,
             self.publish,
@@ -161,7 +164,6 @@ class Driving:
             missing=self._missing,
             failed=self._fail,
         )
-        sensing.patient = self.simulated and self.factor != 1.0
         # Exclude long-lived objects from garbage collection.
         gc.freeze()
         self.start(loop, sensing)
@@ -194,8 +196,6 @@ class Driving:
     def set_factor(self, factor: float) -> None:
         """Have real_time_factor be the same for all robots."""
         self.factor = factor
-        if isinstance(self.sensing, SensingThread):
-            self.sensing.patient = self.simulated and factor != 1.0
         for robot in self.robots:
             robot.set_factor(factor)
 

@@ -270,7 +270,8 @@ class ScenePublisher:
         """Publish the poses if they are due; call it in each control cycle."""
         if not self._announced:
             self._announced = True
-            self._tf_static.publish(self._static(stamp_ns))
+            description = self._scene.description
+            self._tf_static.publish(scene_transforms(description, self._world, stamp_ns))
         if not self._rate.due() or not self._transforms:
             return
         self._stamp.sec, self._stamp.nanosec = divmod(stamp_ns, NANO)
@@ -278,15 +279,16 @@ class ScenePublisher:
             _fill_transform(transform.transform, pose)
         self._tf.publish(self._message)
 
-    def _static(self, stamp_ns: int) -> TFMessage:
-        description = self._scene.description
-        joints = JointArrays.of([joint for joint in description.joints if joint.kind == "fixed"])
-        parents, children, values = list(joints.parents), list(joints.children), joints.constant
-        if description.root_link != self._world:
-            parents.append(self._world)
-            children.append(description.root_link)
-            values = np.vstack([values, np.hstack(PlanarPose().transform)])
-        return transforms_message(time_message(stamp_ns), parents, children, values)
+
+def scene_transforms(description: Description, world_frame: str, stamp_ns: int) -> TFMessage:
+    """Return the transforms of what stands still in a world, below its frame."""
+    joints = JointArrays.of([joint for joint in description.joints if joint.kind == "fixed"])
+    parents, children, values = list(joints.parents), list(joints.children), joints.constant
+    if description.root_link != world_frame:
+        parents.append(world_frame)
+        children.append(description.root_link)
+        values = np.vstack([values, np.hstack(PlanarPose().transform)])
+    return transforms_message(time_message(stamp_ns), parents, children, values)
 
 
 def _fill_transform(message: TransformMessage, pose: Transform) -> None:

@@ -159,9 +159,6 @@ class SensingThread(Sensing):
 
     What is due while a sensor still has enough to do is dropped, the newest first; unless it is
     patient: then the cycle waits, and nothing is dropped.
-
-    Attributes:
-        patient: whether it is.
     """
 
     def __init__(
@@ -169,12 +166,13 @@ class SensingThread(Sensing):
         sensors: Sensors,
         warn: Callable[[str], object],
         failed: Callable[[BaseException], None],
+        patient: Callable[[], bool] = lambda: False,
     ) -> None:
         """Get ready; ``start`` starts the thread, and ``failed`` gets the error that ends it."""
         super().__init__(sensors)
-        self._warn, self._failed = warn, failed
+        self._warn, self._failed, self._patient = warn, failed, patient
         self._jobs: SimpleQueue[tuple[Channel, frozenset[str], Frame] | None] = SimpleQueue()
-        self._stopped = self.patient = False
+        self._stopped = False
         self._progress = threading.Condition()
         self._thread = threading.Thread(target=self._run, name="sensing", daemon=True)
 
@@ -206,7 +204,7 @@ class SensingThread(Sensing):
             self._progress.notify_all()
 
     def _measure(self, channel: Channel, topics: frozenset[str], frame: Frame) -> None:
-        if channel.busy and self.patient:
+        if channel.busy and self._patient():
             self._wait(lambda: not channel.busy)
         if channel.busy:
             channel.dropped += 1

@@ -509,8 +509,9 @@ def sensing_of(*sensors: Sensor, patient: bool = False, **subscribers: Subscribe
     description = robot()
     with Fleet.of([Member(description, ControlConfig.from_parameters(WHEELS))]) as fleet:
         driven = fleet.robots[0]
-        sensing = SensingThread(Sensors(None, 100.0, 9.81), warnings.append, failures.append)
-        sensing.patient = patient
+        sensing = SensingThread(
+            Sensors(None, 100.0, 9.81), warnings.append, failures.append, lambda: patient
+        )
         found = [
             Channel(Instrument(each, 0, "/", 100.0), subscribers[each.name], 100.0)
             for each in sensors

@@ -30,6 +30,7 @@ from onebot_description.ros.wire import message_class, type_support
 from onebot_description.ros.wire.interface_text import own_interfaces
 from onebot_description.ros.wire.interfaces import load_interface, make_interface
 from tests.any_message import messages
+from tests.ros_support import node_here, spin_until
 from tests.support import wait_for
 
 OWN = [name for kind in ("msg", "srv", "action") for name in own_interfaces(kind)]
@@ -279,19 +280,8 @@ SERVER = """
 
 @pytest.fixture
 def node(ros_domain: int) -> Iterator[Any]:
-    rclpy.init()
-    node = rclpy.create_node("test_interfaces")
-    yield node
-    node.destroy_node()
-    rclpy.try_shutdown()
-
-
-def spin_until(node: Any, condition: Any, what: str) -> Any:
-    def turn() -> Any:
-        rclpy.spin_once(node, timeout_sec=0.05)
-        return condition()
-
-    return wait_for(turn, what)
+    with node_here("test_interfaces") as node:
+        yield node
 
 
 def test_a_twin_serves_the_generated_client(node: Any) -> None:

@@ -28,7 +28,8 @@ from type_description_interfaces.srv import GetTypeDescription
 from onebot_description.ros.wire import interfaces, message_class, type_support
 from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.library import load_library
-from tests.support import lines_of_ours, wait_for
+from tests.ros_support import node_here, spin_until
+from tests.support import lines_of_ours
 
 # The folder that onebot_description is imported from.
 PACKAGES = Path(interfaces.__file__).parents[3]
@@ -292,19 +293,8 @@ class _MallInfo(ctypes.Structure):
 
 @pytest.fixture
 def node(ros_domain: int) -> Iterator[Any]:
-    rclpy.init()
-    node = rclpy.create_node("test_tf_message")
-    yield node
-    node.destroy_node()
-    rclpy.try_shutdown()
-
-
-def spin_until(node: Any, condition: Any, what: str) -> Any:
-    def turn() -> Any:
-        rclpy.spin_once(node, timeout_sec=0.05)
-        return condition()
-
-    return wait_for(turn, what)
+    with node_here("test_tf_message") as node:
+        yield node
 
 
 def test_on_the_wire_it_is_tf2_msgs(node: Any) -> None:

@@ -23,7 +23,8 @@ from rosidl_parser.definition import (
     NamespacedType,
 )
 
-from onebot_description.ros.wire.message_class import NUMBERS, class_of, full_name
+from onebot_description.ros.wire.definition import section
+from onebot_description.ros.wire.message_class import NUMBERS, class_of, full_name, item_of
 from onebot_description.ros.wire.schema import Schema
 
 # Appends the CDR of a message, or of a field's value, to a body.
@@ -228,8 +229,8 @@ def schema_of(kind: Any, name: str) -> Schema:
     """Return what reads messages of a class; ``name``: the full name of its type."""
     sections: dict[str, str] = {}
     _add_sections(kind, name, sections)
-    parts = (f"MSG: {inner}\n{text}" for inner, text in sections.items())
-    return Schema(_short(name), f"\n{'=' * 80}\n".join(["", *parts]))
+    texts = (section(inner, text) for inner, text in sections.items())
+    return Schema(_short(name), "".join(texts))
 
 
 def _short(name: str) -> str:
@@ -246,8 +247,7 @@ def _add_sections(kind: Any, name: str, sections: dict[str, str]) -> None:
         f"{_msg_type(slot)} {field}" for field, slot in _fields(kind)
     )
     for _, slot in _fields(kind):
-        item = slot.value_type if isinstance(slot, AbstractNestedType) else slot
-        if isinstance(item, NamespacedType):
+        if isinstance(item := item_of(slot), NamespacedType):
             _add_sections(class_of(item), full_name(item), sections)
 
 

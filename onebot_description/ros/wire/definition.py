@@ -54,6 +54,11 @@ def short_name(name: str) -> str:
     return name.replace("/msg/", "/")
 
 
+def section(kind: str, text: str) -> str:
+    """Return a part of a definition: the .msg file of a type by ``package/Name``."""
+    return f"\n{'=' * 80}\nMSG: {kind}\n{text}"
+
+
 def files(name: str, definition: str) -> dict[str, str]:
     """Split the definition of a type of this short name into .msg files, by ``package/Name``."""
     first, *parts = _SECTION.split(definition)

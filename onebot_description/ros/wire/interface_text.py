@@ -13,20 +13,17 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from onebot_description.errors import OneBotError
+from onebot_description.ros.wire.definition import NUMBERS, STRINGS, section
 
 _OWN = Path(__file__).with_name("definitions")
-_DELIMITER = "=" * 80  # rosbag2's, between the definitions of types
 _FIELD_TYPE = re.compile(r"^\s*([A-Za-z0-9_/]+)(?:<=\d+)?(?:\[[^]]*\])?\s", re.MULTILINE)
-_PRIMITIVE = frozenset(
-    "bool byte char float32 float64 int8 uint8 int16 uint16 int32 uint32 int64 uint64 string "
-    "wstring".split()
-)
 
 
-def own_interfaces(kind: str) -> list[str]:
+@functools.cache
+def own_interfaces(kind: str) -> tuple[str, ...]:
     """List the full names of the interfaces of a kind (msg, srv, action) that are defined here."""
     paths = sorted(_OWN.glob(f"*/{kind}/*.{kind}"))
-    return [f"{path.parts[-3]}/{kind}/{path.stem}" for path in paths]
+    return tuple(f"{path.parts[-3]}/{kind}/{path.stem}" for path in paths)
 
 
 def interface_text(name: str) -> str:
@@ -35,7 +32,7 @@ def interface_text(name: str) -> str:
     An OneBotError says that there is none.
     """
     package, kind, type_name = name.split("/")
-    for folder in _folders():
+    for folder in (*share_folders(), _OWN):
         try:
             return (folder / package / kind / f"{type_name}.{kind}").read_text(encoding="utf-8")
         except (FileNotFoundError, NotADirectoryError):
@@ -43,10 +40,10 @@ def interface_text(name: str) -> str:
     raise OneBotError(f"{name} is installed without its file {type_name}.{kind}")
 
 
-def _folders() -> Iterator[Path]:
+def share_folders() -> Iterator[Path]:
+    """List the share folders of installed ROS packages, the preferred one first."""
     prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
     yield from (Path(prefix, "share") for prefix in filter(None, prefixes))
-    yield _OWN
 
 
 @functools.cache
@@ -62,11 +59,11 @@ def _joined(name: str, seen: set[str]) -> str:
     text = interface_text(name)
     package = name.partition("/")[0]
     parts = [text]
-    for kind in sorted({*_FIELD_TYPE.findall(text)} - _PRIMITIVE):
+    for kind in sorted({*_FIELD_TYPE.findall(text)} - {*NUMBERS, *STRINGS}):
         full = kind if "/" in kind else f"{package}/{kind}"
         if full not in seen:
             seen.add(full)
             home, _, short = full.rpartition("/")
             nested = _joined(f"{home.partition('/')[0]}/msg/{short}", seen)
-            parts.append(f"\n{_DELIMITER}\nMSG: {full}\n{nested}")
+            parts.append(section(full, nested))
     return "".join(parts)

@@ -34,8 +34,8 @@ from onebot_description.errors import OneBotError
 from onebot_description.ros.wire import type_support
 from onebot_description.ros.wire.interface_text import interface_text, own_interfaces
 from onebot_description.ros.wire.message_class import (
-    Field,
     Hooks,
+    MessageField,
     make_message_class,
     make_metaclass,
     module_name,
@@ -94,7 +94,7 @@ def _message(package: str, name: str, text: str) -> Any:
 
 def _make_message(
     name: str,
-    fields: Sequence[Field],
+    fields: Sequence[MessageField],
     constants: Iterable[Any] = (),
     encoding: str = "implicit",
     text: str = "",
@@ -122,10 +122,11 @@ def restore(name: str, values: dict[str, Any], check_fields: bool) -> Any:
     return kind(**values, check_fields=check_fields)
 
 
-def _parsed(specification: Any) -> list[Field]:
+def _parsed(specification: Any) -> list[MessageField]:
     """Return the fields of a parsed definition; the classes of their messages exist then."""
     return [
-        Field(field.name, _slot(field.type), field.default_value) for field in specification.fields
+        MessageField(field.name, _slot(field.type), field.default_value)
+        for field in specification.fields
     ]
 
 
@@ -173,7 +174,7 @@ def _service(package: str, name: str, text: str) -> Any:
 
 def _make_service(
     name: str,
-    fields: tuple[Sequence[Field], Sequence[Field]],
+    fields: tuple[Sequence[MessageField], Sequence[MessageField]],
     constants: tuple[Iterable[Any], Iterable[Any]] = ((), ()),
     source: tuple[str, str] = ("implicit", ""),
 ) -> Any:
@@ -184,9 +185,9 @@ def _make_service(
     package, folder, short = name.split("/")
     types = [NamespacedType([package, folder], f"{short}_{part}") for part in _PARTS]
     event = [
-        Field("info", _EVENT_INFO),
-        Field("request", BoundedSequence(types[0], 1)),
-        Field("response", BoundedSequence(types[1], 1)),
+        MessageField("info", _EVENT_INFO),
+        MessageField("request", BoundedSequence(types[0], 1)),
+        MessageField("response", BoundedSequence(types[1], 1)),
     ]
     parts = {
         "Request": _make_message(f"{name}_Request", fields[0], constants[0]),
@@ -194,7 +195,8 @@ def _make_service(
         "Event": _make_message(f"{name}_Event", event),
     }
     members = [
-        Field(f"{part.lower()}_message", slot) for part, slot in zip(_PARTS, types, strict=True)
+        MessageField(f"{part.lower()}_message", slot)
+        for part, slot in zip(_PARTS, types, strict=True)
     ]
     described = Definition(name, members, source[0], source[1].rstrip("\n"))
     return _make_class(described, parts, type_support.support_service)
@@ -234,20 +236,20 @@ def _action(package: str, short: str, text: str) -> Any:
     goal, result, feedback = (
         NamespacedType([package, "action"], f"{short}_{part}") for part in halves
     )
-    goal_id = Field("goal_id", _UUID)
+    goal_id = MessageField("goal_id", _UUID)
     send_goal = _make_service(
         f"{name}_SendGoal",
         (
-            [goal_id, Field("goal", goal)],
-            [Field("accepted", BasicType("boolean")), Field("stamp", _TIME)],
+            [goal_id, MessageField("goal", goal)],
+            [MessageField("accepted", BasicType("boolean")), MessageField("stamp", _TIME)],
         ),
     )
     get_result = _make_service(
         f"{name}_GetResult",
-        ([goal_id], [Field("status", BasicType("int8")), Field("result", result)]),
+        ([goal_id], [MessageField("status", BasicType("int8")), MessageField("result", result)]),
     )
     feedback_message = _make_message(
-        f"{name}_FeedbackMessage", [goal_id, Field("feedback", feedback)]
+        f"{name}_FeedbackMessage", [goal_id, MessageField("feedback", feedback)]
     )
     implementation = {
         "SendGoalService": send_goal,
@@ -265,7 +267,7 @@ def _action(package: str, short: str, text: str) -> Any:
         "feedback_message": "FeedbackMessage",
     }
     members = [
-        Field(member, NamespacedType([package, "action"], f"{short}_{part}"))
+        MessageField(member, NamespacedType([package, "action"], f"{short}_{part}"))
         for member, part in slots.items()
     ]
     described = Definition(name, members, "action", text.rstrip("\n"))

@@ -43,7 +43,7 @@ _CAPSULES = (
 )
 
 
-class Field(NamedTuple):
+class MessageField(NamedTuple):
     """A field of a message.
 
     Attributes:
@@ -76,6 +76,18 @@ _MADE: dict[str, Any] = {}  # by full name
 def full_name(slot: NamespacedType) -> str:
     """Return ``package/msg/Type`` of a field's type."""
     return "/".join(slot.namespaced_name())
+
+
+def item_of(slot: AbstractType) -> AbstractType:
+    """Return the type of the values in an array or a sequence; another type is its own."""
+    return slot.value_type if isinstance(slot, AbstractNestedType) else slot
+
+
+def size_of(slot: AbstractType) -> int:
+    """Return the values in an array, or the most in a sequence; 0 if there is no bound."""
+    if isinstance(slot, Array):
+        return int(slot.size)
+    return int(slot.maximum_size) if isinstance(slot, BoundedSequence) else 0
 
 
 def class_of(slot: NamespacedType) -> Any:
@@ -112,7 +124,7 @@ def make_metaclass(name: str, load: Callable[[Any], None]) -> Any:
 
 
 def make_message_class(
-    name: str, fields: Sequence[Field], constants: Mapping[str, Any], hooks: Hooks
+    name: str, fields: Sequence[MessageField], constants: Mapping[str, Any], hooks: Hooks
 ) -> Any:
     """Return the class of a message type.
 
@@ -189,7 +201,7 @@ def _equal(one: Any, other: Any) -> bool:
 # ---- Fields ----
 
 
-def _property(field: Field) -> property:
+def _property(field: MessageField) -> property:
     """Return the property of a field, which checks what is assigned if the message does."""
     where, convert = f"_{field.name}", _converter(field.slot)
     wanted = f"The '{field.name}' field must be {_wanted(field.slot)}"
@@ -204,8 +216,8 @@ def _property(field: Field) -> property:
 
 def _letter(slot: AbstractType) -> str | None:
     """Return the letter of the numbers in an array or a sequence; None for other things."""
-    item = slot.value_type if isinstance(slot, AbstractNestedType) else None
-    return NUMBERS.get(item.typename) if isinstance(item, BasicType) else None
+    item = item_of(slot)
+    return NUMBERS.get(item.typename) if item is not slot and isinstance(item, BasicType) else None
 
 
 def _converter(slot: AbstractType) -> Callable[[Any], Any]:
@@ -217,13 +229,13 @@ def _converter(slot: AbstractType) -> Callable[[Any], Any]:
     return functools.partial(array.array, letter)
 
 
-def _default(field: Field) -> Callable[[], Any]:
+def _default(field: MessageField) -> Callable[[], Any]:
     """Return what makes the value of a field in a new message."""
     slot, default = field.slot, field.default
     if isinstance(slot, NamespacedType):
         return lambda: class_of(slot)()
     if isinstance(slot, Array) and default is None:
-        item = _default(Field("", slot.value_type))
+        item = _default(MessageField("", slot.value_type))
         return lambda: [item() for _ in range(slot.size)]
     if isinstance(slot, AbstractNestedType):
         return lambda: list(default or ())

@@ -11,7 +11,6 @@ from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 from rosidl_parser.definition import (
-    AbstractNestedType,
     AbstractType,
     Array,
     BasicType,
@@ -24,7 +23,7 @@ from rosidl_parser.definition import (
     UnboundedWString,
 )
 
-from onebot_description.ros.wire.message_class import Field, full_name
+from onebot_description.ros.wire.message_class import MessageField, full_name, item_of, size_of
 
 _NESTED = 1
 _BASIC = (
@@ -126,7 +125,7 @@ class Definition(NamedTuple):
     """
 
     name: str
-    fields: Sequence[Field]
+    fields: Sequence[MessageField]
     encoding: str = "implicit"
     text: str = ""
 
@@ -190,10 +189,7 @@ def _individual(definition: Definition) -> _Individual:
 
 
 def _field_type(slot: AbstractType) -> _FieldType:
-    capacity, item, offset = 0, slot, _LISTS.get(type(slot), 0)
-    if isinstance(slot, AbstractNestedType):
-        item = slot.value_type
-        capacity = getattr(slot, "size", getattr(slot, "maximum_size", 0))
+    item, capacity, offset = item_of(slot), size_of(slot), _LISTS.get(type(slot), 0)
     if isinstance(item, NamespacedType):
         return _FieldType(_NESTED + offset, capacity, 0, _string(full_name(item)))
     number = _IDS[item.typename] if isinstance(item, BasicType) else _STRINGS[type(item)]

@@ -5,20 +5,14 @@ Where that cannot be done, a TypeSupportError says what to do.
 
 import ctypes
 import functools
-import os
 import re
-import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 from rosidl_parser.definition import (
     EMPTY_STRUCTURE_REQUIRED_MEMBER_NAME,
     AbstractGenericString,
-    AbstractNestedType,
-    AbstractType,
     AbstractWString,
-    Array,
     BasicType,
     BoundedSequence,
     NamespacedType,
@@ -26,8 +20,15 @@ from rosidl_parser.definition import (
 
 from onebot_description.errors import OneBotError
 from onebot_description.ros.wire.codec import pack, schema_of, unpack
+from onebot_description.ros.wire.interface_text import share_folders
 from onebot_description.ros.wire.library import load_library
-from onebot_description.ros.wire.message_class import Field, class_of, full_name
+from onebot_description.ros.wire.message_class import (
+    MessageField,
+    class_of,
+    full_name,
+    item_of,
+    size_of,
+)
 from onebot_description.ros.wire.type_description import (
     Definition,
     Facts,
@@ -44,7 +45,7 @@ _VERSIONS = {
 }
 _INTROSPECTION = "rosidl_typesupport_introspection_c"
 # A type without fields has one in C, and in its description.
-EMPTY = Field(EMPTY_STRUCTURE_REQUIRED_MEMBER_NAME, BasicType("uint8"))
+EMPTY = MessageField(EMPTY_STRUCTURE_REQUIRED_MEMBER_NAME, BasicType("uint8"))
 
 _FACTS: dict[Any, Facts] = {}  # of classes that were made at run time
 _KEPT: list[Any] = []  # memory that the library goes on to read
@@ -92,7 +93,7 @@ def support_message(kind: Any, definition: Definition) -> None:
     nested = {
         full_name(item): class_of(item)
         for field in definition.fields
-        if isinstance(item := _item(field.slot), NamespacedType)
+        if isinstance(item := item_of(field.slot), NamespacedType)
     }
     facts = describe(definition, map(_facts, nested.values()))
     members = (_Member * len(definition.fields))(
@@ -110,8 +111,7 @@ def support_message(kind: Any, definition: Definition) -> None:
     create = ctypes.PYFUNCTYPE(ctypes.c_void_p)(
         functools.partial(library.onebot_types_create, library.onebot_types_of(handle))
     )
-    _KEPT.append((nested, facts, members, schema, own_pack, own_unpack, names, create))
-    _FACTS[kind] = facts
+    _keep(kind, facts, members, schema, own_pack, own_unpack, names, create)
     metaclass = type(kind)
     metaclass._CREATE_ROS_MESSAGE = _capsule(create)
     metaclass._CONVERT_FROM_PY = _capsule(library.onebot_types_convert_from_py)
@@ -156,14 +156,9 @@ def _facts(kind: Any) -> Facts:
     return _FACTS[kind] if kind in _FACTS else facts_of(handle)
 
 
-def _item(slot: AbstractType) -> AbstractType:
-    """Return the type of the values in an array or a sequence; another type is its own."""
-    return slot.value_type if isinstance(slot, AbstractNestedType) else slot
-
-
-def _member(field: Field, nested: dict[str, Any]) -> _Member:
+def _member(field: MessageField, nested: dict[str, Any]) -> _Member:
     """Return a field's entry; ``nested``: the classes of messages in fields, by full name."""
-    slot, item = field.slot, _item(field.slot)
+    slot, item = field.slot, item_of(field.slot)
     members = None
     kind = "message"
     if isinstance(item, BasicType):
@@ -172,14 +167,13 @@ def _member(field: Field, nested: dict[str, Any]) -> _Member:
         kind = "wstring" if isinstance(item, AbstractWString) else "string"
     else:
         members = other_support(handle_of(nested[full_name(item)]), _INTROSPECTION)
-    size = getattr(slot, "size", getattr(slot, "maximum_size", 0)) if slot is not item else 0
     return _Member(
         name=field.name.encode(),
         type_id=_IDS[kind],
         string_upper_bound=getattr(item, "maximum_size", 0),
         members=members,
-        is_array=isinstance(slot, AbstractNestedType),
-        array_size=size if isinstance(slot, (Array, BoundedSequence)) else 0,
+        is_array=item is not slot,
+        array_size=size_of(slot),
         is_upper_bound=isinstance(slot, BoundedSequence),
     )
 
@@ -262,10 +256,9 @@ def _find_version(package: str) -> str | None:
 
     importlib.metadata has it as well, but for wheels only, and its import takes 15 ms.
     """
-    prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
-    for prefix in filter(None, prefixes):
+    for folder in share_folders():
         try:
-            text = Path(prefix, "share", package, "package.xml").read_text(encoding="utf-8")
+            text = (folder / package / "package.xml").read_text(encoding="utf-8")
         except OSError:
             continue
         version = re.search(r"<version>\s*([^<\s]+)", text)
