@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +45,7 @@ class Documented:
     argument: str = ""
     description: str = ""  # on the topic robot_description
     topics: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # of entries in words
+    others: tuple[str, ...] = ()  # nodes of the same process, of which there are only services
 
     @property
     def name(self) -> str:
@@ -114,6 +116,7 @@ NODES = (
         "onebot_control.velocity_controller",
         most={"publish_limited_velocity": True, "real_time_factor": 2.0, "world": "maze"},
         description=ONEBOT,
+        others=("simulation",),
     ),
     Documented(
         "onebot_bringup.viewer.rerun_viewer",
@@ -172,6 +175,12 @@ def test_all_there_is(node: Documented, peer: Peer, tmp_path: Path) -> None:
     """The tables hold every topic and service of the node, and nothing else."""
     with running(node, node.most, peer, tmp_path):
         _check_topics(node, peer.node)
+        for other in node.others:
+            wait_for(lambda name=other: name in peer.node.get_node_names(), other)
+            documented = node.documented(f"Services of the node `{other}`")
+            ask = partial(_live, peer.node.get_service_names_and_types_by_node, other)
+            live = _settled(ask, set(documented))
+            assert live == {name: [cells[0]] for name, cells in documented.items()}
 
 
 def test_declarations() -> None:
