@@ -57,6 +57,7 @@ class ShownRobot:
         self.fitting_length = 0.0  # axes and arcs, metres, by the robot's size; 0: not known yet
         self.axes_lengths: Mapping[str, float] = {}  # metres, keyed by frames of links
         self.joint_colors: dict[str, Color] = {}  # every joint with a state so far
+        self.joint_positions: dict[str, float] = {}  # rad or m, for displays that ask for them
 
     def frame_of(self, link: str) -> str:
         """Return the TF frame of ``link``."""

@@ -94,6 +94,12 @@ class Stage:
         robots = ((str(robot.names), robot.description) for robot in self.robots)
         return {name: description for name, description in robots if description is not None}
 
+    def robot_of(self, topic: str) -> ShownRobot:
+        """Return the robot whose namespace a topic is in, by its full name, or else the first."""
+        namespaces = {robot.full_name("x")[:-1]: robot for robot in self.robots}
+        inside = filter(topic.startswith, namespaces)
+        return namespaces[max(inside, key=len, default=next(iter(namespaces)))]
+
     def wrong_names(self) -> list[str]:
         """Return that no robot has the link that the camera is to follow."""
         follow = self.view.camera.follow

@@ -35,6 +35,7 @@ from onebot_bringup.viewer.displays.drawing import Drawing
 from onebot_bringup.viewer.displays.image import ImageSettings
 from onebot_bringup.viewer.displays.joint_limits import JointRangesSettings
 from onebot_bringup.viewer.displays.joint_plot import JointPlotSettings
+from onebot_bringup.viewer.displays.joint_trajectory import JointTrajectorySettings
 from onebot_bringup.viewer.displays.log import LogSettings
 from onebot_bringup.viewer.displays.map import MapSettings
 from onebot_bringup.viewer.displays.marker import MarkerSettings
@@ -129,6 +130,7 @@ class ViewConfig(FrameSettings):
     curves: CurvesSettings = group(CurvesSettings)
     # Displays of message types.
     path: PathSettings = group(PathSettings)
+    joint_trajectory: JointTrajectorySettings = group(JointTrajectorySettings)
     map: MapSettings = group(MapSettings)
     odometry: OdometrySettings = group(OdometrySettings)
     pose: PoseSettings = group(PoseSettings)

@@ -13,6 +13,7 @@ from tests.onebot_bringup.drive_support import column
 from tests.onebot_bringup.test_viewer_camera_info import camera
 from tests.onebot_bringup.test_viewer_image import compressed, image
 from tests.onebot_bringup.test_viewer_imu import imu
+from tests.onebot_bringup.test_viewer_joint_trajectory import trajectory
 from tests.onebot_bringup.test_viewer_laser_scan import points, scan
 from tests.onebot_bringup.test_viewer_map import grid
 from tests.onebot_bringup.test_viewer_point_cloud2 import cloud, packed, xyz
@@ -40,6 +41,7 @@ MESSAGES = {
     "/cam/camera_info": camera(),
     "/imu": imu(),
     "/sonar": echo(1.0),
+    "/arm": trajectory(["slide"], [[0.0], [1.0]]),
 }
 WORDS = [bytes.fromhex(word) for word in ("ffffffff 00000000 0000c07f 0000807f ffffff7f".split())]
 _ROUNDS = 60

@@ -12,6 +12,7 @@ from onebot_bringup.viewer.displays.drawing import Drawing
 from onebot_bringup.viewer.displays.image import ImageDrawing
 from onebot_bringup.viewer.displays.joint_limits import JointLimitsDisplay
 from onebot_bringup.viewer.displays.joint_plot import JointPlotDisplay
+from onebot_bringup.viewer.displays.joint_trajectory import JointTrajectoryDrawing
 from onebot_bringup.viewer.displays.log import LogDrawing
 from onebot_bringup.viewer.displays.map import MapDrawing
 from onebot_bringup.viewer.displays.marker import MarkerDrawing
@@ -46,6 +47,7 @@ ROBOT_DISPLAYS: tuple[type[Display[Any]], ...] = (
 # Of the topics of message types, whichever robot's they are.
 MESSAGE_DRAWINGS: tuple[type[Drawing[Any]], ...] = (
     PathDrawing,
+    JointTrajectoryDrawing,
     MapDrawing,
     OdometryDrawing,
     PoseDrawing,

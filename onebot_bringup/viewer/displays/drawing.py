@@ -72,6 +72,8 @@ class Drawing(Generic[S]):
     period_ns: ClassVar[int] = 0  # see ``Display``
     # Other topics of a topic: what their names end in, and their type.
     others: ClassVar[Mapping[str, MessageType[Any]]] = {}
+    # Topics of the robot whose topic it is, and their types.
+    robot_topics: ClassVar[Mapping[str, MessageType[Any]]] = {}
 
     # How it is drawn:
     stamped: ClassVar[bool] = True  # messages have a header, whose frame they are drawn in
@@ -375,7 +377,12 @@ class MessageDisplay(DrawingsDisplay[Any]):
             WantedTopic(topic + end, (kind,), optional=True, as_published=True)
             for end, kind in draws.others.items()
         )
-        return [subscription, *others]
+        robot = self.stage.robot_of(topic)
+        of_robot = (
+            WantedTopic(robot.full_name(name), (kind,), optional=True)
+            for name, kind in draws.robot_topics.items()
+        )
+        return [subscription, *others, *of_robot]
 
     def make(self, name: str, settings: Any, color: Color) -> Drawing[Any]:
         return self.draws(self.stage, name, topic_entity(self.key, name), settings, color)

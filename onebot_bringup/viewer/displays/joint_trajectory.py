@@ -1,0 +1,264 @@
+"""Trajectories of joints (trajectory_msgs/JointTrajectory): the path of a link that they move."""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from onebot_bringup.viewer.displays.display import LARGEST, SELDOM, drawable
+from onebot_bringup.viewer.displays.drawing import Archetypes, Drawing, Floats, TopicSettings
+from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
+from onebot_bringup.viewer.settings import Color, color, setting
+from onebot_description.description.description import MOVING_KINDS, Description, Joint
+from onebot_description.errors import OneBotError, did_you_mean
+from onebot_description.model.robot_model import RobotModel
+from onebot_description.ros.wire.messages import JointStateArrays
+
+if TYPE_CHECKING:
+    from onebot_bringup.viewer.shown_robot import ShownRobot
+
+# Of a longer trajectory so many points are drawn, evenly chosen, the first and the last among them.
+_MOST_POINTS = 1000
+# At most so many places are between the points, so that the line bends as the robot does.
+_MOST_BETWEEN = 1000
+_STEP = np.radians(5.0)  # from one place to the next, the sum of all joints
+_TOLERANCE = 0.01  # rad or m that a held joint moves until the path is drawn anew
+
+
+@dataclass(frozen=True)
+class JointTrajectorySettings(TopicSettings):
+    """Paths of links along trajectories of joints."""
+
+    link: str = setting("", "the link whose path it is; empty: the last one that the joints move")
+    color: Color | None = setting(None, "sRGB bytes; empty: automatic", color)
+    line_width: float = setting(0.0, "metres; 0: a few pixels")
+
+
+class JointTrajectoryDrawing(Drawing[JointTrajectorySettings]):
+    """The path of a link in the frame of the robot's root link; an empty trajectory clears it."""
+
+    key = "joint_trajectory"
+    message_types = ("trajectory_msgs/msg/JointTrajectory",)
+    robot_topics: ClassVar = {"joint_states": JOINT_STATE}
+    live, repeated, stamped = False, True, False
+    period_ns = SELDOM
+    _motion: "LinkMotion | None" = None  # what moves the link; None if no path is drawn
+    _held: Floats = np.zeros(0)  # positions of the joints that it holds, as the path is drawn
+
+    @cached_property
+    def robot(self) -> "ShownRobot":
+        """The robot whose joints are moved."""
+        return self.stage.robot_of(self.name)
+
+    def style(self) -> Sequence[rr.AsComponents]:
+        # A negative radius is in pixels.
+        width, colors = self.settings.line_width, [self.color]
+        return [
+            rr.LineStrips3D.from_fields(colors=colors, radii=[width / 2 or -1.0]),
+            rr.Points3D.from_fields(colors=colors, radii=[width or -3.0]),
+        ]
+
+    def add(self, stamp_ns: int, message: Any) -> None:
+        """Add a trajectory, or where joints of the robot are now."""
+        if not isinstance(message, JointStateArrays):
+            super().add(stamp_ns, message)
+        elif len(message.positions) == len(message.names):
+            states = zip(message.names, message.positions.tolist(), strict=True)
+            self.robot.joint_positions.update(states)
+
+    def frame_of(self, message: Any) -> str:
+        """Return the frame of the robot's root link: positions of joints say nothing of others."""
+        return self.robot.home
+
+    def _is_due(self, frame: str, stamp_ns: int) -> bool:
+        return bool(frame) and super()._is_due(frame, stamp_ns)  # it waits for the description
+
+    def flush(self) -> None:
+        """Log what can be shown now; the last path anew if other joints have moved the link."""
+        if self._last is not None and not self._pending and self._is_displaced():
+            self._pending.append((max(self.stage.now_ns, self._last[0]), self._last[1]))
+        super().flush()
+
+    def _is_displaced(self) -> bool:
+        """Whether the path is elsewhere now."""
+        motion, robot = self._motion, self.robot
+        if motion is None:
+            return False
+        if motion.description is not robot.description:
+            return True
+        moved = np.abs(motion.held(robot.joint_positions) - self._held)
+        return bool((moved > _TOLERANCE).any())
+
+    def draw(self, message: Any) -> Archetypes:
+        """Return the path, and where the link is at the points."""
+        self._motion = None
+        if not len(message.points):
+            return _shapes([], [])
+        robot = self.robot
+        assert robot.description is not None
+        try:
+            motion = LinkMotion(robot.description, message.joint_names, self.settings.link)
+        except OneBotError as error:
+            raise ValueError(str(error)) from None
+        along, at_points = samples(_positions(message), motion.turning)
+        places = motion.places(along, robot.joint_positions)
+        self._motion, self._held = motion, motion.held(robot.joint_positions)
+        line = drawable(places)
+        return _shapes([line] if len(line) else [], drawable(places[at_points]))
+
+
+def _shapes(strips: Any, points: Any) -> Archetypes:
+    return [
+        rr.LineStrips3D.from_fields(strips=strips),
+        rr.Points3D.from_fields(positions=points),
+    ]
+
+
+# --- trajectories ---------------------------------------------------------------------------------
+
+
+def _positions(message: Any) -> Floats:
+    """Return the positions (N, K) of K joints at the points that are drawn, rad or m.
+
+    Raises:
+        ValueError: names or positions are missing, there twice, or not finite.
+    """
+    names, found = message.joint_names, message.points.positions
+    if not names:
+        raise ValueError("it names no joints")
+    if len(set(names)) < len(names):
+        raise ValueError("it names a joint twice")
+    wrong = np.flatnonzero(found.counts != len(names))
+    if len(wrong):
+        at = int(wrong[0])
+        raise ValueError(f"point {at} has {found.counts[at]} positions for {len(names)} joints")
+    rows = np.linspace(0, len(found) - 1, min(len(found), _MOST_POINTS)).astype(int)
+    positions = np.array([found[row] for row in rows.tolist()])
+    bad = np.argwhere(~(np.abs(positions) <= LARGEST))
+    if len(bad):
+        at, joint = rows[bad[0, 0]], names[bad[0, 1]]
+        raise ValueError(f'at point {at} the position of joint "{joint}" is not finite')
+    return positions
+
+
+def samples(positions: Floats, turning: NDArray[np.bool_]) -> tuple[Floats, NDArray[np.intp]]:
+    """Return positions along straight lines between those of a trajectory.
+
+    Args:
+        positions: (N, K) of K joints.
+        turning: (K,), which of them turn: between positions of the others the way is straight.
+
+    Returns:
+        (S, K), at most some degrees apart, and the N rows that are the trajectory's own.
+    """
+    turned = np.abs(np.diff(positions, axis=0))[:, turning].sum(axis=1)
+    step = max(_STEP, turned.sum() / _MOST_BETWEEN)
+    counts = np.maximum(np.ceil(turned / step), 1).astype(int)
+    rows = np.concatenate([[0], np.cumsum(counts)])
+    along = np.arange(rows[-1] + 1)
+    columns = [np.interp(along, rows, column) for column in positions.T]
+    return np.stack(columns, axis=1), rows
+
+
+# --- kinematics -----------------------------------------------------------------------------------
+
+
+class LinkMotion:
+    """Where a link is by the positions of some joints, while the others are where they are.
+
+    Attributes:
+        description: the robot's.
+        names: of the K joints that move it.
+        turning: (K,), which of them turn.
+    """
+
+    def __init__(self, description: Description, names: Sequence[str], link: str) -> None:
+        """Choose the link; "" for the last one that the joints move.
+
+        Raises:
+            OneBotError: the robot has no such joint or link, or is in parts.
+        """
+        self.description, self.names = description, names
+        self._model = model = RobotModel(description)
+        self.turning = model.moving.half_turns[[model.row(name) for name in names]] > 0.0
+        rests = dict(zip(model.joints, model.pose({}).tolist(), strict=True))
+        moving = description.moving_joints
+        self._rests = {joint.name: rests[joint.name] for joint in moving if joint.mimic is None}
+        given = {**self._rests, **dict.fromkeys(names)}
+        leaders = ((joint, model.follower(joint, given)) for joint in model.joints)
+        self._leaders = {joint: leader for joint, leader in leaders if leader is not None}
+        moved = {joint for joint, leader in self._leaders.items() if leader.joint in names}
+        above = {joint.child: joint for joint in description.joints}
+        link = link or last_link(above, moved)
+        if link not in model.links:
+            hint = did_you_mean(link, model.links, "links")
+            raise OneBotError(f'robot "{model.name}" has no link "{link}"{hint}')
+        self._link = model.links.index(link)
+        names_above = {joint.name for joint in joints_above(above, link)}
+        self._held = [model.row(joint) for joint in model.joints if joint in names_above - moved]
+
+    def held(self, states: Mapping[str, float]) -> Floats:
+        """Return the positions of the joints above the link that are held, rad or m."""
+        return self._positions(np.zeros((1, len(self.names))), states)[0, self._held]
+
+    def places(self, positions: Floats, states: Mapping[str, float]) -> Floats:
+        """Return where the link is.
+
+        Args:
+            positions: (N, K) of the joints that move it, rad or m.
+            states: where joints are, by their names; of the others those that are not in it rest.
+
+        Returns:
+            (N, 3) in the frame of the root link, m.
+        """
+        poses = self._model.link_poses(self._positions(positions, states))
+        places: Floats = poses[:, self._link, :3]
+        return places
+
+    def _positions(self, positions: Floats, states: Mapping[str, float]) -> Floats:
+        """Return the positions (N, M) of all moving joints of the robot."""
+        given: dict[str, Any] = {
+            joint: states[joint] if abs(states.get(joint, np.inf)) <= LARGEST else rest
+            for joint, rest in self._rests.items()
+        }
+        given.update(zip(self.names, positions.T, strict=True))
+        result = np.zeros((len(positions), len(self._model.joints)))
+        for joint, leader in self._leaders.items():
+            place = given[leader.joint] * leader.multiplier + leader.offset
+            result[:, self._model.row(joint)] = place
+        return result
+
+
+def last_link(above: Mapping[str, Joint], moved: Collection[str]) -> str:
+    """Return the link at the end of the longest chain of joints that has most ``moved`` ones.
+
+    A chain ends before the last joint that can move by itself, if that is no moved one: links
+    behind it are the fingers of a gripper.
+
+    Args:
+        above: the joint above each link but the root link.
+        moved: the names of joints.
+    """
+    movable = [joint for joint in above.values() if joint.kind in MOVING_KINDS]
+    free = (joint.parent for joint in movable if joint.mimic is None)
+    inner = {joint.name for link in free for joint in joints_above(above, link)}
+    ends = {joint.name for joint in movable}.difference(inner, moved)
+
+    def reach(link: str) -> tuple[int, int]:
+        chain = [joint.name for joint in joints_above(above, link)]
+        return sum(name in moved for name in chain), len(chain) if ends.isdisjoint(chain) else 0
+
+    return max(above, key=reach)
+
+
+def joints_above(above: Mapping[str, Joint], link: str) -> list[Joint]:
+    """Return the joints from a link up to the root link; ``above`` as for ``last_link``."""
+    joints = []
+    while link in above:
+        joints.append(above[link])
+        link = above[link].parent
+    return joints

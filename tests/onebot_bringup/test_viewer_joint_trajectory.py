@@ -1,0 +1,328 @@
+"""Trajectories of joints: the path of a link in the file, and what the node shows of it."""
+
+import math
+
+import numpy as np
+import pytest
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from onebot_bringup.bags.bag_reader import Bag
+from onebot_bringup.bags.shown_bag import log_bag
+from onebot_bringup.bags.writer import BagWriter
+from onebot_bringup.viewer.display_server import open_recording
+from onebot_bringup.viewer.robot_view import RobotView
+from onebot_bringup.viewer.shown_robot import RobotToShow
+from onebot_description.ros.wire.definition import type_name
+from onebot_description.ros.wire.messages import time_message
+from tests.onebot_bringup.bag_support import topic
+from tests.onebot_bringup.drive_support import column, entities, frames, stamps, while_written
+from tests.onebot_bringup.test_rerun_topics import Driver
+from tests.onebot_bringup.viewer_support import (
+    ARM,
+    START_NS,
+    Shown,
+    describe,
+    take,
+    take_joints,
+    take_tf,
+    transforms,
+    viewer_node,
+)
+from tests.ros_support import LATCHED, Peer
+from tests.support import wait_for
+
+SECOND = 10**9
+KIND = "trajectory_msgs/msg/JointTrajectory"
+LIMIT = '<limit lower="-3" upper="3" effort="1" velocity="1"/>'
+# A lift, two links of 1 m that turn about z, a tool behind them, and a finger in two parts.
+LIFTED = f"""<robot name="lifted">
+  <link name="base"/><link name="column"/><link name="upper"/><link name="fore"/>
+  <link name="camera"/><link name="flange"/><link name="tool"/><link name="finger"/>
+  <link name="pad"/>
+  <joint name="lift" type="prismatic"><parent link="base"/><child link="column"/>
+    <axis xyz="0 0 1"/><limit lower="0.2" upper="0.8" effort="1" velocity="1"/></joint>
+  <joint name="shoulder" type="revolute"><parent link="column"/><child link="upper"/>
+    <axis xyz="0 0 1"/>{LIMIT}</joint>
+  <joint name="elbow" type="revolute"><parent link="upper"/><child link="fore"/>
+    <origin xyz="1 0 0"/><axis xyz="0 0 1"/>{LIMIT}</joint>
+  <joint name="to_camera" type="fixed"><parent link="fore"/><child link="camera"/></joint>
+  <joint name="to_flange" type="fixed"><parent link="fore"/><child link="flange"/>
+    <origin xyz="0.9 0 0"/></joint>
+  <joint name="to_tool" type="fixed"><parent link="flange"/><child link="tool"/>
+    <origin xyz="0.1 0 0"/></joint>
+  <joint name="grasp" type="prismatic"><parent link="tool"/><child link="finger"/>
+    <axis xyz="0 1 0"/>{LIMIT}</joint>
+  <joint name="press" type="prismatic"><parent link="finger"/><child link="pad"/>
+    <axis xyz="0 1 0"/>{LIMIT}<mimic joint="grasp"/></joint>
+</robot>"""
+REST = 0.5  # the middle of the lift's range, m
+ARM_JOINTS = ("shoulder", "elbow")
+BENDS = [(0.0, 0.0), (1.0, -0.5), (1.0, 2.0)]
+
+
+def trajectory(joints, positions, stamp_ns=START_NS) -> JointTrajectory:
+    """A point a second with positions of these joints."""
+    message = JointTrajectory(joint_names=[*joints])
+    message.header.stamp = time_message(stamp_ns)
+    for second, values in enumerate(positions):
+        point = JointTrajectoryPoint(positions=[*map(float, values)])
+        point.time_from_start.sec = second
+        message.points.append(point)
+    return message
+
+
+def tool(positions, height=REST):
+    """Where the tool is, (N, 3)."""
+    shoulder, both = np.cumsum(np.array(positions, float).reshape(-1, 2), axis=1).T
+    x, y = np.cos(shoulder) + np.cos(both), np.sin(shoulder) + np.sin(both)
+    return np.stack([x, y, np.full_like(x, height)], axis=1)
+
+
+def lines(file, name="plan"):
+    """The line of each row, (N, 3); None for none."""
+    rows = column(file, f"/joint_trajectory/{name}", "LineStrips3D:strips")
+    return [np.array(row[0]) if row else None for row in rows]
+
+
+def marks(file, name="plan"):
+    """The points of each row, (N, 3)."""
+    rows = column(file, f"/joint_trajectory/{name}", "Points3D:positions")
+    return [np.array(row).reshape(-1, 3) for row in rows]
+
+
+class Lifted(Shown):
+    """The robot with the lift, drawn into a file."""
+
+    def __init__(self, folder, view="", urdf=LIFTED):
+        super().__init__(folder, view, robot=False)
+        self.seconds = 0
+        if urdf:
+            describe(self.view, urdf)
+            assert self.later() == []
+
+    def later(self, *messages, joints=()) -> list[str]:
+        """Publish trajectories, and where joints are, a second later; what the user is told."""
+        self.seconds += 1
+        now = START_NS + self.seconds * SECOND
+        for message in messages:
+            message.header.stamp = time_message(now)
+            self.send("/plan", message, at=now)
+        if joints:
+            take_joints(self.view, now, *zip(*joints, strict=True))
+        return self.tick(now)
+
+
+def test_the_path_leads_through_the_points_as_the_arm_bends(tmp_path):
+    """In the frame of the root link, at the time of the stamp; each point is marked."""
+    shown = Lifted(tmp_path, "joint_trajectory: {color: [1, 2, 3], line_width: 0.1}")
+    assert shown.later(trajectory(ARM_JOINTS, BENDS)) == []
+    file = shown.end()
+    [line], [points] = lines(file), marks(file)
+    np.testing.assert_allclose(points, tool(BENDS), atol=1e-6)
+    # By 1.5 rad and by 2.5 rad, in steps of at most 5 degrees; only the elbow moves at the end.
+    counts = [math.ceil(angle / math.radians(5)) for angle in (1.5, 2.5)]
+    assert len(line) == 1 + sum(counts)
+    shoulder = np.linspace((0.0, 0.0), (1.0, -0.5), counts[0] + 1)
+    elbow = np.linspace((1.0, -0.5), (1.0, 2.0), counts[1] + 1)
+    np.testing.assert_allclose(line, tool([*shoulder, *elbow[1:]]), atol=1e-6)
+    assert frames(file, "/joint_trajectory/plan") == ["base"]
+    assert stamps(file, "/joint_trajectory/plan") == [START_NS + 2 * SECOND]
+    for shape, radius in (("LineStrips3D", 0.05), ("Points3D", 0.1)):
+        assert column(file, "/joint_trajectory/plan", f"{shape}:colors") == [[0x010203FF]]
+        [[found]] = column(file, "/joint_trajectory/plan", f"{shape}:radii")
+        assert found == pytest.approx(radius)
+
+
+def test_other_joints_are_where_they_are_now(tmp_path):
+    """At rest until they are known; the path follows those above the link, and no others."""
+    shown = Lifted(tmp_path)
+    shown.later(trajectory(ARM_JOINTS, BENDS))
+    shown.later(joints=[("lift", 0.3), ("shoulder", 2.0)])
+    shown.later(joints=[("grasp", 1.0), ("lift", 0.305), ("elbow", 1.0)])
+    shown.later(joints=[("lift", math.nan)])
+    shown.later(joints=[("lift", 0.7)])
+    shown.later(trajectory(ARM_JOINTS, BENDS[:2]))
+    file = shown.end()
+    heights = [points[0, 2] for points in marks(file)]
+    assert heights == pytest.approx([REST, 0.3, REST, 0.7, 0.7])
+    assert [len(points) for points in marks(file)] == [3, 3, 3, 3, 2]
+    seconds = [(stamp - START_NS) // SECOND for stamp in stamps(file, "/joint_trajectory/plan")]
+    assert seconds == [2, 3, 5, 6, 7]
+
+
+@pytest.mark.parametrize(
+    ("joints", "positions", "view", "places"),
+    [
+        (["lift"], [[0.2], [0.8]], "", [(2, 0, 0.2), (2, 0, 0.8)]),  # a straight line, of the tool
+        (["shoulder"], [[0.0]], "", [(2, 0, REST)]),
+        (["grasp"], [[0.0], [0.5]], "", [(2, 0, REST), (2, 1, REST)]),
+        (["lift", "grasp"], [[0.3, 1.0]], "", [(2, 2, 0.3)]),
+        (["lift"], [[0.3]], "{link: upper}", [(0, 0, 0.3)]),
+        (["elbow"], [[0.0]], "{link: finger}", [(2, 0, REST)]),
+        (["elbow"], [[0.0]], "{link: upper}", [(0, 0, REST)]),  # above what moves
+    ],
+)
+def test_the_link_is_the_last_that_moves_or_the_one_named(
+    tmp_path, joints, positions, view, places
+):
+    """A tool that fixed joints hold; a finger only where its joint is named."""
+    shown = Lifted(tmp_path, f"joint_trajectory: {view}" if view else "")
+    assert shown.later(trajectory(joints, positions)) == []
+    file = shown.end()
+    np.testing.assert_allclose(marks(file)[0], places, atol=1e-6)
+    np.testing.assert_allclose(lines(file)[0], places, atol=1e-6)
+
+
+def test_mimic_joints_follow(tmp_path):
+    """Whatever joint_states has of them."""
+    follows = LIFTED.replace(
+        '<origin xyz="1 0 0"/>', '<origin xyz="1 0 0"/><mimic joint="shoulder" multiplier="-2"/>'
+    )
+    shown = Lifted(tmp_path, urdf=follows)
+    shown.later(joints=[("elbow", 0.1)])
+    shown.later(trajectory(["shoulder"], [[0.0], [0.7]]))
+    np.testing.assert_allclose(marks(shown.end())[0], tool([(0.0, 0.0), (0.7, -1.4)]), atol=1e-6)
+
+
+BAD = [
+    (trajectory(["shoulder", "elbov"], BENDS), 'no moving joint "elbov" (did you mean "elbow"?'),
+    (trajectory(["shoulder", "to_tool"], BENDS), 'no moving joint "to_tool"'),
+    (trajectory(["elbow", "elbow"], BENDS), "it names a joint twice"),
+    (trajectory([], [[], []]), "it names no joints"),
+    (trajectory(ARM_JOINTS, [*BENDS, [0.0]]), "point 3 has 1 positions for 2 joints"),
+    (trajectory(ARM_JOINTS, [[], []]), "point 0 has 0 positions for 2 joints"),
+    (
+        trajectory(ARM_JOINTS, [*BENDS, (0, math.nan)]),
+        'at point 3 the position of joint "elbow" is',
+    ),
+    (trajectory(ARM_JOINTS, [(math.inf, 0)]), 'at point 0 the position of joint "shoulder" is not'),
+]
+
+
+@pytest.mark.parametrize(("message", "reported"), BAD)
+def test_what_cannot_be_drawn_is_reported_once(tmp_path, message, reported):
+    """The path before stays, and the next one is drawn."""
+    shown = Lifted(tmp_path)
+    assert shown.later(trajectory(ARM_JOINTS, BENDS)) == []
+    [warning] = shown.later(message)
+    assert warning.startswith('joint trajectory "/plan": ') and reported in warning
+    assert shown.later(message) == []
+    assert shown.later(trajectory(ARM_JOINTS, BENDS[:2])) == []
+    assert [len(points) for points in marks(shown.end())] == [3, 2]
+
+
+def test_no_points_clear_the_path(tmp_path):
+    """Whatever joints are named, and for good: it is not drawn anew for another lift."""
+    shown = Lifted(tmp_path)
+    shown.later(trajectory(ARM_JOINTS, BENDS))
+    assert shown.later(trajectory(["x"], [])) == []
+    shown.later(joints=[("lift", 0.3)])
+    file = shown.end()
+    assert [line is None for line in lines(file)] == [False, True]
+    assert [len(points) for points in marks(file)] == [3, 0]
+
+
+def test_an_unknown_link_is_reported(tmp_path):
+    """Another setting draws the path."""
+    shown = Lifted(tmp_path, "joint_trajectory: {topics: {/plan: {link: tol}}}")
+    [warning] = shown.later(trajectory(ARM_JOINTS, BENDS))
+    assert 'robot "lifted" has no link "tol" (did you mean "tool"?' in warning
+    shown.look("joint_trajectory: {link: upper}")
+    np.testing.assert_allclose(marks(shown.end()), [[[0, 0, REST]] * 3], atol=1e-6)
+
+
+def test_very_many_points_are_drawn_by_a_few(tmp_path):
+    """From the first to the last, in even steps; as many turns as there may be."""
+    shown = Lifted(tmp_path)
+    turns = np.linspace(0.0, 1000.0, 10_000)
+    assert shown.later(trajectory(["shoulder"], turns[:, None])) == []
+    assert shown.later(trajectory(ARM_JOINTS, [(0.0, 0.0), (1e30, 0.0)])) == []
+    file = shown.end()
+    [[points, _], [line, long]] = marks(file), lines(file)
+    assert len(points) == 1000 and len(line) <= 2000 and len(long) <= 2000
+    np.testing.assert_allclose(points[[0, -1]], tool([(0.0, 0.0), (1000.0, 0.0)]), atol=1e-5)
+    angles = np.unwrap(np.arctan2(points[:, 1], points[:, 0]))
+    np.testing.assert_allclose(np.diff(angles), 1000 / 999, atol=0.11)
+    np.testing.assert_allclose(np.linalg.norm(line[:, :2], axis=1), 2.0, rtol=1e-5)
+
+
+def test_it_waits_for_the_description_and_follows_another(tmp_path):
+    """Drawn at its own time once the robot is known, and anew when that changes."""
+    shown = Lifted(tmp_path, urdf="")
+    shown.later(trajectory(ARM_JOINTS, BENDS))
+    assert entities(tmp_path / "x.rrd") == set()
+    describe(shown.view, LIFTED)
+    shown.later()
+    describe(shown.view, LIFTED.replace('"0.9 0 0"', '"1.9 0 0"'))
+    shown.later()
+    file = shown.end()
+    assert [points[0, 0] for points in marks(file)] == pytest.approx([2.0, 3.0])
+    assert stamps(file, "/joint_trajectory/plan") == [START_NS + SECOND, START_NS + 3 * SECOND]
+
+
+def test_each_robot_has_its_own_trajectories(tmp_path):
+    """By the namespace of the topic; joint states are subscribed also of a robot without curves."""
+    file = tmp_path / "x.rrd"
+    robots = [RobotToShow(f"/{name}", f"{name}/", plotted=False) for name in ("a", "ab")]
+    recording = open_recording(save=file)
+    view = RobotView(recording.stream, robots=robots)
+    assert "/ab/joint_states" not in view.topics
+    assert view.offer({"/ab/plan": KIND, "/plan": KIND}) == []
+    assert {"/a/joint_states", "/ab/joint_states"} <= view.topics.keys()
+    for name, height in (("a", 0.3), ("ab", 0.6)):
+        take(view, f"/{name}/robot_description", String(data=LIFTED))
+        take(view, f"/{name}/joint_states", JointState(name=["lift"], position=[height]))
+        take_tf(view, transforms("world", f"{name}/base", height))
+    for name in ("/ab/plan", "/plan"):
+        take(view, name, trajectory(ARM_JOINTS, BENDS))
+    view.tick(START_NS)
+    view.finish()
+    recording.close()
+    for name, robot, height in (("plan", "a", 0.3), ("ab/plan", "ab", 0.6)):
+        assert frames(file, f"/joint_trajectory/{name}") == [f"{robot}/base"]
+        assert marks(file, name)[-1][0, 2] == pytest.approx(height)
+
+
+def test_a_recording_is_shown(tmp_path):
+    """As the robot that was recorded: by its description and its joint states."""
+    bag = BagWriter(tmp_path / "bag")
+    messages = {
+        "/robot_description": String(data=LIFTED),
+        "/joint_states": JointState(name=["lift"], position=[0.25]),
+        "/arm/joint_trajectory": trajectory(ARM_JOINTS, BENDS),
+    }
+    for name, message in messages.items():
+        number = bag.add_topic(topic(name, type_name(message)))
+        bag.write(number, START_NS, bytes(serialize_message(message)))
+    bag.close()
+    warnings = []
+    recording = open_recording(None, tmp_path / "x.rrd")
+    log_bag(Bag(tmp_path / "bag"), recording.stream, warn=warnings.append)
+    recording.close()
+    assert not any("trajectory" in warning for warning in warnings)
+    points = marks(tmp_path / "x.rrd", "arm/joint_trajectory")[-1]
+    np.testing.assert_allclose(points, tool(BENDS, 0.25), atol=1e-6)
+
+
+def test_the_viewer_shows_a_trajectory_that_is_published(ros_domain, tmp_path):
+    """Over DDS, without a setting: a latched one, in the frame of a robot that drives."""
+    file = tmp_path / "x.rrd"
+    with Peer(ros_domain) as peer:
+        topic_name = "arm_controller/joint_trajectory"
+        publisher = peer.node.create_publisher(JointTrajectory, topic_name, LATCHED)
+        publisher.publish(trajectory(["slide"], [[0.5], [1.5]], stamp_ns=0))
+        with viewer_node(tmp_path, "") as node:
+            driver = Driver(peer)
+
+            def recorded() -> bool:
+                driver.step()
+                return bool(while_written(marks, file, topic_name))
+
+            wait_for(recorded, "the path in the file")
+            assert node.interrupt() == 0
+    assert "slide" in ARM and frames(file, f"/joint_trajectory/{topic_name}") == ["base"]
+    points = marks(file, topic_name)[0]
+    np.testing.assert_allclose(points, [(0, 0.5, 0), (0, 1.5, 0)], atol=1e-6)
