@@ -4,6 +4,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 
 import psutil
 import pytest
@@ -111,7 +112,10 @@ def test_interrupted_run_leaves_no_process():
 
 def _nodes(process):
     children = process.children(recursive=True)
-    return children if any("relay" in " ".join(each.cmdline()) for each in children) else []
+    with suppress(psutil.NoSuchProcess):  # one that ends meanwhile
+        if any("relay" in " ".join(each.cmdline()) for each in children):
+            return children
+    return []
 
 
 def _lives(process):

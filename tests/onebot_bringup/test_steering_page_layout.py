@@ -137,6 +137,13 @@ def overlap(one: Box, other: Box) -> float:
     return max(0.0, sides[0]) * max(0.0, sides[1])
 
 
+def arranged(page: Page, panel: str) -> dict[str, Box]:
+    """The boxes of the page's parts, once this panel is open and none overlaps another."""
+    found = boxes(page, "iframe", "aside", "#readout", "#camera", "#displays", "#parameters")
+    overlaps = [pair for pair in combinations(found, 2) if overlap(*map(found.get, pair))]
+    return {} if overlaps or (panel and f"#{panel}" not in found) else found
+
+
 @pytest.mark.parametrize("screen", SCREENS)
 def test_the_view_is_the_largest_part(page: Page, screen: tuple[int, int]) -> None:
     """Whatever panel is open: panels are beside it, and their rows are in reach by scrolling."""
@@ -144,12 +151,10 @@ def test_the_view_is_the_largest_part(page: Page, screen: tuple[int, int]) -> No
     for panel in ("", "displays", "parameters"):
         if panel:
             page.find(f"[name={panel}]").click()
-        found = boxes(page, "iframe", "aside", "#readout", "#camera", "#displays", "#parameters")
-        assert panel == "" or f"#{panel}" in found
+        found = wait_for(lambda panel=panel: arranged(page, panel), "parts beside each other")
         view = found["iframe"]
         assert area(view) == max(map(area, found.values())), found
         assert view["width"] > 0.4 * screen[0]
-        assert [pair for pair in combinations(found, 2) if overlap(*map(found.get, pair))] == []
         for box in found.values():
             assert box["x"] + box["width"] <= screen[0] and box["y"] + box["height"] <= screen[1]
         if "#camera" in found:
