@@ -1,0 +1,234 @@
+"""joint_trajectory_controller's parameters, checked, as plain values.
+
+Those of single joints, such as ``constraints.elbow.goal``, are read by ``joint_constraints``.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from onebot_description.errors import did_you_mean
+from onebot_description.ros.parameters.reader import (
+    ConfigError,
+    Problem,
+    group,
+    parameter,
+    read,
+    unknown_parameters,
+)
+
+_INTERFACES = ("position", "velocity", "acceleration")
+_STATE_INTERFACES = [set(_INTERFACES[:count]) for count in (1, 2, 3)]
+_NO_EFFECT = "accepted, without effect"
+_CONSTRAINTS, _GAINS = "constraints.", "gains."
+
+
+def _ignored(default: Any, reason: str) -> Any:
+    return parameter(default, f"{_NO_EFFECT}: {reason}", read_only=True)
+
+
+@dataclass(frozen=True)
+class SpeedScaling:
+    """How fast the time of trajectories passes."""
+
+    initial_scaling_factor: float = parameter(
+        1.0,
+        "speed of trajectories until ~/speed_scaling_input sets it",
+        at_least=0.0,
+        read_only=True,
+    )
+    state_interface: str = _ignored("", "no hardware scales the speed")
+    command_interface: str = _ignored("", "no hardware scales the speed")
+
+
+@dataclass(frozen=True)
+class Constraints:
+    """What is common to the tolerances of all joints."""
+
+    stopped_velocity_tolerance: float = parameter(
+        0.01, f"{_NO_EFFECT}: of position interfaces the velocity is not compared", at_least=0.0
+    )
+    goal_time: float = parameter(
+        0.0, "how late the goal may be reached, s; 0: waits for ever", at_least=0.0
+    )
+    decelerate_on_cancel: bool = parameter(
+        False, "brake by max_deceleration_on_cancel instead of stopping at once", read_only=True
+    )
+
+
+@dataclass(frozen=True)
+class JointConstraint:
+    """Tolerances of one joint, in rad or m."""
+
+    trajectory: float = parameter(
+        0.0, "position error allowed on the way, rad or m; 0: any", at_least=0.0
+    )
+    goal: float = parameter(
+        0.0, "position error allowed at the goal, rad or m; 0: any", at_least=0.0
+    )
+    max_deceleration_on_cancel: float = parameter(
+        0.0, "deceleration with decelerate_on_cancel, rad/s2 or m/s2", at_least=0.0, read_only=True
+    )
+
+
+@dataclass(frozen=True)
+class JointParameters:
+    """The parameters of single joints."""
+
+    constraints: Mapping[str, JointConstraint] = parameter({}, "", keys=("joint",))
+
+
+@dataclass(frozen=True)
+class TrajectoryConfig:
+    """joint_trajectory_controller's parameters but those of single joints; position commands."""
+
+    joints: tuple[str, ...] = parameter(
+        (),
+        "the joints it moves, in this order; empty: all of the robot's",
+        unique=True,
+        read_only=True,
+    )
+    command_joints: tuple[str, ...] = parameter(
+        (), "the same again, or empty", unique=True, read_only=True
+    )
+    command_interfaces: tuple[str, ...] = parameter(
+        ("position",), "what is commanded: [position]", unique=True, read_only=True
+    )
+    state_interfaces: tuple[str, ...] = parameter(
+        ("position", "velocity"),
+        "what of the measured motion a trajectory begins with",
+        choices=_INTERFACES,
+        unique=True,
+        read_only=True,
+    )
+    allow_partial_joints_goal: bool = parameter(False, "joints that a goal leaves out are held")
+    open_loop_control: bool = parameter(
+        False, "deprecated name of interpolate_from_desired_state", read_only=True
+    )
+    interpolate_from_desired_state: bool = parameter(
+        False, "begin a trajectory at the last command, not at the measured motion", read_only=True
+    )
+    allow_integration_in_goal_trajectories: bool = parameter(
+        False, "only false: positions are not integrated from velocities"
+    )
+    set_last_command_interface_value_as_state_on_activation: bool = parameter(
+        True, "hold the last command when it starts again, not the measured position"
+    )
+    action_monitor_rate: float = parameter(
+        20.0, "feedback of the action, Hz", at_least=0.1, read_only=True
+    )
+    interpolation_method: str = parameter(
+        "splines",
+        "none: jump to the next point as soon as one is reached",
+        choices=("splines", "none"),
+        read_only=True,
+    )
+    allow_nonzero_velocity_at_trajectory_end: bool = parameter(
+        False, "accept goals whose last point has velocities"
+    )
+    cmd_timeout: float = parameter(
+        0.0,
+        "time after the last point until the measured position is held, s; 0: never",
+        at_least=0.0,
+    )
+    state_publish_rate: float = _ignored(0.0, "~/controller_state is of each cycle")
+    enforce_command_limits: bool = parameter(
+        True, "refuse positions beyond the joints' limits, and command none"
+    )
+    speed_scaling: SpeedScaling = group(SpeedScaling)
+    constraints: Constraints = group(Constraints)
+
+    @classmethod
+    def from_parameters(cls, values: Mapping[str, Any]) -> "TrajectoryConfig":
+        """Check parameters: dotted name to value; those of single joints are left out.
+
+        Raises:
+            ConfigError: with every problem, each naming the parameter and what would be right.
+        """
+        return read(cls, {n: v for n, v in values.items() if not is_joint_parameter(n)})
+
+    def check(self) -> Iterator[Problem]:
+        """Report what joint_trajectory_controller can do and this one cannot."""
+        if self.command_interfaces != ("position",):
+            text = "only position, no other kind of command; write [position]"
+            yield Problem("command_interfaces", text)
+        if self.command_joints not in ((), self.joints):
+            text = "only the same as joints; leave it out"
+            yield Problem("command_joints", text)
+        if set(self.state_interfaces) not in _STATE_INTERFACES:
+            choices = "[position], [position, velocity] or [position, velocity, acceleration]"
+            yield Problem("state_interfaces", f"is incomplete; write {choices}")
+        if self.allow_integration_in_goal_trajectories:
+            text = "only false: a point with velocities needs positions, too"
+            yield Problem("allow_integration_in_goal_trajectories", text)
+
+    def surprises(self, constraints: Mapping[str, JointConstraint]) -> Iterator[Problem]:
+        """Report parameters that do nothing, given those of ``joint_constraints``."""
+        if self.cmd_timeout and not self.timeout:
+            text = (
+                f"does nothing unless above constraints.goal_time, {self.constraints.goal_time:g}"
+            )
+            yield Problem("cmd_timeout", text)
+        if self.constraints.decelerate_on_cancel:
+            if "velocity" not in self.state_interfaces:
+                text = "does nothing unless state_interfaces has velocity"
+                yield Problem("constraints.decelerate_on_cancel", text)
+            for name, constraint in constraints.items():
+                if not constraint.max_deceleration_on_cancel:
+                    text = "is not given, so constraints.decelerate_on_cancel does nothing"
+                    yield Problem(f"{_CONSTRAINTS}{name}.max_deceleration_on_cancel", text)
+
+    @property
+    def timeout(self) -> float:
+        """cmd_timeout, or 0 if it does nothing."""
+        return self.cmd_timeout if self.cmd_timeout > self.constraints.goal_time else 0.0
+
+    @property
+    def begins_at_command(self) -> bool:
+        """Whether a trajectory begins at the last command, not at the measured motion."""
+        return self.open_loop_control or self.interpolate_from_desired_state
+
+
+def is_joint_parameter(name: str) -> bool:
+    """Whether a parameter is one of a single joint: ``constraints.<joint>.goal``, ``gains...``."""
+    constraint = name.startswith(_CONSTRAINTS) and "." in name.removeprefix(_CONSTRAINTS)
+    return constraint or name.startswith(_GAINS)
+
+
+def joint_constraints(
+    values: Mapping[str, Any], joints: Sequence[str]
+) -> Mapping[str, JointConstraint]:
+    """Return the constraints of each of ``joints``, by its name.
+
+    Args:
+        values: all parameters, dotted name to value. Gains have no effect on position commands,
+            so nothing of them is read.
+        joints: the names of the controller's.
+
+    Raises:
+        ConfigError: with every problem, each naming the parameter and what would be right.
+    """
+    given = {name: value for name, value in values.items() if _is_constraint(name)}
+    constraints = read(JointParameters, given).constraints
+    problems = [
+        Problem(_CONSTRAINTS + name, f"no joint of the controller{did_you_mean(name, joints)}")
+        for name in constraints
+        if name not in joints
+    ]
+    if problems:
+        raise ConfigError(problems)
+    return {name: constraints.get(name, JointConstraint()) for name in joints}
+
+
+def unknown_trajectory_parameters(names: Iterable[str]) -> list[Problem]:
+    """Return a problem for each of ``names`` that is no parameter, whichever joints there are."""
+    given = list(names)
+    common = (name for name in given if not is_joint_parameter(name))
+    return [
+        *unknown_parameters(TrajectoryConfig, common),
+        *unknown_parameters(JointParameters, filter(_is_constraint, given)),
+    ]
+
+
+def _is_constraint(name: str) -> bool:
+    return is_joint_parameter(name) and not name.startswith(_GAINS)

@@ -1,0 +1,375 @@
+"""Follows trajectories as joint_trajectory_controller does. No ROS here.
+
+follower = TrajectoryFollower([FollowedJoint("elbow")], TrajectoryConfig(), {}, [0.0])
+follower.start(TrajectoryGoal(("elbow",), (Waypoint(2.0, (0.5,)),)), token="mine")
+follower.update(measured, now=0, period=0.01)  # once a control cycle
+follower.reference(0.005)  # what to command 5 ms later
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from operator import add
+from typing import NamedTuple
+
+from onebot_control.drive.speed_limiter import clamp
+from onebot_control.trajectories.config import JointConstraint, TrajectoryConfig
+from onebot_control.trajectories.goal import FollowedJoint, TrajectoryGoal, goal_problems
+from onebot_control.trajectories.tolerances import (
+    TolerancesGiven,
+    default_tolerances,
+    exceeded,
+    resolved_tolerances,
+)
+from onebot_control.trajectories.trajectory import (
+    JointMotion,
+    Trajectory,
+    Waypoint,
+    braking,
+    standstill,
+)
+from onebot_description.errors import OneBotError
+
+SUCCESSFUL = 0
+INVALID_GOAL = -1
+PATH_TOLERANCE_VIOLATED = -4
+GOAL_TOLERANCE_VIOLATED = -5
+_ROUNDING = 1e-9  # s that a sum of periods may be off
+_NANOSECONDS = 1e9  # a second
+
+
+class Outcome(NamedTuple):
+    """How an action goal ended, or that what the topic commanded was stopped."""
+
+    goal: object | None  # the token given to ``start``; None: no action goal was active
+    code: int  # of control_msgs/FollowJointTrajectory; 0: succeeded, else aborted
+    text: str  # joint_trajectory_controller's
+    detail: str = ""  # the joint that was off, its position error and tolerance
+
+
+class TrajectoryFollower:
+    """Follows trajectories of some joints, and holds them when there is none.
+
+    It has no clock: each cycle has a stamp, and the time of a trajectory passes by the cycles'
+    periods, times ``scaling``. With enforce_command_limits, positions are kept within the joints'
+    limits, where splines overshoot them between two points and where a motion begins beyond them.
+
+    Attributes:
+        active: the token of the action goal that is followed; None if there is none.
+        desired: the reference at the last update. A continuous joint is in the turns of the goal.
+        measured: the motion measured then.
+        error: the position errors then, desired - measured; of continuous joints the shortest.
+    """
+
+    def __init__(
+        self,
+        joints: Sequence[FollowedJoint],
+        config: TrajectoryConfig,
+        constraints: Mapping[str, JointConstraint],
+        positions: Sequence[float],
+    ) -> None:
+        """Hold ``positions``, rad or m; ``constraints`` are by joint."""
+        self.active: object | None = None
+        # What the next update begins, given the measured motion and the stamp.
+        self._next: Callable[[JointMotion, int], None] | None = None
+        self._joints = tuple(joints)
+        self._names = tuple(joint.name for joint in joints)
+        self.configure(config, constraints)
+        self._tolerances = self._defaults
+        self.scaling = config.speed_scaling.initial_scaling_factor
+        self._now, self._advance, self._rate = 0, 0.0, self.scaling
+        self.reset(positions)
+
+    def configure(
+        self, config: TrajectoryConfig, constraints: Mapping[str, JointConstraint]
+    ) -> None:
+        """Apply other parameters; tolerances count from the next action goal on."""
+        self._config = config
+        self._defaults = default_tolerances(self._names, config, constraints)
+        self._bounds = [
+            (joint.lower, joint.upper) if config.enforce_command_limits else (-math.inf, math.inf)
+            for joint in self._joints
+        ]
+        own = (constraints.get(name, JointConstraint()) for name in self._names)
+        self._decelerations = [constraint.max_deceleration_on_cancel for constraint in own]
+
+    @property
+    def scaling(self) -> float:
+        """Seconds of a trajectory in a second of the cycles, from the next update on."""
+        return self._scaling
+
+    @scaling.setter
+    def scaling(self, value: float) -> None:
+        if not (math.isfinite(value) and value >= 0.0):
+            raise OneBotError(f"a speed scaling of {value:g} is impossible; it is at least 0")
+        self._scaling = value
+
+    # Goals ------------------------------------------------------------------------------------
+
+    def problems(self, goal: TrajectoryGoal, now: int) -> list[str]:
+        """Return why ``goal`` is refused at the time ``now``, ns, a line for each reason."""
+        return goal_problems(goal, self._joints, self._config, now)
+
+    def start(
+        self,
+        goal: TrajectoryGoal,
+        token: object | None = None,
+        tolerances: TolerancesGiven | None = None,
+    ) -> Outcome | None:
+        """Follow ``goal``, which has no problems, from the next update on, instead of any other.
+
+        Args:
+            goal: the trajectory.
+            token: what ``active`` and the outcome name an action goal by; None for a message of
+                the topic. That leaves an active goal active, to be judged by the new trajectory.
+            tolerances: those of an action goal.
+
+        Returns:
+            The outcome of the action goal that another one replaces.
+        """
+        self._next = partial(self._begin, goal)
+        if token is None:
+            return None
+        preempted = self._ended("Current goal preempted by new incoming action.")
+        self.active = token
+        self._tolerances = resolved_tolerances(
+            tolerances or TolerancesGiven(), self._names, self._defaults
+        )
+        return preempted
+
+    def cancel(self) -> None:
+        """Stop at the next update: at the position measured then, or by decelerating from it."""
+        self.active = None
+        self._next = self._stop
+
+    def abort(
+        self, text: str = "Current goal cancelled during deactivate transition."
+    ) -> Outcome | None:
+        """End an action goal and hold the last command, as if deactivated and activated again.
+
+        With set_last_command_interface_value_as_state_on_activation false, the position measured
+        at the next update is held.
+        """
+        if self._config.set_last_command_interface_value_as_state_on_activation:
+            self._hold(self._command().positions)
+        else:
+            self._next = lambda measured, now: self._hold(measured.positions)
+        return self._ended(text)
+
+    def reset(self, positions: Sequence[float]) -> Outcome | None:
+        """Hold ``positions``, rad or m, to which the joints were moved; end an action goal."""
+        self._hold(positions)
+        zeros = (0.0,) * len(self._joints)
+        self.desired = self.measured = JointMotion(tuple(positions), zeros, zeros)
+        self.error = zeros
+        return self._ended("Current goal cancelled by a reset.")
+
+    def _ended(self, text: str) -> Outcome | None:
+        goal, self.active = self.active, None
+        return None if goal is None else Outcome(goal, INVALID_GOAL, text)
+
+    # Cycles -----------------------------------------------------------------------------------
+
+    def update(self, measured: JointMotion, now: int, period: float) -> list[Outcome]:
+        """Do one control cycle, before the joints move on for ``period`` seconds.
+
+        Args:
+            measured: how the joints move now; accelerations may be empty.
+            now: the cycle's stamp, ns.
+            period: seconds until the next cycle.
+
+        Returns:
+            The outcome of what ends in this cycle.
+        """
+        begin = self._next
+        if begin is None:
+            self._time += self._advance
+        else:
+            begin(measured, now)
+        self._rate = self._scaling
+        self._advance = period * self._rate
+        self._now = now
+        self.measured = measured
+        self.desired = self._limited(self._trajectory.sample(self._time))
+        self.error = self._errors()
+        return [] if self._holding else self._judged(first=begin is not None)
+
+    def reference(self, ahead: float) -> list[float]:
+        """Return the positions to command ``ahead`` seconds after the last update, rad or m.
+
+        Those of continuous joints are in the turns of the measured positions: they may differ from
+        ``desired`` by whole turns.
+        """
+        positions = self._trajectory.positions(self._time + ahead * self._rate)
+        return [
+            clamp(position + turns, lower, upper)
+            for position, turns, (lower, upper) in zip(
+                positions, self._turns, self._bounds, strict=True
+            )
+        ]
+
+    def query(self, time: int) -> JointMotion:
+        """Return the desired motion at ``time``, ns, if the scaling stays as it is.
+
+        Raises:
+            OneBotError: nothing is followed then.
+        """
+        if self._holding:
+            raise OneBotError("Currently there is no valid trajectory instance.")
+        own = self._time + (time - self._now) / _NANOSECONDS * self._rate
+        if own < self._began:
+            text = "Requested sample time is earlier than the current trajectory start time."
+            raise OneBotError(text)
+        if own >= self._trajectory.end:
+            text = "Requested sample time is later than the current trajectory end time."
+            raise OneBotError(text)
+        return self._limited(self._trajectory.sample(own))
+
+    def _limited(self, motion: JointMotion) -> JointMotion:
+        """Return ``motion``, at rest where it is beyond limits."""
+        joints = [*zip(*motion, self._bounds, strict=True)]
+        if all(lower <= position <= upper for position, _, _, (lower, upper) in joints):
+            return motion
+        states = [
+            (p, v, a) if lower <= p <= upper else (clamp(p, lower, upper), 0.0, 0.0)
+            for p, v, a, (lower, upper) in joints
+        ]
+        return JointMotion(*zip(*states, strict=True))
+
+    def _errors(self) -> tuple[float, ...]:
+        positions = zip(self.desired.positions, self.measured.positions, strict=True)
+        return tuple(
+            math.remainder(desired - measured, math.tau) if joint.continuous else desired - measured
+            for joint, (desired, measured) in zip(self._joints, positions, strict=True)
+        )
+
+    # What is followed -------------------------------------------------------------------------
+
+    def _follow(
+        self,
+        trajectory: Trajectory,
+        time: float = 0.0,
+        turns: Sequence[float] | None = None,
+        *,
+        holding: bool = True,
+    ) -> None:
+        """Follow ``trajectory`` from its ``time`` on; ``holding``: without judging."""
+        self._next = None
+        self._trajectory = trajectory
+        self._time = self._began = time
+        self._turns = turns or (0.0,) * len(self._joints)
+        self._holding = holding
+
+    def _hold(self, positions: Sequence[float]) -> None:
+        self._follow(standstill(positions))
+
+    def _stop(self, measured: JointMotion, now: int) -> None:
+        """Hold the measured position, or decelerate from it."""
+        brakes = (
+            self._config.constraints.decelerate_on_cancel
+            and "velocity" in self._config.state_interfaces
+            and all(self._decelerations)
+        )
+        if brakes:
+            self._follow(braking(measured, self._decelerations))
+        else:
+            self._hold(measured.positions)
+
+    def _begin(self, goal: TrajectoryGoal, measured: JointMotion, now: int) -> None:
+        """Follow ``goal`` from where the joints are."""
+        start = self._command() if self._config.begins_at_command else self._state(measured)
+        time = (now - goal.stamp) / _NANOSECONDS if goal.stamp else 0.0
+        points = self._points(goal)
+        target = Trajectory(points[0], points).sample(time)
+        turns = self._turns_between(target.positions, start.positions)
+        positions = tuple(p - turn for p, turn in zip(start.positions, turns, strict=True))
+        trajectory = Trajectory(
+            Waypoint(time, positions, start.velocities, start.accelerations),
+            points,
+            splines=self._config.interpolation_method == "splines",
+        )
+        self._follow(trajectory, time, turns, holding=False)
+
+    def _command(self) -> JointMotion:
+        """Return the last command: the reference at the end of the last cycle."""
+        motion = self._limited(self._trajectory.sample(self._time + self._advance))
+        positions = map(add, motion.positions, self._turns)
+        return motion._replace(positions=tuple(positions))
+
+    def _state(self, measured: JointMotion) -> JointMotion:
+        """Return what state_interfaces have of the measured motion."""
+        interfaces = self._config.state_interfaces
+        return JointMotion(
+            measured.positions,
+            measured.velocities if "velocity" in interfaces else (),
+            measured.accelerations if "acceleration" in interfaces else (),
+        )
+
+    def _turns_between(
+        self, positions: Sequence[float], others: Sequence[float]
+    ) -> tuple[float, ...]:
+        """Return the whole turns, rad, by which continuous joints at ``positions`` are off."""
+        return tuple(
+            math.tau * round((other - position) / math.tau) if joint.continuous else 0.0
+            for joint, position, other in zip(self._joints, positions, others, strict=True)
+        )
+
+    def _points(self, goal: TrajectoryGoal) -> Sequence[Waypoint]:
+        """Return the goal's points for all joints, in their order; the missing ones are held."""
+        if goal.joints == self._names:
+            return goal.points
+        command = dict(zip(self._names, self._command().positions, strict=True))
+        missing = [name for name in self._names if name not in goal.joints]
+        places = {name: place for place, name in enumerate((*goal.joints, *missing))}
+        order = [places[name] for name in self._names]
+        held, zeros = [command[name] for name in missing], [0.0] * len(missing)
+
+        def completed(values: Sequence[float], others: Sequence[float]) -> tuple[float, ...]:
+            every = (*values, *others)
+            return tuple(every[place] for place in order) if values else ()
+
+        return [
+            Waypoint(
+                point.time,
+                completed(point.positions, held),
+                completed(point.velocities, zeros),
+                completed(point.accelerations, zeros),
+            )
+            for point in goal.points
+        ]
+
+    # Tolerances -------------------------------------------------------------------------------
+
+    def _judged(self, *, first: bool) -> list[Outcome]:
+        """Compare the error with the tolerances, in the ``first`` cycle with those of the path."""
+        late = self._time - self._trajectory.end
+        moving = late < -_ROUNDING
+        detail = exceeded(self._names, self.error, self._tolerances.path)
+        if (moving or first) and detail:
+            text = "Aborted due to path tolerance violation"
+            topic = "Holding position due to state tolerance violation"
+            return self._failed(PATH_TOLERANCE_VIOLATED, text, topic, detail)
+        return [] if moving else self._judged_at_end(late)
+
+    def _judged_at_end(self, late: float) -> list[Outcome]:
+        """Compare the error with the goal's tolerances, ``late`` seconds after the last point."""
+        detail = exceeded(self._names, self.error, self._tolerances.goal)
+        if self.active is not None and not detail:
+            goal, self.active = self.active, None
+            self._holding = True
+            return [Outcome(goal, SUCCESSFUL, "Goal successfully reached!")]
+        goal_time, timeout = self._tolerances.goal_time, self._config.timeout
+        if detail and 0.0 < goal_time < late - _ROUNDING:
+            text = f"Aborted due to goal_time_tolerance exceeding by {late:f} seconds"
+            topic = "Exceeded goal_time_tolerance: holding position..."
+            return self._failed(GOAL_TOLERANCE_VIOLATED, text, topic, detail)
+        if 0.0 < timeout < late - _ROUNDING:
+            text = "Aborted due to command timeout"
+            return self._failed(GOAL_TOLERANCE_VIOLATED, text, text, detail)
+        return []
+
+    def _failed(self, code: int, text: str, topic: str, detail: str) -> list[Outcome]:
+        """Stop, and return the outcome; ``topic`` is the text if no action goal is active."""
+        goal, self.active = self.active, None
+        self._stop(self.measured, self._now)
+        return [Outcome(goal, code, topic if goal is None else text, detail)]

@@ -1,0 +1,138 @@
+"""Goals of trajectories, and why one is refused."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+from onebot_control.trajectories.config import TrajectoryConfig
+from onebot_control.trajectories.trajectory import Waypoint
+from onebot_description.errors import did_you_mean, printable
+from onebot_description.ros.parameters.values import LARGEST
+
+_REST = 1.1920929e-07  # rad/s or m/s; joint_trajectory_controller's, the epsilon of a float32
+_ROUNDING = 1e-6  # rad or m; a limit that is rounded to a float32 may be that much beyond itself
+_NANOSECONDS = 1_000_000_000
+
+
+class FollowedJoint(NamedTuple):
+    """A joint that follows trajectories, with its limits of position in rad or m."""
+
+    name: str
+    continuous: bool = False
+    lower: float = -math.inf
+    upper: float = math.inf
+
+
+class TrajectoryGoal(NamedTuple):
+    """What a client requests, as in trajectory_msgs/JointTrajectory."""
+
+    joints: tuple[str, ...]
+    points: tuple[Waypoint, ...]  # their values are in the order of ``joints``
+    stamp: int = 0  # when time_from_start is 0, ns; 0: at once
+    has_efforts: bool = False  # some point has efforts
+
+
+def goal_problems(
+    goal: TrajectoryGoal, joints: Sequence[FollowedJoint], config: TrajectoryConfig, now: int
+) -> list[str]:
+    """Return why a goal is refused, a line for each reason; empty if it can be followed.
+
+    The reasons are joint_trajectory_controller's, and those that it lacks: a joint that is there
+    twice, a value that is not finite, a position beyond the joint's limits, a negative first time.
+
+    Args:
+        goal: what is requested.
+        joints: the controller's.
+        config: the controller's parameters.
+        now: the time, ns.
+    """
+    limits = {joint.name: joint for joint in joints} if config.enforce_command_limits else {}
+    problems = [*_name_problems(goal.joints, [joint.name for joint in joints], config)]
+    if not goal.points:
+        problems.append("points is empty; cancel a goal to stop it, or send a position to hold")
+    if goal.has_efforts:
+        problems.append("effort is given, but only positions are commanded")
+    for index, point in enumerate(goal.points):
+        faults = _point_problems(goal.joints, point, limits)
+        problems += (f"points[{index}].{fault}" for fault in faults)
+    if not config.allow_nonzero_velocity_at_trajectory_end:
+        problems += _end_problems(goal)
+    return [*problems, *_time_problems(goal, now)]
+
+
+def _name_problems(
+    names: Sequence[str], known: Sequence[str], config: TrajectoryConfig
+) -> Iterator[str]:
+    if not names:
+        yield "joint_names is empty"
+        return
+    for name in dict.fromkeys(names):
+        if name not in known:
+            hint = did_you_mean(name, known)
+            yield f'joint_names: "{printable(name)}" is no joint of the controller{hint}'
+        if names.count(name) > 1:
+            yield f'joint_names: "{printable(name)}" is there twice'
+    for name in () if config.allow_partial_joints_goal else known:
+        if name not in names:
+            yield f'joint_names: "{name}" is missing, and allow_partial_joints_goal is false'
+
+
+def _point_problems(
+    names: Sequence[str], point: Waypoint, limits: Mapping[str, FollowedJoint]
+) -> Iterator[str]:
+    yield from _field_problems("positions", names, point.positions, limits)
+    if point.velocities:
+        yield from _field_problems("velocities", names, point.velocities, {})
+    if point.accelerations:
+        yield from _field_problems("accelerations", names, point.accelerations, {})
+
+
+def _field_problems(
+    field: str,
+    names: Sequence[str],
+    values: Sequence[float],
+    limits: Mapping[str, FollowedJoint],
+) -> Iterator[str]:
+    if len(values) != len(names):
+        yield f"{field}: {len(values)} given, for {len(names)} joints"
+        return
+    for name, value in zip(names, values, strict=True):
+        if fault := _fault(value, limits.get(name)):
+            yield f"{field}: {printable(name)}: {value:.9g} is {fault}"
+
+
+def _fault(value: float, joint: FollowedJoint | None) -> str:
+    if not math.isfinite(value):
+        return "not finite"
+    if abs(value) > LARGEST:
+        return f"beyond {LARGEST:g}"
+    if joint and value < joint.lower - _ROUNDING:
+        return f"below the joint's limit {joint.lower:.9g}"
+    if joint and value > joint.upper + _ROUNDING:
+        return f"above the joint's limit {joint.upper:.9g}"
+    return ""
+
+
+def _end_problems(goal: TrajectoryGoal) -> Iterator[str]:
+    for point in goal.points[-1:]:
+        for name, velocity in zip(goal.joints, point.velocities, strict=False):
+            if abs(velocity) > _REST:
+                text = "not 0 at the end, and allow_nonzero_velocity_at_trajectory_end is false"
+                place = f"points[{len(goal.points) - 1}].velocities: {printable(name)}"
+                yield f"{place}: {velocity:.9g} is {text}"
+
+
+def _time_problems(goal: TrajectoryGoal, now: int) -> Iterator[str]:
+    times = [point.time if math.isfinite(point.time) else 0.0 for point in goal.points]
+    moments = [-1, *(round(time * _NANOSECONDS) for time in times)]  # the first may be 0
+    for index, (earlier, moment) in enumerate(pairwise(moments)):
+        place = f"points[{index}].time_from_start: {goal.points[index].time:.9g} s is"
+        if not math.isfinite(goal.points[index].time):
+            yield f"{place} not finite"
+        elif moment <= earlier:
+            before = f"not after the {earlier / _NANOSECONDS:.9g} s of points[{index - 1}]"
+            yield f"{place} {before if index else 'negative'}"
+    if goal.stamp and goal.points and goal.stamp + moments[-1] < now:
+        ago = (now - goal.stamp - moments[-1]) / _NANOSECONDS
+        yield f"header.stamp: the trajectory ended {ago:.9g} s ago"

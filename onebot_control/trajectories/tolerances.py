@@ -1,0 +1,116 @@
+"""How far joints may be off a trajectory: the controller's defaults, and what a goal gives."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+from onebot_control.trajectories.config import JointConstraint, TrajectoryConfig
+from onebot_description.errors import did_you_mean, printable
+
+_OFF = -1.0  # what a goal gives for no tolerance
+_OFF_ROUNDING = 1.1920929e-07  # of joint_trajectory_controller, the epsilon of a float32
+
+
+class ToleranceGiven(NamedTuple):
+    """What a goal gives for a joint, as in control_msgs/JointTolerance; rad or m, and seconds.
+
+    0 is the controller's default, -1 none. Velocities and accelerations are never compared,
+    because only positions are commanded.
+    """
+
+    name: str
+    position: float = 0.0
+    velocity: float = 0.0
+    acceleration: float = 0.0
+
+
+class TolerancesGiven(NamedTuple):
+    """What a goal gives, as in control_msgs/FollowJointTrajectory."""
+
+    path: tuple[ToleranceGiven, ...] = ()
+    goal: tuple[ToleranceGiven, ...] = ()
+    goal_time: float = 0.0  # s
+
+
+class Tolerances(NamedTuple):
+    """The position errors allowed, in rad or m, in the order of the joints; 0: any."""
+
+    path: tuple[float, ...]  # before the last point
+    goal: tuple[float, ...]  # after it
+    goal_time: float  # how late the goal may be reached, s; 0: any time
+
+
+def default_tolerances(
+    joints: Sequence[str], config: TrajectoryConfig, constraints: Mapping[str, JointConstraint]
+) -> Tolerances:
+    """Return the tolerances of the parameters; joints without constraints have none."""
+    own = [constraints.get(name, JointConstraint()) for name in joints]
+    return Tolerances(
+        tuple(constraint.trajectory for constraint in own),
+        tuple(constraint.goal for constraint in own),
+        config.constraints.goal_time,
+    )
+
+
+def tolerance_problems(given: TolerancesGiven, joints: Sequence[str]) -> list[str]:
+    """Return why the defaults are used instead of ``given``, a line each; empty: they are not."""
+    problems = list(_value_problems("goal_time_tolerance", given.goal_time))
+    for field, tolerances in (("path_tolerance", given.path), ("goal_tolerance", given.goal)):
+        for tolerance in tolerances:
+            problems += _joint_problems(field, tolerance, joints)
+    return [f"{problem}; all tolerances are the defaults" for problem in problems]
+
+
+def _joint_problems(field: str, given: ToleranceGiven, joints: Sequence[str]) -> Iterator[str]:
+    name = printable(given.name)
+    if given.name not in joints:
+        hint = did_you_mean(given.name, joints)
+        yield f'{field}: "{name}" is no joint of the controller{hint}'
+    for quantity, value in zip(given._fields[1:], given[1:], strict=True):
+        yield from _value_problems(f"{field}: {name}: {quantity}", value)
+
+
+def _value_problems(what: str, value: float) -> Iterator[str]:
+    if not (value >= 0.0 or _is_off(value)):
+        yield f"{what} {value:g} is neither 0 (the default), nor above 0, nor -1 (none)"
+
+
+def resolved_tolerances(
+    given: TolerancesGiven, joints: Sequence[str], defaults: Tolerances
+) -> Tolerances:
+    """Return the tolerances of a goal: its own where it gives some, else ``defaults``.
+
+    One of ``tolerance_problems`` is enough for all to be ``defaults``.
+    """
+    if tolerance_problems(given, joints):
+        return defaults
+    return Tolerances(
+        _positions(given.path, joints, defaults.path),
+        _positions(given.goal, joints, defaults.goal),
+        _resolved(given.goal_time, defaults.goal_time),
+    )
+
+
+def _positions(
+    given: Sequence[ToleranceGiven], joints: Sequence[str], defaults: Sequence[float]
+) -> tuple[float, ...]:
+    own = {tolerance.name: tolerance.position for tolerance in given}
+    return tuple(
+        _resolved(own.get(name, 0.0), default)
+        for name, default in zip(joints, defaults, strict=True)
+    )
+
+
+def _resolved(given: float, default: float) -> float:
+    return 0.0 if _is_off(given) else given or default
+
+
+def _is_off(value: float) -> bool:
+    return abs(value - _OFF) < _OFF_ROUNDING
+
+
+def exceeded(joints: Sequence[str], error: Sequence[float], tolerances: Sequence[float]) -> str:
+    """Return which joint has a greater position error than its tolerance; "" if none has."""
+    for name, value, tolerance in zip(joints, error, tolerances, strict=True):
+        if 0.0 < tolerance < abs(value):
+            return f"{name}: position error {value:.6g}, tolerance {tolerance:g}"
+    return ""

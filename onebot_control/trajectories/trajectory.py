@@ -1,0 +1,205 @@
+"""Trajectories of joints: piecewise polynomials through waypoints.
+
+trajectory = Trajectory(Waypoint(0.0, (0.8,)), [Waypoint(1.0, (1.0,)), Waypoint(2.0, (2.0,))])
+trajectory.sample(0.5)  # at 0.9 rad, with 0.2 rad/s
+"""
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from typing import NamedTuple
+
+# A joint's polynomial of the seconds since its segment began, the constant first.
+_Coefficients = tuple[float, float, float, float, float, float]
+
+
+class Waypoint(NamedTuple):
+    """One point of a trajectory: values per joint in rad (m for prismatic joints) and seconds."""
+
+    time: float  # time_from_start, s
+    positions: tuple[float, ...]  # in the order of the trajectory's joints
+    velocities: tuple[float, ...] = ()  # empty: not given
+    accelerations: tuple[float, ...] = ()  # empty: not given
+
+
+class JointMotion(NamedTuple):
+    """The state of joints at one moment, in rad (m for prismatic joints) and seconds."""
+
+    positions: tuple[float, ...]
+    velocities: tuple[float, ...]
+    accelerations: tuple[float, ...]
+
+
+class Trajectory:
+    """Leads from a start through waypoints, as joint_trajectory_controller interpolates them.
+
+    A segment is linear unless both its ends have velocities: then it is cubic, or quintic if both
+    have accelerations, too. Accelerations without velocities count for nothing. The last point is
+    held.
+
+    Attributes:
+        end: the time of the last point, s.
+    """
+
+    def __init__(
+        self, start: Waypoint, points: Sequence[Waypoint], *, splines: bool = True
+    ) -> None:
+        """Lead from ``start`` to the first of ``points``; without it if that point is past then.
+
+        Args:
+            start: where the motion is when it begins; its time may be negative. Derivatives that
+                the first point has and the start has not are 0.
+            points: one or more, in ascending order of time.
+            splines: False to step: the start is held until the first point is due, and whenever a
+                point is due the motion jumps to the one after it.
+        """
+        lead_in = [_completed(start, points[0])] if start.time < points[0].time else []
+        self._waypoints = [*lead_in, *points]
+        self._times = [waypoint.time for waypoint in self._waypoints]
+        # The waypoints that are held instead of a polynomial, by segment. The last one has no end.
+        self._held = {len(self._waypoints) - 1: points[-1]}
+        if not splines:
+            self._held |= dict(enumerate([*lead_in, *points[1:]]))
+        self._segments: dict[int, list[_Coefficients]] = {}
+        self.end = points[-1].time
+
+    def sample(self, time: float) -> JointMotion:
+        """Return the motion at ``time``, s; before the beginning, that at the beginning."""
+        index = self._index(time)
+        if held := self._held.get(index):
+            zeros = (0.0,) * len(held.positions)
+            return JointMotion(
+                held.positions, held.velocities or zeros, held.accelerations or zeros
+            )
+        elapsed = max(0.0, time - self._times[index])
+        states = [_evaluated(joint, elapsed) for joint in self._segment(index)]
+        return JointMotion(*zip(*states, strict=True))
+
+    def positions(self, time: float) -> Sequence[float]:
+        """Return the positions of ``sample(time)`` only, which takes a third of the time."""
+        index = self._index(time)
+        if held := self._held.get(index):
+            return held.positions
+        t = max(0.0, time - self._times[index])
+        return [
+            ((((c5 * t + c4) * t + c3) * t + c2) * t + c1) * t + c0
+            for c0, c1, c2, c3, c4, c5 in self._segment(index)
+        ]
+
+    def _index(self, time: float) -> int:
+        return max(0, bisect_right(self._times, time) - 1)
+
+    def _segment(self, index: int) -> list[_Coefficients]:
+        """Return the polynomials of a segment, a joint each."""
+        # They are computed when they are first needed: all at once, those of a long trajectory
+        # would take longer than a control cycle.
+        if index not in self._segments:
+            self._segments[index] = _interpolated(*self._waypoints[index : index + 2])
+        return self._segments[index]
+
+
+def _completed(start: Waypoint, point: Waypoint) -> Waypoint:
+    """Return ``start`` with zeros for the derivatives that only ``point`` has."""
+    zeros = (0.0,) * len(start.positions)
+    return start._replace(
+        velocities=start.velocities or (zeros if point.velocities else ()),
+        accelerations=start.accelerations or (zeros if point.accelerations else ()),
+    )
+
+
+def _interpolated(start: Waypoint, end: Waypoint) -> list[_Coefficients]:
+    """Return the polynomials from ``start`` to ``end``, of the degree that both have fields for."""
+    duration = end.time - start.time
+    positions = zip(start.positions, end.positions, strict=True)
+    if not (start.velocities and end.velocities):
+        return [(p, (q - p) / duration, 0.0, 0.0, 0.0, 0.0) for p, q in positions]
+    velocities = zip(start.velocities, end.velocities, strict=True)
+    if not (start.accelerations and end.accelerations):
+        joints = zip(positions, velocities, strict=True)
+        return [_cubic(*position, *velocity, duration) for position, velocity in joints]
+    accelerations = zip(start.accelerations, end.accelerations, strict=True)
+    return [
+        _quintic(*position, *velocity, *acceleration, duration)
+        for position, velocity, acceleration in zip(
+            positions, velocities, accelerations, strict=True
+        )
+    ]
+
+
+def _cubic(p: float, q: float, v: float, w: float, duration: float) -> _Coefficients:
+    """Return the cubic from position ``p`` and velocity ``v`` to ``q`` and ``w`` (Hermite)."""
+    # What is left at the end of a motion with the constant velocity v: times c2 and c3, it is
+    #   distance = c2 T^2 + c3 T^3,  change = (2 c2 T + 3 c3 T^2) T.
+    distance, change = q - p - v * duration, (w - v) * duration
+    square = duration * duration
+    return (
+        p,
+        v,
+        (3.0 * distance - change) / square,
+        (change - 2.0 * distance) / (square * duration),
+        0.0,
+        0.0,
+    )
+
+
+def _quintic(
+    p: float, q: float, v: float, w: float, a: float, b: float, duration: float
+) -> _Coefficients:
+    """Return the quintic from ``p``, velocity ``v``, acceleration ``a`` to ``q``, ``w``, ``b``."""
+    # What is left at the end of a motion with the constant acceleration a:
+    #   distance = c3 T^3 + c4 T^4 + c5 T^5,  change = T times its derivative,
+    #   bend = T^2 / 2 times its second derivative.
+    square = duration * duration
+    distance = q - p - v * duration - 0.5 * a * square
+    change = (w - v) * duration - a * square
+    bend = 0.5 * (b - a) * square
+    cube = square * duration
+    return (
+        p,
+        v,
+        0.5 * a,
+        (10.0 * distance - 4.0 * change + bend) / cube,
+        (-15.0 * distance + 7.0 * change - 2.0 * bend) / (cube * duration),
+        (6.0 * distance - 3.0 * change + bend) / (cube * square),
+    )
+
+
+def _evaluated(coefficients: _Coefficients, t: float) -> tuple[float, float, float]:
+    """Return position, velocity and acceleration ``t`` seconds into a segment (Horner)."""
+    c0, c1, c2, c3, c4, c5 = coefficients
+    return (
+        ((((c5 * t + c4) * t + c3) * t + c2) * t + c1) * t + c0,
+        (((5.0 * c5 * t + 4.0 * c4) * t + 3.0 * c3) * t + 2.0 * c2) * t + c1,
+        ((20.0 * c5 * t + 12.0 * c4) * t + 6.0 * c3) * t + 2.0 * c2,
+    )
+
+
+def standstill(positions: Sequence[float]) -> Trajectory:
+    """Return the trajectory that holds ``positions`` from time 0 on."""
+    point = Waypoint(0.0, tuple(positions))
+    return Trajectory(point, [point])
+
+
+def braking(motion: JointMotion, decelerations: Sequence[float]) -> Trajectory:
+    """Return the trajectory that stops each joint by a constant deceleration, from time 0 on.
+
+    A joint of velocity v stops after ``|v| / deceleration`` seconds, half of v times that ahead.
+
+    Args:
+        motion: what to stop.
+        decelerations: of the joints, above 0, rad/s2 or m/s2.
+    """
+    durations = [abs(v) / a for v, a in zip(motion.velocities, decelerations, strict=True)]
+    # Between two moments at which a joint comes to rest, each joint's parabola is its cubic.
+    points = [_slowed(motion, durations, time) for time in sorted({0.0, *durations})]
+    return Trajectory(points[0], points)
+
+
+def _slowed(motion: JointMotion, durations: Sequence[float], time: float) -> Waypoint:
+    """Return where joints are that brake for ``durations`` seconds, after ``time`` of them."""
+    positions, velocities = [], []
+    for p, v, duration in zip(motion.positions, motion.velocities, durations, strict=True):
+        braked = min(time, duration)
+        left = 1.0 - braked / duration if duration else 0.0  # the share of its velocity
+        positions.append(p + 0.5 * v * (1.0 + left) * braked)
+        velocities.append(v * left)
+    return Waypoint(time, tuple(positions), tuple(velocities))

@@ -1,0 +1,408 @@
+"""Goals of trajectories: why they are refused, their tolerances and the parameters."""
+
+import math
+from typing import Any
+
+import pytest
+import yaml
+
+from onebot_control.trajectories.config import (
+    JointConstraint,
+    TrajectoryConfig,
+    joint_constraints,
+    unknown_trajectory_parameters,
+)
+from onebot_control.trajectories.goal import FollowedJoint, TrajectoryGoal, goal_problems
+from onebot_control.trajectories.tolerances import (
+    ToleranceGiven,
+    Tolerances,
+    TolerancesGiven,
+    default_tolerances,
+    exceeded,
+    resolved_tolerances,
+    tolerance_problems,
+)
+from onebot_control.trajectories.trajectory import Waypoint
+from onebot_description.ros.parameters.reader import ConfigError, read, values_of
+
+SHOULDER, ELBOW = FollowedJoint("shoulder", True), FollowedJoint("elbow", False, -1.5, 2.5)
+NAMES = ("shoulder", "elbow")
+NOW = 1_700_000_000_000_000_000  # ns
+RESTING = Waypoint(1.0, (0.1, 0.2), (0.0, 0.0), (0.0, 0.0))
+
+
+def problems(*points: Waypoint, joints: tuple[str, ...] = NAMES, **values: Any) -> list[str]:
+    """Why a goal is refused; ``values`` are the goal's own fields and parameters."""
+    fields = {name: values.pop(name) for name in TrajectoryGoal._fields if name in values}
+    goal = TrajectoryGoal(joints, points, **fields)
+    return goal_problems(goal, [SHOULDER, ELBOW], TrajectoryConfig.from_parameters(values), NOW)
+
+
+def test_what_is_accepted() -> None:
+    """The first point may be at 0 s, joints in any order, a limit rounded to a float32 is met."""
+    assert not problems(RESTING)
+    assert not problems(Waypoint(0.0, (0.1, 0.2)), Waypoint(1e-9, (99.0, 2.5000001)))
+    assert not problems(Waypoint(1.0, (2.5, 99.0)), joints=("elbow", "shoulder"))
+    assert not problems(Waypoint(1.0, (2.5,)), joints=("elbow",), allow_partial_joints_goal=True)
+    assert not problems(Waypoint(1.0, (0.1, 0.2), (1e-7, -1e-7)))
+
+
+@pytest.mark.parametrize(
+    ("joints", "partial", "expected"),
+    [
+        ((), False, ["joint_names is empty"]),
+        ((), True, ["joint_names is empty"]),
+        (
+            ("elbow",),
+            False,
+            ['joint_names: "shoulder" is missing, and allow_partial_joints_goal is false'],
+        ),
+        (
+            ("shoulder", "elbo"),
+            True,
+            [
+                'joint_names: "elbo" is no joint of the controller '
+                '(did you mean "elbow"? known: elbow, shoulder)'
+            ],
+        ),
+        (
+            ("elbow", "elbow"),
+            False,
+            [
+                'joint_names: "elbow" is there twice',
+                'joint_names: "shoulder" is missing, and allow_partial_joints_goal is false',
+            ],
+        ),
+        (("elbow", "elbow"), True, ['joint_names: "elbow" is there twice']),
+        (
+            ("wheel\n", "shoulder", "elbow"),
+            False,
+            ['joint_names: "wheel\\n" is no joint of the controller (known: elbow, shoulder)'],
+        ),
+    ],
+)
+def test_joint_names(joints: tuple[str, ...], partial: bool, expected: list[str]) -> None:
+    point = Waypoint(1.0, (0.5,) * len(joints))
+    assert problems(point, joints=joints, allow_partial_joints_goal=partial) == expected
+
+
+def test_no_points() -> None:
+    """An empty trajectory stops nothing, and is refused."""
+    assert problems() == ["points is empty; cancel a goal to stop it, or send a position to hold"]
+
+
+@pytest.mark.parametrize(
+    ("point", "expected"),
+    [
+        (Waypoint(2.0, ()), "positions: 0 given, for 2 joints"),
+        (Waypoint(2.0, (0.5,)), "positions: 1 given, for 2 joints"),
+        (Waypoint(2.0, (0.5,) * 3), "positions: 3 given, for 2 joints"),
+        (Waypoint(2.0, (0.5,) * 2, (0.0,)), "velocities: 1 given, for 2 joints"),
+        (
+            Waypoint(2.0, (0.5,) * 2, (0.0,) * 2, (0.0,) * 3),
+            "accelerations: 3 given, for 2 joints",
+        ),
+        (Waypoint(2.0, (0.5, math.nan)), "positions: elbow: nan is not finite"),
+        (Waypoint(2.0, (math.inf, 0.5)), "positions: shoulder: inf is not finite"),
+        (Waypoint(2.0, (1e61, 0.5)), "positions: shoulder: 1e+61 is beyond 1e+60"),
+        (
+            Waypoint(2.0, (0.5,) * 2, (0.0,) * 2, (0.0, -math.inf)),
+            "accelerations: elbow: -inf is not finite",
+        ),
+        (Waypoint(2.0, (9.0, 2.51)), "positions: elbow: 2.51 is above the joint's limit 2.5"),
+        (Waypoint(2.0, (9.0, -1.51)), "positions: elbow: -1.51 is below the joint's limit -1.5"),
+        (
+            Waypoint(2.0, (0.5,) * 2, (0.0, 2e-7)),
+            "velocities: elbow: 2e-07 is not 0 at the end, "
+            "and allow_nonzero_velocity_at_trajectory_end is false",
+        ),
+        (Waypoint(1.0, (0.5,) * 2), "time_from_start: 1 s is not after the 1 s of points[0]"),
+        (Waypoint(0.5, (0.5,) * 2), "time_from_start: 0.5 s is not after the 1 s of points[0]"),
+        (Waypoint(math.nan, (0.5,) * 2), "time_from_start: nan s is not finite"),
+    ],
+)
+def test_wrong_points(point: Waypoint, expected: str) -> None:
+    """One line each, which names point, field, joint and value."""
+    assert problems(RESTING, point) == [f"points[1].{expected}"]
+
+
+def test_velocities_that_are_nan_are_refused_anywhere() -> None:
+    """At the last point, and where only others would be allowed."""
+    moving = Waypoint(2.0, (0.5,) * 2, (math.nan, 0.3))
+    line = "points[1].velocities: shoulder: nan is not finite"
+    allowed = {"allow_nonzero_velocity_at_trajectory_end": True}
+    assert problems(RESTING, moving, **allowed) == [line]
+    assert problems(RESTING, moving, Waypoint(3.0, (0.5,) * 2)) == [line]
+
+
+def test_velocities_on_the_way_and_allowed_ones_at_the_end() -> None:
+    moving = Waypoint(0.5, (0.5,) * 2, (0.3, 0.3))
+    assert not problems(moving, RESTING)
+    assert not problems(moving, allow_nonzero_velocity_at_trajectory_end=True)
+    assert len(problems(moving)) == 2
+
+
+def test_limits_may_be_ignored() -> None:
+    assert not problems(Waypoint(1.0, (0.0, 99.0)), enforce_command_limits=False)
+
+
+def test_a_negative_first_time() -> None:
+    assert problems(Waypoint(-1.0, (0.5,) * 2), RESTING) == [
+        "points[0].time_from_start: -1 s is negative"
+    ]
+
+
+def test_efforts() -> None:
+    assert problems(RESTING, has_efforts=True) == [
+        "effort is given, but only positions are commanded"
+    ]
+
+
+def test_the_end_may_not_be_past() -> None:
+    """By a nanosecond, however great the stamps are; a stamp of 0 is no time."""
+    assert not problems(RESTING, stamp=NOW - 1_000_000_000)
+    assert problems(RESTING, stamp=NOW - 1_000_000_001) == [
+        "header.stamp: the trajectory ended 1e-09 s ago"
+    ]
+    assert problems(RESTING, stamp=1_000_000_000) == [
+        "header.stamp: the trajectory ended 1.7e+09 s ago"
+    ]
+    assert not problems(RESTING, stamp=0)
+    assert not problems(RESTING, stamp=NOW + 10**9)
+
+
+def test_all_that_is_wrong_is_reported() -> None:
+    lines = problems(
+        Waypoint(-1.0, (math.nan, 3.0)), Waypoint(-1.0, (0.5,), (0.1,)), joints=("elbow", "knee")
+    )
+    assert len(lines) == 8 and all("\n" not in line for line in lines)
+
+
+# Tolerances -----------------------------------------------------------------------------------
+
+DEFAULTS = Tolerances((0.1, 0.2), (0.01, 0.02), 0.5)
+
+
+def test_default_tolerances() -> None:
+    """A joint without constraints has none."""
+    config = TrajectoryConfig.from_parameters({"constraints.goal_time": 0.5})
+    constraints = {"elbow": JointConstraint(0.2, 0.02)}
+    assert default_tolerances(NAMES, config, constraints) == ((0.0, 0.2), (0.0, 0.02), 0.5)
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [(0.0, 0.2), (0.3, 0.3), (math.inf, math.inf), (-1.0, 0.0), (-1.00000001, 0.0)],
+)
+def test_tolerances_of_a_goal(given: float, expected: float) -> None:
+    """0 is the default, a positive one replaces it, -1 is none; other joints have their default."""
+    tolerances = (ToleranceGiven("elbow", given, velocity=0.1, acceleration=-1.0),)
+    path = resolved_tolerances(TolerancesGiven(tolerances), NAMES, DEFAULTS)
+    assert path == DEFAULTS._replace(path=(0.1, expected))
+    defaults = DEFAULTS._replace(goal=DEFAULTS.path)
+    goal = resolved_tolerances(TolerancesGiven((), tolerances), NAMES, defaults)
+    assert goal == defaults._replace(goal=(0.1, expected))
+
+
+@pytest.mark.parametrize(("given", "expected"), [(0.0, 0.5), (2.0, 2.0), (-1.0, 0.0)])
+def test_goal_time_of_a_goal(given: float, expected: float) -> None:
+    resolved = resolved_tolerances(TolerancesGiven(goal_time=given), NAMES, DEFAULTS)
+    assert resolved == DEFAULTS._replace(goal_time=expected)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "expected"),
+    [
+        (
+            {"path": (ToleranceGiven("wrist", 0.5),)},
+            'path_tolerance: "wrist" is no joint of the controller (known: elbow, shoulder)',
+        ),
+        (
+            {"goal": (ToleranceGiven("wrist", 0.5),)},
+            'goal_tolerance: "wrist" is no joint of the controller (known: elbow, shoulder)',
+        ),
+        (
+            {"path": (ToleranceGiven("elbow", -0.5),)},
+            "path_tolerance: elbow: position -0.5 is neither 0 (the default), nor above 0, "
+            "nor -1 (none)",
+        ),
+        (
+            {"goal": (ToleranceGiven("elbow", 0.5, velocity=-2.0),)},
+            "goal_tolerance: elbow: velocity -2 is neither 0 (the default), nor above 0, "
+            "nor -1 (none)",
+        ),
+        (
+            {"goal_time": -0.5},
+            "goal_time_tolerance -0.5 is neither 0 (the default), nor above 0, nor -1 (none)",
+        ),
+        (
+            {"path": (ToleranceGiven("elbow", math.nan),)},
+            "path_tolerance: elbow: position nan is neither 0 (the default), nor above 0, "
+            "nor -1 (none)",
+        ),
+    ],
+)
+def test_one_wrong_tolerance_makes_all_the_defaults(wrong: dict[str, Any], expected: str) -> None:
+    right = TolerancesGiven(
+        (ToleranceGiven("shoulder", 9.0),), (ToleranceGiven("shoulder", 9.0),), 9.0
+    )
+    assert resolved_tolerances(right, NAMES, DEFAULTS) == ((9.0, 0.2), (9.0, 0.02), 9.0)
+    given = right._replace(**wrong)
+    assert resolved_tolerances(given, NAMES, DEFAULTS) == DEFAULTS
+    assert tolerance_problems(given, NAMES) == [f"{expected}; all tolerances are the defaults"]
+
+
+def test_exceeded() -> None:
+    """A tolerance itself is allowed, on either side; 0 allows everything."""
+    assert exceeded(NAMES, (9.0, 0.2), (0.0, 0.2)) == ""
+    assert exceeded(NAMES, (9.0, -0.2), (0.0, 0.2)) == ""
+    expected = "elbow: position error -0.21, tolerance 0.2"
+    assert exceeded(NAMES, (9.0, -0.21), (0.0, 0.2)) == expected
+
+
+# Parameters -----------------------------------------------------------------------------------
+
+# A user's file for joint_trajectory_controller.
+FILE = """
+joints: [shoulder, elbow]
+command_interfaces: [position]
+state_interfaces: [position, velocity]
+state_publish_rate: 50.0
+action_monitor_rate: 20.0
+allow_partial_joints_goal: false
+open_loop_control: false
+interpolation_method: splines
+cmd_timeout: 2.0
+speed_scaling.initial_scaling_factor: 1
+constraints.stopped_velocity_tolerance: 0.2
+constraints.goal_time: 1.0
+constraints.shoulder.trajectory: 0.2
+constraints.shoulder.goal: 0.1
+gains.elbow.p: 100.0
+gains.elbow.antiwindup_strategy: none
+"""
+
+
+def test_a_file_of_the_original() -> None:
+    values = yaml.safe_load(FILE)
+    assert not unknown_trajectory_parameters(values)
+    config = TrajectoryConfig.from_parameters(values)
+    assert (config.joints, config.timeout, config.constraints.goal_time) == (NAMES, 2.0, 1.0)
+    constraints = joint_constraints(values, NAMES)
+    assert constraints == {"shoulder": JointConstraint(0.2, 0.1), "elbow": JointConstraint()}
+    assert not list(config.surprises(constraints))
+
+
+def test_defaults_of_the_original() -> None:
+    values = values_of(read(TrajectoryConfig, {}))
+    assert values == {
+        "joints": [],
+        "command_joints": [],
+        "command_interfaces": ["position"],
+        "state_interfaces": ["position", "velocity"],
+        "allow_partial_joints_goal": False,
+        "open_loop_control": False,
+        "interpolate_from_desired_state": False,
+        "allow_integration_in_goal_trajectories": False,
+        "set_last_command_interface_value_as_state_on_activation": True,
+        "action_monitor_rate": 20.0,
+        "interpolation_method": "splines",
+        "allow_nonzero_velocity_at_trajectory_end": False,
+        "cmd_timeout": 0.0,
+        "state_publish_rate": 0.0,
+        "enforce_command_limits": True,
+        "speed_scaling.initial_scaling_factor": 1.0,
+        "speed_scaling.state_interface": "",
+        "speed_scaling.command_interface": "",
+        "constraints.stopped_velocity_tolerance": 0.01,
+        "constraints.goal_time": 0.0,
+        "constraints.decelerate_on_cancel": False,
+    }
+
+
+def problem(values: dict[str, Any]) -> str:
+    """The error of wrong parameters."""
+    with pytest.raises(ConfigError) as caught:
+        joint_constraints(values, NAMES)
+        TrajectoryConfig.from_parameters(values)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("interfaces", [["position", "velocity"], ["velocity"], ["effort"], []])
+def test_only_positions_are_commanded(interfaces: list[str]) -> None:
+    assert problem({"command_interfaces": interfaces}) == (
+        "command_interfaces: only position, no other kind of command; write [position]"
+    )
+
+
+@pytest.mark.parametrize("interfaces", [[], ["velocity"], ["position", "acceleration"]])
+def test_state_interfaces_are_complete(interfaces: list[str]) -> None:
+    assert problem({"state_interfaces": interfaces}) == (
+        "state_interfaces: is incomplete; "
+        "write [position], [position, velocity] or [position, velocity, acceleration]"
+    )
+
+
+def test_command_joints_are_the_joints() -> None:
+    values = {"joints": ["a", "b"], "command_joints": ["a", "b"]}
+    assert TrajectoryConfig.from_parameters(values).command_joints == ("a", "b")
+    expected = "command_joints: only the same as joints; leave it out"
+    assert problem({**values, "command_joints": ["a"]}) == expected
+    assert problem({"command_joints": ["a"]}) == expected
+
+
+def test_positions_are_not_integrated() -> None:
+    assert problem({"allow_integration_in_goal_trajectories": True}) == (
+        "allow_integration_in_goal_trajectories: only false: "
+        "a point with velocities needs positions, too"
+    )
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        (
+            {"constraints.elbo.goal": 0.1},
+            "constraints.elbo: no joint of the controller "
+            '(did you mean "elbow"? known: elbow, shoulder)',
+        ),
+        (
+            {"constraints.elbow.goals": 0.1},
+            'constraints.elbow.goals: no such parameter (did you mean "goal"? '
+            "known: goal, max_deceleration_on_cancel, trajectory)",
+        ),
+        (
+            {"constraints.elbow.goal": -0.1},
+            "constraints.elbow.goal: -0.1 is below 0; write a number from 0",
+        ),
+        (
+            {"constraints.goal_tim": 0.1},
+            'constraints.goal_tim: no such parameter (did you mean "goal_time"? '
+            "known: decelerate_on_cancel, goal_time, stopped_velocity_tolerance)",
+        ),
+    ],
+)
+def test_wrong_parameters(values: dict[str, Any], expected: str) -> None:
+    assert problem(values) == expected
+    names = [problem.key for problem in unknown_trajectory_parameters(values)]
+    assert names == [name for name in values if "no such parameter" in expected]
+
+
+def test_parameters_that_do_nothing() -> None:
+    constraints = {"elbow": JointConstraint(), "wrist": JointConstraint(0.0, 0.0, 1.0)}
+
+    def surprises(**values: Any) -> list[str]:
+        dotted = {name.replace("__", "."): value for name, value in values.items()}
+        config = TrajectoryConfig.from_parameters(dotted)
+        return [problem.message() for problem in config.surprises(constraints)]
+
+    assert not surprises(cmd_timeout=1.1, constraints__goal_time=1.0)
+    assert surprises(cmd_timeout=1.0, constraints__goal_time=1.0) == [
+        "cmd_timeout: does nothing unless above constraints.goal_time, 1"
+    ]
+    lines = surprises(constraints__decelerate_on_cancel=True, state_interfaces=["position"])
+    assert lines == [
+        "constraints.decelerate_on_cancel: does nothing unless state_interfaces has velocity",
+        "constraints.elbow.max_deceleration_on_cancel: is not given, "
+        "so constraints.decelerate_on_cancel does nothing",
+    ]
