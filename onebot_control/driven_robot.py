@@ -1,16 +1,22 @@
 """A robot that is driven: its simulation and its controller in a control cycle. No ROS here."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from onebot_control.drive.diff_drive import DiffDriveController, DriveCommand, WheelStates
 from onebot_control.drive.drift import DriftCheck
 from onebot_control.drive.odometry import DiffDriveKinematics, PoseCovariance
 from onebot_control.drive.wheels.geometry import WheelGeometry, Wheels
-from onebot_control.parameters import BROADCASTER, INTERFACES, BroadcasterConfig, ControlConfig
+from onebot_control.parameters import (
+    BROADCASTER,
+    DEFAULT_JOINT_CONTROLLER,
+    INTERFACES,
+    BroadcasterConfig,
+    ControlConfig,
+)
 from onebot_control.physics import (
     JointStates,
     MassVelocity,
@@ -19,12 +25,17 @@ from onebot_control.physics import (
     RobotSpawn,
     Twist,
 )
-from onebot_control.physics.drivable import Follower, drivable
+from onebot_control.physics.drivable import Follower, commandable, drivable
 from onebot_control.poses import PlanarPose, scaled, yaw_of
+from onebot_control.trajectories.config import TrajectoryConfig, joint_constraints
+from onebot_control.trajectories.following import Outcome, TrajectoryFollower
+from onebot_control.trajectories.goal import FollowedJoint
+from onebot_control.trajectories.trajectory import JointMotion
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.ros.parameters.reader import ConfigError, Problem
 
+_STANDING = WheelGeometry(1.0, 1.0)  # of a robot without wheels: its odometry stays at zero
 _DRIFT_PERIOD = 0.1  # s between comparisons of odometry and truth
 
 
@@ -112,31 +123,135 @@ class Side:
         for row, direction in self._rows:
             position += direction * positions[row]
             velocity += direction * velocities[row]
-        return position / len(self._rows), velocity / len(self._rows)
+        count = len(self._rows) or 1
+        return position / count, velocity / count
 
     def velocities(self, speed: float) -> list[float]:
         """Return the velocity of each joint for this ``speed`` of the wheels."""
         return [direction * speed for _, direction in self._rows]
 
 
+class JointController(NamedTuple):
+    """A controller that moves joints by trajectories; the name is its node's."""
+
+    name: str
+    config: TrajectoryConfig = TrajectoryConfig()  # without joints: see ``commandable``
+    values: Mapping[str, Any] = MappingProxyType({})  # its parameters as they are given
+
+    @classmethod
+    def read(
+        cls, name: str, values: Mapping[str, Any], joints: Sequence[str] = ()
+    ) -> "JointController":
+        """Check parameters, dotted name to value; if ``joints`` are given, those of each, too.
+
+        Raises:
+            ConfigError: with every problem.
+        """
+        if joints:
+            joint_constraints(values, joints)
+        return cls(name, TrajectoryConfig.from_parameters(values), values)
+
+    def joints(self, description: Description, wheels: Wheels | None) -> Sequence[str]:
+        """Return the joints that it commands."""
+        return self.config.joints or commandable(description, wheels)
+
+    def follower(
+        self, description: Description, wheels: Wheels | None, starts: Mapping[str, float]
+    ) -> TrajectoryFollower:
+        """Return what follows trajectories of its joints, which are at their ``starts``."""
+        moving = {joint.name: joint for joint in description.moving_joints}
+        joints = [
+            FollowedJoint(
+                name,
+                moving[name].kind == "continuous",
+                -math.inf if (lower := moving[name].lower) is None else lower,
+                math.inf if (upper := moving[name].upper) is None else upper,
+            )
+            for name in self.joints(description, wheels)
+        ]
+        constraints = joint_constraints(self.values, [joint.name for joint in joints])
+        at = [starts[joint.name] for joint in joints]
+        return TrajectoryFollower(joints, self.config, constraints, at)
+
+
+DEFAULT_CONTROLLER = JointController(DEFAULT_JOINT_CONTROLLER)
+"""The controller of a robot whose control file names none."""
+
+
 class DrivenSpawn(NamedTuple):
     """A robot, ready to enter a world."""
 
-    wheels: Wheels
+    wheels: Wheels | None  # None: its base stands still
     spawn: RobotSpawn
     held: Mapping[str, float]  # joints that do not move, to their positions
     followers: Sequence[Follower]  # joints that mimic wheels or casters
+    controllers: Sequence[JointController]  # of its other joints
 
     @classmethod
-    def of(cls, description: Description, config: ControlConfig, name: str = "") -> "DrivenSpawn":
+    def of(
+        cls,
+        description: Description,
+        config: ControlConfig,
+        name: str = "",
+        controllers: Sequence[JointController] = (),
+        *,
+        stands: bool = False,
+    ) -> "DrivenSpawn":
         """Return the robot that ``config`` drives, at its start; ``name`` is for errors."""
-        wheels = wheels_of(description, config)
-        wheels.geometry(config.wheel_separation, config.wheel_radius)
-        simulated, held, followers = drivable(wheels)
+        wheels = None if stands else wheels_of(description, config)
+        if wheels:
+            wheels.geometry(config.wheel_separation, config.wheel_radius)
+        controllers = [
+            each for each in controllers or [DEFAULT_CONTROLLER] if each.joints(description, wheels)
+        ]
+        commanded = _claimed(description, wheels, controllers)
+        simulated, held, followers, gears, starts = drivable(
+            description, wheels, commanded, config.initial_positions
+        )
         if name:
             simulated = replace(simulated, source=f"{name}: {simulated.source}")
-        spawn = RobotSpawn(simulated, wheels.names, config.x, config.y, config.yaw, name)
-        return cls(wheels, spawn, held, followers)
+        spawn = RobotSpawn(
+            simulated,
+            wheels.names if wheels else (),
+            config.x,
+            config.y,
+            config.yaw,
+            name,
+            commanded,
+            gears,
+            starts,
+            fixed_base=stands,
+        )
+        return cls(wheels, spawn, held, followers, controllers)
+
+    @property
+    def has_linkage(self) -> bool:
+        """Whether several joints that turn are geared to one, as in the fingers of a linkage."""
+        kinds = {joint.name: joint.kind for joint in self.spawn.description.joints}
+        leaders = [gear.leader for gear in self.spawn.gears if kinds[gear.name] != "prismatic"]
+        return len(leaders) > len({*leaders})
+
+
+def _claimed(
+    description: Description, wheels: Wheels | None, controllers: Sequence[JointController]
+) -> tuple[str, ...]:
+    """Return the joints of all controllers, in the order in which they command them.
+
+    Raises:
+        ConfigError: two controllers, or the wheels and one, have a joint in common.
+    """
+    owners = dict.fromkeys(wheels.names if wheels else (), "the wheels")
+    problems, claimed = [], []
+    for controller in controllers:
+        for joint in controller.joints(description, wheels):
+            if joint in owners:
+                text = f'"{joint}" is a joint of {owners[joint]}, too; each has one controller'
+                problems.append(Problem(f"{controller.name}.joints", text))
+            owners[joint] = controller.name
+            claimed.append(joint)
+    if problems:
+        raise ConfigError(problems)
+    return tuple(claimed)
 
 
 class DrivenRobot:
@@ -146,28 +261,32 @@ class DrivenRobot:
         config: the parameters in force.
         geometry: of the wheels, before multipliers.
         plant: the simulated robot.
+        arms: what moves joints by trajectories, by the names of their controllers.
         joints: that move: the plant's, and those that mimic them.
         held: joints that do not move, to the positions at which they are held still.
+        finished: what has ended lately of the arms' goals; whoever wants to know empties it.
         ticks: control cycles done.
         period: seconds of one.
     """
 
     def __init__(
         self,
-        wheels: Wheels,
+        part: DrivenSpawn,
+        description: Description,
         config: ControlConfig,
         plant: Robot,
-        held: Mapping[str, float] = MappingProxyType({}),
-        followers: Sequence[Follower] = (),
     ) -> None:
         """Stand still, with odometry at zero."""
-        self.wheels, self.plant, self.held = wheels, plant, held
-        self.joints = (*plant.joints, *(follower.name for follower in followers))
-        self._followers = [(self.joints.index(each.leader), each) for each in followers]
-        self.description = wheels.description
+        self.wheels, self.plant, self.held = part.wheels, plant, part.held
+        self.joints = (*plant.joints, *(follower.name for follower in part.followers))
+        self._followers = [(self.joints.index(each.leader), each) for each in part.followers]
+        self.description, self._starts = description, part.spawn.starts
         self._left, self._right = (
-            Side(names, wheels.directions, plant.joints) for names in (wheels.left, wheels.right)
+            Side(names, self.wheels.directions if self.wheels else {}, plant.joints)
+            for names in ((self.wheels.left, self.wheels.right) if self.wheels else ((), ()))
         )
+        self.controllers = {controller.name: controller for controller in part.controllers}
+        self.finished: list[tuple[str, Outcome]] = []
         self.start(config)
 
     def start(self, config: ControlConfig) -> None:
@@ -181,7 +300,16 @@ class DrivenRobot:
         self._use(config)
         self.ticks, self._observed = 0, -1
         self._command = DriveCommand(0.0, 0.0, 0.0, 0.0)
-        self.drift = DriftCheck(skids=len(self.wheels.names) > 2)
+        self.drift = DriftCheck(skids=self.wheels is not None and len(self.wheels.names) > 2)
+        self.arms = {
+            name: controller.follower(self.description, self.wheels, self._starts)
+            for name, controller in self.controllers.items()
+        }
+        self._arm_rows = {
+            name: [self.plant.joints.index(joint) for joint in arm.names]
+            for name, arm in self.arms.items()
+        }
+        self.plant.reference = self._reference
         self._read_state()
         self.place_odometry(PlanarPose())
 
@@ -202,7 +330,9 @@ class DrivenRobot:
             OneBotError: the description does not determine the geometry, it cannot be driven by, or
                 a joint to publish is not among the robot's.
         """
-        geometry = self.wheels.geometry(config.wheel_separation, config.wheel_radius)
+        geometry = _STANDING
+        if self.wheels:
+            geometry = self.wheels.geometry(config.wheel_separation, config.wheel_radius)
         try:
             kinematics = config.kinematics(geometry)
         except ValueError as error:
@@ -228,12 +358,14 @@ class DrivenRobot:
         """Command a velocity; see ``DiffDriveController.accept``."""
         return self.controller.accept(linear, angular, age)
 
-    def begin(self) -> Snapshot:
-        """Read the robot's state and update the controller with it."""
+    def begin(self, stamp: int = 0) -> Snapshot:
+        """Read the robot's state and update the controllers with it, at a ``stamp`` in ns."""
         self.observe()
         self._command = self.controller.decide(self.period)
+        for name, arm in self.arms.items():
+            self._finish(name, arm.update(self.motion(name), stamp, self.period))
         snapshot = self.snapshot()
-        if self.ticks % self._drift_cycles == 0:
+        if self.wheels and self.ticks % self._drift_cycles == 0:
             self.drift.update(snapshot.odometry, self.true_pose, lambda: self.plant.obstructed)
         return snapshot
 
@@ -254,6 +386,32 @@ class DrivenRobot:
         # ``Wheels.names`` are the driven joints.
         self.plant.turn(self._left.velocities(left) + self._right.velocities(right))
         self.ticks += 1
+
+    def hold_arms(self, text: str) -> None:
+        """Abort what the arms do, and hold them where they are, for a reason."""
+        for name, arm in self.arms.items():
+            self._finish(name, [arm.abort(text)])
+
+    def configure_arm(self, controller: JointController) -> None:
+        """Apply other parameters of a controller of joints."""
+        self.controllers[controller.name] = controller
+        arm = self.arms[controller.name]
+        arm.configure(controller.config, joint_constraints(controller.values, arm.names))
+
+    def _finish(self, arm: str, outcomes: Iterable[Outcome | None]) -> None:
+        self.finished += [(arm, outcome) for outcome in outcomes if outcome is not None]
+
+    def motion(self, arm: str) -> JointMotion:
+        """Return the measured motion of an arm's joints."""
+        positions, velocities, _ = self._joints
+        rows = self._arm_rows[arm]
+        return JointMotion(
+            tuple([positions[row] for row in rows]), tuple([velocities[row] for row in rows]), ()
+        )
+
+    def _reference(self, ahead: float) -> list[float]:
+        """The positions of the commanded joints, ``ahead`` seconds after the cycle's beginning."""
+        return [position for arm in self.arms.values() for position in arm.reference(ahead)]
 
     def snapshot(self) -> Snapshot:
         """Return the robot as its state was last read."""
@@ -279,6 +437,8 @@ class DrivenRobot:
         """Put everything back to the beginning, except time and parameters."""
         self.plant.reset()
         self.controller.halt()
+        for name, arm in self.arms.items():
+            self._finish(name, [arm.reset([self._starts[joint] for joint in arm.names])])
         self._read_state()
         self.controller.odometry.reset()
         self.place_odometry(PlanarPose())
@@ -320,6 +480,28 @@ class DrivenRobot:
         self.controller.odometry.set_pose(*odometry.pose, odometry.covariance)
         self._odom_placed, self.ticks = other._odom_placed, other.ticks
         self.drift.restart()
+        self._continue_arms(other)
+
+    def _continue_arms(self, other: "DrivenRobot") -> None:
+        """Have the arms where another robot has them; those that are the same move on."""
+        self.finished = other.finished
+        if not self.arms:
+            return
+        present = dict(zip(other.joints, other._joints.positions, strict=True))
+        starts = dict(zip(self.plant.joints, self.plant.starts, strict=True))
+        positions = {
+            name: present.get(name, at) if name in self._starts else at
+            for name, at in starts.items()
+        }
+        self.plant.put(self.plant.pose, list(positions.values()))
+        for name, arm in self.arms.items():
+            old = other.arms.get(name)
+            if old and old.joints == arm.joints:
+                self.arms[name] = old
+                continue
+            arm.reset([positions[joint] for joint in arm.names])
+            text = "Current goal cancelled: the robot description has other joints."
+            self._finish(name, [old.abort(text) if old else None])
 
     def _read_state(self) -> None:
         self._joints, self._pose, self._mass_velocity = self.plant.state()

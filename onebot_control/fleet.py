@@ -7,16 +7,19 @@ with Fleet.of([Member(description, ControlConfig.from_parameters({...}))]) as fl
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from types import MappingProxyType
 from typing import NamedTuple
 
-from onebot_control.driven_robot import DrivenRobot, DrivenSpawn, Snapshot
+from onebot_control.driven_robot import DrivenRobot, DrivenSpawn, JointController, Snapshot
 from onebot_control.parameters import ControlConfig
 from onebot_control.physics import Robot, Settings, World
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError
 from onebot_description.ros.parameters.reader import ConfigError
 from onebot_description.ros.wire.cdr import NANO
+
+_LINKAGE_ITERATIONS = 1000  # of the solver, for the fingers of a linkage to move as one
 
 
 class Member(NamedTuple):
@@ -26,6 +29,8 @@ class Member(NamedTuple):
     config: ControlConfig
     name: str = ""  # named in errors; empty if there is no other robot
     places: Mapping[str, str] = MappingProxyType({})  # files and lines of its parameters
+    controllers: Sequence[JointController] = ()  # of joints that are no wheels
+    stands: bool = False  # its base stands still
 
 
 class Fleet:
@@ -54,6 +59,8 @@ class Fleet:
         """
         parts = [_part(member) for member in members]
         fitted = settings.fitted(members[0].config.update_rate)
+        if any(part.has_linkage for part in parts):
+            fitted = replace(fitted, iterations=max(fitted.iterations, _LINKAGE_ITERATIONS))
         world = World([part.spawn for part in parts], fitted, scene)
         try:
             robots = map(_driven, members, parts, world.robots)
@@ -91,9 +98,13 @@ class Fleet:
         self.finish()
         return snapshots
 
-    def begin(self) -> list[Snapshot]:
-        """Read the robots' states and update the controllers with them."""
-        return [robot.begin() for robot in self.robots]
+    def begin(self, stamp: int | None = None) -> list[Snapshot]:
+        """Read the robots' states and update the controllers with them.
+
+        ``stamp``: the time that commands are by, ns; None: the simulated one.
+        """
+        now = self.stamp if stamp is None else stamp
+        return [robot.begin(now) for robot in self.robots]
 
     def finish(self) -> None:
         """Turn the wheels of all robots for a control period."""
@@ -120,7 +131,8 @@ class Fleet:
                 another robot is in the way; then nothing has changed.
         """
         old = self.robots[row]
-        member = Member(description, old.config)
+        controllers = [*old.controllers.values()]
+        member = Member(description, old.config, controllers=controllers, stands=old.wheels is None)
         part = _part(member)
         here = part.spawn._replace(**old.true_pose._asdict())
         world = self.world.replaced(row, here)
@@ -167,12 +179,18 @@ class Divider:
 
 def _part(member: Member) -> DrivenSpawn:
     with located(member):
-        return DrivenSpawn.of(member.description, member.config, member.name)
+        return DrivenSpawn.of(
+            member.description,
+            member.config,
+            member.name,
+            member.controllers,
+            stands=member.stands,
+        )
 
 
 def _driven(member: Member, part: DrivenSpawn, plant: Robot) -> DrivenRobot:
     with located(member):
-        return DrivenRobot(part.wheels, member.config, plant, part.held, part.followers)
+        return DrivenRobot(part, member.description, member.config, plant)
 
 
 @contextmanager

@@ -10,9 +10,16 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from onebot_control.drive.odometry import DiffDriveKinematics
 from onebot_control.drive.speed_limiter import SpeedLimits
 from onebot_control.poses import WORLD_FRAME
+from onebot_control.trajectories.config import unknown_trajectory_parameters
 from onebot_description.description.packages import package_share
 from onebot_description.errors import did_you_mean
-from onebot_description.ros.parameters.files import Parameters, Unknown, read_parameters, read_text
+from onebot_description.ros.parameters.files import (
+    Parameters,
+    Unknown,
+    read_parameters,
+    read_sections,
+    read_text,
+)
 from onebot_description.ros.parameters.reader import (
     ConfigError,
     Problem,
@@ -34,10 +41,14 @@ if TYPE_CHECKING:
     from onebot_description.ros.node import RosArguments
 
 BROADCASTER = "joint_state_broadcaster"
+MANAGER = "controller_manager"
+DEFAULT_JOINT_CONTROLLER = "joint_trajectory_controller"
+JOINT_CONTROLLER_TYPES = ("joint_trajectory_controller/JointTrajectoryController",)
 CONTROLLER_TYPE = "diff_drive_controller/DiffDriveController"
 BROADCASTER_TYPE = "joint_state_broadcaster/JointStateBroadcaster"
 COMMAND_TYPES = ("auto", "Twist", "TwistStamped")
 INTERFACES = ("position", "velocity", "effort")
+_TYPE = ".type"  # in the names of parameters
 _MOST_HERTZ = 10_000.0
 _LEAST_CYCLES, _MOST_CYCLES = 0.001, 1000.0  # a second
 _FROM_URDF = "0: read from the URDF"
@@ -89,56 +100,18 @@ _Six = tuple[float, float, float, float, float, float]
 
 
 @dataclass(frozen=True)
-class ControlConfig:
-    """All parameters: diff_drive_controller's, the simulation's and joint_state_broadcaster's."""
+class SimulationConfig:
+    """The simulation's parameters and joint_state_broadcaster's, whatever moves the robot."""
 
-    left_wheel_names: tuple[str, ...] = _wheels()
-    right_wheel_names: tuple[str, ...] = _wheels()
-    wheel_separation: float = parameter(
-        0.0,
-        f"distance between the wheels, effective for skid steer, m; {_FROM_URDF}",
-        at_least=0.0,
-    )
-    wheel_radius: float = parameter(
-        0.0, f"radius of the driven wheels, m; {_FROM_URDF}", at_least=0.0
-    )
-    wheel_separation_multiplier: float = _multiplier("wheel_separation")
-    left_wheel_radius_multiplier: float = _multiplier("wheel_radius on its side")
-    right_wheel_radius_multiplier: float = _multiplier("wheel_radius on its side")
-    tf_frame_prefix_enable: bool = parameter(True, "prepend a prefix to the frames of the odometry")
-    tf_frame_prefix: str = parameter("", "that prefix; empty: the node's namespace")
-    odom_frame_id: str = _frame("odom", "frame of the odometry")
-    base_frame_id: str = parameter(
-        "", "frame of the base, child of odom_frame_id; empty: the robot's root link"
-    )
-    pose_covariance_diagonal: _Six = _variances("; zeros: they grow on the way")
-    twist_covariance_diagonal: _Six = _variances()
-    left_wheel_noise: float = _noise()
-    right_wheel_noise: float = _noise()
-    open_loop: bool = parameter(False, "odometry by the commands, not by the wheels")
-    position_feedback: bool = parameter(True, "odometry by the wheels' positions, not velocities")
-    enable_odom_tf: bool = parameter(True, "publish the odometry on /tf, too")
-    cmd_vel_timeout: float = parameter(
-        0.5, "time without a command until the robot brakes, s; a stamp's age counts", at_least=0.0
-    )
-    publish_limited_velocity: bool = parameter(False, "publish ~/cmd_vel_out")
-    velocity_rolling_window_size: int = parameter(
-        10, "samples over which the odometry's velocity is averaged", at_least=1
-    )
-    publish_rate: float = parameter(
-        50.0, "odometry and its transform, Hz", above=0.0, at_most=_MOST_HERTZ
-    )
-    cmd_vel_type: str = parameter(
-        "auto", "type of ~/cmd_vel; auto: the one published", choices=COMMAND_TYPES
-    )
-    linear: SpeedLimits = group(SpeedLimits, "linear.x")
-    angular: SpeedLimits = group(SpeedLimits, "angular.z")
     robot_description: str = parameter(
         "", "the URDF, or the path of a URDF or xacro file", read_only=True
     )
     x: float = parameter(0.0, "where it starts in the world, m", read_only=True)
     y: float = parameter(0.0, "where it starts in the world, m", read_only=True)
     yaw: float = parameter(0.0, "where it faces at the start, rad", read_only=True)
+    initial_positions: Mapping[str, float] = parameter(
+        {}, "where joints are at the start, rad or m; they override <ros2_control>", read_only=True
+    )
     update_rate: float = parameter(
         100,
         "control cycles a second, Hz",
@@ -176,7 +149,54 @@ class ControlConfig:
         "", "URDF or xacro file with sensors that the robot's URDF lacks; reloaded when edited"
     )
     sensor_noise: bool = parameter(True, "sensors have the noise that their blocks have")
+    tf_frame_prefix_enable: bool = parameter(True, "prepend a prefix to the frames")
+    tf_frame_prefix: str = parameter("", "that prefix; empty: the node's namespace")
+    publish_rate: float = parameter(
+        50.0, "odometry and transforms, Hz", above=0.0, at_most=_MOST_HERTZ
+    )
     broadcaster: BroadcasterConfig = group(BroadcasterConfig, BROADCASTER)
+
+
+@dataclass(frozen=True)
+class ControlConfig(SimulationConfig):
+    """All parameters: the simulation's and diff_drive_controller's."""
+
+    left_wheel_names: tuple[str, ...] = _wheels()
+    right_wheel_names: tuple[str, ...] = _wheels()
+    wheel_separation: float = parameter(
+        0.0,
+        f"distance between the wheels, effective for skid steer, m; {_FROM_URDF}",
+        at_least=0.0,
+    )
+    wheel_radius: float = parameter(
+        0.0, f"radius of the driven wheels, m; {_FROM_URDF}", at_least=0.0
+    )
+    wheel_separation_multiplier: float = _multiplier("wheel_separation")
+    left_wheel_radius_multiplier: float = _multiplier("wheel_radius on its side")
+    right_wheel_radius_multiplier: float = _multiplier("wheel_radius on its side")
+    odom_frame_id: str = _frame("odom", "frame of the odometry")
+    base_frame_id: str = parameter(
+        "", "frame of the base, child of odom_frame_id; empty: the robot's root link"
+    )
+    pose_covariance_diagonal: _Six = _variances("; zeros: they grow on the way")
+    twist_covariance_diagonal: _Six = _variances()
+    left_wheel_noise: float = _noise()
+    right_wheel_noise: float = _noise()
+    open_loop: bool = parameter(False, "odometry by the commands, not by the wheels")
+    position_feedback: bool = parameter(True, "odometry by the wheels' positions, not velocities")
+    enable_odom_tf: bool = parameter(True, "publish the odometry on /tf, too")
+    cmd_vel_timeout: float = parameter(
+        0.5, "time without a command until the robot brakes, s; a stamp's age counts", at_least=0.0
+    )
+    publish_limited_velocity: bool = parameter(False, "publish ~/cmd_vel_out")
+    velocity_rolling_window_size: int = parameter(
+        10, "samples over which the odometry's velocity is averaged", at_least=1
+    )
+    cmd_vel_type: str = parameter(
+        "auto", "type of ~/cmd_vel; auto: the one published", choices=COMMAND_TYPES
+    )
+    linear: SpeedLimits = group(SpeedLimits, "linear.x")
+    angular: SpeedLimits = group(SpeedLimits, "angular.z")
 
     # Of older diff_drive_controllers.
     REMEDIES: ClassVar[Mapping[str, str]] = {
@@ -254,9 +274,42 @@ def read_control_files(files: Sequence[Path], namespace: str, controller: str) -
     return parameters
 
 
+def read_joint_controllers(files: Sequence[Path], namespace: str) -> dict[str, Parameters]:
+    """Read the controllers of joints that controller_manager's sections name, by their names.
+
+    A section of the name joint_trajectory_controller counts without being named, if none is.
+
+    Raises:
+        ConfigError: with all that is wrong in a file, each with its line.
+    """
+    texts = {file: read_text(file) for file in files}
+
+    def read_section(node: str, unknown: Unknown) -> Parameters:
+        parameters = Parameters()
+        for file, text in texts.items():
+            own = read_parameters(text, str(file), f"{namespace.rstrip('/')}/{node}")
+            own.drop_shared(unknown)
+            parameters.update(own)
+        if problems := unknown(parameters.values):
+            raise ConfigError(problems, parameters.places)
+        return parameters
+
+    manager = read_section(MANAGER, lambda names: [])
+    names = joint_controllers(manager.values) or [DEFAULT_JOINT_CONTROLLER]
+    return {name: read_section(name, unknown_trajectory_parameters) for name in names}
+
+
+def joint_controllers(values: Mapping[str, Any]) -> list[str]:
+    """Return the names of the controllers of joints in controller_manager's parameters."""
+    return [
+        name.removesuffix(_TYPE)
+        for name, value in values.items()
+        if name.endswith(_TYPE) and value in JOINT_CONTROLLER_TYPES
+    ]
+
+
 def _read_control_file(file: Path, namespace: str, controller: str) -> Parameters:
     text, problems = read_text(file), list[Problem]()
-    types = _types(controller)
 
     def section(node: str, unknown: Unknown) -> Parameters:
         parameters = read_parameters(text, str(file), f"{namespace.rstrip('/')}/{node}")
@@ -264,10 +317,12 @@ def _read_control_file(file: Path, namespace: str, controller: str) -> Parameter
         problems.extend(unknown(parameters.values))
         return parameters
 
-    drive, manager, broadcaster = (
-        section(node, unknown) for node, unknown in unknown_by_node(controller).items()
-    )
-    problems += _wrong_types(manager.values, types)
+    unknown = unknown_by_node(controller)
+    manager = section(MANAGER, unknown[MANAGER])
+    drive = manager if controller == MANAGER else section(controller, unknown[controller])
+    broadcaster = section(BROADCASTER, unknown[BROADCASTER])
+    types = {name: drive.values.pop(name) for name in [*drive.values] if name.endswith(_TYPE)}
+    problems += _wrong_types({**manager.values, **types}, controller)
     if problems:
         raise ConfigError(problems, {**broadcaster.places, **manager.places, **drive.places})
     _add(drive, manager, {"update_rate": "update_rate"})
@@ -275,38 +330,59 @@ def _read_control_file(file: Path, namespace: str, controller: str) -> Parameter
     return drive
 
 
-def unknown_by_node(controller: str) -> dict[str, Unknown]:
-    """Return the nodes that a file is for, each with what reports the names it does not declare."""
+def unknown_by_node(controller: str, files: Sequence[Path] = ()) -> dict[str, Unknown]:
+    """Return the nodes that a file is for, each with what reports the names it does not declare.
+
+    Those that ``files`` name as controllers of joints are among them.
+    """
+    declared = SimulationConfig if controller == MANAGER else ControlConfig
+    names = {DEFAULT_JOINT_CONTROLLER}
+    for file in files:
+        names.update(joint_controllers(_manager_values(file)))
     return {
-        controller: partial(unknown_parameters, ControlConfig),
-        "controller_manager": _unknown_but("update_rate", *_types(controller)),
+        **dict.fromkeys(names, unknown_trajectory_parameters),
+        controller: partial(unknown_parameters, declared),
+        MANAGER: partial(_unknown_of_manager, declared if controller == MANAGER else None),
         BROADCASTER: partial(unknown_parameters, BroadcasterConfig),
     }
 
 
-def _types(controller: str) -> dict[str, str]:
-    return {f"{controller}.type": CONTROLLER_TYPE, f"{BROADCASTER}.type": BROADCASTER_TYPE}
+def _manager_values(file: Path) -> Mapping[str, Any]:
+    """The parameters of controller_manager in a file, in whichever namespace."""
+    sections = read_sections(read_text(file), str(file))
+    values: dict[str, Any] = {}
+    for section, parameters in sections.items():
+        if section.rpartition("/")[2] == MANAGER:
+            values.update(parameters.values)
+    return values
 
 
-def _unknown_but(*names: str) -> Unknown:
-    """Return what finds the names that are neither among these nor every node's."""
-
-    def unknown(written: Iterable[str]) -> list[Problem]:
-        return [
-            Problem(name, f"no such parameter{did_you_mean(name, names)}")
-            for name in written
-            if name not in names and not is_of_every_node(name)
-        ]
-
-    return unknown
-
-
-def _wrong_types(values: Mapping[str, Any], types: Mapping[str, str]) -> list[Problem]:
+def _unknown_of_manager(declared: type | None, written: Iterable[str]) -> list[Problem]:
+    """Report the names that are neither update_rate, nor a controller's type, nor ``declared``."""
+    names = [name for name in written if not name.endswith(_TYPE)]
+    if declared:
+        return unknown_parameters(declared, names)
     return [
-        Problem(name, f"{values[name]} is not what runs here; write {kind}")
-        for name, kind in types.items()
-        if values.get(name, kind) != kind
+        Problem(name, f"no such parameter{did_you_mean(name, ['update_rate'])}")
+        for name in names
+        if name != "update_rate" and not is_of_every_node(name)
     ]
+
+
+def _wrong_types(values: Mapping[str, Any], controller: str) -> list[Problem]:
+    """Report controllers that do not run here."""
+    own = {f"{controller}{_TYPE}": CONTROLLER_TYPE, f"{BROADCASTER}{_TYPE}": BROADCASTER_TYPE}
+    problems = []
+    for name, value in values.items():
+        if not name.endswith(_TYPE):
+            continue
+        types = (own[name],) if name in own else JOINT_CONTROLLER_TYPES
+        if value not in types:
+            hint = f'; of diff drives the one that is named "{controller}" runs'
+            hint = hint if value == CONTROLLER_TYPE and controller != MANAGER else ""
+            text = f"{value} is not what runs here; write {' or '.join(types)}{hint}"
+            problems.append(Problem(name, text))
+    return problems
 
 
 def _add(drive: Parameters, section: Parameters, names: Mapping[str, str]) -> None:
@@ -327,6 +403,7 @@ class ControlParameters:
     values: dict[str, Any]  # the values in force, by name
     config: ControlConfig  # the same, checked
     places: dict[str, str]  # file and line of each value from a file
+    controllers: dict[str, Parameters]  # of the controllers of joints, by name
 
     def __init__(
         self,
@@ -334,16 +411,23 @@ class ControlParameters:
         arguments: "RosArguments",
         given: Mapping[str, Any] = MappingProxyType({}),
     ) -> None:
-        """Declare them, with what the files and the command line have; ``given`` override both."""
+        """Declare them, with what the files and the command line have; ``given`` override both.
+
+        A node controller_manager has those of the simulation only: its robot stands.
+        """
         namespace, name = node.get_namespace(), node.get_name()
+        self.stands = name == MANAGER
+        self.declared = SimulationConfig if self.stands else ControlConfig
         file = read_control_files(arguments.files, namespace, name)
+        self.controllers = read_joint_controllers(arguments.files, namespace)
         names = [n for to, n in arguments.names if to in ("", name)]
-        if problems := unknown_parameters(ControlConfig, names):
+        if problems := unknown_parameters(self.declared, names):
             raise ConfigError(problems)
         # Values of the files count unless -p sets them. With several sections
         # for a node rcl would use the first file's last, whatever later files have.
         written = {name: v for name, v in file.values.items() if name not in names}
-        self.values = declare(node, ControlConfig, file.values, fixed={**written, **given})
+        given = {name: v for name, v in given.items() if is_parameter(self.declared, name)}
+        self.values = declare(node, self.declared, file.values, fixed={**written, **given})
         self.places = {
             k: at for k, at in file.places.items() if self.values.get(k) == file.values[k]
         }

@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from onebot_control.drive.wheels.finding import has_wheels
 from onebot_control.driven_robot import DrivenRobot, Snapshot
 from onebot_control.fleet import Fleet, Member
 from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
@@ -40,6 +41,9 @@ from onebot_control.sensing.readings import (
     Scan,
 )
 from onebot_control.sensing.surroundings import LinkPose, SensedRobot
+from onebot_control.trajectories.following import TrajectoryFollower
+from onebot_control.trajectories.goal import TrajectoryGoal
+from onebot_control.trajectories.trajectory import Waypoint
 from onebot_description.description import Description, load_description
 from onebot_description.description.description import Lidar
 from onebot_description.description.loading import load_sensors, load_world
@@ -160,10 +164,10 @@ class Simulation:
             _values(setup, {**parameters, **setup.parameters}) for setup in setups.values()
         ]
         members = [
-            Member(
+            _member(
+                name,
                 description if setup.model is None else _described(setup.model),
                 ControlConfig.from_parameters(values),
-                name,
             )
             for (name, setup), values in zip(setups.items(), self._values, strict=True)
         ]
@@ -425,10 +429,44 @@ class SimulatedRobot:
 
         Raises:
             ValueError: a velocity is not finite.
+            OneBotError: the robot has no wheels.
         """
+        if not self.has_wheels:
+            raise OneBotError(f"{self.description.source}: the robot has no wheels to drive on")
         if not (math.isfinite(linear) and math.isfinite(angular)):
             raise ValueError(f"velocities must be finite, not {linear} m/s and {angular} rad/s")
         self._command = float(linear), float(angular)
+
+    def move_to(self, positions: Mapping[str, float], *, seconds: float) -> None:
+        """Move joints, from the next control cycle on, to rest at ``positions`` after ``seconds``.
+
+        They follow a quintic, which begins with their present velocity; a further call replaces
+        it. Other joints are held. ``moving`` is true until then.
+
+        Args:
+            positions: by joint, rad (m of prismatic joints).
+            seconds: simulated seconds, above 0.
+
+        Raises:
+            OneBotError: a joint is none that is commanded, or a position is not finite or beyond
+                its limits; nothing moves then.
+        """
+        driven, stamp = self._driven, self._simulation._fleet.stamp
+        arms = {name: arm for arm in driven.arms.values() for name in arm.names}
+        for name in positions:
+            if name not in arms:
+                raise OneBotError(f'no joint "{name}" is commanded{did_you_mean(name, arms)}')
+        moved = {arms[name].names: arms[name] for name in positions}.values()
+        goals = [(arm, _goal(arm, positions, seconds)) for arm in moved]
+        if problems := [text for arm, goal in goals for text in arm.problems(goal, stamp)]:
+            raise OneBotError("\n".join(problems))
+        for arm, goal in goals:
+            arm.start(goal)
+
+    @property
+    def moving(self) -> bool:
+        """Whether joints are on the way to where ``move_to``, or a ROS node, has sent them."""
+        return any(arm.moving for arm in self._driven.arms.values())
 
     def teleport(self, x: float, y: float, yaw: float = 0.0) -> None:
         """Put the robot elsewhere in the world, at rest; its odometry stays as it is.
@@ -450,6 +488,11 @@ class SimulatedRobot:
     def description(self) -> Description:
         """What the robot was read from."""
         return self._driven.description
+
+    @property
+    def has_wheels(self) -> bool:
+        """Whether it drives; else its base stands still."""
+        return self._driven.wheels is not None
 
     @property
     def wheel_separation(self) -> float:
@@ -621,6 +664,11 @@ def _described(
     return load_description(model, arguments)
 
 
+def _member(name: str, description: Description, config: ControlConfig) -> Member:
+    has_drive = bool(config.left_wheel_names) or has_wheels(description)
+    return Member(description, config, name, stands=not has_drive)
+
+
 def _world(world: "str | Path | Description") -> Description | None:
     if isinstance(world, Description):
         return world
@@ -638,6 +686,16 @@ def _values(setup: RobotSetup, parameters: Mapping[str, Any]) -> dict[str, Any]:
     defaults = read_control_files([default_control_file()], "/", "velocity_controller")
     start = {"x": float(setup.x), "y": float(setup.y), "yaw": float(setup.yaw)}
     return {**defaults.values, **parameters, **start}
+
+
+def _goal(
+    arm: TrajectoryFollower, positions: Mapping[str, float], seconds: float
+) -> TrajectoryGoal:
+    """A goal for all joints of an arm; those without a position are held."""
+    held = dict(zip(arm.names, arm.reference(0.0), strict=True))
+    zeros = (0.0,) * len(held)
+    goals = tuple([float(positions.get(name, at)) for name, at in held.items()])
+    return TrajectoryGoal(tuple(held), (Waypoint(seconds, goals, zeros, zeros),))
 
 
 def _checked_seed(seed: int) -> int:

@@ -91,14 +91,14 @@ if TYPE_CHECKING:
     from onebot_control.nodes.driving import Driving
 
 # s after which the interpreter passes its lock to the control thread; 5 ms by default.
-_SWITCH_INTERVAL = 0.0005
+SWITCH_INTERVAL = 0.0005
 
 
-class VelocityController(Node):
+class SimulationNode(Node):
     """See the module's docstring for what it publishes, subscribes and takes."""
 
-    def __init__(self, arguments: Sequence[str] | None = None) -> None:
-        super().__init__("velocity_controller", cli_args=ros_args(arguments))
+    def __init__(self, name: str, arguments: Sequence[str] | None = None) -> None:
+        super().__init__(name, cli_args=ros_args(arguments))
         self.driving: Driving | None = None
 
     def destroy_node(self) -> None:
@@ -108,19 +108,21 @@ class VelocityController(Node):
         super().destroy_node()
 
 
-def velocity_controllers(
+def simulation_nodes(
+    name: str,
     robots: Sequence[Sequence[str]] = (),
     file: str | None = None,
     arguments: RosArguments = RosArguments(),  # noqa: B008 - it is a tuple
-) -> list[VelocityController]:
-    """Return a node for each robot of a world, which start driving when all are described.
+) -> list[SimulationNode]:
+    """Return a node for each robot of a world, which start moving it when all are described.
 
     Args:
+        name: of the nodes: velocity_controller, or controller_manager for robots that stand.
         robots: the ROS arguments of each; none for a single robot.
         file: URDF or xacro file.
         arguments: of all nodes.
     """
-    nodes = [VelocityController(words) for words in robots] or [VelocityController()]
+    nodes = [SimulationNode(name, words) for words in robots] or [SimulationNode(name)]
     # Only now: this process and the others discover each other while it is imported.
     from onebot_control.nodes.driving import Driving
 
@@ -134,14 +136,14 @@ def velocity_controllers(
 
 def main(args: list[str] | None = None) -> int:
     """Run the node; ``args`` are as in sys.argv. Return the exit code."""
-    sys.setswitchinterval(_SWITCH_INTERVAL)
+    sys.setswitchinterval(SWITCH_INTERVAL)
     common_arguments, robots = split_robots(sys.argv if args is None else args)
     files = [file for words in robots for file in RosArguments().joined(words).files]
     return run_described_node(
         "velocity_controller",
         __doc__,
         ControlConfig,
-        partial(velocity_controllers, robots),
+        partial(simulation_nodes, "velocity_controller", robots),
         lambda common: read_control_files([*common, *files], "/", "velocity_controller"),
         common_arguments,
         default_file=default_control_file,

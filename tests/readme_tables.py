@@ -13,11 +13,13 @@ from onebot_bringup.launch.arguments import (
     Argument,
     description_arguments,
     simulation_arguments,
+    standing_arguments,
 )
 from onebot_bringup.steering.steering_page import SteeringParameters
 from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_control.parameters import ControlConfig
+from onebot_control.trajectories.config import TrajectoryConfig
 from onebot_description.joints.config import JointsConfig
 from onebot_description.ros.parameters.reader import rows
 from onebot_description.state_parameters import StateParameters
@@ -27,6 +29,7 @@ PARAMETERS: dict[str, tuple[type, ...]] = {  # of each node
     "robot_state_publisher": (StateParameters,),
     "joint_state_publisher": (JointsConfig,),
     "velocity_controller": (ControlConfig,),
+    "joint_trajectory_controller": (TrajectoryConfig,),
     "rerun_viewer": (ViewerParameters, ViewConfig),
     "steering_page": (SteeringParameters,),
     "bag_recorder": (RecorderParameters,),
@@ -40,6 +43,7 @@ def tables() -> dict[str, str]:
     by_name["commands"] = _table(("Command", "Purpose"), map(_verb, VERBS))
     by_name["arguments"] = _arguments(description_arguments(*[_ROBOTS_OWN] * 3))
     by_name["arguments of onebot_bringup"] = _arguments(simulation_arguments("`control.yaml`"))
+    by_name["arguments of mrm_bringup"] = _arguments(standing_arguments())
     return by_name
 
 

@@ -15,7 +15,7 @@ from onebot_bringup.steering.steering_page import SteeringPage
 from onebot_bringup.viewer.rerun_viewer import RerunViewer
 from onebot_control.nodes import control_loop
 from onebot_control.parameters import default_control_file
-from onebot_control.velocity_controller import velocity_controllers
+from onebot_control.velocity_controller import simulation_nodes
 from onebot_description.description import load_description
 from onebot_description.joint_state_publisher import JointStatePublisher
 from onebot_description.robot_state_publisher import RobotStatePublisher
@@ -94,7 +94,9 @@ def test_velocity_controller(
 ) -> None:
     """What is read at the start only is read-only; no range where NaN is "no limit"."""
     arguments = RosArguments((default_control_file(),))
-    node = start_node(lambda: velocity_controllers((), str(ONEBOT), arguments)[0], x=1)
+    node = start_node(
+        lambda: simulation_nodes("velocity_controller", (), str(ONEBOT), arguments)[0], x=1
+    )
     descriptors = described(node)
     read_only = {name for name, one in descriptors.items() if one.read_only}
     names = {"left_wheel_names", "right_wheel_names", "robot_description", "world", "x", "y", "yaw"}

@@ -119,6 +119,10 @@ NODES = (
         others=("simulation",),
     ),
     Documented(
+        "onebot_control.joint_trajectory_controller",
+        argument=str(CHECKOUT / "mrm_description/urdf/mrm.xacro"),
+    ),
+    Documented(
         "onebot_bringup.viewer.rerun_viewer",
         most={"viewer": "none", "save": "TMP/run.rrd", "view": "TMP/view.yaml"},
         topics={
@@ -222,7 +226,9 @@ def _live(ask: Any, node: str) -> dict[str, list[str]]:
     return {
         name: types
         for name, types in ask(node, "/")
-        if name not in COMMON_TOPICS and not COMMON_SERVICES.fullmatch(name)
+        if name not in COMMON_TOPICS
+        and not COMMON_SERVICES.fullmatch(name)
+        and "/_action/" not in name
     }
 
 

@@ -19,7 +19,7 @@ def command() -> "Bringup":
     share = package_share("mrm_description").resolve()  # the folder that users edit
     return Bringup(
         program="mrm_bringup",
-        summary="Brings MRM up on ROS 2, moving, and shows it.",
+        summary="Brings MRM up on ROS 2, moving, and shows it; sim:=true simulates it.",
         model=str(share / "urdf/mrm.xacro"),
         joints=str(share / "config/joints.yaml"),
         view=str(share / "config/view.yaml"),

@@ -432,6 +432,30 @@ def simulation_arguments(control: str) -> list[Argument]:
     ]
 
 
+def standing_arguments() -> list[Argument]:
+    """Return the further arguments of a robot that is simulated standing, as an arm."""
+    from onebot_control.parameters import MANAGER, SimulationConfig  # slow to import
+    from onebot_description.description.loading import shipped_worlds
+
+    def of_simulation(
+        parameter: str, name: str = "", note: str = _AS_IN_FILE, **further: Any
+    ) -> Argument:
+        return parameter_of(
+            MANAGER, SimulationConfig, parameter, name, default="", note=note, **further
+        )
+
+    return [
+        switch("sim", False, "simulate it, with its joints commanded by trajectories"),
+        Argument("params_file", "", "parameters of the controllers, a YAML file"),
+        *map(of_simulation, ("x", "y", "yaw")),
+        of_simulation("world", examples=tuple(shipped_worlds())),
+        of_simulation("sensors"),
+        of_simulation("update_rate", "rate", note=_PACE, also="joint_state_publisher"),
+        of_simulation("real_time_factor"),
+        of_simulation("paused"),
+    ]
+
+
 def checked_values(declared: list[Argument], given: Mapping[str, str]) -> dict[str, str]:
     """Return a value for each argument.
 

@@ -18,6 +18,7 @@ from onebot_bringup.launch.arguments import (
     refuse_positional,
     simulation_arguments,
     split,
+    standing_arguments,
     table,
     take_package_path,
     unknown,
@@ -56,15 +57,19 @@ class Bringup(NamedTuple):
     joints: str = ""  # parameters of joint_state_publisher; empty: joints swing within their limits
     view: str = ""  # the viewer's settings; empty: the viewer's own
     world_view: str = ""  # likewise, for a robot in a world
-    control: str = ""  # parameters of the controller; empty: the robot cannot be simulated
+    control: str = ""  # parameters of the controller; empty: the robot is simulated standing
     takes_file: bool = False  # the model is the command's first word instead
 
     def arguments(self) -> list[Argument]:
         """Return its arguments, whatever the model."""
         declared = description_arguments(self.model, self.joints, self.view)
-        if self.control:
-            declared += simulation_arguments(self.control)
+        declared += simulation_arguments(self.control) if self.control else standing_arguments()
         return [*{argument.name: argument for argument in declared}.values()]  # the last of a name
+
+    @property
+    def controller(self) -> str:
+        """The node with the simulation's parameters."""
+        return "velocity_controller" if self.control else "controller_manager"
 
     def model_arguments(self, given: Mapping[str, str]) -> tuple[list[Argument], bool]:
         """Return those of the model's xacro, but what has the name of one of the command's own.
@@ -114,10 +119,11 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     find_spec("rclpy")  # one error here if it is missing, rather than one of each node
     os.environ.update(blas_variables())  # without threads xacro can run in a fork here
     _check_files(values)
-    values = with_params_file(values, command_arguments)
+    values = with_params_file(values, command_arguments, command.controller)
     if values.get("world") and "view" not in command_arguments:
         values["view"] = command.world_view
-        frame = world_frame(values, [Path(values["params_file"])])
+        files = [Path(values["params_file"])] if values["params_file"] else []
+        frame = world_frame(values, files, command.controller)
         if frame != WORLD_FRAME:  # the view's
             values["fixed_frame"] = values["fixed_frame"] or frame
     read_ns = time.time_ns()
@@ -128,7 +134,7 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
         from onebot_bringup.launch.robots import placed_robots  # few need it, and numpy
 
         robots = placed_robots(values["robots"], description)
-    _check_sections(values, command_arguments, robots)
+    _check_sections(values, command_arguments, robots, command.controller)
     source = Source(model, for_xacro, tuple(map(str, description.files)), read_ns)
     os.environ.update(environment(values, forced="discovery" in command_arguments))
     with (
@@ -141,7 +147,14 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
         for robot_description in (description, *(robot.description for robot in robots)):
             keep_places(robot_description)
         launch = Launch(
-            Path(folder), values, description, arguments.ros_args, source, declared, robots
+            Path(folder),
+            values,
+            description,
+            arguments.ros_args,
+            source,
+            declared,
+            robots,
+            stands=not command.control,
         )
         return launcher.run(
             launch.nodes(),
@@ -193,7 +206,10 @@ def _check_output(name: str, value: str) -> None:
 
 
 def _check_sections(
-    values: Mapping[str, str], given: Mapping[str, str], robots: Sequence["PlacedRobot"]
+    values: Mapping[str, str],
+    given: Mapping[str, str],
+    robots: Sequence["PlacedRobot"],
+    controller: str,
 ) -> None:
     """Check the names of nodes and parameters in the parameter files given; print warnings."""
     from onebot_control.parameters import unknown_by_node
@@ -202,7 +218,9 @@ def _check_sections(
 
     space = f"/{values['namespace'].strip('/')}".rstrip("/")
     spaces = [f"{space}/{robot.name}" for robot in robots] or [space]
-    controllers = unknown_by_node("velocity_controller")
+    files = [Path(values["params_file"])] if given.get("params_file") else []
+    files += [robot.params_file for robot in robots if robot.params_file]
+    controllers = unknown_by_node(controller, files)
     warnings: list[str] = []
     if given.get("joints"):
         publisher = {"joint_state_publisher": partial(unknown_parameters, JointsConfig)}
@@ -230,20 +248,22 @@ def _check_file(file: Path, spaces: Sequence[str], nodes: "Mapping[str, Unknown]
     return undeclared_names(file, nodes.values())
 
 
-def with_params_file(values: Mapping[str, str], given: Mapping[str, str]) -> dict[str, str]:
+def with_params_file(
+    values: Mapping[str, str], given: Mapping[str, str], controller: str = "velocity_controller"
+) -> dict[str, str]:
     """Return the launch arguments, with what the controller's ``params_file`` has for all nodes.
 
     They name the robot's frames alike, and take the time from the same clock. What the file has of
     these counts unless it is among the arguments ``given`` on the command line.
     """
     values = dict(values)
-    if values.get("sim") != "true":
+    if values.get("sim") != "true" or not values["params_file"]:
         return values
     from onebot_control.parameters import ControlConfig, read_control_files
     from onebot_description.ros.parameters.reader import read
 
     space = "/" + values["namespace"].strip("/")
-    written = read_control_files([Path(values["params_file"])], space, "velocity_controller")
+    written = read_control_files([Path(values["params_file"])], space, controller)
     names = {*_FRAME_PREFIX, _FACTOR} & written.values.keys()
     config = read(ControlConfig, {name: written.values[name] for name in names}, written.places)
     if names - {_FACTOR} and "frame_prefix" not in given and not values.get("robots"):
@@ -341,7 +361,10 @@ def _robot(description: "Description", values: Mapping[str, str], space: str) ->
     ]
     if values["frame_prefix"]:
         lines.append(f"  frames   begin with {values['frame_prefix']}")
-    if values.get("sim") == "true":
+    if values.get("sim") == "true" and "steer" not in values:  # it stands
+        joint = next((joint.name for joint in moving), "JOINT")
+        lines.append(f"  move     onebot trajectory {joint}=0.5, or any client of its action")
+    elif values.get("sim") == "true":
         drive = command_topic(values, f"{space}/")
         lines.append(
             f"  drive    onebot teleop{f' {drive}' if space else ''}, or a Twist on {drive}"

@@ -45,12 +45,14 @@ class Launch:
     arguments: Sequence[Argument]  # the declarations of the command
     robots: Sequence[PlacedRobot] = ()  # several in one world; empty for a single one
     robot: PlacedRobot | None = None  # the one of them that the node is for
+    stands: bool = False  # it is simulated standing, not driving
 
     @property
     def params_files(self) -> list[Path]:
         """The controller's parameter files; the later one overrides."""
         robot_file = self.robot.params_file if self.robot else None
-        return [Path(self.values["params_file"]).absolute(), *filter(None, [robot_file])]
+        given = self.values["params_file"]
+        return [*([Path(given).absolute()] if given else []), *filter(None, [robot_file])]
 
     def is_true(self, name: str) -> bool:
         """Whether a switch is on; a switch that the command lacks is off."""
@@ -81,7 +83,7 @@ class Launch:
 
     def parameters(self, row: NodeRow) -> Parameters:
         """Return the parameters of a node: those that are arguments, and those of its row."""
-        return node_parameters(self.arguments, self.values, row.name) | row.parameters(self)
+        return node_parameters(self.arguments, self.values, row.node) | row.parameters(self)
 
     @property
     def ros_nodes(self) -> RosNodes:
@@ -131,6 +133,12 @@ class NodeRow(NamedTuple):
     words: Callable[[Launch], list[str]] = lambda _: []  # before its ROS arguments
     each_robot: bool = False  # each of several robots has such a node
     params_files: bool = False  # it reads the files of params_file:=
+    parameters_of: str = ""  # the node of the process that has the parameters, if not ``name``
+
+    @property
+    def node(self) -> str:
+        """The name of the node that has the parameters."""
+        return self.parameters_of or self.name
 
 
 def _controller_parameters(launch: Launch) -> Parameters:
@@ -144,20 +152,21 @@ def _controller_parameters(launch: Launch) -> Parameters:
         "tf_frame_prefix": prefix,
     }
     if values["world"] or launch.robot:
-        parameters["world_frame_id"] = world_frame(values, launch.params_files)
+        node = "controller_manager" if launch.stands else "velocity_controller"
+        parameters["world_frame_id"] = world_frame(values, launch.params_files, node)
     return parameters
 
 
-def world_frame(values: Mapping[str, str], params_files: Sequence[Path]) -> str:
+def world_frame(values: Mapping[str, str], params_files: Sequence[Path], controller: str) -> str:
     """Return the frame that all robots of a world have in common, unless a file names one.
 
     That is world; where the truth is not on TF it is map, so that TF is one tree.
     """
     from onebot_control.parameters import read_control_files
 
-    node = f"/{values['namespace']}", "velocity_controller"
+    node = f"/{values['namespace']}", controller
     written = read_control_files(params_files, *node).values
-    truth = values["ground_truth_tf"] or written.get("ground_truth_tf", True)
+    truth = values.get("ground_truth_tf") or written.get("ground_truth_tf", True)
     return str(written.get("world_frame_id") or (WORLD_FRAME if truth in ("true", True) else _MAP))
 
 
@@ -182,7 +191,7 @@ def _viewer_parameters(launch: Launch) -> Parameters:
     values = launch.values
     prefix = values["frame_prefix"]
     parameters: Parameters = {"frame_prefix": prefix, "embedded": launch.is_true("steer")}
-    if values.get("sim") == "false" and not values["fixed_frame"]:
+    if values.get("sim") == "false" and not (launch.stands or values["fixed_frame"]):
         # A robot that could be simulated, but is not, has no odom.
         parameters["fixed_frame"] = prefix + launch.description.root_link
     if launch.robots:
@@ -235,9 +244,17 @@ NODES = (
         "velocity_controller",
         "onebot_control.velocity_controller",
         _controller_parameters,
-        starts=lambda launch: launch.is_true("sim"),
+        starts=lambda launch: launch.is_true("sim") and not launch.stands,
         each_robot=True,
         params_files=True,
+    ),
+    NodeRow(
+        "joint_trajectory_controller",
+        "onebot_control.joint_trajectory_controller",
+        _controller_parameters,
+        starts=lambda launch: launch.is_true("sim") and launch.stands,
+        params_files=True,
+        parameters_of="controller_manager",
     ),
     NodeRow(
         "robot_state_publisher",
@@ -296,7 +313,7 @@ class RosNodes:
         ``words`` come before its ROS arguments.
         """
         rename = [] if row.module.endswith(f".{row.name}") else ["-r", f"__node:={row.name}"]
-        ros_arguments = [*rename, *self.arguments(row.name, parameters, files)]
+        ros_arguments = [*rename, *self.arguments(row.node, parameters, files)]
         words = [*words, "--ros-args", *ros_arguments]
         return python_node(row.name, row.module, words, on_exit=row.on_exit, nice=row.nice)
 

@@ -313,7 +313,7 @@ class ControlLoop:
         self._publish([robot.snapshot() for robot in self.fleet.robots], self.now_ns())
 
     def _cycle(self, stamp: int) -> None:
-        snapshots = self.fleet.begin()
+        snapshots = self.fleet.begin(stamp)
         self._publish(snapshots, stamp)
         self.fleet.finish()
 

@@ -16,16 +16,18 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
-from onebot_control.driven_robot import DrivenRobot, Snapshot
+from onebot_control.driven_robot import DrivenRobot, JointController, Snapshot
 from onebot_control.fleet import Divider, Fleet, Member, located
 from onebot_control.nodes.commands import Command, CommandLock, CommandSubscription, Warn
 from onebot_control.nodes.control_loop import ControlLoop
+from onebot_control.nodes.joint_trajectories import JointTrajectories
 from onebot_control.nodes.localization import FramesTransform, Localizer, TransformsOf, TransformTap
 from onebot_control.nodes.publishing import Frames, Publishers, ScenePublisher
 from onebot_control.nodes.real_time import Pace, PaceMeter
 from onebot_control.nodes.robot_sensors import RobotSensors
 from onebot_control.nodes.sensing import Channel, Sensing, SensingThread
 from onebot_control.nodes.simulation_services import SimulationServices
+from onebot_control.nodes.spinning import NodeThread
 from onebot_control.parameters import ControlConfig, ControlParameters
 from onebot_control.physics.engine import logger as simulation_log
 from onebot_control.physics.scene_bodies import load_scene
@@ -34,7 +36,7 @@ from onebot_control.sensing.instruments import Sensors
 from onebot_control.sensing.surroundings import SensedRobot
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.loading import load_sensors
-from onebot_description.errors import OneBotError, did_you_mean, printable
+from onebot_description.errors import OneBotError, did_you_mean, listing, printable
 from onebot_description.ros.message_age import boot_time
 from onebot_description.ros.node import (
     DescriptionTopic,
@@ -96,6 +98,7 @@ class Driving:
         self.loop: ControlLoop | None = None
         self.sensing: Sensing | None = None
         self._services: SimulationServices | None = None
+        self._arms_thread: NodeThread | None = None
         self._scene_publisher: ScenePublisher | None = None
         self.nodes, self._node = nodes, nodes[0]
         self._failure: BaseException | None = None
@@ -137,6 +140,8 @@ class Driving:
             self.loop.stop()
         if self._services is not None:
             self._services.stop()
+        if self._arms_thread is not None:
+            self._arms_thread.stop()
         if self.sensing is not None:
             self.sensing.stop()
 
@@ -166,17 +171,28 @@ class Driving:
         )
         # Exclude long-lived objects from garbage collection.
         gc.freeze()
-        self.start(loop, sensing)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)  # a paused simulation has results, too
+        self.start(loop, sensing, steady)
+        if arms := self.arm_nodes:
+            self._arms_thread = NodeThread(arms, "arms")
         # After the start, because rclpy's first log call takes 20 ms.
         warnings = [*self.scene.notices] if self.scene else []
         warnings += [text for robot in self.robots for text in robot.warnings]
         for warning in dict.fromkeys(warnings):
             self._node.get_logger().warning(warning)
-        self._node.get_logger().info(_driven_text(fleet))
+        self._node.get_logger().info(_moved_text(fleet))
         self._services = SimulationServices(self._node, loop, self.restart)
 
-    def start(self, loop: ControlLoop, sensing: Sensing) -> None:
-        """Start a loop that drives the robots; all are described."""
+    @property
+    def arm_nodes(self) -> list[Node]:
+        """The nodes of all controllers of joints; whoever starts the loop spins them."""
+        return [arm.node for robot in self.robots for arm in robot.arms.values()]
+
+    def start(self, loop: ControlLoop, sensing: Sensing, clock: Clock | None = None) -> None:
+        """Start a loop that moves the robots; all are described.
+
+        ``clock``: of the actions' feedback; None: each node's own.
+        """
         fleet = loop.fleet
         for robot, driven in zip(self.robots, fleet.robots, strict=True):
             robot.publishing.use(driven)
@@ -191,6 +207,8 @@ class Driving:
             robot.sense(self.sensing, driven, robot.channels(driven.config))
         self.sensing.start()
         self.loop = loop
+        for robot, driven in zip(self.robots, fleet.robots, strict=True):
+            robot.control_joints(driven, loop, clock)
         self.loop.start()
 
     def set_factor(self, factor: float) -> None:
@@ -221,6 +239,8 @@ class Driving:
             if robot.awaited and not robot.awaited.isdisjoint(sensing.asked(row)):
                 robot.asked = stamp
             robot.publishing.publish(snapshot, stamp, sensed=row in sensed)
+            if robot.arms:
+                robot.publish_arms(stamp)
         if self._scene_publisher is not None:
             self._scene_publisher.publish(stamp)
         sensing.take(stamp, snapshots, world.scene.poses if world.scene else ())
@@ -230,15 +250,20 @@ class Driving:
         if self._failure is not None:
             raise self._failure
         for robot in self.robots:
-            robot.commands.follow()
-            robot.report_drift()
+            if robot.commands is not None:
+                robot.commands.follow()
+                robot.report_drift()
             robot.sensors.poll()
         if self.loop is not None:
             self._follow_localizers()
 
     def _follow_localizers(self) -> None:
         """Leave the parents of odom to other nodes that publish any."""
-        robots = {r.publishing.odom_frame: r for r in self.robots if r.publishing.world_frame}
+        robots = {
+            robot.publishing.odom_frame: robot
+            for robot in self.robots
+            if robot.publishing.world_frame and robot.commands is not None
+        }
         if not robots:
             self._transforms.close()
             return
@@ -314,16 +339,18 @@ def _full_name(node: Node) -> str:
     return str(node.get_fully_qualified_name())
 
 
-def _driven_text(fleet: Fleet) -> str:
-    """Return what is driven, for the log."""
+def _moved_text(fleet: Fleet) -> str:
+    """Return what is moved, for the log."""
     if len(fleet.robots) > 1:
         return f"driving {len(fleet.robots)} robots in one world"
-    robot = fleet.robots[0]
-    separation, radius = robot.geometry
-    return (
-        f'driving robot "{printable(robot.description.robot_name)}": wheels {separation:g} m '
-        f"apart, of radius {radius:g} m"
-    )
+    robot, parts = fleet.robots[0], []
+    if robot.wheels is not None:
+        separation, radius = robot.geometry
+        parts.append(f"wheels {separation:g} m apart, of radius {radius:g} m")
+    for name, arm in robot.arms.items():
+        parts.append(f"{name} moves {listing(arm.names)}")
+    verb = "driving" if robot.wheels is not None else "moving"
+    return f'{verb} robot "{printable(robot.description.robot_name)}": {"; ".join(parts)}'
 
 
 class RobotDriving:
@@ -332,7 +359,8 @@ class RobotDriving:
     Attributes:
         description: of the robot; None as long as it is not known.
         publishing: what is published of it.
-        commands: its ~/cmd_vel.
+        commands: its ~/cmd_vel; None of a robot that stands.
+        arms: its controllers of joints, by name.
         lock: of these commands.
         sensors: what it senses with.
         awaited: topics of sensors whose messages a command has to answer, before a step goes on.
@@ -346,7 +374,9 @@ class RobotDriving:
         self.description: Description | None = None
         self._warn = Throttled(node.get_logger().warning)
         self._refuse = Throttled(lambda text: node.get_logger().error(text))
-        self.publishing = Publishers(node, clock=driving.simulated and row == 0)
+        stands = settings.stands
+        clock = driving.simulated and row == 0
+        self.publishing = Publishers(node, clock=clock, stands=stands)
         self._localizer = Localizer("")
         self.sensors = RobotSensors(node, self._sense_again, driving.seed)
         self.answered = 0
@@ -354,9 +384,13 @@ class RobotDriving:
         choice = settings.config.cmd_vel_type
         # Before the commands: of an unlock and a command at once it is received first.
         self.lock = CommandLock(node, self._brake)
-        self.commands = CommandSubscription(node, choice, self._on_command, self._warn)
-        Requests(node, lambda: driving.loop, row, lambda: self.publishing.odom_frame, self._warn)
-        refuse_undeclared(node, ControlConfig)
+        self.commands: CommandSubscription | None = None
+        if not stands:
+            self.commands = CommandSubscription(node, choice, self._on_command, self._warn)
+        self.arms: dict[str, JointTrajectories] = {}
+        odom = None if stands else lambda: self.publishing.odom_frame
+        Requests(node, lambda: driving.loop, row, odom, self._warn)
+        refuse_undeclared(node, settings.declared)
         node.add_on_set_parameters_callback(self._validate)
         node.add_post_set_parameters_callback(self._apply)
 
@@ -374,7 +408,45 @@ class RobotDriving:
         """Return the robot as the world gets it."""
         assert self.description is not None
         name = "" if len(self._driving.nodes) == 1 else _full_name(self._node)
-        return Member(self.description, self._settings.config, name, self._settings.places)
+        settings = self._settings
+        controllers = [
+            JointController.read(controller, parameters.values)
+            for controller, parameters in settings.controllers.items()
+        ]
+        places = dict(settings.places)
+        for parameters in settings.controllers.values():
+            places.update(parameters.places)
+        return Member(
+            self.description,
+            settings.config,
+            name,
+            places,
+            controllers,
+            stands=settings.stands,
+        )
+
+    def control_joints(self, robot: DrivenRobot, loop: ControlLoop, clock: Clock | None) -> None:
+        """Offer topics, action and service of each controller of joints, on a node of its name."""
+        for name, controller in robot.controllers.items():
+            node = Node(name, context=self._node.context, namespace=self._node.get_namespace())
+            self.arms[name] = JointTrajectories(
+                node,
+                controller,
+                lambda: loop.fleet.robots[self._row],
+                loop,
+                lambda: str(self.lock) if self.lock.locked else "",
+                clock or node.get_clock(),
+            )
+
+    def publish_arms(self, stamp: int) -> None:
+        """Publish the state of the controllers of joints, and pass on what has ended."""
+        assert self._driving.loop is not None
+        robot = self._driving.loop.fleet.robots[self._row]
+        for name, outcome in robot.finished:
+            self.arms[name].finish(outcome)
+        robot.finished.clear()
+        for arm in self.arms.values():
+            arm.publish(stamp)
 
     def check_frames(
         self, config: ControlConfig | None = None, description: Description | None = None
@@ -406,7 +478,13 @@ class RobotDriving:
         robot = description or self.description
         assert robot is not None
         namespace, in_scene = self._node.get_namespace(), self._driving.scene is not None
-        return Frames.of(config or self._settings.config, robot, namespace, in_scene=in_scene)
+        return Frames.of(
+            config or self._settings.config,
+            robot,
+            namespace,
+            in_scene=in_scene,
+            stands=self._settings.stands,
+        )
 
     @property
     def warnings(self) -> list[str]:
@@ -432,6 +510,8 @@ class RobotDriving:
                 raise OneBotError(f'step_topics: "{topic}" is no topic of a sensor{hint}')
             if not publisher.get_subscription_count():
                 return f"nobody subscribed to {topic}"
+        if self.commands is None:
+            return ""
         if self.awaited and not self.commands.connected:
             return f"nobody offered commands on {self._cmd_vel}"
         if self.asked <= self.answered:
@@ -570,7 +650,11 @@ class RobotDriving:
 
     def _brake(self) -> None:
         if (loop := self._driving.loop) is not None:
-            loop.post(lambda: loop.fleet.robots[self._row].accept(0.0, 0.0, age=0.0))
+            loop.post(lambda: self._stop(loop.fleet.robots[self._row]))
+
+    def _stop(self, robot: DrivenRobot) -> None:
+        robot.accept(0.0, 0.0, age=0.0)
+        robot.hold_arms("Current goal cancelled: the robot is locked.")
 
     def _validate(self, parameters: Sequence[Parameter]) -> SetParametersResult:
         loop = self._driving.loop
@@ -616,7 +700,7 @@ class RobotDriving:
         if config == previous_config:
             return
         self._await(config)
-        if config.cmd_vel_type != previous_config.cmd_vel_type:
+        if self.commands is not None and config.cmd_vel_type != previous_config.cmd_vel_type:
             self.commands.choose(config.cmd_vel_type)
         if loop is not None:
             # Of many robots that follow one, waiting for a cycle each would take long.
@@ -648,22 +732,26 @@ class Requests:
     """Puts a robot and its odometry somewhere else, and stops its world.
 
     The topics ~/teleport and ~/set_odometry and the services ~/reset and ~/reset_odometry are the
-    robot's, the services ~/pause and ~/step are its world's.
+    robot's, the services ~/pause and ~/step are its world's. A robot without odometry (its
+    ``odom_frame`` is None) has no ~/set_odometry and ~/reset_odometry.
     """
 
     def __init__(
-        self, node: Node, loop: GetLoop, row: int, odom_frame: Callable[[], str], warn: Warn
+        self, node: Node, loop: GetLoop, row: int, odom_frame: Callable[[], str] | None, warn: Warn
     ) -> None:
         self._loop, self._row = loop, row
-        self._odom_frame, self._warn = odom_frame, warn
-        for topic, use in (("teleport", self._teleport), ("set_odometry", self._place_odometry)):
+        self._odom_frame, self._warn = odom_frame or (lambda: ""), warn
+        topics = [("teleport", self._teleport), ("set_odometry", self._place_odometry)]
+        for topic, use in topics if odom_frame else topics[:1]:
             received = partial(self._on_pose, topic, use)
             node.create_subscription(PoseStamped, f"~/{topic}", received, _DEPTH)
-        for service, action in (
-            ("reset", lambda loop: self._robot(loop).reset()),
-            ("reset_odometry", lambda loop: self._robot(loop).place_odometry(PlanarPose())),
-            ("step", ControlLoop.step),
-        ):
+        services: dict[str, Callable[[ControlLoop], object]] = {
+            "reset": lambda loop: self._robot(loop).reset(),
+            "step": ControlLoop.step,
+        }
+        if odom_frame:
+            services["reset_odometry"] = lambda loop: self._robot(loop).place_odometry(PlanarPose())
+        for service, action in services.items():
             node.create_service(Trigger, f"~/{service}", partial(self._on_trigger, action))
         node.create_service(SetBool, "~/pause", self._on_pause)
 

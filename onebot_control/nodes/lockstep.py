@@ -24,7 +24,7 @@ from onebot_control.fleet import Divider, Fleet
 from onebot_control.nodes.control_loop import ControlLoop
 from onebot_control.nodes.driving import Driving
 from onebot_control.nodes.sensing import Sensing
-from onebot_control.parameters import ControlParameters
+from onebot_control.parameters import MANAGER, ControlParameters
 from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.ros.discovery import configure_discovery, use_local_discovery
 from onebot_description.ros.message_age import WakeDetector
@@ -71,10 +71,16 @@ class Lockstep:
             rclpy.init(args=_SIMULATED, domain_id=domain, context=self._context)
         self._robots = EventsExecutor(context=self._context)  # it is cheaper by far
         self._executor = SingleThreadedExecutor()
+        self._arms = SingleThreadedExecutor(context=self._context)  # actions need one
         self._added: list[Node] = []
+        self._arm_nodes: list[Node] = []
         self._nodes = [
-            Node("velocity_controller", context=self._context, namespace=f"/{name}")
-            for name in simulation.robots
+            Node(
+                "velocity_controller" if robot.has_wheels else MANAGER,
+                context=self._context,
+                namespace=f"/{name}",
+            )
+            for name, robot in simulation.robots.items()
         ]
         try:
             self._driving = self._start()
@@ -100,6 +106,9 @@ class Lockstep:
         self._poll_due = Divider(_POLLS, fleet.rate)
         for node in self._nodes:
             self._robots.add_node(node)
+        self._arm_nodes = driving.arm_nodes
+        for node in self._arm_nodes:
+            self._arms.add_node(node)
         return driving
 
     def add(self, *nodes: Node, timeout: float = _PATIENCE) -> None:
@@ -142,24 +151,17 @@ class Lockstep:
         while quiet < _QUIET:
             # Without a timeout it runs all that is ready.
             self._robots.spin_until_future_complete(Future(), 0.0)
-            quiet = 0 if self._run_one() else quiet + 1
-
-    def _run_one(self) -> bool:
-        """Run one callback of the nodes added; return whether one was ready."""
-        try:
-            handler, _, _ = self._executor.wait_for_ready_callbacks(timeout_sec=0.0)
-        except TimeoutException:
-            return False
-        handler()
-        if (error := handler.exception()) is not None:
-            raise error
-        return True
+            ran = [_run_one(executor) for executor in (self._arms, self._executor)]
+            quiet = 0 if any(ran) else quiet + 1
 
     def close(self) -> None:
         """Destroy the nodes; the simulation goes on without ROS."""
         self.simulation._ros = None
         self._executor.shutdown()
+        self._arms.shutdown()
         for node in self._added:
+            node.destroy_node()
+        for node in self._arm_nodes:
             node.destroy_node()
         for node in self._nodes:
             self._robots.remove_node(node)
@@ -175,6 +177,10 @@ class Lockstep:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    @property
+    def _robot_nodes(self) -> list[Node]:
+        return [*self._nodes, *self._arm_nodes]
+
     def _difference(self, topic: str) -> str:
         """Return why a node and a robot do not find each other on a topic."""
         ours, theirs = (
@@ -184,7 +190,7 @@ class Lockstep:
                 for each in (*node.publishers, *node.subscriptions)
                 if each.topic_name == topic
             }
-            for nodes in (self._nodes, self._added)
+            for nodes in (self._robot_nodes, self._added)
         )
         if ours == theirs:
             return f"its QoS does not go with the robot's ({listing(ours)})"
@@ -192,7 +198,7 @@ class Lockstep:
 
     def _warn_of_silent_topics(self, nodes: Sequence[Node]) -> None:
         """Log the subscriptions of nodes that nobody publishes to, with the robots' like topic."""
-        robots = [each.topic_name for node in self._nodes for each in node.publishers]
+        robots = [each.topic_name for node in self._robot_nodes for each in node.publishers]
         for node in nodes:
             for topic in sorted({each.topic_name for each in node.subscriptions}):
                 if not node.count_publishers(topic):
@@ -201,7 +207,8 @@ class Lockstep:
 
     def _unconnected(self) -> Iterator[str]:
         """Yield the topics on which a node and a robot have not found each other, both of them."""
-        for some, others in ((self._nodes, self._added), (self._added, self._nodes)):
+        pair = self._robot_nodes, self._added
+        for some, others in (pair, pair[::-1]):
             publishers = {each.topic_name: each for node in some for each in node.publishers}
             subscribers: dict[str, int] = {}
             for subscription in (each for node in others for each in node.subscriptions):
@@ -213,6 +220,18 @@ class Lockstep:
             for topic, count in subscribers.items():
                 if publishers[topic].get_subscription_count() < count:
                     yield topic
+
+
+def _run_one(executor: SingleThreadedExecutor) -> bool:
+    """Run one callback of an executor's nodes; return whether one was ready."""
+    try:
+        handler, _, _ = executor.wait_for_ready_callbacks(timeout_sec=0.0)
+    except TimeoutException:
+        return False
+    handler()
+    if (error := handler.exception()) is not None:
+        raise error
+    return True
 
 
 class SteppedLoop(ControlLoop):

@@ -51,20 +51,30 @@ class Frames(NamedTuple):
 
     @classmethod
     def of(
-        cls, config: ControlConfig, description: Description, namespace: str, *, in_scene: bool
+        cls,
+        config: ControlConfig,
+        description: Description,
+        namespace: str,
+        *,
+        in_scene: bool,
+        stands: bool = False,
     ) -> "Frames":
-        """Return the frames of a robot; ``in_scene``: something stands around it."""
+        """Return the frames of a robot.
+
+        ``in_scene``: something is around it; ``stands``: it has no odometry, and its root link may
+        be the world.
+        """
 
         def name(frame: str) -> str:
             prefix = config.tf_frame_prefix
             return prefixed(frame, config.tf_frame_prefix_enable, prefix, namespace)
 
-        return cls(
-            config.world_frame(in_scene=in_scene),
-            name(config.odom_frame_id),
-            name(config.base_frame_id or description.root_link),
-            frozenset(map(name, description.link_names)),
-        )
+        world = config.world_frame(in_scene=in_scene)
+        base = name(config.base_frame_id or description.root_link)
+        links = frozenset(map(name, description.link_names))
+        if stands:
+            return cls(world, "", "" if base == world else base, links - {world})
+        return cls(world, name(config.odom_frame_id), base, links)
 
     def problems(
         self, others: Mapping[str, "Frames"], scene: Description | None = None
@@ -107,16 +117,18 @@ class Publishers:
         truths: what was published of it lately.
     """
 
-    def __init__(self, node: Node, *, clock: bool) -> None:
-        self._node, self._namespace = node, node.get_namespace()
+    def __init__(self, node: Node, *, clock: bool, stands: bool = False) -> None:
+        """Announce the topics; a robot that ``stands`` has no odometry."""
+        self._node, self._namespace, self._stands = node, node.get_namespace(), stands
         self._joint_states = node.create_publisher(JointState, "joint_states", _DEPTH)
-        self._odom = node.create_publisher(Odometry, "~/odom", _DEPTH)
-        self._truth = node.create_publisher(Odometry, "~/ground_truth", _DEPTH)
-        self._tf = node.create_publisher(TFMessage, "/tf", _DEPTH)
         self._tf_static = node.create_publisher(TFMessage, "/tf_static", LATCHED)
+        if not stands:
+            self._odom = node.create_publisher(Odometry, "~/odom", _DEPTH)
+            self._truth = node.create_publisher(Odometry, "~/ground_truth", _DEPTH)
+            self._tf = node.create_publisher(TFMessage, "/tf", _DEPTH)
         self.localized = False
         self.truths: deque[FramesTransform] = deque(maxlen=_KEPT)
-        self._origin: tuple[str, str, PlanarPose] | None = None  # the static truth, last published
+        self._origin: tuple[str, str, Transform] | None = None  # the static truth, last published
         self._limited: Publisher | None = None
         self._clock: Publisher | None = None
         if clock:
@@ -127,7 +139,13 @@ class Publishers:
         """Publish this robot from now on, with its parameters as they are now."""
         self._robot, config = robot, robot.config
         self._in_scene = robot.plant.world.scene is not None  # a scene stops and tilts the robot
-        frames = Frames.of(config, robot.description, self._namespace, in_scene=self._in_scene)
+        frames = Frames.of(
+            config,
+            robot.description,
+            self._namespace,
+            in_scene=self._in_scene,
+            stands=self._stands,
+        )
         self.world_frame, odom, base, _ = frames
         self.odom_frame = odom
         self._stamp = Time()  # one for all messages of a cycle
@@ -150,7 +168,8 @@ class Publishers:
             (self._joint_message, robot.broadcaster.frame_id),
         ):
             message.header.frame_id, message.header.stamp = frame, self._stamp
-        self._advertise(config.publish_limited_velocity)
+        self._base = base
+        self._advertise(config.publish_limited_velocity and not self._stands)
         self._due = Divider(config.publish_rate, config.update_rate)
 
     @property
@@ -180,6 +199,9 @@ class Publishers:
         joints = self._joint_message
         joints.position, joints.velocity, joints.effort = robot.broadcaster.values(snapshot.joints)
         self._joint_states.publish(joints)
+        if self._stands:
+            self._publish_origin(stamp_ns, self._base, snapshot.pose)
+            return
         if self._limited is not None:
             command = snapshot.command
             _fill_planar(self._limited_message.twist, command.linear, command.angular)
@@ -191,7 +213,7 @@ class Publishers:
             if due:
                 self._publish_odometry(snapshot, pose)
         if not self._in_scene:
-            self._publish_origin(stamp_ns)
+            self._publish_origin(stamp_ns, self.odom_frame, robot.odom_in_world.transform)
 
     def _publish_transforms(self, snapshot: Snapshot, stamp_ns: int, pose: Transform) -> None:
         if self._robot.config.enable_odom_tf:
@@ -213,25 +235,24 @@ class Publishers:
         _fill_twist(self._truth_message.twist.twist, snapshot.velocity)
         self._truth.publish(self._truth_message)
 
-    def _publish_origin(self, stamp_ns: int) -> None:
-        """Publish where the odometry's zero is in the world if that has changed, or is withdrawn.
+    def _publish_origin(self, stamp_ns: int, child: str, pose: Transform) -> None:
+        """Publish where a frame is in the world if that has changed, or is withdrawn.
 
         A message without transforms takes the place of the last one: late subscribers get that.
         """
         origin = None
-        if self.publishes_truth and not self.localized:
-            origin = self.world_frame, self.odom_frame, self._robot.odom_in_world
+        if child and self.publishes_truth and not self.localized:
+            origin = self.world_frame, child, pose
         if origin == self._origin:
             return
         self._origin, message = origin, TFMessage()
         if origin is not None:
-            truth = FramesTransform(*origin[:2], stamp_ns, origin[2].transform)
-            transform = TransformStamped(child_frame_id=self.odom_frame)
+            transform = TransformStamped(child_frame_id=child)
             transform.header.frame_id = self.world_frame
             transform.header.stamp = time_message(stamp_ns)
-            _fill_transform(transform.transform, truth.transform)
+            _fill_transform(transform.transform, pose)
             message.transforms = [transform]
-            self.truths.append(truth)
+            self.truths.append(FramesTransform(self.world_frame, child, stamp_ns, pose))
         self._tf_static.publish(message)
 
     def _publish_true_origin(self, snapshot: Snapshot, stamp_ns: int) -> None:

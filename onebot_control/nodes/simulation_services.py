@@ -1,19 +1,16 @@
 """The services of simulation_interfaces: other processes step, pause and reset the simulation."""
 
-import threading
 from collections.abc import Callable
-from contextlib import suppress
 from typing import Any
 
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.task import Future
 
 from onebot_control.nodes.control_loop import ControlLoop
+from onebot_control.nodes.spinning import NodeThread
 from onebot_description.errors import OneBotError
 from onebot_description.ros.wire.interfaces import load_interface
 
-_PATIENCE = 10.0  # s for the thread to end
+_PATIENCE = 10.0  # s for the control loop to answer
 
 
 class SimulationServices:
@@ -52,22 +49,11 @@ class SimulationServices:
         ):
             service = load_interface(f"simulation_interfaces/srv/{kind}")
             self._node.create_service(service, name, answer)
-        self._executor = SingleThreadedExecutor(context=beside.context)
-        self._executor.add_node(self._node)
-        self._ended = Future()
-        self._thread = threading.Thread(target=self._run, name="services", daemon=True)
-        self._thread.start()
+        self._thread = NodeThread([self._node], "services")
 
     def stop(self) -> None:
         """End the thread."""
-        self._ended.set_result(None)
-        self._thread.join(_PATIENCE)
-
-    def _run(self) -> None:
-        with suppress(ExternalShutdownException):
-            self._executor.spin_until_future_complete(self._ended)
-        self._executor.shutdown()
-        self._node.destroy_node()
+        self._thread.stop()
 
     def _do(
         self, answer: Any, action: Callable[[], object], patience: float | None = _PATIENCE

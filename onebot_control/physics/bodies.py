@@ -13,11 +13,13 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 from numpy.typing import NDArray
 
+from onebot_control.physics.engine import logger
 from onebot_description.description.description import (
     MOVING_KINDS,
     Box,
     Cylinder,
     Description,
+    Inertial,
     Joint,
     Link,
     Mesh,
@@ -34,6 +36,7 @@ Floats = NDArray[np.float64]
 HUB = "hub"  # prefix of the names of hubs and of their joints
 _HUB = 0.01  # share of a skidding wheel's mass that its hub has
 _ROUNDING = 0.01  # tolerance of moments of inertia, which are written with few digits
+_REPAIRED = 0.25  # share by which a moment of inertia may be too great, as Panda's link4 has it
 
 
 @dataclass(frozen=True)
@@ -70,9 +73,17 @@ class Body:
             xx, xy, xz, yy, yz, zz = link.inertial.inertia
             moments = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
             turn = where[:3, :3]
-            self._add_mass(link.inertial.mass, where[:3, 3], turn @ moments @ turn.T)
+            self.add_mass(link.inertial.mass, where[:3, 3], turn @ moments @ turn.T)
 
-    def _add_mass(self, mass: float, center: Floats, inertia: Floats) -> None:
+    @property
+    def inertial(self) -> Inertial:
+        """Mass and inertia as a link has them, in the axes of the body."""
+        x, y, z = self.center.tolist()
+        return Inertial(
+            Origin((x, y, z)), self.mass, tuple(self.inertia[np.triu_indices(3)].tolist())
+        )
+
+    def add_mass(self, mass: float, center: Floats, inertia: Floats) -> None:
         """Add a body by the parallel axis theorem."""
         total = self.mass + mass
         if total > 0:
@@ -158,6 +169,7 @@ def physics_urdf(
     meshes: Mapping[str, str],
     *,
     fixed: bool = False,
+    fixed_base: bool = False,
 ) -> str:
     """Return URDF text of the rigid bodies, which moves like ``description``.
 
@@ -170,6 +182,7 @@ def physics_urdf(
         bodies: its rigid bodies.
         meshes: the converted file for each URI of a collision mesh.
         fixed: the bodies stand still, whatever their masses; their meshes need not be convex.
+        fixed_base: the root's body stands still, whatever its mass.
 
     Raises:
         OneBotError: the bodies that cannot be simulated, a line each with the remedy.
@@ -179,7 +192,8 @@ def physics_urdf(
     problems = []
     for body in bodies.values():
         try:
-            inertial = _mass(0.0, np.zeros(3)) if fixed else _inertial(description, body)
+            still = fixed or (fixed_base and body.link == description.root_link)
+            inertial = _mass(0.0, np.zeros(3)) if still else _inertial(description, body)
             link = _link(numbers[body.link], inertial)
             _add_collisions(link, body, meshes, concave=fixed)
             robot.append(link)
@@ -275,9 +289,14 @@ def _principal(description: Description, body: Body) -> tuple[Floats, Floats]:
     sum_of_others = float(moments.sum() - moments[greatest])
     if moments.min() <= 0 or moments[greatest] > sum_of_others * (1 + _ROUNDING):
         numbers = ", ".join(f"{moment:.3g}" for moment in sorted(moments))
-        raise OneBotError(
-            f"{where} has the principal moments of inertia {numbers} kg m^2; all must be above 0 "
-            "and none greater than the sum of the others, else it cannot be simulated"
+        text = f"{where} has the principal moments of inertia {numbers} kg m^2"
+        if moments.min() <= 0 or moments[greatest] > sum_of_others * (1 + _REPAIRED):
+            raise OneBotError(
+                f"{text}; all must be above 0 and none greater than the sum of the others, else it "
+                "cannot be simulated"
+            )
+        logger.warning(
+            "%s; the greatest is simulated as %.3g, the sum of the others", text, sum_of_others
         )
     # PyBullet ignores the whole inertia if rounding lifts one moment above that sum.
     moments[greatest] = min(moments[greatest], sum_of_others * (1 - 1e-9))

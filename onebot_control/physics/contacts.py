@@ -62,22 +62,30 @@ _SAG = 1e-4
 
 
 def with_contacts(
-    description: Description, tyres: Mapping[str, "Tyre | None"], casters: Collection[str]
+    description: Description,
+    tyres: Mapping[str, "Tyre | None"],
+    casters: Collection[str],
+    moved: Collection[str] = (),
 ) -> tuple[Link, ...]:
     """Return the links of a robot, with the shapes and the friction that the ground touches.
 
     In the description the joints that are held still are fixed; ``tyres`` are those of the driven
-    joints, ``casters`` the joints of swivelling and rolling ones.
+    joints, ``casters`` the joints of swivelling and rolling ones, ``moved`` those of arms and
+    grippers, whose links hold what they grasp.
     """
-    contacts = _Contacts(description, tyres, casters)
+    contacts = _Contacts(description, tyres, casters, moved)
     return tuple(contacts.changed(link) for link in description.links)
 
 
 class _Contacts:
     def __init__(
-        self, robot: Description, tyres: Mapping[str, "Tyre | None"], casters: Collection[str]
+        self,
+        robot: Description,
+        tyres: Mapping[str, "Tyre | None"],
+        casters: Collection[str],
+        moved: Collection[str],
     ) -> None:
-        self._robot, self._tyres, self._casters = robot, tyres, casters
+        self._robot, self._tyres, self._casters, self._moved = robot, tyres, casters, moved
         self._poses = link_poses(robot)
         self._joints = {joint.child: joint for joint in robot.joints}
         # A single caster's load follows from the mass alone, so it needs no shrinking.
@@ -95,6 +103,8 @@ class _Contacts:
         joint = self._joint_of(link.name)
         if joint is not None and joint.name in self._tyres:
             return self._wheel(link, joint)
+        if joint is not None and joint.name in self._moved:
+            return link
         if link.friction is not None or self._rolls_on_caster(joint):
             return _shrunk(link) if self._shrinks else link
         if joint is None:

@@ -1,30 +1,28 @@
-"""A description as the simulation drives it: which joints have motors, and how heavy wheels are.
+"""A description as the simulation moves it: which joints have motors, and how heavy wheels are.
 
-Motors without a limit get the torque at which the wheels slip. Arms, grippers and heads are held
-still: nobody controls them here. What mimics a wheel is carried as it stands at the start: its
-position follows the wheel's, but has no part in the physics. For friction and contacts see
-``contacts``.
+Motors of wheels without a limit get the torque at which the wheels slip. Joints that a controller
+commands by position have motors, too; what mimics such a joint follows it by a gear. Other joints
+of arms, grippers and heads are held still, but those that turn without end, if ``<ros2_control>``
+has them without a command interface: they swing freely. What mimics a wheel is carried as it stands
+at the start: its position follows the wheel's, but has no part in the physics. For friction and
+contacts see ``contacts``.
 """
 
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
 from onebot_control.drive.wheels.geometry import Wheels
 from onebot_control.drive.wheels.tyres import Tyre
-from onebot_control.physics.bodies import Body, SkidAxle, matrix, origin_of
+from onebot_control.physics.bodies import Body, Floats, SkidAxle, link_poses, matrix, origin_of
 from onebot_control.physics.contacts import with_contacts
-from onebot_description.description.description import (
-    Description,
-    Inertial,
-    Joint,
-    Link,
-    Mimic,
-    Origin,
-)
+from onebot_control.physics.engine import logger
+from onebot_description.description.description import Description, Inertial, Joint, Link
+from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.model import quaternions
 
 _GRAVITY = 9.81  # m/s^2
@@ -32,6 +30,10 @@ _GRAVITY = 9.81  # m/s^2
 # iterations do not reach the wheel's speed.
 _LIGHTEST = 0.005
 _LEAST_TURNING = 0.2  # share of a skidding wheel's mobility due to its own turning
+# Of what a motor moves, at least, as if by its own rotor: a finger of 1 g lets a box of 50 g fall,
+# since the solver's iterations do not reach the force of its motor.
+_LEAST_MASS, _LEAST_MOMENT = 0.02, 1e-3  # kg, kg m^2 about the joint's axis
+_UNLIMITED = 1e5  # Nm or N, of a motor without a limit
 
 
 class Follower(NamedTuple):
@@ -49,75 +51,261 @@ class Follower(NamedTuple):
         return min(max(self.multiplier * position + self.offset, self.lower), self.upper)
 
 
+class Gear(NamedTuple):
+    """A joint that a gear moves with a commanded one: multiplier * position + offset."""
+
+    name: str
+    leader: str  # the commanded joint
+    multiplier: float
+    offset: float  # rad or m
+
+
 class Drivable(NamedTuple):
     """A description to simulate."""
 
     description: Description
     held: Mapping[str, float]  # joints that it has no longer, to the position they are held at
     followers: Sequence[Follower]  # likewise, of joints that mimic what moves; leaders first
+    gears: Sequence[Gear] = ()
+    starts: Mapping[str, float] = MappingProxyType({})  # of commanded joints and gears, rad or m
 
 
-def drivable(wheels: Wheels) -> Drivable:
-    """Return a robot as the simulation drives it by these wheels."""
-    description, tyres = wheels.description, {name: wheels.tyres.of(name) for name in wheels.names}
-    casters = _casters(wheels)
-    held, followers = _still(description, {*tyres, *casters})
-    starts = held | {follower.name: at for follower, at in followers.items()}
-    weight = _GRAVITY * wheels.robot.mass
+def drivable(
+    description: Description,
+    wheels: Wheels | None,
+    commanded: Collection[str] = (),
+    positions: Mapping[str, float] = MappingProxyType({}),
+) -> Drivable:
+    """Return a robot as the simulation moves it.
+
+    Args:
+        description: the robot.
+        wheels: that drive it; None: its base stands still.
+        commanded: joints that follow positions.
+        positions: of joints at the start, rad or m; they override those of ``<ros2_control>``.
+
+    Raises:
+        OneBotError: a joint named does not move, or follows another one.
+    """
+    tyres = {name: wheels.tyres.of(name) for name in wheels.names} if wheels else {}
+    casters = casters_of(wheels, commanded) if wheels else ()
+    roles = _Roles(description, {*tyres, *casters}, commanded, positions)
+    weight = _GRAVITY * wheels.robot.mass if wheels else 0.0
     joints = []
     for joint in description.joints:
-        if joint.name in starts:
-            joint = _fixed(joint, starts[joint.name])
+        if joint.name in roles.fixed:
+            joint = _fixed(joint, roles.fixed[joint.name])
         elif joint.name in tyres:
             joint = _motor(joint, weight, tyres[joint.name])
             if len(tyres) > 2:
                 joint = SkidAxle(**vars(joint))
+        elif joint.name in roles.starts:
+            joint = _positioned(joint, is_gear=joint.name in roles.gears)
         joints.append(joint)
     rigid = replace(description, joints=tuple(joints))
-    links = [_massive(wheels, link) for link in with_contacts(rigid, tyres, casters)]
-    return Drivable(replace(rigid, links=tuple(links)), held, list(followers))
+    links: Sequence[Link] = rigid.links
+    if wheels:
+        contacts = with_contacts(rigid, tyres, casters, {*roles.starts, *roles.passive})
+        links = [_massive(wheels, link) for link in contacts]
+    links = _with_rotors(replace(rigid, links=tuple(links)), roles.starts)
+    gears, starts = list(roles.gears.values()), dict(roles.starts)
+    return Drivable(replace(rigid, links=tuple(links)), roles.held, roles.followers, gears, starts)
 
 
-def _still(
-    description: Description, moving: Collection[str]
-) -> tuple[dict[str, float], dict[Follower, float]]:
-    """Return the joints that nothing moves, and those that mimic ``moving`` ones, to positions.
+def commandable(description: Description, wheels: Wheels | None) -> list[str]:
+    """Return the joints that a controller commands which names none.
 
-    Those of followers are at the start, when all that moves is at 0. A joint that mimics none is
-    held where it is nearest to 0 within its limits.
+    Those with a position command interface in ``<ros2_control>``, or if there are none all that
+    move, but no wheels, no casters, nothing that carries them, and none that mimics another joint.
     """
-    held, followers = dict[str, float](), dict[Follower, float]()
-    starts = dict.fromkeys(moving, 0.0)
-    joints = {joint.name: joint for joint in description.moving_joints}
+    interfaces = description.interfaces
+    taken = _rolling(wheels) if wheels else set()
+    joints = [
+        joint.name
+        for joint in description.moving_joints
+        if joint.mimic is None and joint.name not in taken
+    ]
+    named = [j for j in joints if j in interfaces and "position" in interfaces[j].commands]
+    return named or [joint for joint in joints if joint not in interfaces]
 
-    def start(joint: Joint) -> float:
-        if joint.name in starts:
-            return starts[joint.name]
-        mimic = joint.mimic or Mimic("", 0.0)
-        lower = -math.inf if joint.lower is None else joint.lower
-        upper = math.inf if joint.upper is None else joint.upper
-        factors = mimic.multiplier, mimic.offset
-        follower = Follower(joint.name, mimic.joint, *factors, lower, upper)
-        position = follower.at(start(joints[mimic.joint]) if mimic.joint else 0.0)
-        if mimic.joint in (*moving, *(each.name for each in followers)):
-            followers[follower] = position
+
+def _rolling(wheels: Wheels) -> set[str]:
+    """The joints of wheels and casters, and those that carry them."""
+    moving = {joint.child: joint for joint in wheels.description.moving_joints}
+    rolling = {*wheels.names, *casters_of(wheels)}
+    for joint in [joint for joint in moving.values() if joint.name in rolling]:
+        while above := moving.get(wheels.rigid[joint.parent][0]):
+            rolling.add(above.name)
+            joint = above
+    return rolling
+
+
+class _Roles:
+    """What becomes of each joint that moves.
+
+    Attributes:
+        held: joints that nothing moves, to positions.
+        followers: joints that mimic wheels and casters; leaders first.
+        fixed: both of these, to their positions at the start.
+        gears: joints that mimic commanded ones, by name.
+        starts: commanded joints and gears, to their positions at the start.
+        passive: joints that swing freely.
+    """
+
+    def __init__(
+        self,
+        description: Description,
+        rolling: Collection[str],
+        commanded: Collection[str],
+        positions: Mapping[str, float],
+    ) -> None:
+        self._joints = {joint.name: joint for joint in description.moving_joints}
+        self._check(description, {*commanded, *positions}, commanded)
+        interfaces = description.interfaces
+        of_file = {name: it.start for name, it in interfaces.items() if it.start is not None}
+        self._given = {**of_file, **positions}
+        self.passive = {
+            name
+            for name, joint in self._joints.items()
+            if joint.kind == "continuous"
+            and joint.mimic is None
+            and name in interfaces
+            and not (interfaces[name].commands or name in rolling or name in commanded)
+        }
+        self._rolling, self._commanded = {*rolling, *self.passive}, commanded
+        self._positions: dict[str, float] = {}
+        held: dict[str, float] = {}
+        self.followers: list[Follower] = []
+        self.gears: dict[str, Gear] = {}
+        self.starts: dict[str, float] = {}
+        self.fixed = held
+        for joint in self._joints.values():
+            self._place(joint)
+        names = {follower.name for follower in self.followers}
+        self.held = {n: held[n] for n in self._joints if n in held and n not in names}
+
+    def _check(
+        self, description: Description, names: Collection[str], commanded: Collection[str]
+    ) -> None:
+        for name in names:
+            where = f'{description.source}: joint "{name}"'
+            if name not in self._joints:
+                raise OneBotError(f"{where} does not move{did_you_mean(name, self._joints)}")
+            if name in commanded and (mimic := self._joints[name].mimic):
+                text = f'follows "{mimic.joint}" by <mimic>; command that one'
+                raise OneBotError(f"{where} {text}")
+
+    def _place(self, joint: Joint) -> float:
+        """Decide about a joint; return its position at the start."""
+        name, mimic = joint.name, joint.mimic
+        if name in self._positions:
+            return self._positions[name]
+        if name in self._rolling:
+            position = 0.0
+        elif name in self._commanded:
+            position = self.starts[name] = _within(joint, self._given.get(name, 0.0))
+        elif mimic is None:
+            position = self.fixed[name] = _within(joint, self._given.get(name, 0.0))
         else:
-            held[joint.name] = position
-        starts[joint.name] = position
+            leader = self._place(self._joints[mimic.joint])
+            position = self._follow(joint, mimic.joint, mimic.multiplier, mimic.offset, leader)
+        self._positions[name] = position
         return position
 
-    for joint in joints.values():
-        start(joint)
-    return {name: held[name] for name in joints if name in held}, followers
+    def _follow(
+        self, joint: Joint, leader: str, multiplier: float, offset: float, at: float
+    ) -> float:
+        """Decide about a joint that mimics one which starts ``at`` a position."""
+        name = joint.name
+        if leader in self.starts and multiplier:
+            self.starts[name] = multiplier * at + offset
+            if gear := self.gears.get(leader):
+                offset += multiplier * gear.offset
+                leader, multiplier = gear.leader, multiplier * gear.multiplier
+            self.gears[name] = Gear(name, leader, multiplier, offset)
+            return self.starts[name]
+        limits = _within(joint, -math.inf), _within(joint, math.inf)
+        follower = Follower(name, leader, multiplier, offset, *limits)
+        if leader in (*self._rolling, *(each.name for each in self.followers)):
+            self.followers.append(follower)
+        self.fixed[name] = follower.at(at)
+        return self.fixed[name]
 
 
-def _casters(wheels: Wheels) -> Collection[str]:
-    """The joints of swivelling and rolling casters.
+def _within(joint: Joint, position: float) -> float:
+    """The position nearest to this one within the joint's limits."""
+    lower = -math.inf if joint.lower is None else joint.lower
+    upper = math.inf if joint.upper is None else joint.upper
+    return min(max(position, lower), upper)
 
-    They turn without end, as do all joints between them and the base, and all that they carry.
+
+def _positioned(joint: Joint, *, is_gear: bool) -> Joint:
+    """A joint with a motor that follows positions, or with a gear, which has its leader's limits.
+
+    Its friction is the motor's; see ``Robot``.
+    """
+    joint = replace(
+        joint, effort=joint.effort or _UNLIMITED, velocity=joint.velocity or None, mimic=None
+    )
+    if is_gear and joint.kind != "continuous":
+        return replace(joint, lower=1.0, upper=-1.0)  # without limits, as PyBullet has it
+    return joint
+
+
+def _with_rotors(rigid: Description, moved: Collection[str]) -> Sequence[Link]:
+    """Return the links, with the least inertia behind each of the ``moved`` joints.
+
+    Links that have none at all get no more, and are reported.
+    """
+    bodies: dict[str, Body] = {}
+    for link in rigid.links if moved else ():
+        first, pose = link_poses(rigid)[link.name]
+        bodies.setdefault(first, Body(first)).add(link, pose)
+    joints = {joint.child: joint for joint in rigid.joints if joint.name in moved}
+    if weightless := [link for link in joints if bodies[link].mass <= 0.0]:
+        logger.warning(
+            "%s: link %s: no <inertial>, simulated with %g kg; efforts are wrong until they have "
+            "mass and inertia",
+            rigid.source,
+            listing(weightless),
+            _LEAST_MASS,
+        )
+    return [
+        _with_rotor(link, joints[link.name], bodies[link.name]) if link.name in joints else link
+        for link in rigid.links
+    ]
+
+
+def _with_rotor(link: Link, joint: Joint, body: Body) -> Link:
+    """A link with what its whole ``body`` lacks of the least mass and moment of inertia."""
+    axis = np.array(joint.axis)
+    arm = body.center - (body.center @ axis) * axis
+    moment = float(axis @ body.inertia @ axis + body.mass * (arm @ arm))
+    mass = 0.0
+    if joint.kind == "prismatic" or body.mass <= 0.0:
+        mass = max(0.0, _LEAST_MASS - body.mass)
+    missing = 0.0 if joint.kind == "prismatic" and body.mass > 0.0 else _LEAST_MOMENT - moment
+    if mass == 0.0 and missing <= 0.0:
+        return link
+    own = Body(link.name)
+    own.add(link, np.eye(4))
+    own.add_mass(mass, body.center, _thin_ring(axis, max(0.0, missing)))
+    return replace(link, inertial=own.inertial)
+
+
+def _thin_ring(axis: Floats, moment: float) -> Floats:
+    """The inertia (3, 3) of a ring with this moment about its axis: half of it across."""
+    return moment / 2.0 * (np.outer(axis, axis) + np.eye(3))
+
+
+def casters_of(wheels: Wheels, commanded: Collection[str] = ()) -> Collection[str]:
+    """Return the joints of swivelling and rolling casters.
+
+    They turn without end, as do all joints between them and the base, and all that they carry;
+    those that are ``commanded`` are none.
     """
     moving = {joint.child: joint for joint in wheels.description.moving_joints}
-    bound: set[str] = set()
+    bound: set[str] = {*commanded}
     for joint in moving.values():
         chain = [joint]
         while above := moving.get(wheels.rigid[chain[-1].parent][0]):
@@ -180,8 +368,7 @@ def _no_lighter(inertial: Inertial, joint: Joint, least: float) -> Inertial:
     tensor = np.zeros((3, 3))
     tensor[rows, columns] = tensor[columns, rows] = inertial.inertia
     missing = max(0.0, least - float(along @ tensor @ along))
-    # Half of it across: a thin ring.
-    tensor += missing / 2.0 * (np.outer(along, along) + np.eye(3))
+    tensor += _thin_ring(along, missing)
     return replace(inertial, inertia=tuple(tensor[rows, columns].tolist()))
 
 
@@ -194,10 +381,8 @@ def _ring(wheels: Wheels, name: str, tyre: Tyre) -> Inertial | None:
             body.add(link, pose)
     if body.mass <= 0.0:
         return None
-    axis = np.array(joint.axis)
-    tensor = _moment(wheels, name, tyre, body.mass) / 2.0 * (np.outer(axis, axis) + np.eye(3))
-    x, y, z = body.center.tolist()
-    return Inertial(Origin((x, y, z)), body.mass, tuple(tensor[np.triu_indices(3)].tolist()))
+    body.inertia = _thin_ring(np.array(joint.axis), _moment(wheels, name, tyre, body.mass))
+    return body.inertial
 
 
 def _moment(wheels: Wheels, name: str, tyre: Tyre, mass: float) -> float:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from operator import itemgetter
 from typing import NamedTuple
 
 from onebot_control.physics.engine import engine, logger
@@ -14,7 +15,15 @@ from onebot_control.physics.spawning import (
     load_robot,
     make_world,
 )
-from onebot_control.poses import Quaternion, Transform, Triple, about_z, multiply, yaw_of
+from onebot_control.poses import (
+    WORLD_FRAME,
+    Quaternion,
+    Transform,
+    Triple,
+    about_z,
+    multiply,
+    yaw_of,
+)
 from onebot_description.description import Description
 from onebot_description.description.sizes import LARGEST_ROBOT
 from onebot_description.errors import OneBotError, listing
@@ -26,6 +35,8 @@ _RESTING = 1e-6
 _RESTING_TIME = 0.05
 _MIN_SUPPORT = 1e-3  # m, half width of the area that supports a stable robot
 _MAX_TILT = math.radians(45.0)
+
+_IN_GROUND = 2e-3  # m that a link of a robot with a fixed base may be in the ground
 
 # In a scene.
 _STEP, _FINE = 0.01, 1e-4  # m, of the search for the height above what is there
@@ -46,16 +57,22 @@ class RestPose(NamedTuple):
 
 
 def settle(
-    robot: LoadedRobot, description: Description, driven: Sequence[str], settings: Settings
+    robot: LoadedRobot, spawn: RobotSpawn, starts: Sequence[float], settings: Settings
 ) -> RestPose:
-    """Let the robot come to rest on its wheels at the origin, joints at 0.
+    """Let the robot come to rest on its wheels at the origin, its joints at ``starts``.
 
-    Afterwards it is at rest there, all joints exactly 0.
+    Afterwards it is at rest there, all joints exactly at ``starts``. One with a fixed base is not
+    moved by what is below it: its base stands on the ground, or is at the origin if it is the
+    link ``world``.
 
     Raises:
         OneBotError: it does not stay on the ground or upright, or is in another unit than metres.
     """
-    client = robot.client
+    client, description, driven = robot.client, spawn.description, spawn.driven
+    if any(starts):
+        robot.place(robot.pose(), starts)
+    if spawn.fixed_base:
+        return _standing(robot, description)
     near = engine.getClosestPoints(robot.body, robot.ground, 1e9, physicsClientId=client)
     lowest = min(point[8] for point in near)
     _check_size(robot, description, lowest)
@@ -79,8 +96,37 @@ def settle(
                 name,
             )
     rest_pose = RestPose(position[2], multiply(about_z(-yaw_of(*rotation)), rotation))
-    robot.place(rest_pose.at(0.0, 0.0, 0.0), [0.0] * len(robot.joints))
+    robot.place(rest_pose.at(0.0, 0.0, 0.0), starts)
     return rest_pose
+
+
+def _standing(robot: LoadedRobot, description: Description) -> RestPose:
+    """The pose of a base that stands still."""
+    base = engine.getClosestPoints(
+        robot.body, robot.ground, 1e9, linkIndexA=-1, physicsClientId=robot.client
+    )
+    lowest = min((point[8] for point in base), default=0.0)
+    _check_size(robot, description, lowest)
+    on_ground = description.root_link != WORLD_FRAME  # as in Gazebo
+    rest_pose = RestPose(-lowest if on_ground else 0.0, (0.0, 0.0, 0.0, 1.0))
+    robot.place(rest_pose.at(0.0, 0.0, 0.0))
+    _warn_of_ground(robot, description)
+    return rest_pose
+
+
+def _warn_of_ground(robot: LoadedRobot, description: Description) -> None:
+    """Warn of the link that starts deepest in the ground."""
+    near = engine.getClosestPoints(robot.body, robot.ground, 0.0, physicsClientId=robot.client)
+    deepest = min(near, key=itemgetter(8), default=None)
+    if deepest is not None and deepest[8] < -_IN_GROUND and deepest[3] >= 0:
+        links = {robot.joints[joint.name]: joint.child for joint in description.moving_joints}
+        logger.warning(
+            '%s: link "%s" starts %.3g m deep in the ground, which pushes it; give the joints '
+            "other initial_positions, or place the root link higher",
+            description.source,
+            links[deepest[3]],
+            -deepest[8],
+        )
 
 
 def _check_size(robot: LoadedRobot, description: Description, lowest: float) -> None:
@@ -188,7 +234,7 @@ def pose_on(
         ground = make_world(client, settings)
         bodies = SceneBodies(scene)
         bodies.enter(client, ground, settings, free=False)
-        robot = load_robot(client, ground, spawn.description, settings, spawn.driven)
+        robot = load_robot(client, ground, spawn, settings)
         links = _lift(bodies, robot, rest.at(*where))
         _come_to_rest(robot, settings)
         pose = robot.pose()

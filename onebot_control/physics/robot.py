@@ -1,7 +1,7 @@
 """One robot of a world: the motors of its driven joints, its state, and where it is put."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -64,14 +64,23 @@ class MassVelocity(NamedTuple):
 class Robot:
     """One robot of a world, which moves when the world steps.
 
-    Each driven joint has a motor, limited by the effort and the velocity of its ``<limit>``. All
-    other joints turn freely, except for the friction and damping of their ``<dynamics>``.
+    Each driven joint has a motor that follows a velocity, each commanded one a motor that follows
+    positions, limited by the effort and the velocity of its ``<limit>``. Gears move what mimics a
+    commanded joint. All other joints turn freely, except for the friction and damping of their
+    ``<dynamics>``.
+
+    Before each physics step a commanded joint at q gets the velocity (r - q) / dt, where r is the
+    reference at the end of the step of dt: it is there then, unless a limit is in the way.
     """
 
     world: "World"
     spawn: RobotSpawn
     joints: tuple[str, ...]  # names of the moving joints, in the description's order
-    driven: tuple[str, ...]  # names of the joints with a motor, in the given order
+    driven: tuple[str, ...]  # names of the joints that follow velocities, in the given order
+    commanded: tuple[str, ...]  # names of those that follow positions, likewise
+    starts: tuple[float, ...]  # positions at the start, by row of ``joints``
+    # Positions of ``commanded``, rad or m, so many seconds after the state was read.
+    reference: Callable[[float], Sequence[float]]
     rest_pose: RestPose  # height and tilt at rest on level ground
     parts: LoadedRobot
     pose: Transform  # the root link's frame, as last read
@@ -89,23 +98,35 @@ class Robot:
         self.world, self.spawn = world, spawn
         self.start = checked_spawn_pose(spawn.x, spawn.y, spawn.yaw)
         self.joints = tuple(joint.name for joint in spawn.description.moving_joints)
-        self.driven = tuple(spawn.driven)
-        self._driven_rows = [self.joints.index(joint.name) for joint in _driven_joints(spawn)]
-        motors = [spawn.description.moving_joints[row] for row in self._driven_rows]
-        self._strengths = [joint.effort for joint in motors]
-        self._fastest = [math.inf if joint.velocity is None else joint.velocity for joint in motors]
+        self.driven, self.commanded = tuple(spawn.driven), tuple(spawn.commanded)
+        self.starts = tuple([spawn.starts.get(name, 0.0) for name in self.joints])
+        motors = [*_motors(spawn)]
+        self._motor_rows = [self.joints.index(joint.name) for joint in motors]
+        count = len(self.driven)
+        self._frictions = [0.0] * count + [joint.friction for joint in motors[count:]]
+        strengths = [
+            max((joint.effort or 0.0) - friction, friction)
+            for joint, friction in zip(motors, self._frictions, strict=True)
+        ]
+        self._strengths, self._strengths_commanded = strengths[:count], strengths[count:]
+        fastest = [math.inf if joint.velocity is None else joint.velocity for joint in motors]
+        self._fastest, self._fastest_commanded = fastest[:count], fastest[count:]
+        self.hold(self.starts)
         self.finite = True
 
     def load(self, ground: int) -> None:
         """Add the robot to its world, at the origin."""
         client = self.world.client
-        description, settings = self.spawn.description, self.world.settings
-        self.parts = load_robot(client, ground, description, settings, self.driven)
+        settings = self.world.settings
+        self.parts = load_robot(client, ground, self.spawn, settings)
+        self._step = 1.0 / settings.rate
         body = self.parts.body
         self._indices = list(self.parts.joints.values())
-        self._driven_indices = [self.parts.joints[name] for name in self.driven]
+        motors = [self.parts.joints[name] for name in (*self.driven, *self.commanded)]
+        self._driven_indices = motors[: len(self.driven)]
+        self._commanded_indices = motors[len(self.driven) :]
         self._read_joints = partial(engine.getJointStates, body, self._indices, client)
-        self._read_motors = partial(engine.getJointStates, body, self._driven_indices, client)
+        self._read_motors = partial(engine.getJointStates, body, motors, client)
         self._read_velocity = partial(engine.getBaseVelocity, body, client)
         self._targets = [0.0] * len(self.driven)
         self._efforts = (0.0,) * len(self.joints)  # the motors'
@@ -149,6 +170,31 @@ class Robot:
             for velocity, fastest in zip(velocities, self._fastest, strict=True)
         ]
 
+    def hold(self, positions: Sequence[float]) -> None:
+        """Have the commanded joints stay at ``positions``, by row of ``joints``."""
+        held = [positions[self.joints.index(name)] for name in self.commanded]
+        self.reference = lambda ahead: held
+
+    def track(self, step: int) -> None:
+        """Set the motors of the commanded joints for a physics step of a world's ``step``."""
+        targets = [
+            min(max((goal - position) / self._step, -fastest), fastest)
+            for goal, position, fastest in zip(
+                self.reference((step + 1) * self._step),
+                self._commanded_positions,
+                self._fastest_commanded,
+                strict=True,
+            )
+        ]
+        engine.setJointMotorControlArray(
+            self.parts.body,
+            self._commanded_indices,
+            engine.VELOCITY_CONTROL,
+            targetVelocities=targets,
+            forces=self._strengths_commanded,
+            physicsClientId=self.world.client,
+        )
+
     def state(self) -> tuple[JointStates, Pose, MassVelocity]:
         """Return the state of the joints, and the true pose and velocity of the root link."""
         self.check()
@@ -172,7 +218,7 @@ class Robot:
         return velocity.twist(pose.rotation)
 
     def reset(self) -> None:
-        """Move the robot back to its start, joints at 0, and the scene's boxes; time continues.
+        """Move the robot and the scene's boxes back to their start; time continues.
 
         A box stays where it is if another robot is in its place.
 
@@ -200,8 +246,8 @@ class Robot:
         self.world.stand(self, checked_spawn_pose(x, y, yaw), at_start=False)
 
     def put(self, pose: Transform, positions: Sequence[float] | None = None) -> None:
-        """Place the robot at rest, with these positions of its joints; by default 0."""
-        self.parts.place(pose, positions or [0.0] * len(self.joints))
+        """Place the robot at rest, with these positions of its joints; by default ``starts``."""
+        self.parts.place(pose, positions or self.starts)
         # A saved state contains neither targets nor efforts of motors.
         self._drive([0.0] * len(self.driven))
         self._efforts = (0.0,) * len(self.joints)
@@ -231,24 +277,31 @@ class Robot:
     def record_efforts(self) -> None:
         """Record the motors' efforts after a physics step; ``read`` adds those of the last one."""
         # Floats only: whole states of 100 robots would not fit into the processor's caches.
-        for state in self._read_motors():
+        states = self._read_motors()
+        for state in states:
             self._recorded.append(state[_EFFORT])
+        if self.commanded:
+            self._commanded_positions = [state[0] for state in states[len(self.driven) :]]
 
     def read(self, steps: int) -> None:
         """Read the state after ``steps`` physics steps."""
         states = self._read_joints()
         efforts = [0.0] * len(states)
-        for number, row in enumerate(self._driven_rows):
+        for number, row in enumerate(self._motor_rows):
             total = 0.0
             # Not sum(), which rounds differently from Python 3.12 on.
-            for effort in self._recorded[number :: len(self._driven_rows)]:
+            for effort in self._recorded[number :: len(self._motor_rows)]:
                 total += effort
             efforts[row] = (total + states[row][_EFFORT]) / steps
+            if friction := self._frictions[number]:  # the motor has to overcome it, too
+                efforts[row] += math.copysign(friction, states[row][1]) if states[row][1] else 0.0
         self._efforts, self._recorded = tuple(efforts), []
         self._update(states)
 
     def _drive(self, targets: list[float]) -> None:
         self._targets = targets
+        if not targets:
+            return
         engine.setJointMotorControlArray(
             self.parts.body,
             self._driven_indices,
@@ -261,6 +314,8 @@ class Robot:
     def _update(self, states: Sequence[Sequence[float]]) -> None:
         """Store the joints' state, read the base's, and check that all values are finite."""
         self.positions, self._velocities, _, _ = zip(*states, strict=True)
+        rows = self._motor_rows[len(self.driven) :]
+        self._commanded_positions = [self.positions[row] for row in rows]
         self.pose = self.parts.pose()
         self._velocity: tuple[Triple, Triple] = self._read_velocity()
         (place, turn), (linear, angular) = self.pose, self._velocity
@@ -269,17 +324,18 @@ class Robot:
         self.finite = math.isfinite(sum(root) + sum(joints))
 
 
-def _driven_joints(spawn: RobotSpawn) -> Iterable[Joint]:
-    """Yield the joints with a motor, each checked."""
+def _motors(spawn: RobotSpawn) -> Iterable[Joint]:
+    """Yield the joints with a motor, the driven ones first, each checked."""
     source = spawn.description.source
     joints = {joint.name: joint for joint in spawn.description.moving_joints}
-    if not spawn.driven:
+    names = [*spawn.driven, *spawn.commanded]
+    if not (names or spawn.fixed_base):
         raise OneBotError(f"{source}: the simulation has no driven joints")
-    for name in spawn.driven:
+    for name in names:
         if name not in joints:
             hint = did_you_mean(name, joints, "joints that move")
             raise OneBotError(f'{source}: there is no joint "{name}" to drive{hint}')
-        if list(spawn.driven).count(name) > 1:
+        if names.count(name) > 1:
             raise OneBotError(f'{source}: driven joint "{name}" is named twice')
         if not joints[name].effort:
             raise OneBotError(

@@ -12,7 +12,13 @@ from dataclasses import replace
 from onebot_control.physics.bodies import Body, link_poses, link_problems, origin_of
 from onebot_control.physics.engine import engine
 from onebot_control.physics.physics_settings import Settings
-from onebot_control.physics.spawning import LoadedRobot, load_fixed, load_robot, make_world
+from onebot_control.physics.spawning import (
+    LoadedRobot,
+    RobotSpawn,
+    load_fixed,
+    load_robot,
+    make_world,
+)
 from onebot_control.poses import Transform
 from onebot_description.description.description import Description
 from onebot_description.description.loading import load_world
@@ -126,7 +132,7 @@ class SceneBodies:
         }
         self._parts: list[LoadedRobot] = []
         for part, start in zip(self._free if free else (), self._starts, strict=False):
-            self._parts.append(load_robot(client, ground, part, settings))
+            self._parts.append(load_robot(client, ground, RobotSpawn(part, ()), settings))
             self._parts[-1].place(start)
             # At rest it takes no time, until something touches it: two crates took half of a step.
             self._activate(self._parts[-1], _SLEEPS)

@@ -2,10 +2,11 @@
 
 import math
 import os
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple
+from types import MappingProxyType
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +20,13 @@ from onebot_description.description.description import Description, Link, Mesh
 from onebot_description.description.meshes import read_mesh
 from onebot_description.errors import OneBotError, listing
 
+if TYPE_CHECKING:
+    from onebot_control.physics.drivable import Gear
+
 # m; farther out, rounding errors are not small compared with a wheel's contact depth (micrometres).
 FARTHEST = 10_000.0
+# Of gears: share of the error that is corrected in a step, and the greatest force, N or Nm.
+_GEAR_CORRECTION, _GEAR_FORCE = 0.5, 1000.0
 _SLAB = (FARTHEST, FARTHEST, 1.0)  # half the size of the ground's visual, m
 
 
@@ -28,11 +34,15 @@ class RobotSpawn(NamedTuple):
     """A robot to add to a world, and the initial pose of its root link's frame."""
 
     description: Description
-    driven: Sequence[str]  # joints with a motor; see ``Robot``
+    driven: Sequence[str]  # joints with a motor that follows velocities; see ``Robot``
     x: float = 0.0  # m
     y: float = 0.0  # m
     yaw: float = 0.0  # heading, rad
     name: str = ""  # named in errors
+    commanded: Sequence[str] = ()  # joints with a motor that follows positions
+    gears: Sequence["Gear"] = ()  # joints that such joints move
+    starts: Mapping[str, float] = MappingProxyType({})  # positions of joints at the start, not 0
+    fixed_base: bool = False  # the root link stands still
 
 
 SpawnPose = tuple[float, float, float]  # x and y of the root link's frame, m, and yaw, rad
@@ -114,22 +124,21 @@ def make_world(client: int, settings: Settings) -> int:
 def load_robot(
     client: int,
     ground: int,
-    description: Description,
+    spawn: RobotSpawn,
     settings: Settings,
-    driven: Collection[str] = (),
 ) -> LoadedRobot:
     """Load a robot into the world ``client``, its root link's frame at the origin.
 
-    The ``driven`` joints have a motor, which holds them until they get a velocity. What PyBullet
-    prints is logged.
+    Its motors hold their joints until they get a velocity. What PyBullet prints is logged.
     """
+    description, motors = spawn.description, {*spawn.driven, *spawn.commanded}
     bodies = rigid_bodies(description)
-    if not any(body.collisions for body in bodies.values()):
+    if not (spawn.fixed_base or any(body.collisions for body in bodies.values())):
         raise OneBotError(
             f"{description.source}: no link has a <collision>, so the robot would fall through "
             "the ground; give the wheels one"
         )
-    robot = _load(client, description, bodies)
+    robot = _load(client, description, bodies, fixed_base=spawn.fixed_base)
     moving = description.moving_joints
     root, *moved = bodies.values()
     indices, hubs = {}, []
@@ -144,13 +153,15 @@ def load_robot(
         joint = moving[row]
         indices[row] = index
         # Friction of a joint without a motor: a motor with target 0 and that torque.
-        torque = joint.effort if joint.name in driven else info[7]
+        torque = joint.effort if joint.name in motors else info[7]
         engine.setJointMotorControl2(
             robot, index, engine.VELOCITY_CONTROL, force=torque, physicsClientId=client
         )
         set_contact(client, robot, index, moved[row], description, settings)
     set_contact(client, robot, -1, root, description, settings)
     joints = {joint.name: indices[row] for row, joint in enumerate(moving)}
+    for gear in spawn.gears:
+        _mesh(client, robot, joints, gear)
     skidding = [joints[joint.name] for joint in moving if isinstance(joint, SkidAxle)]
     soften(client, robot, skidding, sum(body.mass for body in bodies.values()), settings)
     for damping in ("linearDamping", "angularDamping"):
@@ -161,6 +172,30 @@ def load_robot(
     return LoadedRobot(client, ground, robot, joints, hubs, mass_frame, inverse(mass_frame))
 
 
+def _mesh(client: int, robot: int, joints: Mapping[str, int], gear: "Gear") -> None:
+    """Have a joint follow another one, as if by gear wheels."""
+    leader, follower = joints[gear.leader], joints[gear.name]
+    constraint = engine.createConstraint(
+        robot,
+        leader,
+        robot,
+        follower,
+        engine.JOINT_GEAR,
+        jointAxis=(0, 1, 0),
+        parentFramePosition=(0, 0, 0),
+        childFramePosition=(0, 0, 0),
+        physicsClientId=client,
+    )
+    engine.changeConstraint(
+        constraint,
+        gearRatio=-1.0 / gear.multiplier,
+        relativePositionTarget=-gear.offset / gear.multiplier,
+        erp=_GEAR_CORRECTION,
+        maxForce=_GEAR_FORCE,
+        physicsClientId=client,
+    )
+
+
 def load_fixed(client: int, description: Description, body: Body, settings: Settings) -> int:
     """Load a body of a scene that stands still, at the origin; return its index."""
     index = _load(client, description, {body.link: body}, fixed=True)
@@ -169,17 +204,24 @@ def load_fixed(client: int, description: Description, body: Body, settings: Sett
 
 
 def _load(
-    client: int, description: Description, bodies: Mapping[str, Body], *, fixed: bool = False
+    client: int,
+    description: Description,
+    bodies: Mapping[str, Body],
+    *,
+    fixed: bool = False,
+    fixed_base: bool = False,
 ) -> int:
     flags = engine.URDF_USE_INERTIA_FROM_FILE | engine.URDF_USE_IMPLICIT_CYLINDER
     with (
         converted_meshes(bodies.values(), convex=not fixed) as meshes,
-        _file(physics_urdf(description, bodies, meshes, fixed=fixed)) as path,
+        _file(
+            physics_urdf(description, bodies, meshes, fixed=fixed, fixed_base=fixed_base)
+        ) as path,
     ):
         try:
             with captured() as lines:
                 body: int = engine.loadURDF(
-                    path, useFixedBase=fixed, flags=flags, physicsClientId=client
+                    path, useFixedBase=fixed or fixed_base, flags=flags, physicsClientId=client
                 )
         except engine.error:
             reason = "; ".join(lines) or "it gives no reason"

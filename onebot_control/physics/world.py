@@ -36,7 +36,7 @@ class World:
         *,
         at_start: bool = True,
     ) -> None:
-        """Place the robots at rest, with their joints at 0, on the ground or on the scene's ramps.
+        """Place the robots at rest, joints at their starts, on the ground or on the scene's ramps.
 
         Args:
             spawns: the robots.
@@ -52,6 +52,7 @@ class World:
         self.settings = settings
         self.scene = None if scene is None else SceneBodies(scene)
         self.robots = tuple(Robot(self, spawn) for spawn in spawns)
+        self._arms = [robot for robot in self.robots if robot.commanded]
         self._on_scene: dict[tuple[Robot, SpawnPose], Transform] = {}
         # A robot on bare ground comes to rest in this world, others in one of their own.
         self._alone = len(self.robots) == 1 and scene is None
@@ -78,12 +79,14 @@ class World:
         """
         count = self.settings.steps(duration)
         self.check_usable()
-        client, robots = self.client, self.robots
-        for _ in range(count - 1):
+        client, robots, arms = self.client, self.robots, self._arms
+        for number in range(count):
+            for robot in arms:
+                robot.track(number)
             engine.stepSimulation(client)
-            for robot in robots:
-                robot.record_efforts()
-        engine.stepSimulation(client)
+            if number < count - 1:
+                for robot in robots:
+                    robot.record_efforts()
         for robot in robots:
             robot.read(count)
         if self.scene is not None:
@@ -105,14 +108,14 @@ class World:
         Args:
             robot: of this world.
             where: its pose.
-            at_start: its joints go to 0 and the scene's boxes back to their start, too.
+            at_start: its joints and the scene's boxes go back to their start, too.
 
         Raises:
             OneBotError: the world is closed, or has diverged, the robot cannot stand there, or
                 another one is there; nothing has changed then.
         """
         self.check_usable()
-        positions = [0.0] * len(robot.joints) if at_start else robot.positions
+        positions = robot.starts if at_start else robot.positions
         present: int = engine.saveState(physicsClientId=self.client)
         try:
             if len(self.robots) == 1 and (at_start or self.scene is None):
@@ -143,7 +146,8 @@ class World:
             OneBotError: the robot cannot be simulated, or another one, or the scene, is in the way.
         """
         spawns = [robot.spawn for robot in self.robots]
-        spawns[row] = spawns[row]._replace(description=spawn.description, driven=spawn.driven)
+        start = spawns[row]
+        spawns[row] = spawn._replace(x=start.x, y=start.y, yaw=start.yaw, name=start.name)
         around = self.scene.description if self.scene else None
         world = World(spawns, self.settings, around, at_start=False)
         try:
@@ -183,11 +187,11 @@ class World:
 
     def _find_rest_poses(self) -> None:
         """Simulate each robot alone, identical ones once."""
-        rest_poses: dict[tuple[str, tuple[str, ...]], RestPose] = {}
+        rest_poses: dict[tuple[object, ...], RestPose] = {}
         for robot in self.robots:
-            key = (robot.spawn.description.urdf, robot.driven)
+            spawn = robot.spawn._replace(x=0.0, y=0.0, yaw=0.0, name="")
+            key = (spawn.description.urdf, robot.driven, robot.commanded, robot.starts)
             if key not in rest_poses:
-                spawn = RobotSpawn(robot.spawn.description, robot.driven)
                 with World([spawn], self.settings) as alone:
                     rest_poses[key] = alone.robots[0].rest_pose
             robot.rest_pose = rest_poses[key]
@@ -199,8 +203,7 @@ class World:
         for robot in self.robots:
             robot.load(ground)
             if self._alone:
-                description, parts = robot.spawn.description, robot.parts
-                robot.rest_pose = settle(parts, description, robot.driven, settings)
+                robot.rest_pose = settle(robot.parts, robot.spawn, robot.starts, settings)
             else:
                 # Away from the origin, where the next one is loaded.
                 robot.parts.place(robot.rest_pose.at(*robot.start))
@@ -224,7 +227,7 @@ class World:
             OneBotError: it cannot stand there for the scene.
         """
         pose = robot.rest_pose.at(*where)
-        if self.scene is None:
+        if self.scene is None or robot.spawn.fixed_base:
             return pose
         robot.parts.place(pose)
         if self.scene.fixed_at(robot.parts):

@@ -55,6 +55,8 @@ class TrajectoryFollower:
     limits, where splines overshoot them between two points and where a motion begins beyond them.
 
     Attributes:
+        joints: with their limits.
+        names: of the joints.
         active: the token of the action goal that is followed; None if there is none.
         desired: the reference at the last update. A continuous joint is in the turns of the goal.
         measured: the motion measured then.
@@ -72,8 +74,8 @@ class TrajectoryFollower:
         self.active: object | None = None
         # What the next update begins, given the measured motion and the stamp.
         self._next: Callable[[JointMotion, int], None] | None = None
-        self._joints = tuple(joints)
-        self._names = tuple(joint.name for joint in joints)
+        self.joints = tuple(joints)
+        self.names = tuple(joint.name for joint in joints)
         self.configure(config, constraints)
         self._tolerances = self._defaults
         self.scaling = config.speed_scaling.initial_scaling_factor
@@ -85,12 +87,12 @@ class TrajectoryFollower:
     ) -> None:
         """Apply other parameters; tolerances count from the next action goal on."""
         self._config = config
-        self._defaults = default_tolerances(self._names, config, constraints)
+        self._defaults = default_tolerances(self.names, config, constraints)
         self._bounds = [
             (joint.lower, joint.upper) if config.enforce_command_limits else (-math.inf, math.inf)
-            for joint in self._joints
+            for joint in self.joints
         ]
-        own = (constraints.get(name, JointConstraint()) for name in self._names)
+        own = (constraints.get(name, JointConstraint()) for name in self.names)
         self._decelerations = [constraint.max_deceleration_on_cancel for constraint in own]
 
     @property
@@ -104,11 +106,16 @@ class TrajectoryFollower:
             raise OneBotError(f"a speed scaling of {value:g} is impossible; it is at least 0")
         self._scaling = value
 
+    @property
+    def moving(self) -> bool:
+        """Whether a trajectory is followed, or will be from the next update on."""
+        return self._next is not None or (not self._holding and self._time < self._trajectory.end)
+
     # Goals ------------------------------------------------------------------------------------
 
     def problems(self, goal: TrajectoryGoal, now: int) -> list[str]:
         """Return why ``goal`` is refused at the time ``now``, ns, a line for each reason."""
-        return goal_problems(goal, self._joints, self._config, now)
+        return goal_problems(goal, self.joints, self._config, now)
 
     def start(
         self,
@@ -133,7 +140,7 @@ class TrajectoryFollower:
         preempted = self._ended("Current goal preempted by new incoming action.")
         self.active = token
         self._tolerances = resolved_tolerances(
-            tolerances or TolerancesGiven(), self._names, self._defaults
+            tolerances or TolerancesGiven(), self.names, self._defaults
         )
         return preempted
 
@@ -159,7 +166,7 @@ class TrajectoryFollower:
     def reset(self, positions: Sequence[float]) -> Outcome | None:
         """Hold ``positions``, rad or m, to which the joints were moved; end an action goal."""
         self._hold(positions)
-        zeros = (0.0,) * len(self._joints)
+        zeros = (0.0,) * len(self.joints)
         self.desired = self.measured = JointMotion(tuple(positions), zeros, zeros)
         self.error = zeros
         return self._ended("Current goal cancelled by a reset.")
@@ -240,7 +247,7 @@ class TrajectoryFollower:
         positions = zip(self.desired.positions, self.measured.positions, strict=True)
         return tuple(
             math.remainder(desired - measured, math.tau) if joint.continuous else desired - measured
-            for joint, (desired, measured) in zip(self._joints, positions, strict=True)
+            for joint, (desired, measured) in zip(self.joints, positions, strict=True)
         )
 
     # What is followed -------------------------------------------------------------------------
@@ -257,7 +264,7 @@ class TrajectoryFollower:
         self._next = None
         self._trajectory = trajectory
         self._time = self._began = time
-        self._turns = turns or (0.0,) * len(self._joints)
+        self._turns = turns or (0.0,) * len(self.joints)
         self._holding = holding
 
     def _hold(self, positions: Sequence[float]) -> None:
@@ -311,17 +318,17 @@ class TrajectoryFollower:
         """Return the whole turns, rad, by which continuous joints at ``positions`` are off."""
         return tuple(
             math.tau * round((other - position) / math.tau) if joint.continuous else 0.0
-            for joint, position, other in zip(self._joints, positions, others, strict=True)
+            for joint, position, other in zip(self.joints, positions, others, strict=True)
         )
 
     def _points(self, goal: TrajectoryGoal) -> Sequence[Waypoint]:
         """Return the goal's points for all joints, in their order; the missing ones are held."""
-        if goal.joints == self._names:
+        if goal.joints == self.names:
             return goal.points
-        command = dict(zip(self._names, self._command().positions, strict=True))
-        missing = [name for name in self._names if name not in goal.joints]
+        command = dict(zip(self.names, self._command().positions, strict=True))
+        missing = [name for name in self.names if name not in goal.joints]
         places = {name: place for place, name in enumerate((*goal.joints, *missing))}
-        order = [places[name] for name in self._names]
+        order = [places[name] for name in self.names]
         held, zeros = [command[name] for name in missing], [0.0] * len(missing)
 
         def completed(values: Sequence[float], others: Sequence[float]) -> tuple[float, ...]:
@@ -344,7 +351,7 @@ class TrajectoryFollower:
         """Compare the error with the tolerances, in the ``first`` cycle with those of the path."""
         late = self._time - self._trajectory.end
         moving = late < -_ROUNDING
-        detail = exceeded(self._names, self.error, self._tolerances.path)
+        detail = exceeded(self.names, self.error, self._tolerances.path)
         if (moving or first) and detail:
             text = "Aborted due to path tolerance violation"
             topic = "Holding position due to state tolerance violation"
@@ -353,7 +360,7 @@ class TrajectoryFollower:
 
     def _judged_at_end(self, late: float) -> list[Outcome]:
         """Compare the error with the goal's tolerances, ``late`` seconds after the last point."""
-        detail = exceeded(self._names, self.error, self._tolerances.goal)
+        detail = exceeded(self.names, self.error, self._tolerances.goal)
         if self.active is not None and not detail:
             goal, self.active = self.active, None
             self._holding = True

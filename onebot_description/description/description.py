@@ -265,6 +265,13 @@ def clashes(first: Mapping[str, str], second: Mapping[str, str]) -> list[str]:
     ]
 
 
+class JointInterfaces(NamedTuple):
+    """What ``<ros2_control>`` says of a joint."""
+
+    commands: tuple[str, ...]  # command interfaces, such as "position"; none: it is not driven
+    start: float | None = None  # initial_value of its position, rad or m
+
+
 @dataclass(frozen=True)
 class Description:
     """A robot description; everything in it can be published.
@@ -285,6 +292,8 @@ class Description:
     places: tuple[str, ...] = field(default=(), compare=False, repr=False)
     sensors: tuple[Sensor, ...] = ()
     bad_sensors: tuple[str, ...] = ()  # names of unreadable sensors
+    # Of <ros2_control>, by joint.
+    interfaces: Mapping[str, JointInterfaces] = field(default_factory=dict, hash=False)
 
     @property
     def notices(self) -> tuple[str, ...]:

@@ -29,6 +29,7 @@ from onebot_description.description.reading import (
     read_links,
     read_materials,
 )
+from onebot_description.description.ros2_control import read_interfaces
 from onebot_description.description.sensors import read_sensors
 from onebot_description.errors import (
     DescriptionError,
@@ -225,6 +226,7 @@ def _check(
     check_materials(findings, materials)
     check_schema(findings)
     sensors, bad_sensors = read_sensors(findings, links, joints.values())
+    interfaces = read_interfaces(findings, joints)
     findings.raise_errors(warnings)
     return Description(
         urdf=xml.to_text(findings.document.root),
@@ -239,6 +241,7 @@ def _check(
         places=tuple(map(findings.where, document.root.iter())),
         sensors=sensors,
         bad_sensors=bad_sensors,
+        interfaces=interfaces,
     )
 
 

@@ -24,6 +24,7 @@ ROS_PACKAGES = (
     "sensor_msgs",
     "std_msgs",
     "std_srvs",
+    "trajectory_msgs",
 )
 _COMPILED = "rclpy._rclpy_pybind11"
 

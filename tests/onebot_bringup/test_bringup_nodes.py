@@ -22,6 +22,7 @@ from onebot_bringup.launch.arguments import (
     checked_values,
     description_arguments,
     simulation_arguments,
+    standing_arguments,
 )
 from onebot_bringup.launch.bringup import (
     Bringup,
@@ -40,6 +41,7 @@ from onebot_bringup.launch.nodes import (
 )
 from onebot_bringup.launch.robots import PlacedRobot
 from onebot_bringup.launcher.process import NodeProcess
+from onebot_control.parameters import SimulationConfig
 from onebot_description.description import Description, load_description
 from onebot_description.description_files import Source
 from onebot_description.errors import OneBotError, UsageError
@@ -86,13 +88,13 @@ def make(arm: Path, described: Description) -> Make:
         simulated: bool = True, /, *, ros_args: tuple[str, ...] = (), **given: str
     ) -> Launch:
         declared = description_arguments(str(arm), "", "none")
-        if simulated:
-            declared += simulation_arguments(str(arm.parent / "control.yaml"))
+        control = str(arm.parent / "control.yaml")
+        declared += simulation_arguments(control) if simulated else standing_arguments()
         source = Source(str(arm), {"height": "2.0"}, (str(arm),), 1)
         nodes = arm.parent / "nodes"
         nodes.mkdir(exist_ok=True)
         values = checked_values(declared, given)
-        return Launch(nodes, values, described, ros_args, source, declared)
+        return Launch(nodes, values, described, ros_args, source, declared, stands=not simulated)
 
     return factory
 
@@ -115,7 +117,8 @@ def parameters(node: NodeProcess) -> dict[str, Any]:
     """The parameters of its own that a node gets, from the last of its files."""
     at = len(node.command) - 1 - node.command[::-1].index("--params-file")
     [(full_name, content)] = yaml.safe_load(Path(node.command[at + 1]).read_text()).items()
-    assert full_name.split("/")[-1] == node.name
+    [row] = [row for row in NODES if row.name == node.name]
+    assert full_name.split("/")[-1] == row.node
     found: dict[str, Any] = content["ros__parameters"]
     return found
 
@@ -148,7 +151,8 @@ def test_every_argument_is_read_and_every_parameter_declared(make: Make) -> None
     launch = replace(launch, values=values)
     for row in NODES:
         row.starts(launch)
-        declared = {leaf.name for kind in PARAMETERS[row.name] for leaf in leaves(kind)}
+        kinds = {**PARAMETERS, "controller_manager": (SimulationConfig,)}[row.node]
+        declared = {leaf.name for kind in kinds for leaf in leaves(kind)}
         assert set(parameters_of(launch, row.name)) <= {*declared, "use_sim_time"}
     environment(values, forced=True)
     summary_text(launch.description, values)
@@ -176,6 +180,7 @@ def test_an_argument_given_is_what_the_node_gets(make: Make) -> None:
         (False, "", "robot_state_publisher joint_state_publisher rerun_viewer"),
         (False, "joint_states:=false", "robot_state_publisher rerun_viewer"),
         (False, "viewer:=none", "robot_state_publisher joint_state_publisher"),
+        (False, "sim:=true viewer:=none", "joint_trajectory_controller robot_state_publisher"),
         (False, "viewer:=none joint_states:=0 save:=x.rrd", "robot_state_publisher rerun_viewer"),
         (
             True,
@@ -544,7 +549,7 @@ def test_the_model_is_given_once(view: Bringup, driven: Bringup, arm: Path) -> N
     assert "view needs a file" in refused(view)
     assert "not both" in refused(view, str(arm), f"model:={arm}")
     assert "more.urdf" in refused(view, str(arm), "more.urdf")
-    assert 'no argument "sim"' in refused(view, str(arm), "sim:=true")
+    assert 'no argument "steer"' in refused(view, str(arm), "steer:=true")
     assert "arm.xacro" in refused(driven, str(arm))
 
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any, cast
 
 from onebot_control.drive.odometry import DiffDriveKinematics, Odometry
-from onebot_control.driven_robot import DrivenRobot, Snapshot, wheels_of
+from onebot_control.driven_robot import DrivenRobot, DrivenSpawn, Snapshot
 from onebot_control.fleet import Fleet, Member
 from onebot_control.parameters import ControlConfig
 from onebot_control.physics import JointStates, MassVelocity, Pose, Robot, Twist
@@ -138,10 +138,16 @@ class IdealWorld:
             plant.close()
 
 
+def driven_robot(description: Description, config: ControlConfig, plant: Robot) -> DrivenRobot:
+    """A robot in this plant."""
+    part = DrivenSpawn.of(description, config)
+    return DrivenRobot(part, description, config, plant)
+
+
 def ideal_drive(plant: IdealPlant | None = None, **values: Any) -> DrivenRobot:
     """A drive of the ideal plant."""
     chosen = config(**values)
-    return DrivenRobot(wheels_of(robot(), chosen), chosen, cast(Robot, plant or IdealPlant()))
+    return driven_robot(robot(), chosen, cast(Robot, plant or IdealPlant()))
 
 
 def alone(description: Description, config: ControlConfig) -> Fleet:

@@ -94,4 +94,4 @@ def test_robots_are_compared_in_one_table() -> None:
     assert "| 2.0000 m, 0.0 mm aside, " in drives
     assert stands.startswith("| good_mimic_chain, good_mimic_chain | ")
     assert drives.endswith("| 360.00°; 360.00° |")
-    assert "refused: no wheel on the left that has its like on the right was found" in stands
+    assert "good_mimic_chain.urdf: the robot has no wheels to drive on" in stands

@@ -158,7 +158,9 @@ def test_the_controller_may_have_another_name(file: Path) -> None:
     file.write_text(GOOD.replace("velocity_controller", "other"))
     parameters = read_control_files([file], "/", "other")
     assert ControlConfig.from_parameters(parameters.values).wheel_radius == 0.1
-    with pytest.raises(OneBotError, match=r":4: other\.type: no such parameter"):
+    with pytest.raises(
+        OneBotError, match=r":4: other\.type: diff_drive.* named \"velocity_controller\" runs"
+    ):
         read_control_files([file], "/", "velocity_controller")
 
 

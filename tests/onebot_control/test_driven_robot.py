@@ -6,7 +6,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from onebot_control.driven_robot import DrivenRobot, Snapshot, wheels_of
+from onebot_control.driven_robot import DrivenRobot, Snapshot
 from onebot_control.physics import JointStates, Robot
 from onebot_control.poses import PlanarPose
 from onebot_control.sensing.surroundings import (
@@ -24,6 +24,7 @@ from tests.onebot_control.control_support import (
     alone,
     config,
     cycle,
+    driven_robot,
     ideal_drive,
     robot,
     urdf,
@@ -284,7 +285,7 @@ def test_several_wheels_a_side_count_by_their_mean(by_position: bool) -> None:
         "right_wheel_names": ["right_wheel_joint", "right_2_joint"],
     }
     chosen = config(position_feedback=by_position, **names)
-    drive = DrivenRobot(wheels_of(robot(*wheels), chosen), chosen, cast(Robot, FourWheels()))
+    drive = driven_robot(robot(*wheels), chosen, cast(Robot, FourWheels()))
     snapshot = run(drive, 0.5, 0.3, 20)
     assert snapshot.twist == pytest.approx((0.5, 0.3))
 
@@ -302,6 +303,11 @@ LIMIT = '<limit lower="{}" upper="{}" effort="1" velocity="9"/>'
 ARM = (
     '<link name="arm"/><joint name="arm_joint" type="revolute"><parent link="base_link"/>'
     f'<child link="arm"/><axis xyz="0 0 1"/>{LIMIT.format(0.25, 1)}</joint>'
+)
+# Without a position command interface no controller commands it.
+HELD = (
+    '<ros2_control name="arm" type="system"><joint name="arm_joint">'
+    '<command_interface name="velocity"/></joint></ros2_control>'
 )
 
 
@@ -321,6 +327,7 @@ def test_mimic_joints_stand_where_their_masters_have_them() -> None:
             moving("gauge", "continuous", "", "gear_joint", -1.0, 0.25),
             moving("gear", "revolute", wide, leader, 3.0, 0.5),
             ARM,
+            HELD,
         )
     )
     with alone(description, config()) as fleet:

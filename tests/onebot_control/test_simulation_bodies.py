@@ -270,11 +270,20 @@ def test_moments_rounded_by_a_hundredth_are_simulated(largest, place):
     assert float(inertia.get(_MOMENTS[place])) == found[2]
 
 
+def test_a_moment_that_is_somewhat_too_great_is_repaired(caplog):
+    """As Panda's link4 has it: makers' numbers are sometimes rounded, or measured one by one."""
+    moments = 0.00368, 0.0, 0.0, 0.00796, 0.0, 0.0127
+    inertia = _text(_robot(_inertial(1.0, moments))).find("link/inertial/inertia")
+    assert float(inertia.get("izz")) == pytest.approx(0.00368 + 0.00796, rel=1e-8)
+    [record] = caplog.records
+    assert "0.00368, 0.00796, 0.0127 kg m^2; the greatest is simulated as 0.0116" in record.message
+
+
 @pytest.mark.parametrize(
     ("moments", "shown"),
     [
-        ((1.0, 0, 0, 1.0, 0, 2.03), "1, 1, 2.03"),
-        ((2.03, 0, 0, 1.0, 0, 1.0), "1, 1, 2.03"),
+        ((1.0, 0, 0, 1.0, 0, 2.53), "1, 1, 2.53"),
+        ((2.53, 0, 0, 1.0, 0, 1.0), "1, 1, 2.53"),
         ((0.0, 0, 0, 1.0, 0, 1.0), "0, 1, 1"),
         ((1.0, 2.0, 0, 1.0, 0, 2.0), "-1, 2, 3"),
         ((0.0, 0, 0, 0.0, 0, 0.0), "0, 0, 0"),

@@ -11,7 +11,7 @@ from onebot_control.drive.wheels import tyres
 from onebot_control.drive.wheels.geometry import Wheels
 from onebot_control.driven_robot import wheels_of
 from onebot_control.parameters import ControlConfig
-from onebot_control.physics.drivable import drivable
+from onebot_control.physics.drivable import commandable, drivable
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.packages import package_share
 from onebot_description.errors import OneBotError
@@ -195,7 +195,9 @@ def test_a_mesh_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 def test_what_is_simulated() -> None:
     """Wheels are thin and have motors, casters glide, an arm is held; a swivel follows."""
     description = base(*TWO, *BALLS, SWIVEL, ARM)
-    simulated, held, _ = drivable(Wheels(description))
+    wheels = Wheels(description)
+    assert commandable(description, wheels) == ["arm_joint", "hand_joint"]
+    simulated, held, *_ = drivable(description, wheels)
     assert held == {"arm_joint": 0.0, "hand_joint": 0.0}
     names = [joint.name for joint in simulated.moving_joints]
     assert names == ["l_joint", "r_joint", "fork_joint", "roller_joint"]
@@ -207,7 +209,7 @@ def test_what_is_simulated() -> None:
     assert (thin.shape.radius, thin.shape.length) == (0.1, 0.004)  # type: ignore[union-attr]
     ball = next(link for link in simulated.links if link.name == "ball_0.2").collisions[0]
     assert ball.origin.xyz == pytest.approx((0.0, 0.0, 0.0002))
-    assert drivable(Wheels(robot())).description.joints == robot().joints
+    assert drivable(robot(), Wheels(robot())).description.joints == robot().joints
 
 
 PUBLIC = Path(__file__).parents[1] / "robots"

@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onebot_control.drive.wheels.tyres import Tyre, Tyres
+from onebot_control.physics.bodies import link_poses
+from onebot_control.poses import WORLD_FRAME
 from onebot_description.description.description import Description, Joint, Mesh
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel, quaternions
@@ -112,6 +114,14 @@ def find_wheels(description: Description, turning: Mapping[str, Axle], tyres: Ty
     drive.sort(key=lambda wheel: -wheel.x)
     left = tuple(wheel.name for wheel in drive if wheel.y > 0.0)
     return DriveWheels(left, tuple(wheel.name for wheel in drive if wheel.y < 0.0))
+
+
+def has_wheels(description: Description) -> bool:
+    """Return whether anything of a robot rolls; one whose root link is ``world`` stands still."""
+    if description.root_link == WORLD_FRAME:
+        return False
+    tyres = Tyres(description, link_poses(description))
+    return bool(_rolling(axles(description, link_places(description)), tyres))
 
 
 def _why_not_one_set(

@@ -68,7 +68,7 @@ def read_parameters(text: str, name: str, node: str) -> Parameters:
     broken, or not that of ROS 2 parameters.
     """
     merged = Parameters()
-    for section, parameters in _sections(text, name).items():
+    for section, parameters in read_sections(text, name).items():
         merged.sections.append(section)
         if section_matches(section, node):
             merged.update(parameters)
@@ -76,8 +76,11 @@ def read_parameters(text: str, name: str, node: str) -> Parameters:
 
 
 @functools.lru_cache(maxsize=8)
-def _sections(text: str, name: str) -> dict[str, Parameters]:
-    """Return a file's parameters by section; it is read for each of several nodes."""
+def read_sections(text: str, name: str) -> dict[str, Parameters]:
+    """Return a file's parameters by section, which is a pattern of full names of nodes.
+
+    It is read once for several nodes.
+    """
     file = _YamlFile(text, name, aliases=False)
     sections: dict[str, Parameters] = {}
 
@@ -255,7 +258,7 @@ def undeclared_names(file: Path, unknown: Iterable[Unknown]) -> list[str]:
         unknown: of each node that gets the file, what reports the names that it does not declare.
     """
     warnings = []
-    for section, parameters in _sections(read_text(file), str(file)).items():
+    for section, parameters in read_sections(read_text(file), str(file)).items():
         names: set[str] = parameters.shared
         for report in unknown:
             names = {problem.key for problem in report(names)}
@@ -274,7 +277,7 @@ def refuse_other_sections(file: Path, nodes: Sequence[str]) -> None:
     The ConfigError lists the sections that would be for them.
     """
     problems = []
-    for section in _sections(read_text(file), str(file)):
+    for section in read_sections(read_text(file), str(file)):
         if not any(section_matches(section, node) for node in nodes):
             name = section.rpartition("/")[2]
             same = [node for node in nodes if node.rpartition("/")[2] == name] or nodes

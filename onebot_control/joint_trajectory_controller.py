@@ -1,0 +1,60 @@
+#!/usr/bin/env python3
+"""joint_trajectory_controller: simulates a robot that stands, and moves its joints.
+
+Run it alone with ``python -m onebot_control.joint_trajectory_controller [FILE] --ros-args ...``;
+FILE is a URDF or xacro file. Without it, the description is the parameter or the topic
+robot_description. The robot's base stands still: at the world's origin if its root link is
+``world``, else on the ground. Joints have motors as their <limit> says, and gravity.
+
+The nodes are controller_manager, whose parameters are the simulation's, and
+joint_trajectory_controller, or those that the section controller_manager of a parameter file names
+with ``type: joint_trajectory_controller/JointTrajectoryController``. A robot that drives has them
+beside velocity_controller. Each moves the joints that its parameter joints names, or else those
+with a position command interface in <ros2_control>, or else all that mimic no other joint.
+
+Of each joint_trajectory_controller:
+    ~/joint_trajectory (trajectory_msgs/msg/JointTrajectory, subscribed to, best effort): a
+        trajectory, which replaces what is followed.
+    ~/follow_joint_trajectory (control_msgs/action/FollowJointTrajectory): the same, with feedback
+        at action_monitor_rate, tolerances and a result.
+    ~/controller_state (control_msgs/msg/JointTrajectoryControllerState, published, reliable,
+        transient local): each control cycle the reference, what is measured, and the error.
+    ~/query_state (control_msgs/srv/QueryTrajectoryState): the reference at another time.
+
+Of controller_manager: joint_states, /tf_static (world_frame_id -> root link), /clock, /diagnostics,
+the topics of sensors, ~/cmd_vel_lock (std_msgs/msg/Bool; true holds all joints and refuses goals),
+~/teleport, and the services ~/reset, ~/pause and ~/step, as velocity_controller has them; and the
+services of the node simulation.
+"""
+
+if __name__ == "__main__":  # first: the imports take a second
+    from onebot_description.ros.process_start import start_node
+
+    start_node()
+
+import sys
+from functools import partial
+
+from onebot_control.parameters import MANAGER, SimulationConfig, read_control_files
+from onebot_control.velocity_controller import SWITCH_INTERVAL, simulation_nodes
+from onebot_description.ros.node import RosArguments, run_described_node, split_robots
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the nodes; ``args`` are as in sys.argv. Return the exit code."""
+    sys.setswitchinterval(SWITCH_INTERVAL)
+    common_arguments, robots = split_robots(sys.argv if args is None else args)
+    files = [file for words in robots for file in RosArguments().joined(words).files]
+    return run_described_node(
+        "joint_trajectory_controller",
+        __doc__,
+        SimulationConfig,
+        partial(simulation_nodes, MANAGER, robots),
+        lambda common: read_control_files([*common, *files], "/", MANAGER),
+        common_arguments,
+        events=True,
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

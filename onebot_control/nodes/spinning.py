@@ -1,0 +1,39 @@
+"""Spins nodes in a thread of their own."""
+
+import threading
+from collections.abc import Iterable
+from contextlib import suppress
+
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.task import Future
+
+_PATIENCE = 10.0  # s for the thread to end
+
+
+class NodeThread:
+    """Spins nodes of one context in a thread of its own, from now on.
+
+    Not by an EventsExecutor: in a second thread of a process that one serves nothing.
+    """
+
+    def __init__(self, nodes: Iterable[Node], name: str) -> None:
+        self._nodes = list(nodes)
+        self._executor = SingleThreadedExecutor(context=self._nodes[0].context)
+        for node in self._nodes:
+            self._executor.add_node(node)
+        self._ended = Future()
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread, and destroy the nodes."""
+        self._ended.set_result(None)
+        self._thread.join(_PATIENCE)
+
+    def _run(self) -> None:
+        with suppress(ExternalShutdownException):
+            self._executor.spin_until_future_complete(self._ended)
+        self._executor.shutdown()
+        for node in self._nodes:
+            node.destroy_node()
