@@ -1,7 +1,7 @@
 """Makes the READMEs' pictures again, with the commands that anyone has.
 
-``python -m tests.pictures [onebot] [mrm] [steering] [gallery] [--into FOLDER]``: all if none is
-named. They go where the READMEs show them, or beside one another into FOLDER, to be looked at.
+``python -m tests.pictures [onebot] [mrm] [arm] [steering] [gallery] [--into FOLDER]``: all if none
+is named. They go where the READMEs show them, or beside one another into FOLDER, to be looked at.
 """
 
 import argparse
@@ -25,11 +25,16 @@ from tests.support_rendering import colored, pixels
 PLACES = {
     "onebot": CHECKOUT / "onebot_bringup/images/onebot.png",
     "mrm": CHECKOUT / "mrm_description/images/mrm.png",
+    "arm": CHECKOUT / "mrm_description/images/arm.png",
     "steering": CHECKOUT / "onebot_bringup/images/steering.png",
     "gallery": CHECKOUT / "onebot_bringup/images/gallery.png",
 }
 # What OneBot is told for its picture: m/s, rad/s and s, an S that shows all there is to see.
 DRIVE = ((0.2, 0.5, 6.0), (0.35, -0.5, 6.0), (0.25, 0.45, 6.0))
+# What MRM is told: to 0.9 rad in 4 s, and to -0.3 rad in 5 s more.
+TRAJECTORY = """{joint_names: [base_link__link_01], points: [
+  {positions: [0.9], velocities: [0.0], time_from_start: {sec: 4}},
+  {positions: [-0.3], velocities: [0.0], time_from_start: {sec: 9}}]}"""
 ORANGE, TRAIL = (255, 107, 10), (77, 208, 225)  # as in dimensions.yaml and view.yaml
 SCREEN = (1440, 860)
 TOPIC = "/velocity_controller/cmd_vel"
@@ -68,6 +73,18 @@ def make_mrm(picture: Path, folder: Path) -> None:
     rrd = folder / "mrm.rrd"
     with running(MRM, "viewer:=none", f"save:={rrd}", ready="showing"):
         time.sleep(17.0)
+    snapshot(picture, rrd)
+
+
+def make_arm(picture: Path, folder: Path) -> None:
+    """MRM on a trajectory, with the plot of its reference and of what is measured."""
+    rrd = folder / "arm.rrd"
+    with running(MRM, "sim:=true", "viewer:=none", f"save:={rrd}", ready="moving robot"):
+        topic, kind = "/joint_trajectory_controller/joint_trajectory", "trajectory_msgs/msg/"
+        publish = [sys.executable, "-m", ONEBOT, "topic", "pub", "--once", topic]
+        command = [*publish, f"{kind}JointTrajectory", TRAJECTORY]
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+        time.sleep(8.0)
     snapshot(picture, rrd)
 
 
@@ -148,6 +165,7 @@ def snapshot(picture: Path, rrd: Path, *words: str) -> None:
 _MAKERS: dict[str, Callable[[Path, Path], None]] = {
     "onebot": make_onebot,
     "mrm": make_mrm,
+    "arm": make_arm,
     "steering": make_steering,
     "gallery": make_gallery,
 }

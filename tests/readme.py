@@ -79,8 +79,8 @@ def is_up(command: str, text: str) -> bool:
     if "onebot replay" in command:
         return "open http://" in text
     shown = "showing " in text or not re.search(r"starting .*rerun_viewer", text)
-    moving = "robot description applied" in text or "driving robot" in text
-    return UP in text and moving and shown
+    moving = re.search("robot description applied|(driving|moving) robot", text)
+    return bool(UP in text and moving and shown)
 
 
 def _has_recorded(command: str, cwd: Path) -> bool:

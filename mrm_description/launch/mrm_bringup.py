@@ -23,6 +23,7 @@ def command() -> "Bringup":
         model=str(share / "urdf/mrm.xacro"),
         joints=str(share / "config/joints.yaml"),
         view=str(share / "config/view.yaml"),
+        sim_view=str(share / "config/sim_view.yaml"),
     )
 
 

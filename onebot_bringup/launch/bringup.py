@@ -57,6 +57,7 @@ class Bringup(NamedTuple):
     joints: str = ""  # parameters of joint_state_publisher; empty: joints swing within their limits
     view: str = ""  # the viewer's settings; empty: the viewer's own
     world_view: str = ""  # likewise, for a robot in a world
+    sim_view: str = ""  # likewise, for a robot that is simulated standing
     control: str = ""  # parameters of the controller; empty: the robot is simulated standing
     takes_file: bool = False  # the model is the command's first word instead
 
@@ -120,7 +121,9 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     os.environ.update(blas_variables())  # without threads xacro can run in a fork here
     _check_files(values)
     values = with_params_file(values, command_arguments, command.controller)
-    if values.get("world") and "view" not in command_arguments:
+    if command.sim_view and values["sim"] == "true" and "view" not in command_arguments:
+        values["view"] = command.sim_view
+    elif values.get("world") and "view" not in command_arguments:
         values["view"] = command.world_view
         files = [Path(values["params_file"])] if values["params_file"] else []
         frame = world_frame(values, files, command.controller)
