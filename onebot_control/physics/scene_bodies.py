@@ -73,12 +73,15 @@ class SceneBodies:
             raise OneBotError("\n".join(problems))
         joints = tuple(replace(joint, kind="fixed") for joint in description.joints)
         poses = link_poses(replace(description, joints=joints))  # poses in the root link's frame
-        # Each link is a body of its own, since it has a friction of its own.
+        # Each shape is a body of its own: of one body of many shapes PyBullet looks at all of them
+        # in each step, of many bodies only at those nearby.
         self._fixed = []
         for link in description.links:
-            if link.collisions and self._firsts[link.name] == description.root_link:
-                self._fixed.append(Body(link.name))
-                self._fixed[-1].add(link, poses[link.name][1])
+            for shape in link.collisions:
+                if self._firsts[link.name] == description.root_link:
+                    self._fixed.append(Body(link.name))
+                    part = replace(link, collisions=(shape,))
+                    self._fixed[-1].add(part, poses[link.name][1])
         self.links = tuple(joint.child for joint in description.joints if joint.kind == "floating")
         self._free = [self._part(link) for link in self.links]
         self._starts: list[Transform] = []
@@ -143,16 +146,17 @@ class SceneBodies:
     def _overlap_problems(self, ground: int) -> Iterator[str]:
         """Report boxes that are in the ground, in what stands still, or in another box."""
         joints = {joint.child: joint for joint in self.description.joints}
-        obstacles = {body: f'link "{link}"' for body, link in self.fixed.items()}
-        obstacles[ground] = "the ground"
+        obstacles: dict[str, list[int]] = {"the ground": [ground]}
+        for body, link in self.fixed.items():
+            obstacles.setdefault(f'link "{link}"', []).append(body)
         for link, part in zip(self.links, self._parts, strict=False):
             where = f'{joints[link].where}: joint "{joints[link].name}": link "{link}"'
-            for body, obstacle in obstacles.items():
-                if (depth := self._depth(part.body, body)) > _DEEPEST:
-                    remedy = f"{'raise' if body == ground else 'move'} its <origin>"
+            for obstacle, bodies in obstacles.items():
+                if (depth := max(self._depth(part.body, body) for body in bodies)) > _DEEPEST:
+                    remedy = f"{'raise' if ground in bodies else 'move'} its <origin>"
                     text = f"starts {depth:.3g} m deep in {obstacle}, which would throw it out"
                     yield f"{where} {text}; {remedy}"
-            obstacles[part.body] = f'link "{link}"'
+            obstacles[f'link "{link}"'] = [part.body]
 
     def read(self) -> None:
         """Read the poses of the bodies that can be pushed."""
