@@ -18,6 +18,7 @@ from typing import Any, NoReturn
 from onebot_bringup.cli import main
 from onebot_bringup.cli.options import Parser, positional
 from onebot_bringup.cli.run import BRINGUPS, EXECUTABLES
+from onebot_bringup.cli.running_controllers import running_controllers
 from onebot_bringup.cli.session import Session
 from onebot_bringup.launch.arguments import listed
 from onebot_description.errors import OneBotError
@@ -69,16 +70,43 @@ def _complete_verb(position: int, verb: str = "", *rest: str) -> None:
     if commands and not rest:
         _choose(commands, position + 1)
     elif verb != "run":
-        _complete_command(main.run_verb, [verb, *rest], position + 1 + bool(commands))
+        others = _OTHERS.get(verb, _files)
+        _complete_command(main.run_verb, [verb, *rest], position + 1 + bool(commands), others)
     elif len(rest) < 2:
         names = EXECUTABLES.get(rest[0], ()) if rest else EXECUTABLES
         _choose(dict.fromkeys(names, ""), position + 1 + len(rest))
 
 
+def _files(_: str, value: str) -> Iterable[str]:
+    """Return the files whose path begins with the value of an argument, or with a word."""
+    from argcomplete.completers import FilesCompleter
+
+    return FilesCompleter()(value)
+
+
+def _of_trajectory(name: str, _: str) -> Iterable[str]:
+    """Return the running controllers for the argument ``controller``, else their joints."""
+    if name not in ("", "controller"):
+        return []
+    with suppress(OneBotError), Session() as session:
+        controllers = running_controllers(session)
+        if name:
+            return [controller.name for controller in controllers]
+        return [f"{joint}=" for controller in controllers for joint in controller.joints]
+    return []
+
+
 def _complete_command(
-    run: Callable[[list[str]], int], words: Sequence[str], position: int
+    run: Callable[[list[str]], int],
+    words: Sequence[str],
+    position: int,
+    others: Callable[[str, str], Iterable[str]] = _files,
 ) -> NoReturn:
-    """Run a command, whose last word is the ``position``-th of the line, as far as is needed."""
+    """Run a command, whose last word is the ``position``-th of the line, as far as is needed.
+
+    ``others`` returns what completes it besides ``name:=``: values of an argument, given its name
+    and the text after ``:=``; or words without ``:=``, given "" and the word.
+    """
 
     def complete_parser(parser: argparse.ArgumentParser, *_: object) -> NoReturn:
         for action in parser._actions:
@@ -90,7 +118,7 @@ def _complete_command(
     run([*(word for word in words if not word.startswith("-")), "--show-args"])
     parser = argparse.ArgumentParser(add_help=False)
     action = parser.add_argument("words", nargs="*")
-    action.completer = _launch_words  # type: ignore[attr-defined]
+    action.completer = partial(_launch_words, others)  # type: ignore[attr-defined]
     _finish(parser, position)
 
 
@@ -111,14 +139,14 @@ def _choose(choices: Mapping[str, str], position: int) -> NoReturn:
     _finish(parser, position)
 
 
-def _launch_words(prefix: str, **_: object) -> dict[str, str]:
-    """Return each ``name:=`` that a command has listed, with its choices; and files."""
-    from argcomplete.completers import FilesCompleter
-
+def _launch_words(
+    others: Callable[[str, str], Iterable[str]], prefix: str, **_: object
+) -> dict[str, str]:
+    """Return each ``name:=`` that a command has listed, with its choices; and the ``others``."""
     words = {f"{a.name}:={value}": a.help for a in listed for value in a.suggested}
     name, assigned, value = prefix.rpartition(":=")
     if not assigned or not any(word.startswith(prefix) and word != prefix for word in words):
-        words.update({f"{name}{assigned}{file}": "" for file in FilesCompleter()(value)})
+        words.update({f"{name}{assigned}{other}": "" for other in others(name, value)})
     return words
 
 
@@ -166,3 +194,5 @@ _COMPLETERS: Mapping[Any, Callable[..., list[str]]] = {
     "TYPE": _types,
     **dict.fromkeys(("A", "B"), _discovered(_frames)),
 }
+# By the verb, what its words are besides name:=value, if not files.
+_OTHERS: Mapping[str, Callable[[str, str], Iterable[str]]] = {"trajectory": _of_trajectory}

@@ -49,6 +49,7 @@ VERBS = {
     "completion": Verb("print the tab completion of a shell"),
     "steer": Verb("drive from a page in the browser", 0),
     "teleop": Verb("drive from the keyboard", 0),
+    "trajectory": Verb("move joints to positions, and list those that can be moved"),
 }
 # What is called otherwise in ROS 1 or by ros2, and the verbs that do it.
 _FORMER = {
@@ -65,6 +66,7 @@ _FORMER = {
     "check_urdf": "check",
     **dict.fromkeys(("rviz", "rviz2", "urdf_launch"), "view"),
     **dict.fromkeys(("teleop_twist_keyboard", "rqt_robot_steering"), "teleop"),
+    "rqt_joint_trajectory_controller": "trajectory",
 }
 _LAUNCH = ("launch", "roslaunch")
 _VERSION = ("-V", "--version")

@@ -57,7 +57,7 @@ class Session:
         configure_discovery(whole_graph=True)
         self._errors = ros_errors()
         self._errors.__enter__()
-        self._interrupts = KeyboardInterrupts().__enter__()
+        self.interrupts = KeyboardInterrupts().__enter__()
         if sys.stdout is not None and hasattr(sys.stdout, "reconfigure"):
             sys.stdout.reconfigure(line_buffering=True)  # a pipe gets each line at once
         self._start()
@@ -83,7 +83,7 @@ class Session:
     def __exit__(self, *raised: Any) -> bool | None:
         import rclpy
 
-        self._interrupts.__exit__()
+        self.interrupts.__exit__()
         self._executor.shutdown(0.0)
         self.node.destroy_node()
         rclpy.try_shutdown()

@@ -25,7 +25,7 @@ class KeyboardInterrupts:
     """A context in which each of ``stop_signals`` raises KeyboardInterrupt in the main thread."""
 
     def __init__(self) -> None:
-        self._arrived = False
+        self._arrived = self._deferring = False
 
     def __enter__(self) -> "KeyboardInterrupts":
         """Install the handlers."""
@@ -42,9 +42,24 @@ class KeyboardInterrupts:
         if self._arrived:
             raise KeyboardInterrupt
 
+    @contextmanager
+    def deferred(self) -> Iterator[Callable[[], bool]]:
+        """Within this context the first signal raises it at the end only, a second one at once.
+
+        Yields whether one has arrived. For what has to be ended in order by an executor: an
+        exception that passes through rclpy may leave it without some of its callbacks.
+        """
+        self._deferring = True
+        try:
+            yield lambda: self._arrived
+        finally:
+            self._deferring = False
+        self.check()
+
     def _handle(self, *_: object) -> None:
-        self._arrived = True
-        raise KeyboardInterrupt
+        again, self._arrived = self._arrived, True
+        if again or not self._deferring:
+            raise KeyboardInterrupt
 
 
 class StopSignals:

@@ -52,6 +52,8 @@ def arm(tmp_path: Path) -> str:
         (["check"], 2, "", "error: onebot check takes one file, not 0"),
         (["check", "--all", "a"], 2, "", 'error: no option "--all"'),
         (["check", "/no/such/robot.urdf"], 1, "", "error: /no/such/robot.urdf"),
+        (["trajectory", "--help"], 0, "usage: onebot trajectory [JOINT=POSITION ...]", ""),
+        (["trajectory", "elbow"], 2, "", 'error: unexpected "elbow"; joints are written'),
     ],
 )
 def test_words(

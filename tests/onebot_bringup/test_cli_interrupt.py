@@ -83,6 +83,7 @@ def test_a_mistake_is_reported_before_anything_slow_is_imported(tmp_path):
         ("node", "info"): 2,
         ("teleop", "--nope"): 2,
         ("steer", "nope:=1"): 2,
+        ("trajectory", "elbow=fast"): 2,
     }
     done = python(EARLY.format(commands=[list(words) for words in commands]))
     expected = [" ".join(map(str, ("code", code, *words))) for words, code in commands.items()]

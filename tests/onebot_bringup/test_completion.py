@@ -29,7 +29,7 @@ WORDS = {
     "onebot service call /x std_srvs/srv/Tr": {"std_srvs/srv/Trigger"},
     "onebot tf ": {"tree", "echo"},
     "onebot run onebot_c": {"onebot_control"},
-    "onebot run onebot_control ": {"velocity_controller"},
+    "onebot run onebot_control ": {"velocity_controller", "joint_trajectory_controller"},
     "onebot completion ": {"bash", "zsh", "fish"},
     "onebot doctor --c": {"--clean"},
     "onebot nothing ": set(),

@@ -71,6 +71,23 @@ def test_a_command_is_interrupted(number: signal.Signals) -> None:
     assert signal.getsignal(number) == before
 
 
+def test_an_interrupt_is_deferred() -> None:
+    """What is ended in order goes on after the first signal, but not after a second one."""
+    for count in (1, 2):
+        ended = []
+        with (
+            KeyboardInterrupts() as interrupts,
+            pytest.raises(KeyboardInterrupt),
+            interrupts.deferred() as interrupted,
+        ):
+            assert not interrupted()
+            for _ in range(count):
+                signal.raise_signal(signal.SIGINT)
+                assert interrupted()
+            ended.append(True)
+        assert bool(ended) == (count == 1)
+
+
 @pytest.mark.parametrize(
     "context", ["KeyboardInterrupts()", "StopSignals(int) as signals, signals.interrupting()"]
 )

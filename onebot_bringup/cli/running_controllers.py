@@ -1,0 +1,108 @@
+"""Which joint_trajectory_controllers run, and which of them a command is about."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from onebot_bringup.cli.session import Session
+from onebot_description.errors import OneBotError, did_you_mean, listing, printable
+
+_STATE = "control_msgs/msg/JointTrajectoryControllerState"
+_TOPIC = "/controller_state"
+_START = "start one by mrm_bringup sim:=true, or of any robot by onebot view FILE sim:=true"
+
+
+class RunningController:
+    """A joint_trajectory_controller, with the latest message of its ~/controller_state.
+
+    Attributes:
+        name: of its node, with the namespace.
+        state: the message; None until one is received.
+    """
+
+    def __init__(self, session: Session, name: str) -> None:
+        from onebot_description.ros.topic_subscription import compatible_qos
+        from onebot_description.ros.wire.interfaces import load_interface
+
+        self.name = name
+        self.state: Any = None
+        node, topic = session.node, name + _TOPIC
+        offered = [info.qos_profile for info in node.get_publishers_info_by_topic(topic)]
+        qos = compatible_qos(offered, depth=1)
+        node.create_subscription(load_interface(_STATE), topic, self._receive, qos)
+
+    def _receive(self, state: Any) -> None:
+        self.state = state
+
+    @property
+    def joints(self) -> list[str]:
+        """The names of its joints, in its order."""
+        return list(self.state.joint_names)
+
+
+def running_controllers(session: Session, name: str = "") -> list[RunningController]:
+    """Return the controllers that run in the session's namespace and below, each with a state.
+
+    Args:
+        session: whose node discovers them.
+        name: of the only one wanted; "" for all.
+
+    Raises:
+        OneBotError: there is none, or none publishes its state.
+    """
+    wanted = session.full_name(name) if name else ""
+
+    def found() -> list[str]:
+        return [name for name in _names(session) if wanted in ("", name)]
+
+    if not session.look_for(found, wanted or "a joint_trajectory_controller"):
+        hint = did_you_mean(wanted, _names(session), "controllers") if wanted else ""
+        what = f'controller "{wanted}"' if wanted else "joint_trajectory_controller"
+        raise OneBotError(f"no {what} found{hint}; {_START}")
+    if not wanted:
+        session.discover()  # the first one found may not be the only one
+    controllers = [RunningController(session, name) for name in found()]
+    session.look_for(
+        lambda: all(controller.state for controller in controllers),
+        " and ".join(controller.name + _TOPIC for controller in controllers),
+    )
+    if active := [controller for controller in controllers if controller.state]:
+        return active
+    names = listing(controller.name for controller in controllers)
+    raise OneBotError(f"no ~/controller_state of {names}: it is inactive, or its time is paused")
+
+
+def _names(session: Session) -> list[str]:
+    space = session.node.get_namespace().rstrip("/")
+    topics = [name for name, types in session.topics() if _STATE in types]
+    return [
+        topic.removesuffix(_TOPIC)
+        for topic in topics
+        if topic.startswith(f"{space}/")
+        and topic.endswith(_TOPIC)
+        and session.node.count_publishers(topic)
+    ]
+
+
+def controller_of(
+    controllers: Sequence[RunningController], joints: Sequence[str]
+) -> RunningController:
+    """Return the one that moves all of these joints.
+
+    Raises:
+        OneBotError: none does, or several do; the message lists them with their joints.
+    """
+    known = {joint for controller in controllers for joint in controller.joints}
+    unknown = [
+        f'no joint "{printable(joint)}"{did_you_mean(joint, known, "joints")}'
+        for joint in joints
+        if joint not in known
+    ]
+    if unknown:
+        raise OneBotError("\n".join(unknown))
+    suited = [each for each in controllers if set(joints) <= {*each.joints}]
+    if len(suited) == 1:
+        return suited[0]
+    there = "; ".join(f"{each.name} moves {listing(each.joints)}" for each in suited or controllers)
+    if suited:
+        raise OneBotError(f"several controllers move them, choose controller:=NAME: {there}")
+    raise OneBotError(f"no controller moves all of them, name those of one: {there}")

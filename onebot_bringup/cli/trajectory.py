@@ -1,0 +1,296 @@
+"""``onebot trajectory``: move joints to positions by a joint_trajectory_controller."""
+
+import math
+import shutil
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+
+from onebot_bringup.cli.running_controllers import (
+    RunningController,
+    controller_of,
+    running_controllers,
+)
+from onebot_bringup.cli.session import PATIENCE, Session
+from onebot_bringup.launch.arguments import Argument, complete, split, table
+from onebot_description.description.tree_text import aligned, cell
+from onebot_description.errors import OneBotError, UsageError
+from onebot_description.ros.parameters.values import Rule, ValueType
+
+if TYPE_CHECKING:
+    from onebot_description.description import Joint
+
+_ABOVE_ZERO = ValueType(float, Rule(above=0.0, at_most=1e6))
+_ARGUMENTS = [
+    Argument("time", "2.0", "how long the motion takes, s", _ABOVE_ZERO),
+    Argument("controller", "", "the node that moves the joints; default: the only one that can"),
+    Argument(
+        "tolerance",
+        "",
+        "allowed error of each joint at the end, rad or m, met within twice the time; default: "
+        "the controller's",
+        _ABOVE_ZERO,
+    ),
+]
+_HELP = f"""usage: onebot trajectory [JOINT=POSITION ...] [name:=value ...] [--ros-args ...]
+
+Moves joints to positions, in rad or m, by an action of a joint_trajectory_controller, and waits for
+its result. The controller's other joints stay where they are. Ctrl-C cancels it: the joints stop.
+Without a joint it lists the controllers, and where their joints are.
+
+Arguments and their defaults:
+{table(_ARGUMENTS)}
+
+--ros-args is passed to ROS; -r __ns:=NS there restricts it to the controllers in a namespace. Exit
+codes: 0 the goal was reached; 1 it was rejected, aborted or canceled; 2 the command line is wrong;
+130 Ctrl-C."""
+
+_ACTION = "control_msgs/action/FollowJointTrajectory"
+_ANSWER = 10.0  # s that an answer of the controller can take
+_LOG = 0.3  # s that what the controller has logged can take
+_NANO = 1e-9
+_CODES = {
+    -1: "INVALID_GOAL",
+    -2: "INVALID_JOINTS",
+    -3: "OLD_HEADER_TIMESTAMP",
+    -4: "PATH_TOLERANCE_VIOLATED",
+    -5: "GOAL_TOLERANCE_VIOLATED",
+}
+
+
+def run(argv: Sequence[str]) -> int:
+    """Run the command and return its exit code."""
+    arguments = split(argv)
+    if arguments.help or arguments.show:
+        print(_HELP if arguments.help else table(_ARGUMENTS))
+        return 0
+    positions = _positions(arguments.positional)
+    values = complete(_ARGUMENTS, arguments.given)
+    with Session(["--ros-args", *arguments.ros_args]) as session:
+        controllers = running_controllers(session, values["controller"])
+        if positions:
+            controller = controller_of(controllers, list(positions))
+            seconds, tolerance = float(values["time"]), float(values["tolerance"] or 0.0)
+            motion = _Motion(session, controller, list(positions), seconds)
+            motion.follow(_goal(controller, positions, seconds, tolerance))
+        else:
+            print("\n".join(line for each in controllers for line in _listed(session, each)))
+    return 0
+
+
+def _positions(words: Sequence[str]) -> dict[str, float]:
+    """Return the position of each joint that is named."""
+    positions: dict[str, float] = {}
+    for word in words:
+        joint, _, text = word.rpartition("=")
+        if not joint:
+            raise UsageError(f'unexpected "{word}"; joints are written JOINT=POSITION')
+        if joint in positions:
+            raise UsageError(f'the joint "{joint}" is there twice')
+        positions[joint] = _number(word, text)
+    return positions
+
+
+def _number(word: str, text: str) -> float:
+    with suppress(ValueError):
+        if math.isfinite(value := float(text)):
+            return value
+    raise UsageError(f'{word}: "{text}" is not a number; write a position in rad or m')
+
+
+# The list of controllers ------------------------------------------------------------------------
+
+
+def _listed(session: Session, controller: RunningController) -> list[str]:
+    """Return a controller with the positions of its joints, and their limits if those are known."""
+    limits = _limits(session, controller.name.rpartition("/")[0])
+    positions = zip(controller.joints, controller.state.feedback.positions, strict=True)
+    rows = [
+        (f"  {cell(joint)}", _shown(position), limits.get(joint, ""))
+        for joint, position in positions
+    ]
+    return [controller.name, *aligned([("  joint", "position", "limits"), *rows])]
+
+
+def _limits(session: Session, namespace: str) -> dict[str, str]:
+    """Return the limits of the joints of a namespace's robot, as text."""
+    from std_msgs.msg import String
+
+    from onebot_description.description import parse_description
+    from onebot_description.ros.node import LATCHED
+
+    topic, texts = f"{namespace}/robot_description", list[str]()
+    if session.node.count_publishers(topic):
+        session.node.create_subscription(
+            String, topic, lambda message: texts.append(message.data), LATCHED
+        )
+        session.spin(lambda: texts, PATIENCE)
+    with suppress(OneBotError):
+        for text in texts:
+            return {joint.name: _range(joint) for joint in parse_description(text).joints}
+    return {}
+
+
+def _shown(position: float) -> str:
+    return f"{round(position, 3) + 0.0:.3f}"  # there is no -0.000
+
+
+def _range(joint: "Joint") -> str:
+    if joint.lower is None or joint.upper is None:
+        return "endless" if joint.kind == "continuous" else ""
+    return f"{joint.lower:g} … {joint.upper:g} {'m' if joint.kind == 'prismatic' else 'rad'}"
+
+
+# A motion ---------------------------------------------------------------------------------------
+
+
+def _goal(
+    controller: RunningController, positions: Mapping[str, float], seconds: float, tolerance: float
+) -> Any:
+    """Return a goal of one point, at which all joints of the controller are at rest."""
+    from rclpy.duration import Duration
+
+    from onebot_description.ros.wire.interfaces import load_interface
+
+    joints, reference = controller.joints, controller.state.reference.positions
+    point = load_interface("trajectory_msgs/msg/JointTrajectoryPoint")()
+    point.positions = [
+        positions.get(joint, stays) for joint, stays in zip(joints, reference, strict=True)
+    ]
+    point.velocities = point.accelerations = [0.0] * len(joints)
+    point.time_from_start = Duration(seconds=seconds).to_msg()
+    goal = load_interface(_ACTION).Goal()
+    goal.trajectory.joint_names, goal.trajectory.points = joints, [point]
+    if tolerance:
+        kind = load_interface("control_msgs/msg/JointTolerance")
+        goal.goal_tolerance = [kind(name=joint, position=tolerance) for joint in joints]
+        goal.goal_time_tolerance = point.time_from_start
+    return goal
+
+
+class _Motion:
+    """A goal that a controller follows, or refuses."""
+
+    def __init__(
+        self, session: Session, controller: RunningController, joints: Sequence[str], seconds: float
+    ) -> None:
+        """Discover the controller's action; ``joints`` are shown, of ``seconds`` of motion."""
+        from rcl_interfaces.msg import Log
+        from rclpy.action import ActionClient
+
+        from onebot_description.ros.wire.interfaces import load_interface
+
+        self._session, self._controller = session, controller
+        self._joints, self._seconds = joints, seconds
+        self._logged: list[str] = []
+        session.node.create_subscription(Log, "/rosout", self._on_log, 10)
+        name = f"{controller.name}/follow_joint_trajectory"
+        self._client = ActionClient(session.node, load_interface(_ACTION), name)
+        if not session.look_for(self._client.server_is_ready, f"the action {name}"):
+            raise OneBotError(f"there is no action {name}")
+
+    def _on_log(self, message: Any) -> None:
+        name = self._controller.name.strip("/").replace("/", ".")
+        if message.name == name and message.level >= message.WARN:
+            self._logged.append(message.msg)
+
+    def follow(self, goal: Any) -> None:
+        """Have the goal followed; print how far it is, and how it ended. Ctrl-C cancels it.
+
+        Raises:
+            OneBotError: the goal is not reached.
+        """
+        with self._session.interrupts.deferred() as interrupted:
+            handle = self._response(self._client.send_goal_async(goal))
+            if not handle.accepted:
+                raise self._failure(f"REJECTED by {self._controller.name}")
+            ended = handle.get_result_async()
+            try:
+                self._show_until(lambda: ended.done() or interrupted())
+            finally:  # the terminal may be closed
+                if not ended.done():
+                    self._response(handle.cancel_goal_async())
+            answer = self._response(ended)
+            self._conclude(answer.status, answer.result, interrupted())
+
+    def _response(self, future: Any) -> Any:
+        """Return what the controller answers."""
+        client = self._client
+        self._session.spin(lambda: future.done() or not client.server_is_ready(), _ANSWER)
+        if not future.done():
+            raise OneBotError(f"{self._controller.name} does not answer: the joints may still move")
+        return future.result()
+
+    def _show_until(self, ended: Callable[[], bool]) -> None:
+        began, progress = self._time(), _Progress()
+
+        def shown() -> bool:
+            passed = self._time() - began
+            progress.show(lambda: f"{passed:.1f} of {self._seconds:g} s: {self._at()}")
+            return ended() or not self._client.server_is_ready()
+
+        self._session.spin(shown)
+        progress.end()
+
+    def _time(self) -> float:
+        stamp = self._controller.state.header.stamp
+        return float(stamp.sec + stamp.nanosec * _NANO)
+
+    def _at(self) -> str:
+        """Return where the joints are that the user named."""
+        state = self._controller.state
+        positions = dict(zip(state.joint_names, state.feedback.positions, strict=True))
+        return ", ".join(f"{joint} {_shown(positions[joint])}" for joint in self._joints)
+
+    def _conclude(self, status: int, result: Any, interrupted: bool) -> None:
+        from onebot_description.ros.wire.interfaces import load_interface
+
+        statuses = load_interface("action_msgs/msg/GoalStatus")
+        if status == statuses.STATUS_SUCCEEDED:
+            print(f"SUCCESSFUL: {result.error_string}\n{self._error()}")
+        elif status == statuses.STATUS_CANCELED and interrupted:
+            print("CANCELED: the joints hold where they are")
+        elif status == statuses.STATUS_CANCELED:
+            raise OneBotError("CANCELED by another client: the joints hold where they are")
+        else:
+            name = _CODES.get(result.error_code, "error")
+            raise self._failure(f"ABORTED: {name} ({result.error_code}): {result.error_string}")
+
+    def _error(self) -> str:
+        state = self._controller.state
+        errors = zip(map(abs, state.error.positions), state.joint_names, strict=True)
+        error, joint = max(errors)
+        return f"largest error: {error:.2g}, of {joint}"
+
+    def _failure(self, text: str) -> OneBotError:
+        """Return the error, with what the controller has logged."""
+        self._session.spin_for(_LOG)
+        logged = [line for line in self._logged if line not in text]
+        reasons = logged or [f"the log of {self._controller.name} has the reason"]
+        return OneBotError("\n".join([text, *reasons]))
+
+
+class _Progress:
+    """A line that is updated on a terminal; else a line each second."""
+
+    def __init__(self) -> None:
+        self._terminal = sys.stdout.isatty()
+        self._due = 0.0
+
+    def show(self, text: Callable[[], str]) -> None:
+        """Print ``text()``, unless that was done just before."""
+        if (now := time.monotonic()) < self._due:
+            return
+        self._due = now + (0.1 if self._terminal else 1.0)
+        if self._terminal:
+            columns = shutil.get_terminal_size().columns
+            print(f"\r{text()[: columns - 1]}\x1b[K", end="", flush=True)
+        else:
+            print(text())
+
+    def end(self) -> None:
+        """Begin a new line."""
+        if self._terminal:
+            print()

@@ -1,0 +1,94 @@
+"""A node in step with a Simulation, in its process: how fast it is, and whether runs end alike.
+
+Its floor is real time. A busy computer may make a run slow, but not another one.
+"""
+
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from geometry_msgs.msg import Twist
+from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import LaserScan
+
+from onebot_bringup.testing.domains import used_domain
+from onebot_control import Simulation
+from tests.benchmarks.measuring import WrongAnswer, median
+from tests.benchmarks.report import Report, Result
+
+_MAZE = {"world": "maze", "y": 0.8, "sensors": True}
+_BUSY_LOOPS = 8
+_NEAREST = 0.3  # m, from the lidar to the wall at the end
+
+
+class _ByScans(Node):
+    """Drives towards a wall, and stops before it; it commands with each scan."""
+
+    def __init__(self) -> None:
+        super().__init__("stopper")
+        self._commands = self.create_publisher(Twist, "velocity_controller/cmd_vel", 10)
+        self.create_subscription(LaserScan, "scan", self.on_scan, qos_profile_sensor_data)
+
+    def on_scan(self, scan: LaserScan) -> None:
+        self.command(scan.ranges[len(scan.ranges) // 2] - 0.5)
+
+    def command(self, room: float) -> None:
+        command = Twist()
+        command.linear.x = max(0.0, min(0.5, 0.8 * room))
+        self._commands.publish(command)
+
+
+class _ByTimer(_ByScans):
+    """Commands by a timer of 20 Hz on simulated time."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._room = 0.0
+        self.create_timer(0.05, lambda: self.command(self._room))
+
+    def on_scan(self, scan: LaserScan) -> None:
+        self._room = scan.ranges[len(scan.ranges) // 2] - 0.5
+
+
+def run(quick: bool) -> Report:
+    """Measure the pace, and count the runs that end alike."""
+    seconds, runs = (0.5, 1) if quick else (10.0, 5)
+    paces = [seconds / _outcome(_ByScans, seconds)[1] for _ in range(runs)]
+    results = [Result("by scans, lidar, maze: times real time", median(paces), at_least=10.0)]
+    seconds, runs = (0.2, 2) if quick else (6.0, 100)
+    with _busy(0 if quick else _BUSY_LOOPS):
+        for what, node in (("by scans", _ByScans), ("by a timer", _ByTimer)):
+            outcomes = [_outcome(node, seconds)[0] for _ in range(runs)]
+            equal = outcomes.count(outcomes[0])
+            text = f"{what}: equal outcomes of {runs} beside {_BUSY_LOOPS} busy loops"
+            results.append(Result(text, equal, at_least=runs))
+    return results
+
+
+def _outcome(kind: type[_ByScans], seconds: float) -> tuple[tuple[float, ...], float]:
+    """Return where the robot is after so long, all its digits, and how long that took, s."""
+    with used_domain(), Simulation(**_MAZE) as simulation:
+        simulation.ros().add(kind())
+        began = time.perf_counter()
+        simulation.run(seconds)
+        taken = time.perf_counter() - began
+        pose, ahead = simulation.robot.pose, simulation.robot.distance_ahead()
+    if not ahead > _NEAREST:
+        raise WrongAnswer(f"the robot is {ahead:g} m before the wall")
+    return (pose.x, pose.y, pose.yaw, ahead), taken
+
+
+@contextmanager
+def _busy(count: int) -> Iterator[None]:
+    """Busy loops beside."""
+    command = [sys.executable, "-c", "while True: pass"]
+    loops = [subprocess.Popen(command) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for loop in loops:
+            loop.kill()
+            loop.wait()

@@ -1,0 +1,204 @@
+"""``onebot trajectory``, beside a joint_trajectory_controller in a process of its own."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+from std_msgs.msg import String
+
+from onebot_bringup.testing.domains import used_domain
+from onebot_description.ros.wire.interfaces import load_interface
+from tests.onebot_bringup.cli_support import onebot, output_of, running
+from tests.onebot_bringup.test_completion import completed
+from tests.ros_support import LATCHED, NodeProcess, Peer
+from tests.support import wait_for
+
+MODULE = "onebot_control.joint_trajectory_controller"
+STATE = load_interface("control_msgs/msg/JointTrajectoryControllerState")
+NAME = "/joint_trajectory_controller"
+_LINK = """
+  <link name="{child}">
+    <inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+  </link>
+  <joint name="{name}" type="{kind}">
+    <parent link="{parent}"/><child link="{child}"/><axis xyz="0 0 1"/>
+    <limit {limits} effort="1000" velocity="10"/>
+  </joint>"""
+URDF = "\n".join(
+    (
+        '<robot name="arm"><link name="world"/>',
+        _LINK.format(
+            name="shoulder",
+            kind="revolute",
+            parent="world",
+            child="upper",
+            limits='lower="-2" upper="2.5"',
+        ),
+        _LINK.format(name="wrist", kind="continuous", parent="upper", child="hand", limits=""),
+        "</robot>",
+    )
+)
+
+
+class Arm(NamedTuple):
+    """A controller that runs, and the messages of its ~/controller_state."""
+
+    process: NodeProcess
+    states: list[Any]
+
+    def positions(self) -> dict[str, float]:
+        """Where the joints are, measured from now on."""
+        seen = len(self.states)
+        wait_for(lambda: len(self.states) > seen + 1, "the controller's state")
+        state = self.states[-1]
+        return dict(zip(state.joint_names, state.feedback.positions, strict=True))
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Arm]:
+    """A controller and its description, in a domain that the tests of this file share."""
+    file = tmp_path_factory.mktemp("arm") / "arm.urdf"
+    file.write_text(URDF)
+    with used_domain() as domain, Peer(domain) as peer, NodeProcess(MODULE, str(file)) as process:
+        peer.node.create_publisher(String, "/robot_description", LATCHED).publish(String(data=URDF))
+        arm = Arm(process, peer.hear(STATE, f"{NAME}/controller_state"))
+        arm.positions()
+        yield arm
+
+
+def test_a_goal_is_reached(arm: Arm) -> None:
+    """Progress, the result and its error; the other joint stays where it is."""
+    output_of("trajectory", "wrist=0.25", "shoulder=0", "time:=0.3")
+    done = onebot("trajectory", "shoulder=-0.5", "time:=0.5", "tolerance:=0.01")
+    assert done.returncode == 0, done.stderr
+    first, *_, result, error = done.stdout.splitlines()
+    assert first == "0.0 of 0.5 s: shoulder 0.000"
+    assert result == "SUCCESSFUL: Goal successfully reached!"
+    assert error.startswith("largest error: ")
+    assert arm.positions() == pytest.approx({"shoulder": -0.5, "wrist": 0.25}, abs=0.01)
+
+
+def test_without_a_joint_it_lists(arm: Arm) -> None:
+    heading, columns, shoulder, wrist = output_of("trajectory").splitlines()
+    assert heading == NAME and columns.split() == ["joint", "position", "limits"]
+    at = arm.positions()
+    assert shoulder.split() == ["shoulder", f"{at['shoulder']:.3f}", "-2", "…", "2.5", "rad"]
+    assert wrist.split()[::2] == ["wrist", "endless"]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["shoulder=9"], f"REJECTED by {NAME}\nerror: goal rejected: points[0].positions: "),
+        (["sholder=1"], 'no joint "sholder" (did you mean "shoulder"?'),
+        (["wrist=1", "controller:=/arm"], f'no controller "/arm" found (controllers: {NAME}); '),
+        # The joint is faster than its limit of velocity.
+        (
+            ["shoulder=2", "time:=0.01", "tolerance:=1e-4"],
+            "ABORTED: GOAL_TOLERANCE_VIOLATED (-5): Aborted due to goal_time_tolerance",
+        ),
+    ],
+)
+def test_a_goal_that_fails(arm: Arm, words: list[str], message: str) -> None:
+    """With the reason, which of a rejected goal only the controller's log has."""
+    done = onebot("trajectory", *words)
+    assert done.returncode == 1 and f"error: {message}" in done.stderr, done.stderr
+    assert "SUCCESSFUL" not in done.stdout
+
+
+def test_ctrl_c_cancels(arm: Arm, tmp_path: Path) -> None:
+    """The joint stops short, and stays there."""
+    start = arm.positions()["shoulder"]
+    with running(tmp_path, "trajectory", "shoulder=2.4", "time:=20") as command:
+        wait_for(lambda: arm.positions()["shoulder"] > start + 0.01, "the joint to move")
+        assert command.interrupt() == 130
+        assert command.out.endswith("CANCELED: the joints hold where they are\n")
+        assert "Traceback" not in command.err
+    stopped = arm.positions()["shoulder"]
+    assert start < stopped < 2.0
+    wait_for(lambda: arm.states[-1].reference.velocities[0] == 0.0, "the joint to hold")
+    assert arm.positions()["shoulder"] == pytest.approx(stopped, abs=0.01)
+
+
+def test_completion(arm: Arm, tmp_path: Path) -> None:
+    lines = {
+        "onebot trajectory shou": {"shoulder="},
+        "onebot trajectory shoulder=1 controller:=/": {f"controller:={NAME}"},
+    }
+    assert completed(lines, tmp_path) == lines
+
+
+def test_the_controller_ends_meanwhile(ros_domain: int, tmp_path: Path) -> None:
+    file = tmp_path / "arm.urdf"
+    file.write_text(URDF)
+    with (
+        NodeProcess(MODULE, str(file)) as process,
+        running(tmp_path, "trajectory", "wrist=1", "time:=60") as command,
+    ):
+        command.says("0.0 of 60 s")
+        process.interrupt()
+        assert command.wait() == 1
+        assert f"error: {NAME} does not answer: the joints may still move" in command.err
+
+
+def test_no_controller(ros_domain: int) -> None:
+    done = onebot("trajectory", "elbow=1")
+    assert done.returncode == 1
+    *_, error = done.stderr.splitlines()
+    assert error.startswith("error: no joint_trajectory_controller found; start one by mrm_bringup")
+
+
+def test_several_controllers(ros_domain: int) -> None:
+    """Each is listed; a joint of one is moved by that, one of both by the one that is named."""
+    with Peer(ros_domain) as peer:
+        publish_states(peer, {"/left/arm": ["elbow", "left"], "/right/arm": ["elbow", "right"]})
+        names = [line for line in output_of("trajectory").splitlines() if line.startswith("/")]
+        assert names == ["/left/arm", "/right/arm"]
+        moves = "/left/arm moves elbow, left; /right/arm moves elbow, right"
+        for words, message in {
+            "elbow=1": f"several controllers move them, choose controller:=NAME: {moves}",
+            "left=1 right=1": f"no controller moves all of them, name those of one: {moves}",
+            "left=1 controller:=right/arm": 'no joint "left" (joints: elbow, right)',
+            "right=1 --ros-args -r __ns:=/left": 'no joint "right" (joints: elbow, left)',
+        }.items():
+            assert f"error: {message}" in onebot("trajectory", *words.split()).stderr
+
+
+def publish_states(peer: Peer, joints: Mapping[str, Sequence[str]]) -> None:
+    """Publish a state of controllers without an action; of one without joints only the topic."""
+    for name, names in joints.items():
+        publisher = peer.node.create_publisher(STATE, f"{name}/controller_state", LATCHED)
+        if names:
+            state = STATE(joint_names=names)
+            state.feedback.positions = state.reference.positions = [0.0] * len(names)
+            publisher.publish(state)
+
+
+def test_a_controller_that_does_not_work(ros_domain: int) -> None:
+    with Peer(ros_domain) as peer:
+        publish_states(peer, {"/arm": ["elbow"], "/inactive": []})
+        for name, message in {
+            "/arm": "there is no action /arm/follow_joint_trajectory",
+            "/inactive": "no ~/controller_state of /inactive: it is inactive, or",
+        }.items():
+            done = onebot("trajectory", "elbow=1", f"controller:={name}")
+            assert done.returncode == 1 and f"error: {message}" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("elbow=1 elbow=2", 'the joint "elbow" is there twice'),
+        ("elbow=fast", 'elbow=fast: "fast" is not a number; write a position in rad or m'),
+        ("elbow=nan", 'elbow=nan: "nan" is not a number'),
+        ("elbow", 'unexpected "elbow"; joints are written JOINT=POSITION'),
+        ("elbow=1 time:=0", "time:=0 is not possible; write a number above 0"),
+        ("elbow=1 tme:=1", 'no argument "tme" (did you mean "time"?'),
+    ],
+)
+def test_wrong_words(words: str, message: str) -> None:
+    """They are reported before anything is discovered."""
+    done = onebot("trajectory", *words.split())
+    assert done.returncode == 2 and done.stderr.startswith(f"error: {message}")
+    assert done.stderr.endswith("see: onebot trajectory --help\n") and "looking" not in done.stderr
