@@ -10,6 +10,12 @@ from onebot_control.drive.diff_drive import DiffDriveController, DriveCommand, W
 from onebot_control.drive.drift import DriftCheck
 from onebot_control.drive.odometry import DiffDriveKinematics, PoseCovariance
 from onebot_control.drive.wheels.geometry import WheelGeometry, Wheels
+from onebot_control.joint_controllers import (
+    JointController,
+    JointFollower,
+    TrajectoryController,
+    named,
+)
 from onebot_control.parameters import (
     BROADCASTER,
     DEFAULT_JOINT_CONTROLLER,
@@ -27,8 +33,7 @@ from onebot_control.physics import (
 )
 from onebot_control.physics.drivable import Follower, commandable, drivable
 from onebot_control.poses import PlanarPose, scaled, yaw_of
-from onebot_control.trajectories.config import TrajectoryConfig, joint_constraints
-from onebot_control.trajectories.following import Outcome, TrajectoryFollower
+from onebot_control.trajectories.following import Outcome
 from onebot_control.trajectories.goal import FollowedJoint
 from onebot_control.trajectories.trajectory import JointMotion
 from onebot_description.description import Description
@@ -131,50 +136,7 @@ class Side:
         return [direction * speed for _, direction in self._rows]
 
 
-class JointController(NamedTuple):
-    """A controller that moves joints by trajectories; the name is its node's."""
-
-    name: str
-    config: TrajectoryConfig = TrajectoryConfig()  # without joints: see ``commandable``
-    values: Mapping[str, Any] = MappingProxyType({})  # its parameters as they are given
-
-    @classmethod
-    def read(
-        cls, name: str, values: Mapping[str, Any], joints: Sequence[str] = ()
-    ) -> "JointController":
-        """Check parameters, dotted name to value; if ``joints`` are given, those of each, too.
-
-        Raises:
-            ConfigError: with every problem.
-        """
-        if joints:
-            joint_constraints(values, joints)
-        return cls(name, TrajectoryConfig.from_parameters(values), values)
-
-    def joints(self, description: Description, wheels: Wheels | None) -> Sequence[str]:
-        """Return the joints that it commands."""
-        return self.config.joints or commandable(description, wheels)
-
-    def follower(
-        self, description: Description, wheels: Wheels | None, starts: Mapping[str, float]
-    ) -> TrajectoryFollower:
-        """Return what follows trajectories of its joints, which are at their ``starts``."""
-        moving = {joint.name: joint for joint in description.moving_joints}
-        joints = [
-            FollowedJoint(
-                name,
-                moving[name].kind == "continuous",
-                -math.inf if (lower := moving[name].lower) is None else lower,
-                math.inf if (upper := moving[name].upper) is None else upper,
-            )
-            for name in self.joints(description, wheels)
-        ]
-        constraints = joint_constraints(self.values, [joint.name for joint in joints])
-        at = [starts[joint.name] for joint in joints]
-        return TrajectoryFollower(joints, self.config, constraints, at)
-
-
-DEFAULT_CONTROLLER = JointController(DEFAULT_JOINT_CONTROLLER)
+DEFAULT_CONTROLLER = TrajectoryController(DEFAULT_JOINT_CONTROLLER)
 """The controller of a robot whose control file names none."""
 
 
@@ -185,7 +147,7 @@ class DrivenSpawn(NamedTuple):
     spawn: RobotSpawn
     held: Mapping[str, float]  # joints that do not move, to their positions
     followers: Sequence[Follower]  # joints that mimic wheels or casters
-    controllers: Sequence[JointController]  # of its other joints
+    controllers: Sequence[JointController[Any]]  # of its other joints
 
     @classmethod
     def of(
@@ -193,7 +155,7 @@ class DrivenSpawn(NamedTuple):
         description: Description,
         config: ControlConfig,
         name: str = "",
-        controllers: Sequence[JointController] = (),
+        controllers: Sequence[JointController[Any]] = (),
         *,
         stands: bool = False,
     ) -> "DrivenSpawn":
@@ -202,7 +164,9 @@ class DrivenSpawn(NamedTuple):
         if wheels:
             wheels.geometry(config.wheel_separation, config.wheel_radius)
         controllers = [
-            each for each in controllers or [DEFAULT_CONTROLLER] if each.joints(description, wheels)
+            each
+            for each in controllers or [DEFAULT_CONTROLLER]
+            if joints_of(each, description, wheels)
         ]
         commanded = _claimed(description, wheels, controllers)
         simulated, held, followers, gears, starts = drivable(
@@ -232,21 +196,34 @@ class DrivenSpawn(NamedTuple):
         return len(leaders) > len({*leaders})
 
 
+def joints_of(
+    controller: JointController[Any], description: Description, wheels: Wheels | None
+) -> Sequence[str]:
+    """Return the joints that a controller commands."""
+    return controller.joints or commandable(description, wheels)
+
+
 def _claimed(
-    description: Description, wheels: Wheels | None, controllers: Sequence[JointController]
+    description: Description, wheels: Wheels | None, controllers: Sequence[JointController[Any]]
 ) -> tuple[str, ...]:
     """Return the joints of all controllers, in the order in which they command them.
 
     Raises:
-        ConfigError: two controllers, or the wheels and one, have a joint in common.
+        ConfigError: two controllers, or the wheels and one, have a joint in common, or a joint
+            does not move.
     """
     owners = dict.fromkeys(wheels.names if wheels else (), "the wheels")
+    moving = [joint.name for joint in description.moving_joints]
     problems, claimed = [], []
     for controller in controllers:
-        for joint in controller.joints(description, wheels):
+        key = f"{controller.name}.{controller.joints_parameter}"
+        for joint in joints_of(controller, description, wheels):
             if joint in owners:
                 text = f'"{joint}" is a joint of {owners[joint]}, too; each has one controller'
-                problems.append(Problem(f"{controller.name}.joints", text))
+                problems.append(Problem(key, text))
+            elif joint not in moving:
+                text = f'joint "{joint}" does not move{did_you_mean(joint, moving)}'
+                problems.append(Problem(key, text))
             owners[joint] = controller.name
             claimed.append(joint)
     if problems:
@@ -261,7 +238,7 @@ class DrivenRobot:
         config: the parameters in force.
         geometry: of the wheels, before multipliers.
         plant: the simulated robot.
-        arms: what moves joints by trajectories, by the names of their controllers.
+        arms: what moves joints, by the names of their controllers.
         joints: that move: the plant's, and those that mimic them.
         held: joints that do not move, to the positions at which they are held still.
         finished: what has ended lately of the arms' goals; whoever wants to know empties it.
@@ -286,6 +263,7 @@ class DrivenRobot:
             for names in ((self.wheels.left, self.wheels.right) if self.wheels else ((), ()))
         )
         self.controllers = {controller.name: controller for controller in part.controllers}
+        self.arms: dict[str, JointFollower] = {}
         self.finished: list[tuple[str, Outcome]] = []
         self.start(config)
 
@@ -301,9 +279,10 @@ class DrivenRobot:
         self.ticks, self._observed = 0, -1
         self._command = DriveCommand(0.0, 0.0, 0.0, 0.0)
         self.drift = DriftCheck(skids=self.wheels is not None and len(self.wheels.names) > 2)
+        for name, arm in self.arms.items():
+            self._finish(name, [arm.reset([self._starts[joint] for joint in arm.names])])
         self.arms = {
-            name: controller.follower(self.description, self.wheels, self._starts)
-            for name, controller in self.controllers.items()
+            name: self._follower(controller) for name, controller in self.controllers.items()
         }
         self._arm_rows = {
             name: [self.plant.joints.index(joint) for joint in arm.names]
@@ -312,6 +291,23 @@ class DrivenRobot:
         self.plant.reference = self._reference
         self._read_state()
         self.place_odometry(PlanarPose())
+
+    def _follower(self, controller: JointController[Any]) -> JointFollower:
+        """Return what moves the joints of a controller, which are where they start."""
+        moving = {joint.name: joint for joint in self.description.moving_joints}
+        joints = [
+            FollowedJoint(
+                name,
+                moving[name].kind == "continuous",
+                -math.inf if (lower := moving[name].lower) is None else lower,
+                math.inf if (upper := moving[name].upper) is None else upper,
+            )
+            for name in joints_of(controller, self.description, self.wheels)
+        ]
+        with named(controller.name):
+            starts = [self._starts[joint.name] for joint in joints]
+            follower: JointFollower = controller.follower(joints, starts)
+        return follower
 
     @property
     def true_pose(self) -> PlanarPose:
@@ -363,7 +359,9 @@ class DrivenRobot:
         self.observe()
         self._command = self.controller.decide(self.period)
         for name, arm in self.arms.items():
-            self._finish(name, arm.update(self.motion(name), stamp, self.period))
+            positions, velocities, _ = self.states(name)
+            motion = JointMotion(positions, velocities, ())
+            self._finish(name, arm.update(motion, stamp, self.period))
         snapshot = self.snapshot()
         if self.wheels and self.ticks % self._drift_cycles == 0:
             self.drift.update(snapshot.odometry, self.true_pose, lambda: self.plant.obstructed)
@@ -392,22 +390,18 @@ class DrivenRobot:
         for name, arm in self.arms.items():
             self._finish(name, [arm.abort(text)])
 
-    def configure_arm(self, controller: JointController) -> None:
+    def configure_arm(self, controller: JointController[Any]) -> None:
         """Apply other parameters of a controller of joints."""
         self.controllers[controller.name] = controller
-        arm = self.arms[controller.name]
-        arm.configure(controller.config, joint_constraints(controller.values, arm.names))
+        controller.configure(self.arms[controller.name])
 
     def _finish(self, arm: str, outcomes: Iterable[Outcome | None]) -> None:
         self.finished += [(arm, outcome) for outcome in outcomes if outcome is not None]
 
-    def motion(self, arm: str) -> JointMotion:
-        """Return the measured motion of an arm's joints."""
-        positions, velocities, _ = self._joints
+    def states(self, arm: str) -> JointStates:
+        """Return what is measured of an arm's joints."""
         rows = self._arm_rows[arm]
-        return JointMotion(
-            tuple([positions[row] for row in rows]), tuple([velocities[row] for row in rows]), ()
-        )
+        return JointStates(*(tuple([field[row] for row in rows]) for field in self._joints))
 
     def _reference(self, ahead: float) -> list[float]:
         """The positions of the commanded joints, ``ahead`` seconds after the cycle's beginning."""

@@ -9,9 +9,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from onebot_control.driven_robot import DrivenRobot, DrivenSpawn, JointController, Snapshot
+from onebot_control.driven_robot import DrivenRobot, DrivenSpawn, Snapshot
+from onebot_control.joint_controllers import JointController
 from onebot_control.parameters import ControlConfig
 from onebot_control.physics import Robot, Settings, World
 from onebot_description.description import Description
@@ -29,7 +30,7 @@ class Member(NamedTuple):
     config: ControlConfig
     name: str = ""  # named in errors; empty if there is no other robot
     places: Mapping[str, str] = MappingProxyType({})  # files and lines of its parameters
-    controllers: Sequence[JointController] = ()  # of joints that are no wheels
+    controllers: Sequence[JointController[Any]] = ()  # of joints that are no wheels
     stands: bool = False  # its base stands still
 
 

@@ -8,11 +8,11 @@ robot_description. The robot's base stands still: at the world's origin if its r
 
 The nodes are controller_manager, whose parameters are the simulation's, and
 joint_trajectory_controller, or those that the section controller_manager of a parameter file names
-with ``type: joint_trajectory_controller/JointTrajectoryController``. A robot that drives has them
-beside velocity_controller. Each moves the joints that its parameter joints names, or else those
-with a position command interface in <ros2_control>, or else all that mimic no other joint.
+with a type below. A robot that drives has them beside velocity_controller.
 
-Of each joint_trajectory_controller:
+joint_trajectory_controller/JointTrajectoryController moves the joints that its parameter joints
+names, or else those with a position command interface in <ros2_control>, or else all that mimic no
+other joint:
     ~/joint_trajectory (trajectory_msgs/msg/JointTrajectory, subscribed to, best effort): a
         trajectory, which replaces what is followed.
     ~/follow_joint_trajectory (control_msgs/action/FollowJointTrajectory): the same, with feedback
@@ -20,6 +20,15 @@ Of each joint_trajectory_controller:
     ~/controller_state (control_msgs/msg/JointTrajectoryControllerState, published, reliable,
         transient local): each control cycle the reference, what is measured, and the error.
     ~/query_state (control_msgs/srv/QueryTrajectoryState): the reference at another time.
+
+forward_command_controller/ForwardCommandController and
+position_controllers/JointGroupPositionController:
+    ~/commands (std_msgs/msg/Float64MultiArray, subscribed to, best effort): positions in the order
+        of the parameter joints, which are held until others come.
+
+parallel_gripper_action_controller/GripperActionController:
+    ~/gripper_cmd (control_msgs/action/ParallelGripperCommand): moves the parameter joint to a
+        position, which succeeds where that is reached, or with allow_stalling where it stalls.
 
 Of controller_manager: joint_states, /tf_static (world_frame_id -> root link), /clock, /diagnostics,
 the topics of sensors, ~/cmd_vel_lock (std_msgs/msg/Bool; true holds all joints and refuses goals),

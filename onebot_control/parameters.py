@@ -5,12 +5,17 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from onebot_control.drive.odometry import DiffDriveKinematics
 from onebot_control.drive.speed_limiter import SpeedLimits
+from onebot_control.joint_controllers import (
+    JOINT_CONTROLLERS,
+    JointController,
+    TrajectoryController,
+    named,
+)
 from onebot_control.poses import WORLD_FRAME
-from onebot_control.trajectories.config import unknown_trajectory_parameters
 from onebot_description.description.packages import package_share
 from onebot_description.errors import did_you_mean
 from onebot_description.ros.parameters.files import (
@@ -43,7 +48,6 @@ if TYPE_CHECKING:
 BROADCASTER = "joint_state_broadcaster"
 MANAGER = "controller_manager"
 DEFAULT_JOINT_CONTROLLER = "joint_trajectory_controller"
-JOINT_CONTROLLER_TYPES = ("joint_trajectory_controller/JointTrajectoryController",)
 CONTROLLER_TYPE = "diff_drive_controller/DiffDriveController"
 BROADCASTER_TYPE = "joint_state_broadcaster/JointStateBroadcaster"
 COMMAND_TYPES = ("auto", "Twist", "TwistStamped")
@@ -274,8 +278,15 @@ def read_control_files(files: Sequence[Path], namespace: str, controller: str) -
     return parameters
 
 
-def read_joint_controllers(files: Sequence[Path], namespace: str) -> dict[str, Parameters]:
-    """Read the controllers of joints that controller_manager's sections name, by their names.
+class JointControllers(NamedTuple):
+    """The controllers of joints that files name."""
+
+    controllers: Sequence[JointController[Any]]
+    places: Mapping[str, str]  # files and lines of their parameters, as in arm_controller.joints
+
+
+def read_joint_controllers(files: Sequence[Path], namespace: str) -> JointControllers:
+    """Read the controllers of joints that controller_manager's sections name.
 
     A section of the name joint_trajectory_controller counts without being named, if none is.
 
@@ -295,17 +306,23 @@ def read_joint_controllers(files: Sequence[Path], namespace: str) -> dict[str, P
         return parameters
 
     manager = read_section(MANAGER, lambda names: [])
-    names = joint_controllers(manager.values) or [DEFAULT_JOINT_CONTROLLER]
-    return {name: read_section(name, unknown_trajectory_parameters) for name in names}
+    kinds = joint_controllers(manager.values) or {DEFAULT_JOINT_CONTROLLER: TrajectoryController}
+    controllers, places = [], dict[str, str]()
+    for name, kind in kinds.items():
+        section = read_section(name, kind.unknown)
+        places |= {f"{name}.{key}": place for key, place in section.places.items()}
+        with named(name, places):
+            controllers.append(kind(name, section.values))
+    return JointControllers(controllers, places)
 
 
-def joint_controllers(values: Mapping[str, Any]) -> list[str]:
-    """Return the names of the controllers of joints in controller_manager's parameters."""
-    return [
-        name.removesuffix(_TYPE)
+def joint_controllers(values: Mapping[str, Any]) -> dict[str, type[JointController[Any]]]:
+    """Return the kinds of the controllers of joints in controller_manager's parameters, by name."""
+    return {
+        name.removesuffix(_TYPE): JOINT_CONTROLLERS[str(value)]
         for name, value in values.items()
-        if name.endswith(_TYPE) and value in JOINT_CONTROLLER_TYPES
-    ]
+        if name.endswith(_TYPE) and str(value) in JOINT_CONTROLLERS
+    }
 
 
 def _read_control_file(file: Path, namespace: str, controller: str) -> Parameters:
@@ -325,6 +342,8 @@ def _read_control_file(file: Path, namespace: str, controller: str) -> Parameter
     problems += _wrong_types({**manager.values, **types}, controller)
     if problems:
         raise ConfigError(problems, {**broadcaster.places, **manager.places, **drive.places})
+    for name in types:
+        del drive.places[name]
     _add(drive, manager, {"update_rate": "update_rate"})
     _add(drive, broadcaster, {name: f"{BROADCASTER}.{name}" for name in broadcaster.values})
     return drive
@@ -336,11 +355,11 @@ def unknown_by_node(controller: str, files: Sequence[Path] = ()) -> dict[str, Un
     Those that ``files`` name as controllers of joints are among them.
     """
     declared = SimulationConfig if controller == MANAGER else ControlConfig
-    names = {DEFAULT_JOINT_CONTROLLER}
+    kinds: dict[str, type[JointController[Any]]] = {DEFAULT_JOINT_CONTROLLER: TrajectoryController}
     for file in files:
-        names.update(joint_controllers(_manager_values(file)))
+        kinds.update(joint_controllers(_manager_values(file)))
     return {
-        **dict.fromkeys(names, unknown_trajectory_parameters),
+        **{name: kind.unknown for name, kind in kinds.items()},
         controller: partial(unknown_parameters, declared),
         MANAGER: partial(_unknown_of_manager, declared if controller == MANAGER else None),
         BROADCASTER: partial(unknown_parameters, BroadcasterConfig),
@@ -376,7 +395,7 @@ def _wrong_types(values: Mapping[str, Any], controller: str) -> list[Problem]:
     for name, value in values.items():
         if not name.endswith(_TYPE):
             continue
-        types = (own[name],) if name in own else JOINT_CONTROLLER_TYPES
+        types = [own[name]] if name in own else [*JOINT_CONTROLLERS]
         if value not in types:
             hint = f'; of diff drives the one that is named "{controller}" runs'
             hint = hint if value == CONTROLLER_TYPE and controller != MANAGER else ""
@@ -403,7 +422,7 @@ class ControlParameters:
     values: dict[str, Any]  # the values in force, by name
     config: ControlConfig  # the same, checked
     places: dict[str, str]  # file and line of each value from a file
-    controllers: dict[str, Parameters]  # of the controllers of joints, by name
+    joints: JointControllers  # the controllers of joints
 
     def __init__(
         self,
@@ -419,7 +438,7 @@ class ControlParameters:
         self.stands = name == MANAGER
         self.declared = SimulationConfig if self.stands else ControlConfig
         file = read_control_files(arguments.files, namespace, name)
-        self.controllers = read_joint_controllers(arguments.files, namespace)
+        self.joints = read_joint_controllers(arguments.files, namespace)
         names = [n for to, n in arguments.names if to in ("", name)]
         if problems := unknown_parameters(self.declared, names):
             raise ConfigError(problems)

@@ -451,8 +451,8 @@ class SimulatedRobot:
             OneBotError: a joint is none that is commanded, or a position is not finite or beyond
                 its limits; nothing moves then.
         """
-        driven, stamp = self._driven, self._simulation._fleet.stamp
-        arms = {name: arm for arm in driven.arms.values() for name in arm.names}
+        stamp = self._simulation._fleet.stamp
+        arms = {name: arm for arm in self._trajectories for name in arm.names}
         for name in positions:
             if name not in arms:
                 raise OneBotError(f'no joint "{name}" is commanded{did_you_mean(name, arms)}')
@@ -466,7 +466,12 @@ class SimulatedRobot:
     @property
     def moving(self) -> bool:
         """Whether joints are on the way to where ``move_to``, or a ROS node, has sent them."""
-        return any(arm.moving for arm in self._driven.arms.values())
+        return any(arm.moving for arm in self._trajectories)
+
+    @property
+    def _trajectories(self) -> list[TrajectoryFollower]:
+        arms = self._driven.arms.values()
+        return [arm for arm in arms if isinstance(arm, TrajectoryFollower)]
 
     def teleport(self, x: float, y: float, yaw: float = 0.0) -> None:
         """Put the robot elsewhere in the world, at rest; its odometry stays as it is.

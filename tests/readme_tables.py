@@ -20,6 +20,8 @@ from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_control.parameters import ControlConfig
 from onebot_control.trajectories.config import TrajectoryConfig
+from onebot_control.trajectories.forwarding import ForwardConfig
+from onebot_control.trajectories.gripping import GripperConfig
 from onebot_description.joints.config import JointsConfig
 from onebot_description.ros.parameters.reader import rows
 from onebot_description.state_parameters import StateParameters
@@ -30,6 +32,8 @@ PARAMETERS: dict[str, tuple[type, ...]] = {  # of each node
     "joint_state_publisher": (JointsConfig,),
     "velocity_controller": (ControlConfig,),
     "joint_trajectory_controller": (TrajectoryConfig,),
+    "forward_command_controller": (ForwardConfig,),
+    "parallel_gripper_action_controller": (GripperConfig,),
     "rerun_viewer": (ViewerParameters, ViewConfig),
     "steering_page": (SteeringParameters,),
     "bag_recorder": (RecorderParameters,),

@@ -37,6 +37,7 @@ ROSDEP_KEYS = {
     "packaging": "python3-packaging",
     "psutil": "python3-psutil",
     "pybullet": "python3-pybullet-pip",
+    "pybullet_data": "python3-pybullet-pip",
     "pytest": "python3-pytest",
     "rosbags": "python3-rosbags-pip",
     "scipy": "python3-scipy",
@@ -73,6 +74,7 @@ INSTALLED = {canonicalize_name(each.name) for each in metadata.distributions()}
 DISTRIBUTIONS = {
     "PIL": "pillow",
     "collada": "pycollada",
+    "pybullet_data": "pybullet",
     "rerun": "rerun-sdk",
     "rerun_cli": "rerun-sdk",
     "xdist": "pytest-xdist",

@@ -4,9 +4,10 @@ import gc
 import logging
 import math
 import time
-from collections.abc import Callable, Sequence, Set
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped
@@ -16,10 +17,19 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
-from onebot_control.driven_robot import DrivenRobot, JointController, Snapshot
+from onebot_control.driven_robot import DrivenRobot, Snapshot, joints_of, wheels_of
 from onebot_control.fleet import Divider, Fleet, Member, located
+from onebot_control.joint_controllers import (
+    ForwardController,
+    GripperController,
+    JointController,
+    TrajectoryController,
+)
 from onebot_control.nodes.commands import Command, CommandLock, CommandSubscription, Warn
 from onebot_control.nodes.control_loop import ControlLoop
+from onebot_control.nodes.controller_node import ControllerNode
+from onebot_control.nodes.forward_commands import ForwardCommands
+from onebot_control.nodes.gripper_actions import GripperActions
 from onebot_control.nodes.joint_trajectories import JointTrajectories
 from onebot_control.nodes.localization import FramesTransform, Localizer, TransformsOf, TransformTap
 from onebot_control.nodes.publishing import Frames, Publishers, ScenePublisher
@@ -59,6 +69,14 @@ GetLoop = Callable[[], ControlLoop | None]  # None as long as there is no robot
 
 # Of the world, not of a robot: its parameters, one value for all.
 _OF_THE_WORLD = ("update_rate", "real_time_factor", "use_sim_time", "world", "paused")
+
+
+CONTROLLER_NODES: Mapping[type[JointController[Any]], type[ControllerNode[Any]]] = {
+    TrajectoryController: JointTrajectories,
+    ForwardController: ForwardCommands,
+    GripperController: GripperActions,
+}
+"""The ROS interface of each kind of controllers of joints."""
 
 
 class Driving:
@@ -350,7 +368,8 @@ def _moved_text(fleet: Fleet) -> str:
     for name, arm in robot.arms.items():
         parts.append(f"{name} moves {listing(arm.names)}")
     verb = "driving" if robot.wheels is not None else "moving"
-    return f'{verb} robot "{printable(robot.description.robot_name)}": {"; ".join(parts)}'
+    moved = "; ".join(parts) or "no joint of it moves"
+    return f'{verb} robot "{printable(robot.description.robot_name)}": {moved}'
 
 
 class RobotDriving:
@@ -387,7 +406,7 @@ class RobotDriving:
         self.commands: CommandSubscription | None = None
         if not stands:
             self.commands = CommandSubscription(node, choice, self._on_command, self._warn)
-        self.arms: dict[str, JointTrajectories] = {}
+        self.arms: dict[str, ControllerNode[Any]] = {}
         odom = None if stands else lambda: self.publishing.odom_frame
         Requests(node, lambda: driving.loop, row, odom, self._warn)
         refuse_undeclared(node, settings.declared)
@@ -409,27 +428,21 @@ class RobotDriving:
         assert self.description is not None
         name = "" if len(self._driving.nodes) == 1 else _full_name(self._node)
         settings = self._settings
-        controllers = [
-            JointController.read(controller, parameters.values)
-            for controller, parameters in settings.controllers.items()
-        ]
-        places = dict(settings.places)
-        for parameters in settings.controllers.values():
-            places.update(parameters.places)
         return Member(
             self.description,
             settings.config,
             name,
-            places,
-            controllers,
+            {**settings.places, **settings.joints.places},
+            settings.joints.controllers,
             stands=settings.stands,
         )
 
     def control_joints(self, robot: DrivenRobot, loop: ControlLoop, clock: Clock | None) -> None:
         """Offer topics, action and service of each controller of joints, on a node of its name."""
+        robot.finished.clear()  # the goals of earlier nodes, whose clients have gone
         for name, controller in robot.controllers.items():
             node = Node(name, context=self._node.context, namespace=self._node.get_namespace())
-            self.arms[name] = JointTrajectories(
+            self.arms[name] = CONTROLLER_NODES[type(controller)](
                 node,
                 controller,
                 lambda: loop.fleet.robots[self._row],
@@ -442,11 +455,11 @@ class RobotDriving:
         """Publish the state of the controllers of joints, and pass on what has ended."""
         assert self._driving.loop is not None
         robot = self._driving.loop.fleet.robots[self._row]
+        for arm in self.arms.values():
+            arm.publish(stamp)
         for name, outcome in robot.finished:
             self.arms[name].finish(outcome)
         robot.finished.clear()
-        for arm in self.arms.values():
-            arm.publish(stamp)
 
     def check_frames(
         self, config: ControlConfig | None = None, description: Description | None = None
@@ -593,11 +606,19 @@ class RobotDriving:
             self._refuse("description", f"robot_description not applied, {goes_on}:\n{reason}")
 
     def _replace(self, loop: ControlLoop, description: Description) -> None:
+        self._check_joints(loop.fleet.robots[self._row], description)
         loop.fleet.replace(self._row, description)
         driven = loop.fleet.robots[self._row]
         self.publishing.use(driven)
         if self._driving.sensing is not None:
             self.sense(self._driving.sensing, driven)
+
+    def _check_joints(self, robot: DrivenRobot, description: Description) -> None:
+        """Raise OneBotError if a controller of joints would have none of another description."""
+        wheels = wheels_of(description, robot.config) if robot.wheels else None
+        for name, controller in robot.controllers.items():
+            if not joints_of(controller, description, wheels):
+                raise OneBotError(f"{name} would have no joint to move; restart the node")
 
     def channels(self, config: ControlConfig) -> list[Channel]:
         """Return the sensors of the description and of the file that ``config`` names."""

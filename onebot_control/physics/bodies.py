@@ -36,6 +36,9 @@ Floats = NDArray[np.float64]
 HUB = "hub"  # prefix of the names of hubs and of their joints
 _HUB = 0.01  # share of a skidding wheel's mass that its hub has
 _ROUNDING = 0.01  # tolerance of moments of inertia, which are written with few digits
+# rad or m beyond a joint's limit, where PyBullet stops it: at the limit itself the stop would take
+# a share of the load that a motor holds there.
+_STOP = 1e-4
 _REPAIRED = 0.25  # share by which a moment of inertia may be too great, as Panda's link4 has it
 
 
@@ -313,6 +316,8 @@ def _joint(joint: Joint, name: str, place: Floats, parent: str, child: str) -> E
     limits = {name: getattr(joint, name) for name in ("lower", "upper", "effort", "velocity")}
     if joint.kind == "continuous":
         limits["lower"] = limits["upper"] = None
+    elif joint.lower is not None and joint.upper is not None and joint.lower <= joint.upper:
+        limits["lower"], limits["upper"] = joint.lower - _STOP, joint.upper + _STOP
     SubElement(
         result, "limit", {name: repr(value) for name, value in limits.items() if value is not None}
     )

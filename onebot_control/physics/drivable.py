@@ -67,7 +67,7 @@ class Drivable(NamedTuple):
     held: Mapping[str, float]  # joints that it has no longer, to the position they are held at
     followers: Sequence[Follower]  # likewise, of joints that mimic what moves; leaders first
     gears: Sequence[Gear] = ()
-    starts: Mapping[str, float] = MappingProxyType({})  # of commanded joints and gears, rad or m
+    starts: Mapping[str, float] = MappingProxyType({})  # of what else moves but wheels, rad or m
 
 
 def drivable(
@@ -108,7 +108,7 @@ def drivable(
         contacts = with_contacts(rigid, tyres, casters, {*roles.starts, *roles.passive})
         links = [_massive(wheels, link) for link in contacts]
     links = _with_rotors(replace(rigid, links=tuple(links)), roles.starts)
-    gears, starts = list(roles.gears.values()), dict(roles.starts)
+    gears, starts = list(roles.gears.values()), {**roles.starts, **roles.passive}
     return Drivable(replace(rigid, links=tuple(links)), roles.held, roles.followers, gears, starts)
 
 
@@ -149,7 +149,7 @@ class _Roles:
         fixed: both of these, to their positions at the start.
         gears: joints that mimic commanded ones, by name.
         starts: commanded joints and gears, to their positions at the start.
-        passive: joints that swing freely.
+        passive: joints that swing freely, to their positions at the start.
     """
 
     def __init__(
@@ -165,7 +165,7 @@ class _Roles:
         of_file = {name: it.start for name, it in interfaces.items() if it.start is not None}
         self._given = {**of_file, **positions}
         self.passive = {
-            name
+            name: self._given.get(name, 0.0)
             for name, joint in self._joints.items()
             if joint.kind == "continuous"
             and joint.mimic is None
@@ -201,7 +201,7 @@ class _Roles:
         if name in self._positions:
             return self._positions[name]
         if name in self._rolling:
-            position = 0.0
+            position = self.passive.get(name, 0.0)
         elif name in self._commanded:
             position = self.starts[name] = _within(joint, self._given.get(name, 0.0))
         elif mimic is None:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from onebot_control.physics.engine import engine
 from onebot_control.physics.rest_pose import RestPose
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from onebot_control.physics.world import World
 
 _EFFORT = 3  # column of getJointStates, after position, velocity and reaction forces
+_MOVING = 1e-4  # rad/s or m/s at which a motor has all of its joint's friction to overcome
 
 
 class JointStates(NamedTuple):
@@ -109,8 +110,8 @@ class Robot:
             for joint, friction in zip(motors, self._frictions, strict=True)
         ]
         self._strengths, self._strengths_commanded = strengths[:count], strengths[count:]
-        fastest = [math.inf if joint.velocity is None else joint.velocity for joint in motors]
-        self._fastest, self._fastest_commanded = fastest[:count], fastest[count:]
+        self._fastest = [_limits(joint)[2] for joint in motors[:count]]
+        self._limits = [_limits(joint) for joint in motors[count:]]
         self.hold(self.starts)
         self.finite = True
 
@@ -125,12 +126,11 @@ class Robot:
         motors = [self.parts.joints[name] for name in (*self.driven, *self.commanded)]
         self._driven_indices = motors[: len(self.driven)]
         self._commanded_indices = motors[len(self.driven) :]
-        self._read_joints = partial(engine.getJointStates, body, self._indices, client)
-        self._read_motors = partial(engine.getJointStates, body, motors, client)
+        self._read_joints, self._read_motors = self._reader(self._indices), self._reader(motors)
         self._read_velocity = partial(engine.getBaseVelocity, body, client)
         self._targets = [0.0] * len(self.driven)
         self._efforts = (0.0,) * len(self.joints)  # the motors'
-        self._recorded: list[float] = []  # the same of each physics step
+        self._sums = [0.0] * len(motors)  # of the same, over the physics steps but the last one
         self._update(self._read_joints())
 
     @property
@@ -177,15 +177,17 @@ class Robot:
 
     def track(self, step: int) -> None:
         """Set the motors of the commanded joints for a physics step of a world's ``step``."""
-        targets = [
-            min(max((goal - position) / self._step, -fastest), fastest)
-            for goal, position, fastest in zip(
-                self.reference((step + 1) * self._step),
-                self._commanded_positions,
-                self._fastest_commanded,
-                strict=True,
-            )
-        ]
+        # Comparisons take a third of the time that min() and max() do.
+        targets = []
+        for goal, position, (lower, upper, fastest) in zip(
+            self.reference((step + 1) * self._step),
+            self._commanded_positions,
+            self._limits,
+            strict=True,
+        ):
+            within = lower if goal < lower else upper if goal > upper else goal
+            speed = (within - position) / self._step
+            targets.append(fastest if speed > fastest else -fastest if speed < -fastest else speed)
         engine.setJointMotorControlArray(
             self.parts.body,
             self._commanded_indices,
@@ -278,8 +280,10 @@ class Robot:
         """Record the motors' efforts after a physics step; ``read`` adds those of the last one."""
         # Floats only: whole states of 100 robots would not fit into the processor's caches.
         states = self._read_motors()
-        for state in states:
-            self._recorded.append(state[_EFFORT])
+        # Not sum(), which rounds differently from Python 3.12 on.
+        self._sums = [
+            total + state[_EFFORT] for total, state in zip(self._sums, states, strict=True)
+        ]
         if self.commanded:
             self._commanded_positions = [state[0] for state in states[len(self.driven) :]]
 
@@ -287,16 +291,18 @@ class Robot:
         """Read the state after ``steps`` physics steps."""
         states = self._read_joints()
         efforts = [0.0] * len(states)
-        for number, row in enumerate(self._motor_rows):
-            total = 0.0
-            # Not sum(), which rounds differently from Python 3.12 on.
-            for effort in self._recorded[number :: len(self._motor_rows)]:
-                total += effort
+        for row, total, friction in zip(self._motor_rows, self._sums, self._frictions, strict=True):
             efforts[row] = (total + states[row][_EFFORT]) / steps
-            if friction := self._frictions[number]:  # the motor has to overcome it, too
-                efforts[row] += math.copysign(friction, states[row][1]) if states[row][1] else 0.0
-        self._efforts, self._recorded = tuple(efforts), []
-        self._update(states)
+            if friction:  # the motor has to overcome it, too
+                efforts[row] += friction * min(max(states[row][1] / _MOVING, -1.0), 1.0)
+        self._efforts, self._sums = tuple(efforts), [0.0] * len(self._sums)
+        self._update(states, base_moves=not self.spawn.fixed_base)
+
+    def _reader(self, indices: Sequence[int]) -> Callable[[], Sequence[Sequence[Any]]]:
+        """Return what reads joints; PyBullet returns None for the states of none."""
+        if not indices:
+            return tuple
+        return partial(engine.getJointStates, self.parts.body, indices, self.world.client)
 
     def _drive(self, targets: list[float]) -> None:
         self._targets = targets
@@ -311,17 +317,26 @@ class Robot:
             physicsClientId=self.world.client,
         )
 
-    def _update(self, states: Sequence[Sequence[float]]) -> None:
+    def _update(self, states: Sequence[Sequence[Any]], *, base_moves: bool = True) -> None:
         """Store the joints' state, read the base's, and check that all values are finite."""
-        self.positions, self._velocities, _, _ = zip(*states, strict=True)
+        self.positions = tuple([state[0] for state in states])
+        self._velocities = tuple([state[1] for state in states])
         rows = self._motor_rows[len(self.driven) :]
         self._commanded_positions = [self.positions[row] for row in rows]
-        self.pose = self.parts.pose()
-        self._velocity: tuple[Triple, Triple] = self._read_velocity()
+        if base_moves:
+            self.pose = self.parts.pose()
+            self._velocity: tuple[Triple, Triple] = self._read_velocity()
         (place, turn), (linear, angular) = self.pose, self._velocity
         root = *place, *turn, *linear, *angular
         joints = *self.positions, *self._velocities, *self._efforts
         self.finite = math.isfinite(sum(root) + sum(joints))
+
+
+def _limits(joint: Joint) -> tuple[float, float, float]:
+    """The least and the greatest position of a joint, and its greatest speed; infinite if none."""
+    lower = -math.inf if joint.lower is None else joint.lower
+    upper = math.inf if joint.upper is None else joint.upper
+    return lower, upper, math.inf if joint.velocity is None else joint.velocity
 
 
 def _motors(spawn: RobotSpawn) -> Iterable[Joint]:

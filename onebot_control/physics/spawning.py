@@ -97,13 +97,17 @@ class LoadedRobot(NamedTuple):
                 engine.resetJointState(body, index, position, 0.0, physicsClientId=client)
 
 
-def make_world(client: int, settings: Settings) -> int:
-    """Set up the physics of the empty world ``client``; return the index of its ground."""
+def make_world(client: int, settings: Settings, residual: float = 0.0) -> int:
+    """Set up the physics of the empty world ``client``; return the index of its ground.
+
+    The solver stops before ``settings.iterations`` once an iteration changes no velocity by more
+    than the root of ``residual``, rad/s or m/s; with 0 it never does.
+    """
     engine.setTimeStep(1.0 / settings.rate, physicsClientId=client)
     engine.setGravity(0.0, 0.0, -settings.gravity, physicsClientId=client)
     engine.setPhysicsEngineParameter(
         numSolverIterations=settings.iterations,
-        solverResidualThreshold=0.0,
+        solverResidualThreshold=residual,
         # With the cache a changed file would be loaded in its old version.
         enableFileCaching=0,
         physicsClientId=client,
@@ -132,6 +136,7 @@ def load_robot(
     Its motors hold their joints until they get a velocity. What PyBullet prints is logged.
     """
     description, motors = spawn.description, {*spawn.driven, *spawn.commanded}
+    grasping = {*spawn.commanded, *(gear.name for gear in spawn.gears)}
     bodies = rigid_bodies(description)
     if not (spawn.fixed_base or any(body.collisions for body in bodies.values())):
         raise OneBotError(
@@ -157,7 +162,8 @@ def load_robot(
         engine.setJointMotorControl2(
             robot, index, engine.VELOCITY_CONTROL, force=torque, physicsClientId=client
         )
-        set_contact(client, robot, index, moved[row], description, settings)
+        grasps = joint.name in grasping
+        set_contact(client, robot, index, moved[row], description, settings, grasps=grasps)
     set_contact(client, robot, -1, root, description, settings)
     joints = {joint.name: indices[row] for row, joint in enumerate(moving)}
     for gear in spawn.gears:

@@ -95,14 +95,15 @@ class Solid(NamedTuple):
 
     @property
     def box(self) -> Floats:
-        """Least and greatest corner (2, 3) around it, m."""
-        return np.array([self.corners.min(axis=0), self.corners.max(axis=0)], float)
+        """Least and greatest corner (2, 3) around it, m; the origin if it has no triangles."""
+        corners = self.corners if len(self.corners) else np.zeros((1, 3))
+        return np.array([corners.min(axis=0), corners.max(axis=0)], float)
 
     @property
     def sphere(self) -> tuple[Floats, float]:
         """Centre (3,) and radius of a sphere around it."""
         center = self.box.mean(axis=0)
-        return center, float(np.linalg.norm(self.corners - center, axis=1).max())
+        return center, float(np.linalg.norm(self.corners - center, axis=1).max(initial=0.0))
 
 
 class _Part(NamedTuple):

@@ -81,19 +81,23 @@ def _name_problems(
 def _point_problems(
     names: Sequence[str], point: Waypoint, limits: Mapping[str, FollowedJoint]
 ) -> Iterator[str]:
-    yield from _field_problems("positions", names, point.positions, limits)
+    yield from field_problems("positions", names, point.positions, limits)
     if point.velocities:
-        yield from _field_problems("velocities", names, point.velocities, {})
+        yield from field_problems("velocities", names, point.velocities, {})
     if point.accelerations:
-        yield from _field_problems("accelerations", names, point.accelerations, {})
+        yield from field_problems("accelerations", names, point.accelerations, {})
 
 
-def _field_problems(
+def field_problems(
     field: str,
     names: Sequence[str],
     values: Sequence[float],
     limits: Mapping[str, FollowedJoint],
 ) -> Iterator[str]:
+    """Yield why the values of a message's ``field``, one for each of ``names``, are refused.
+
+    Those are within ``limits``, rad or m, of the joints that are among them.
+    """
     if len(values) != len(names):
         yield f"{field}: {len(values)} given, for {len(names)} joints"
         return

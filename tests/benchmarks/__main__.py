@@ -17,7 +17,9 @@ from tests.orphans import end_with_this_process
 BENCHMARKS = {
     "state_publisher": "CPU and latency of robot_state_publisher against a relay of bytes",
     "simulation": "1 to 100 OneBots with controllers in one world against bare PyBullet",
+    "arms": "a step with 7 and 14 joints against bare PyBullet, and OneBot's cycle with an arm",
     "from_python": "Simulation in Python: times real time with and without sensors, start, reset",
+    "lockstep": "a node in step with a Simulation: pace, and whether all runs end alike",
     "stepping": "steps of a paused robot by another process: of one cycle and of many",
     "fleet": "pace and memory of robots:=20, all driven: with lidars, and with the viewer",
     "startup": "command to first /tf and /odom, and memory, against an empty node",

@@ -10,14 +10,23 @@ import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from onebot_control.joint_controllers import (
+    ForwardController,
+    GripperController,
+    TrajectoryController,
+)
 from onebot_control.parameters import (
+    MANAGER,
     ControlConfig,
     ControlParameters,
     default_control_file,
     read_control_files,
+    read_joint_controllers,
+    unknown_by_node,
 )
 from onebot_description.errors import OneBotError
 from onebot_description.ros.node import RosArguments
+from onebot_description.ros.parameters.files import Parameters
 from onebot_description.ros.parameters.reader import ConfigError, Problem
 from tests.ros_support import ros_args
 
@@ -241,3 +250,149 @@ def test_unknown_names_on_the_command_line(ros_domain: int, file: Path, name: st
             with pytest.raises(ConfigError, match=f"{name}: no such parameter .did you mean"):
                 ControlParameters(mine, RosArguments((file,), ((to, name),)))
         assert ControlParameters(mine, RosArguments((file,), (("other", name),)))
+
+
+# Controllers of joints --------------------------------------------------------------------------
+
+JOINTS = """\
+controller_manager:
+  ros__parameters:
+    arm: {type: joint_trajectory_controller/JointTrajectoryController}
+    head: {type: forward_command_controller/ForwardCommandController}
+    neck: {type: position_controllers/JointGroupPositionController}
+    hand: {type: parallel_gripper_action_controller/GripperActionController}
+    joint_state_broadcaster: {type: joint_state_broadcaster/JointStateBroadcaster}
+arm:
+  ros__parameters: {joints: [elbow], constraints.elbow.goal: 0.1}
+head:
+  ros__parameters: {joints: [pan, tilt], interface_name: position}
+neck:
+  ros__parameters: {joints: [yaw]}
+hand:
+  ros__parameters:
+    joint: finger
+    stall_timeout: 0.5
+"""
+
+
+def test_a_file_names_controllers_of_several_kinds(file: Path) -> None:
+    file.write_text(JOINTS)
+    controllers, places = read_joint_controllers([file], "/")
+    assert [(type(each), each.name, each.joints) for each in controllers] == [
+        (TrajectoryController, "arm", ("elbow",)),
+        (ForwardController, "head", ("pan", "tilt")),
+        (ForwardController, "neck", ("yaw",)),
+        (GripperController, "hand", ("finger",)),
+    ]
+    assert controllers[-1].config.stall_timeout == 0.5
+    assert places["hand.stall_timeout"] == f"{file}:17"
+    assert places["arm.constraints.elbow.goal"] == f"{file}:9"
+    # Read for a robot that stands, the manager has them and nothing else.
+    assert read_control_files([file], "/", MANAGER) == Parameters(
+        sections=["/controller_manager", "/arm", "/head", "/neck", "/hand"]
+    )
+
+
+def test_without_a_name_trajectories_are_followed(file: Path) -> None:
+    """By the parameters of that node, wherever they are."""
+    section = "joint_trajectory_controller: {ros__parameters: {joints: [elbow]}}\n"
+    for text, joints in ((GOOD, ()), (GOOD + section, ("elbow",))):
+        file.write_text(text)
+        [controller], _ = read_joint_controllers([file], "/")
+        assert (type(controller), controller.joints) == (TrajectoryController, joints)
+        assert controller.name == "joint_trajectory_controller"
+
+
+def test_a_later_file_overrides_a_controller(file: Path, tmp_path: Path) -> None:
+    file.write_text(JOINTS)
+    other = tmp_path / "other.yaml"
+    other.write_text("hand: {ros__parameters: {stall_timeout: 2.0}}")
+    controllers, places = read_joint_controllers([file, other], "/")
+    assert controllers[-1].config.stall_timeout == 2.0
+    assert places["hand.stall_timeout"] == f"{other}:1"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "text"),
+    [
+        (
+            "    joint: finger\n",
+            "",
+            "hand.joint: is missing, the joint it moves",
+        ),
+        (
+            "hand:\n  ros__parameters",
+            "hnad:\n  ros__parameters",
+            "hand.joint: is missing, the joint it moves",
+        ),
+        (
+            "stall_timeout: 0.5",
+            "stall_timeout: -0.5",
+            "{file}:17: hand.stall_timeout: -0.5 is below 0; write a number from 0",
+        ),
+        (
+            "stall_timeout: 0.5",
+            "stal_timeout: 0.5",
+            '{file}:17: stal_timeout: no such parameter (did you mean "stall_timeout"? known: '
+            "action_monitor_rate, allow_stalling, goal_tolerance, joint, max_effort, "
+            "max_effort_interface, max_velocity, max_velocity_interface, stall_timeout, "
+            "stall_velocity_threshold, state_interfaces)",
+        ),
+        (
+            "interface_name: position",
+            "interface_name: effort",
+            "{file}:11: head.interface_name: only position, no other kind of command; "
+            "write position",
+        ),
+        (
+            "joints: [yaw]",
+            "joints: []",
+            "neck.joints: is missing, the joints it moves, in the order of the values",
+        ),
+        (
+            "constraints.elbow.goal: 0.1",
+            "constraints.goal_time: -1.0",
+            "{file}:9: arm.constraints.goal_time: -1 is below 0; write a number from 0",
+        ),
+    ],
+)
+def test_mistakes_of_controllers_of_joints(file: Path, old: str, new: str, text: str) -> None:
+    assert JOINTS.count(old) == 1
+    file.write_text(JOINTS.replace(old, new))
+    with pytest.raises(ConfigError) as caught:
+        read_joint_controllers([file], "/")
+    assert str(caught.value) == text.format(file=file)
+
+
+def test_controllers_that_do_not_run_here(file: Path) -> None:
+    text = JOINTS.replace("position_controllers/JointGroup", "velocity_controllers/JointGroup")
+    file.write_text(text)
+    with pytest.raises(ConfigError) as caught:
+        read_control_files([file], "/", MANAGER)
+    assert str(caught.value) == (
+        f"{file}:5: neck.type: velocity_controllers/JointGroupPositionController is not what runs "
+        "here; write joint_trajectory_controller/JointTrajectoryController or "
+        "forward_command_controller/ForwardCommandController or "
+        "position_controllers/JointGroupPositionController or "
+        "parallel_gripper_action_controller/GripperActionController"
+    )
+
+
+def test_the_nodes_that_a_file_is_for(file: Path) -> None:
+    """Each with the parameters of its kind."""
+    file.write_text(JOINTS)
+    unknown = unknown_by_node("velocity_controller", [file])
+    names = ["constraints.elbow.goal", "interface_name", "stall_timeout", "wheel_radius"]
+    known = {
+        node: [name for name in names if not report([name])] for node, report in unknown.items()
+    }
+    assert known == {
+        "joint_trajectory_controller": ["constraints.elbow.goal"],
+        "arm": ["constraints.elbow.goal"],
+        "head": ["interface_name"],
+        "neck": ["interface_name"],
+        "hand": ["stall_timeout"],
+        "velocity_controller": ["wheel_radius"],
+        "controller_manager": [],
+        "joint_state_broadcaster": [],
+    }

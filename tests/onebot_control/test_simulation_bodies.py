@@ -335,10 +335,11 @@ def _limits(kind, inside):
 
 
 def test_limits_and_dynamics_of_a_joint_are_kept():
+    """Positions but for 1e-4 rad: at its limit a joint is held by its motor, not by a stop."""
     written = '<limit lower="-0.5" upper="0.75" effort="2" velocity="3"/>'
     dynamics = '<dynamics damping="0.25" friction="0.5"/>'
     limits, found = _limits("revolute", written + dynamics)
-    assert limits == {"lower": "-0.5", "upper": "0.75", "effort": "2.0", "velocity": "3.0"}
+    assert limits == {"lower": "-0.5001", "upper": "0.7501", "effort": "2.0", "velocity": "3.0"}
     assert found.attrib == {"damping": "0.25", "friction": "0.5"}
     limits, found = _limits("continuous", written.replace('lower="-0.5" upper="0.75" ', ""))
     assert limits == {"effort": "2.0", "velocity": "3.0"}

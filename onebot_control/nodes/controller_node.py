@@ -1,0 +1,312 @@
+"""What the ROS interfaces of all controllers of joints have in common: parameters and goals.
+
+What changes the robot is done in the control thread, between two cycles.
+"""
+
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar, cast
+
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.clock import Clock
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+from onebot_control.driven_robot import DrivenRobot
+from onebot_control.joint_controllers import JointController, JointFollower, named
+from onebot_control.nodes.control_loop import ControlLoop
+from onebot_control.trajectories.following import INVALID_GOAL, SUCCESSFUL, Outcome
+from onebot_description.errors import OneBotError
+from onebot_description.ros.node import Throttled
+from onebot_description.ros.parameters.reader import declare, refuse_undeclared
+from onebot_description.ros.parameters.values import plain
+from onebot_description.ros.wire.interfaces import load_interface
+
+ANY_PUBLISHER = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Of a subscription that takes any publisher, as SystemDefaultsQoS does with Fast DDS."""
+
+MOST_PROBLEMS = 5
+"""Those of one goal that are logged."""
+
+_IGNORED_EVERY = 1.0  # s between two log messages that a message of the topic is ignored
+# s for a client to ask for a result, as rclcpp has it; rclpy's default is 900. It is no whole
+# number of cycles: after exactly this time rcl's timer fires, but a result expires only later, and
+# until simulated time goes on, an executor would find the timer ready again and again.
+_RESULT_KEPT = 10.0000005
+
+
+class GoalFollower(JointFollower, Protocol):
+    """What moves joints by goals of an action.
+
+    Attributes:
+        active: the handle of the goal; None if there is none.
+    """
+
+    active: object | None
+
+    def cancel(self) -> None:
+        """Give the goal up, and stop."""
+
+
+F = TypeVar("F", bound=JointFollower)
+A = TypeVar("A", bound=GoalFollower)
+G = TypeVar("G")  # a goal, as the follower takes it
+
+
+class ControllerNode(Generic[F]):
+    """The ROS interface of a controller of joints.
+
+    Its callbacks run in the thread that spins the node; what they change of the robot, they change
+    in the control thread. ``publish`` and ``finish`` are called there.
+
+    Attributes:
+        node: of the controller.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        controller: JointController[F],
+        robot: Callable[[], DrivenRobot],
+        loop: ControlLoop,
+        refused: Callable[[], str],
+        clock: Clock,
+    ) -> None:
+        """Offer the parameters; the kinds of controllers offer topics, actions and services.
+
+        Args:
+            node: of the controller's name.
+            controller: with the parameters of the files.
+            robot: returns the robot.
+            loop: calls what changes the robot.
+            refused: why nothing is commanded now; "" if it may be.
+            clock: of timers.
+        """
+        self.node, self._controller, self._robot, self._loop = node, controller, robot, loop
+        self._refused, self._clock = refused, clock
+        self._warn = Throttled(node.get_logger().warning, _IGNORED_EVERY)
+        self._error = Throttled(lambda text: node.get_logger().error(text), _IGNORED_EVERY)
+        self._stamp = 0  # the last cycle's, ns
+        self._values = self._declare()
+        with named(controller.name):
+            self._controller = self._configured()  # with what the command line has
+        self._robot().configure_arm(self._controller)
+        refuse_undeclared(self.node, controller.parameters)
+        self.node.add_on_set_parameters_callback(self._validate)
+        self.node.add_post_set_parameters_callback(self._apply)
+
+    @property
+    def _arm(self) -> F:
+        return cast(F, self._robot().arms[self._controller.name])
+
+    def publish(self, stamp: int) -> None:
+        """Publish the state in a control cycle of a ``stamp``, ns."""
+        self._stamp = stamp
+
+    def finish(self, outcome: Outcome) -> None:
+        """Note how a goal ended."""
+
+    def _fault(self, action: Callable[[], object]) -> str:
+        """Do something in the control thread; return why that failed, "" if it did not."""
+        try:
+            self._loop.call(action)
+        except OneBotError as error:
+            return first_lines(str(error).splitlines())
+        return ""
+
+    # Parameters --------------------------------------------------------------------------------
+
+    def _declare(self) -> dict[str, Any]:
+        """Declare the parameters; return the values in force."""
+        controller = self._controller
+        return declare(self.node, controller.parameters, fixed=controller.values)
+
+    def _validate(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+        try:
+            self._configured(parameters)
+        except OneBotError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _apply(self, parameters: Sequence[Parameter]) -> None:
+        self._values.update(self._changed(parameters))
+        self._controller = controller = self._configured()
+        if fault := self._fault(lambda: self._robot().configure_arm(controller)):
+            self.node.get_logger().error(f"parameters not applied: {fault}")
+
+    def _changed(self, parameters: Sequence[Parameter]) -> dict[str, Any]:
+        return {p.name: plain(p.value) for p in parameters if p.name in self._values}
+
+    def _configured(self, parameters: Sequence[Parameter] = ()) -> JointController[F]:
+        """Return the controller with the values in force, and ``parameters`` set."""
+        values = {**self._values, **self._changed(parameters)}
+        return type(self._controller)(self._controller.name, values)
+
+
+def first_lines(lines: Sequence[str]) -> str:
+    """Return a few of many lines, and how many more there are."""
+    more = [f"and {len(lines) - MOST_PROBLEMS} more"] if lines[MOST_PROBLEMS:] else []
+    return "\n".join([*lines[:MOST_PROBLEMS], *more])
+
+
+class _Action(ActionServer):
+    """An action whose goals the control loop executes."""
+
+    def notify_execute(self, goal_handle: Any, execute_callback: Any) -> None:
+        """Do nothing: the goal is followed already."""
+
+    def finish(self, goal_handle: Any, end: Callable[[Any], Any]) -> None:
+        """Have ``end`` set the state of a goal, and return its result, soon."""
+        super().notify_execute(goal_handle, end)
+
+
+class Cancelled(NamedTuple):
+    """A goal that its client has cancelled."""
+
+    goal: Any
+
+
+class GoalNode(ControllerNode[A], ABC, Generic[A, G]):
+    """The ROS interface of a controller whose joints are moved by the goals of an action."""
+
+    action: tuple[str, str]  # its type and name
+
+    def __init__(self, *arguments: Any) -> None:
+        """Offer the action, too; ``arguments`` are those of ControllerNode."""
+        super().__init__(*arguments)
+        kind, name = self.action
+        self._type = load_interface(kind)
+        self._ended: deque[tuple[Outcome | Cancelled, Any]] = deque()  # each with its result
+        self._active: Any = None  # the handle of the goal that is followed
+        self._arm.active = None  # that of an earlier node, whose client has gone
+        self._action = _Action(
+            self.node,
+            self._type,
+            name,
+            lambda goal: self._type.Result(),
+            goal_callback=self._on_goal,
+            handle_accepted_callback=self._on_accepted,
+            cancel_callback=self._on_cancel,
+            result_timeout=_RESULT_KEPT,
+        )
+        rate = self._controller.config.action_monitor_rate
+        self.node.create_timer(1.0 / rate, self._monitor, clock=self._clock)
+
+    # Goals of a kind ---------------------------------------------------------------------------
+
+    @abstractmethod
+    def _goal(self, request: Any) -> G:
+        """Return a goal as the follower takes it; that may take long."""
+
+    @abstractmethod
+    def _problems(self, goal: G) -> list[str]:
+        """Return why a goal is refused, a line for each reason; it may take long."""
+
+    @abstractmethod
+    def _follow(self, goal: G, handle: Any) -> Outcome | None:
+        """Have a goal followed; return the outcome of what it preempts; in the control thread."""
+
+    @abstractmethod
+    def _feedback(self) -> Any:
+        """Return the feedback."""
+
+    @abstractmethod
+    def _result(self, ended: Outcome | Cancelled) -> Any:
+        """Return the result of a goal that has just ended; in the control thread."""
+
+    # In the control thread ---------------------------------------------------------------------
+
+    def finish(self, outcome: Outcome | Cancelled) -> None:
+        """Note how a goal ended; its client is sent it soon."""
+        self._ended.append((outcome, self._result(outcome)))
+
+    def _start(self, arm: A, goal: G, handle: Any) -> None:
+        """Have a goal followed that ``arm`` can follow."""
+        if arm is not self._arm:
+            raise OneBotError("the robot was reset, or its description changed, just now")
+        if refused := self._refused():
+            raise OneBotError(refused)
+        if preempted := self._follow(goal, handle):
+            self.finish(preempted)
+
+    def _cancel(self, handle: Any) -> None:
+        """Stop a goal, unless it has just ended: then its client is sent how."""
+        if self._arm.active is handle:
+            self._arm.cancel()
+            self.finish(Cancelled(handle))
+
+    # Goals -------------------------------------------------------------------------------------
+
+    # They are checked in the node's thread: for many points it takes longer than a control cycle.
+
+    def _refusal(self, goal: G) -> str:
+        """Return why a goal cannot be followed now, "" if it can."""
+        return self._refused() or first_lines(self._problems(goal))
+
+    def _begin(self, goal: G, handle: Any = None) -> str:
+        """Have a goal followed; return why it is not, "" if it is."""
+        arm = self._arm
+        return self._refusal(goal) or self._fault(lambda: self._start(arm, goal, handle))
+
+    # The action --------------------------------------------------------------------------------
+
+    def _on_goal(self, request: Any) -> GoalResponse:
+        if fault := self._refusal(self._goal(request)):
+            self.node.get_logger().error(f"goal rejected: {fault}")
+            return GoalResponse.REJECT
+        return GoalResponse.ACCEPT
+
+    def _on_accepted(self, handle: Any) -> None:
+        goal = self._goal(handle.request)
+        handle.execute()
+        if fault := self._begin(goal, handle):
+            self.finish(Outcome(handle, INVALID_GOAL, fault))
+        else:
+            self._active = handle
+
+    def _on_cancel(self, handle: Any) -> CancelResponse:
+        """Accept it always: where a client cancels all goals, rclpy skips the one after a refusal.
+
+        A goal that has just ended gets the result of that.
+        """
+        if fault := self._fault(lambda: self._cancel(handle)):
+            self.node.get_logger().error(f"goal not stopped: {fault}")
+        return CancelResponse.ACCEPT
+
+    def _monitor(self) -> None:
+        """Send feedback, and the results of what has ended."""
+        while self._ended:
+            self._end(*self._ended.popleft())
+        if (handle := self._active) is not None:
+            handle.publish_feedback(self._feedback())
+
+    def _end(self, ended: Outcome | Cancelled, result: Any) -> None:
+        if isinstance(ended, Outcome):
+            self._log(ended)
+        if ended.goal is None:
+            return
+        if ended.goal is self._active:
+            self._active = None
+        self._action.finish(ended.goal, partial(_ended_handle, ended, result))
+
+    def _log(self, outcome: Outcome) -> None:
+        text = f"{outcome.text}: {outcome.detail}" if outcome.detail else outcome.text
+        if outcome.code == SUCCESSFUL:  # rclpy allows a line of code one severity only
+            self.node.get_logger().info(text)
+        else:
+            self.node.get_logger().warning(text)
+
+
+def _ended_handle(ended: Outcome | Cancelled, result: Any, handle: Any) -> Any:
+    """Set the state of a goal, and return its result."""
+    if isinstance(ended, Cancelled):
+        handle.canceled()
+    elif ended.code == SUCCESSFUL:
+        handle.succeed()
+    else:
+        handle.abort()
+    return result

@@ -1,0 +1,36 @@
+"""forward_command_controller's ROS interface: the topic of one controller."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from std_msgs.msg import Float64MultiArray
+
+from onebot_control.nodes.controller_node import ANY_PUBLISHER, ControllerNode, first_lines
+from onebot_control.trajectories.forwarding import PositionForwarder
+
+
+class ForwardCommands(ControllerNode[PositionForwarder]):
+    """The ROS interface of a controller that forwards positions to joints."""
+
+    def __init__(self, *arguments: Any) -> None:
+        """Offer topic and parameters; see ``ControllerNode``."""
+        super().__init__(*arguments)
+        self.node.create_subscription(
+            Float64MultiArray, "~/commands", self._on_commands, ANY_PUBLISHER
+        )
+
+    def _on_commands(self, message: Float64MultiArray) -> None:
+        arm, positions = self._arm, list(message.data)
+        if problems := arm.problems(positions):
+            log = self._error if all(map(math.isfinite, positions)) else self._warn
+            log("refused", f"~/commands is ignored: {first_lines(problems)}")
+        else:
+            self._loop.post(lambda: self._command(arm, positions))
+
+    def _command(self, arm: PositionForwarder, positions: Sequence[float]) -> None:
+        """Command positions that have no problems, in the control thread."""
+        if refused := self._refused():
+            self._error("locked", f"~/commands is ignored: {refused}")
+        else:
+            arm.command(positions)

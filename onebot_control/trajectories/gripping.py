@@ -1,0 +1,136 @@
+"""Moves a gripper as parallel_gripper_action_controller does. No ROS here.
+
+gripper = GripperFollower([FollowedJoint("finger")], GripperConfig("finger"), [0.04])
+gripper.start(0.0, token="mine")
+gripper.update(measured, now=0, period=0.01)  # once a control cycle, until it is reached or stalled
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from onebot_control.trajectories.following import (
+    GOAL_TOLERANCE_VIOLATED,
+    INVALID_GOAL,
+    SUCCESSFUL,
+    Outcome,
+)
+from onebot_control.trajectories.forwarding import PositionForwarder
+from onebot_control.trajectories.goal import FollowedJoint
+from onebot_control.trajectories.trajectory import JointMotion
+from onebot_description.ros.parameters.reader import REQUIRED, parameter
+
+_ROUNDING = 1e-9  # s that a sum of periods may be off
+
+
+def _ignored(default: Any, **rules: Any) -> Any:
+    text = "accepted, without effect: a motor has the effort and velocity of <limit>"
+    return parameter(default, text, **rules)
+
+
+@dataclass(frozen=True)
+class GripperConfig:
+    """parallel_gripper_action_controller's parameters."""
+
+    joint: str = parameter(REQUIRED, "the joint it moves", not_empty=True, read_only=True)
+    state_interfaces: tuple[str, ...] = parameter(
+        ("position", "velocity"),
+        "accepted, without effect: position, velocity and effort are measured",
+    )
+    goal_tolerance: float = parameter(
+        0.01, "the goal is reached at a smaller position error, rad or m", at_least=0.0
+    )
+    allow_stalling: bool = parameter(False, "a goal succeeds, too, where the joint stalls")
+    stall_velocity_threshold: float = parameter(
+        0.001, "up to this velocity the joint stands still, rad/s or m/s"
+    )
+    stall_timeout: float = parameter(
+        1.0, "it stalls if it stands still for longer, s", at_least=0.0
+    )
+    action_monitor_rate: float = parameter(
+        20.0, "feedback of the action, Hz", at_least=0.1, read_only=True
+    )
+    max_effort: float = _ignored(10.0, at_least=0.0)
+    max_velocity: float = _ignored(0.1, at_least=0.0)
+    max_effort_interface: str = _ignored("")
+    max_velocity_interface: str = _ignored("")
+
+
+class GripperFollower(PositionForwarder):
+    """Moves one joint to the position of a goal, which ends where that is reached or it stalls.
+
+    Whichever way it ends, the position stays commanded: what is gripped is held.
+
+    Attributes:
+        active: the token of the goal; None if there is none.
+        reached: whether the last goal was reached.
+        stalled: whether the joint stalled before.
+    """
+
+    field = "command.position"
+
+    def __init__(
+        self, joints: Sequence[FollowedJoint], config: GripperConfig, positions: Sequence[float]
+    ) -> None:
+        """Hold ``positions``, the only joint's, rad or m."""
+        super().__init__(joints, positions)
+        self.active: object | None = None
+        self.reached = self.stalled = False
+        self.configure(config)
+
+    def configure(self, config: GripperConfig) -> None:
+        """Apply other parameters, from the next update on."""
+        self._config = config
+
+    def start(self, position: float, token: object) -> Outcome | None:
+        """Move to ``position``, rad or m, which has no problems; return what this preempts."""
+        preempted = self._ended("Current goal preempted by new incoming action.")
+        self.command([position])
+        self.active = token
+        self.reached = self.stalled = False
+        self._still = 0.0  # s that the joint has stood still
+        return preempted
+
+    def cancel(self) -> None:
+        """Give the goal up, and stop."""
+        self.active = None
+        self.stop()
+
+    def abort(self, text: str) -> Outcome | None:
+        """Abort the goal, and stop; without one, what is gripped is held as before."""
+        if self.active is not None:
+            self.stop()
+        return self._ended(text)
+
+    def reset(self, positions: Sequence[float]) -> Outcome | None:
+        """Hold ``positions``, rad or m, to which the joint was moved; abort the goal."""
+        self.command(positions)
+        return self._ended("Current goal cancelled by a reset.")
+
+    def _ended(self, text: str) -> Outcome | None:
+        goal, self.active = self.active, None
+        return None if goal is None else Outcome(goal, INVALID_GOAL, text)
+
+    def update(self, measured: JointMotion, now: int, period: float) -> list[Outcome]:
+        """Do one control cycle; see ``TrajectoryFollower.update``."""
+        super().update(measured, now, period)
+        if self.active is None:
+            return []
+        [goal], [position], [velocity] = self._commanded, measured.positions, measured.velocities
+        if abs(goal - position) < self._config.goal_tolerance:
+            self.reached = True
+            return self._judged(SUCCESSFUL, "Reached the goal", position)
+        if abs(velocity) > self._config.stall_velocity_threshold:
+            self._still = 0.0
+        elif self._still > self._config.stall_timeout + _ROUNDING:
+            self.stalled = True
+            code = SUCCESSFUL if self._config.allow_stalling else GOAL_TOLERANCE_VIOLATED
+            return self._judged(code, "Stalled on the way to the goal", position)
+        self._still += period
+        return []
+
+    def _judged(self, code: int, text: str, position: float) -> list[Outcome]:
+        """End the goal; the position stays commanded."""
+        token, self.active = self.active, None
+        detail = f"{self.names[0]}: position {position:.6g}, goal {self._commanded[0]:.6g}"
+        return [Outcome(token, code, text, detail)]

@@ -1,0 +1,586 @@
+"""Arms in the simulation: how exactly they move and hold, against formulas and Newton-Euler.
+
+The numbers that are demanded are in the names and docstrings. Everything runs in PyBullet, at 200
+physics steps a second.
+"""
+
+import logging
+import math
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.special import ellipk
+
+from onebot_control import RobotSetup, Simulation
+from onebot_control.physics import RobotSpawn, World
+from onebot_control.sensing.readings import JointState
+from onebot_description.description import Description, parse_description
+from onebot_description.errors import OneBotError
+from tests.onebot_control import control_support
+from tests.onebot_control.arm_models import (
+    GRAVITY,
+    HAND_DOWN,
+    LINKAGE,
+    MRM,
+    PANDA,
+    ROD,
+    arm,
+    box,
+    box_world,
+    interfaces,
+    joint,
+    link,
+    linkage,
+    mimic,
+    motions,
+    newton_euler,
+    panda,
+    public_arm,
+    rod,
+    two_fingers,
+)
+
+RATE = 200.0  # Hz, of control cycles: one in each physics step
+IIWA, XARM = "kuka_iiwa/model.urdf", "xarm/xarm6_robot.urdf"
+
+
+def simulate(
+    description: Description,
+    starts: Mapping[str, float] | None = None,
+    world: Description | str = "",
+    rate: float = RATE,
+) -> Simulation:
+    """The robot, its joints at ``starts``."""
+    given = {f"initial_positions.{name}": value for name, value in (starts or {}).items()}
+    return Simulation(description, world=world, parameters={"update_rate": rate, **given})
+
+
+def steps(simulation: Simulation, seconds: float) -> Iterator[Mapping[str, JointState]]:
+    """The joints after each control cycle."""
+    for _ in range(round(seconds / simulation.period)):
+        simulation.run(simulation.period)
+        yield simulation.robot.joints
+
+
+def goals(simulation: Simulation) -> dict[str, float]:
+    """Positions that each commanded joint is to move to: 0.8 rad away, or what it can in 2 s."""
+    chosen = {}
+    moving = {each.name: each for each in simulation.robot.description.moving_joints}
+    for name, state in simulation.robot.joints.items():
+        each = moving[name]
+        if each.mimic is None:
+            lower = -9.0 if each.lower is None else each.lower
+            upper = 9.0 if each.upper is None else each.upper
+            far = min(0.8, (each.velocity or 9.0) / 1.876 * 2.0)
+            there = state.position + far
+            chosen[name] = there if there <= upper else max(state.position - far, lower)
+    return chosen
+
+
+def field(name: str, joints: Mapping[str, JointState]) -> dict[str, float]:
+    """Position, velocity or effort of each joint."""
+    return {joint: getattr(state, name) for joint, state in joints.items()}
+
+
+def quintic(share: float) -> float:
+    """How much of a motion is done after a share of its time, at rest at both ends."""
+    return 10.0 * share**3 - 15.0 * share**4 + 6.0 * share**5
+
+
+def box_place(simulation: Simulation) -> np.ndarray:
+    """Where the box is, mm."""
+    scene = simulation._fleet.world.scene
+    assert scene is not None
+    return 1e3 * np.array(scene.poses[0][0])
+
+
+# Tracking and efforts ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("file", "tolerance", "starts"),
+    [(MRM, 1e-12, {}), (IIWA, 1e-5, {}), (XARM, 1e-5, {}), (PANDA, 1e-5, HAND_DOWN)],
+    ids=["MRM 1e-12 rad", "iiwa 1e-5 rad", "xArm6 1e-5 rad", "Panda 1e-5 rad"],
+)
+def test_worst_error_of_a_2_s_quintic_and_sag_in_10_s(
+    file: str, tolerance: float, starts: Mapping[str, float]
+) -> None:
+    """All joints move at once; afterwards they are where they were sent, for 10 s."""
+    with simulate(public_arm(file), starts) as simulation:
+        begun, sent = dict(simulation.robot.joints), goals(simulation)
+        simulation.robot.move_to(sent, seconds=2.0)
+        for number, joints in enumerate(steps(simulation, 2.0), 1):
+            share = quintic(number / (2.0 * RATE))
+            for name, goal in sent.items():
+                start = begun[name].position
+                reference = start + share * (goal - start)
+                assert joints[name].position == pytest.approx(reference, abs=tolerance)
+        simulation.run(10.0)
+        assert not simulation.robot.moving
+        for name, goal in sent.items():
+            assert simulation.robot.joints[name].position == pytest.approx(goal, abs=tolerance)
+
+
+@pytest.mark.parametrize(
+    ("file", "starts"),
+    [(IIWA, {}), (XARM, {}), (PANDA, {**HAND_DOWN, "panda_finger_joint1": 0.02})],
+    ids=["iiwa", "xArm6", "Panda"],
+)
+def test_efforts_are_newton_eulers_within_2_percent_of_each_joints_greatest(
+    file: str, starts: Mapping[str, float]
+) -> None:
+    """At rest and in motion, with damping and friction, and with what a joint's gear moves."""
+    description = public_arm(file)
+    with simulate(description, starts) as simulation:
+        simulation.run(0.1)
+        before = dict(simulation.robot.joints)
+        rows = [(before, newton_euler(description, field("position", before), {}, {}))]
+        simulation.robot.move_to(goals(simulation), seconds=2.0)
+        for number, joints in enumerate(steps(simulation, 2.0)):
+            # Near the ends, nearly at rest, friction has no sign.
+            if number % 5 == 0 and 10 <= number < 390:
+                at, speeds = field("position", before), field("velocity", before)
+                gains = {name: RATE * (joints[name].velocity - speeds[name]) for name in at}
+                rows.append((joints, newton_euler(description, at, speeds, gains)))
+            before = joints
+    for name in before:
+        greatest = max(abs(expected[name]) for _, expected in rows)
+        for joints, expected in rows:
+            assert joints[name].effort == pytest.approx(expected[name], abs=0.02 * greatest), name
+
+
+def test_effort_is_m_g_l_at_rest_and_adds_j_a_damping_and_friction() -> None:
+    """Of a rod that lies level: 9.81 Nm hold it, for 10 s without any sag."""
+    dynamics = '<dynamics damping="0.3" friction="0.5"/>'
+    with simulate(rod(more=dynamics)) as simulation:
+        for joints in steps(simulation, 10.0):
+            assert joints["elbow"].position == pytest.approx(0.0, abs=1e-9)
+        assert joints["elbow"].effort == pytest.approx(-ROD.load, rel=1e-6)
+        simulation.robot.move_to({"elbow": -1.0}, seconds=2.0)
+        before, met = joints["elbow"], 0
+        for joints in steps(simulation, 2.0):
+            now = joints["elbow"]
+            if now.velocity < -1e-3:
+                gain = RATE * (now.velocity - before.velocity)
+                held = ROD.load * math.cos(before.position)
+                expected = ROD.inertia * gain - held + 0.3 * before.velocity - 0.5
+                assert now.effort == pytest.approx(expected, abs=1e-6)
+                met += 1
+            before = now
+        assert met > 380
+
+
+def test_friction_is_no_effort_at_rest() -> None:
+    """Each motor holds the load alone, whichever way its joint came to rest."""
+    description = public_arm(XARM)  # each joint has a friction of 1 Nm
+    with simulate(description) as simulation:
+        simulation.robot.move_to(goals(simulation), seconds=2.0)
+        simulation.run(2.5)
+        joints = simulation.robot.joints
+    expected = newton_euler(description, field("position", joints), {}, {})
+    for name, state in joints.items():
+        assert state.effort == pytest.approx(expected[name], abs=1e-3), name
+
+
+# Limits -----------------------------------------------------------------------------------------
+
+
+def test_no_faster_than_1_0001_times_the_velocity_limit() -> None:
+    """A joint that is sent 1 rad away at 0.5 rad/s arrives after 2 s, and stays there."""
+    with simulate(rod('lower="-2" upper="2" effort="100" velocity="0.5"')) as simulation:
+        simulation.robot.move_to({"elbow": 1.0}, seconds=0.005)
+        for number, joints in enumerate(steps(simulation, 2.5), 1):
+            assert joints["elbow"].velocity <= 0.5 * 1.0001
+            expected = min(0.5 * number / RATE, 1.0)
+            assert joints["elbow"].position == pytest.approx(expected, abs=1e-9)
+
+
+def test_effort_limit_is_exact() -> None:
+    """5 Nm do not hold 9.81 Nm: the effort is the limit, and the rod falls by the difference."""
+    with simulate(rod('lower="-2" upper="2" effort="5" velocity="2"')) as simulation:
+        first, *others = [joints["elbow"] for joints in steps(simulation, 0.2)]
+    assert first.velocity == pytest.approx((ROD.load - 5.0) / ROD.inertia / RATE, rel=1e-9)
+    assert {state.effort for state in (first, *others)} == {-5.0}
+
+
+def test_effort_limit_of_0_is_none() -> None:
+    """As of KUKA's iiwa in ROS 2; 40 kg are held by what it takes."""
+    body = link("rod", 40.0, "0.5 0 0", 0.05)
+    limits = 'lower="-2" upper="2" effort="0" velocity="0"'
+    description = arm(body, joint("elbow", "world", "rod", xyz="0 0 3", limits=limits))
+    with simulate(description) as simulation:
+        simulation.robot.move_to({"elbow": 1.0}, seconds=0.2)
+        simulation.run(1.0)
+        state = simulation.robot.joints["elbow"]
+    assert state.position == pytest.approx(1.0, abs=1e-9)
+    assert state.effort == pytest.approx(-40.0 * GRAVITY * 0.5 * math.cos(1.0), rel=1e-6)
+
+
+def test_motor_does_not_press_beyond_a_position_limit() -> None:
+    """Sent 1 rad beyond it with 100 Nm: for a step 3 mrad beyond it at most, then at the limit."""
+    spawn = RobotSpawn(rod(), (), commanded=("elbow",), starts={"elbow": 1.5}, fixed_base=True)
+    with World([spawn]) as world:
+        [robot] = world.robots
+        robot.reference = lambda ahead: [3.0]
+        reached = []
+        for _ in range(200):
+            world.step(1.0 / RATE)
+            reached.append(robot.positions[0])
+    assert max(reached) <= 2.003
+    assert sum(position > 2.0 + 1e-9 for position in reached) <= 1
+    assert reached[-1] == pytest.approx(2.0, abs=1e-9)
+
+
+def test_load_is_at_most_3_mrad_beyond_a_position_limit_for_a_step() -> None:
+    """A rod that falls on its limit at 0.7 rad/s goes back from then on, to where it stops."""
+    with simulate(rod('lower="-0.02" upper="0.02" effort="1" velocity="9"')) as simulation:
+        beyond = [joints["elbow"].position - 0.02 for joints in steps(simulation, 1.0)]
+    worst = int(np.argmax(beyond))
+    assert 0.0 < beyond[worst] <= 0.003
+    assert all(later < earlier for earlier, later in pairwise(beyond[worst : worst + 20]))
+    assert beyond[-1] == pytest.approx(1e-4, abs=1e-6)
+
+
+def test_motor_alone_holds_a_joint_at_its_limit() -> None:
+    """What presses it there is the motor's effort, and not the limit's."""
+    with simulate(rod('lower="-2" upper="0" effort="100" velocity="2"')) as simulation:
+        simulation.run(0.5)
+        state = simulation.robot.joints["elbow"]
+    assert state.position == pytest.approx(0.0, abs=1e-9)
+    assert state.effort == pytest.approx(-ROD.load, rel=1e-6)
+
+
+def test_goal_that_is_not_finite_is_refused() -> None:
+    """A single NaN in a motor would make all of the world NaN; it stays finite, and moves."""
+    with simulate(rod()) as simulation:
+        for value in (math.nan, math.inf):
+            with pytest.raises(OneBotError, match="elbow"):
+                simulation.robot.move_to({"elbow": value}, seconds=1.0)
+        simulation.robot.move_to({"elbow": 0.5}, seconds=0.5)
+        simulation.run(1.0)
+        assert simulation.robot.joints["elbow"].position == pytest.approx(0.5, abs=1e-9)
+
+
+# Passive joints ---------------------------------------------------------------------------------
+
+
+def pendulum(start: float, dynamics: str = "") -> Description:
+    """A rod of ``ROD`` that hangs from a joint without a command interface."""
+    body = link("rod", ROD.mass, f"0 0 {-ROD.length}", ROD.moment)
+    swing = joint("swing", "world", "rod", "continuous", xyz="0 0 3", more=dynamics)
+    return arm(body, swing, interfaces("swing", start=start))
+
+
+@pytest.mark.parametrize(("amplitude", "rate"), [(0.3, 200.0), (1.5, 100.0)])
+def test_pendulums_period_and_energy_are_right_to_0_01_percent_for_60_s(
+    amplitude: float, rate: float
+) -> None:
+    """The period against the elliptic integral; the energy of the first swings and the last.
+
+    The cycles of the second have two physics steps.
+    """
+    small = math.sqrt(ROD.inertia / ROD.load)
+    period = 4.0 * small * float(ellipk(math.sin(amplitude / 2.0) ** 2))
+    crossings, energies, before = [], [], amplitude
+    with simulate(pendulum(amplitude), rate=rate) as simulation:
+        assert simulation.robot.joints["swing"].position == amplitude
+        for number, joints in enumerate(steps(simulation, 60.0)):
+            angle, speed, _ = vars(joints["swing"]).values()
+            if before < 0.0 <= angle:
+                crossings.append((number + before / (before - angle)) / rate)
+            energies.append(0.5 * ROD.inertia * speed**2 + ROD.load * (1.0 - math.cos(angle)))
+            before = angle
+    assert np.mean(np.diff(crossings)) == pytest.approx(period, rel=1e-4)
+    count = round(5 * period * rate)  # it ripples within a swing
+    first, last = np.mean(energies[:count]), np.mean(energies[-count:])
+    assert last == pytest.approx(first, rel=1e-4)
+
+
+def test_friction_of_a_passive_joint_is_coulombs() -> None:
+    """Each half of a small swing is shorter than the last by 2 f / (m g l)."""
+    friction, amplitude = 0.05, 0.1
+    lost = 2.0 * friction / ROD.load
+    with simulate(pendulum(amplitude, f'<dynamics friction="{friction}"/>')) as simulation:
+        angles = np.array([joints["swing"].position for joints in steps(simulation, 6.0)])
+    inner = angles[1:-1]
+    turning = inner[(abs(inner) > abs(angles[:-2])) & (abs(inner) >= abs(angles[2:]))]
+    expected = amplitude - lost * np.arange(1, 5)
+    assert abs(turning[:4]) == pytest.approx(expected, abs=0.03 * amplitude)
+
+
+# Gears ------------------------------------------------------------------------------------------
+
+
+def test_mimic_joints_are_within_1e_4_while_moving() -> None:
+    """Of both kinds, with multipliers and offsets, a chain of them, and one with tight limits."""
+    wide = 'lower="-9" upper="9" effort="100" velocity="9"'
+    tight = 'lower="-0.1" upper="0.1" effort="100" velocity="9"'
+    laws = {  # leader, multiplier, offset, kind, limits
+        "same": ("lead", 1.0, 0.0, "revolute", wide),
+        "back": ("lead", -0.5, 0.3, "revolute", wide),
+        "slide": ("lead", 0.2, 0.1, "prismatic", wide),
+        "tight": ("lead", 2.0, 0.0, "revolute", tight),
+        "next": ("back", 2.0, -0.4, "revolute", wide),
+        "last": ("next", -0.1, 0.05, "prismatic", wide),
+        "turn": ("rail", 3.0, 0.2, "revolute", wide),
+        "push": ("rail", -1.0, 0.0, "prismatic", wide),
+    }
+    parts = [link("lead_body", 1.0, "0.1 0 0"), link("rail_body", 1.0)]
+    parts += [joint("lead", "world", "lead_body", xyz="0 0 3", limits=wide)]
+    parts += [joint("rail", "world", "rail_body", "prismatic", xyz="0 1 3", limits=wide)]
+    for row, (name, (leader, multiplier, offset, kind, limits)) in enumerate(laws.items()):
+        parts.append(link(f"{name}_body", 0.2, "0.05 0 0"))
+        xyz, more = f"0 {row + 2} 3", mimic(leader, multiplier, offset)
+        parts.append(joint(name, "world", f"{name}_body", kind, xyz=xyz, limits=limits, more=more))
+    with simulate(arm(*parts), {"lead": 0.2}) as simulation:
+        assert simulation.robot.joints["lead"].position == 0.2
+        simulation.robot.move_to({"lead": 1.2, "rail": -0.4}, seconds=1.0)
+        for joints in steps(simulation, 1.5):
+            for name, (leader, multiplier, offset, *_) in laws.items():
+                expected = multiplier * joints[leader].position + offset
+                assert joints[name].position == pytest.approx(expected, abs=1e-4), name
+        assert joints["lead"].position == pytest.approx(1.2, abs=1e-5)
+        assert joints["rail"].position == pytest.approx(-0.4, abs=1e-5)
+        assert not any(joints[name].effort for name in laws)
+
+
+def test_two_fingers_are_within_1e_4_m_while_they_close() -> None:
+    """One of them has the motor, for both."""
+    with simulate(two_fingers(0.02), {"left": 0.05}) as simulation:
+        simulation.robot.move_to({"left": 0.0}, seconds=0.5)
+        for joints in steps(simulation, 0.5):
+            off = joints["left"].position - joints["right"].position
+            assert off == pytest.approx(0.0, abs=1e-4)
+
+
+def test_linkage_is_within_1e_3_rad_while_it_closes_on_a_box_and_lifts_it() -> None:
+    """As Robotiq's 2F-85: six joints turn as one, here with 3 Nm, and the box is in their way."""
+    with simulate(linkage(3.0), world=box_world(0.04, "0 0 0.02"), rate=100.0) as simulation:
+        start = box_place(simulation)
+        for goal, seconds in (({"left_knuckle": 0.7}, 0.5), ({"lift": 0.3}, 1.0)):
+            simulation.robot.move_to(goal, seconds=seconds)
+            for joints in steps(simulation, 1.0):
+                at = joints["left_knuckle"].position
+                for name, multiplier in LINKAGE.items():
+                    assert joints[name].position == pytest.approx(multiplier * at, abs=1e-3), name
+            assert 0.4 < at < 0.6
+        assert joints["left_knuckle"].effort == pytest.approx(3.0)
+        assert box_place(simulation) - start == pytest.approx([0.0, 0.0, 300.0], abs=1.0)
+
+
+# Grasps -----------------------------------------------------------------------------------------
+
+# The Panda's hand points down, its fingers 25 and 325 mm above the ground at x = 0.5 m; rad.
+PICKS = {"panda_joint2": 0.4703577, "panda_joint4": -2.3625967, "panda_joint6": 2.8329544}
+LIFTS = {"panda_joint2": -0.1378678, "panda_joint4": -2.2330301, "panda_joint6": 2.0951623}
+TURNED = {"panda_joint7": math.pi / 4.0}
+
+
+def grasped(effort: float, seconds: float) -> tuple[np.ndarray, np.ndarray]:
+    """How far the Panda moves a box of 50 g by lifting it 300 mm, and in the seconds after, mm."""
+    starts = {**PICKS, **TURNED, "panda_finger_joint1": 0.04}
+    world = box_world(xyz="0.5 0 0.025")
+    with simulate(panda(effort), starts, world, rate=100.0) as simulation:
+        start = box_place(simulation)
+        simulation.robot.move_to({"panda_finger_joint1": 0.0}, seconds=0.5)
+        simulation.run(1.0)
+        assert simulation.robot.joints["panda_finger_joint1"].effort == pytest.approx(-effort)
+        simulation.robot.move_to(LIFTS, seconds=2.0)
+        simulation.run(2.2)
+        at = field("position", simulation.robot.joints)
+        hand = [
+            motions(public_arm(PANDA), each, {}, {})["panda_hand"].place
+            for each in ({**PICKS, **TURNED}, at)
+        ]
+        assert 1e3 * (hand[1] - hand[0]) == pytest.approx([0.0, 0.0, 300.0], abs=1e-3)
+        lifted = box_place(simulation)
+        simulation.run(seconds)
+        return lifted - start, box_place(simulation) - lifted
+
+
+@pytest.mark.slow
+def test_panda_lifts_a_box_by_299_to_301_mm_and_it_slips_0_1_mm_in_10_s() -> None:
+    """A box of 50 g, 300 mm high; 1 mm aside at most. The motor of the fingers has 20 N.
+
+    It stays where the fingers have touched it, so that it slips by less than a micrometre.
+    """
+    moved, slipped = grasped(20.0, 10.0)
+    assert moved == pytest.approx([0.0, 0.0, 300.0], abs=1.0)
+    assert slipped == pytest.approx([0.0, 0.0, 0.0], abs=1e-3)
+
+
+@pytest.mark.parametrize(("effort", "holds"), [(0.6, True), (0.4, False)])
+def test_box_falls_where_2_mu_f_is_less_than_m_g(effort: float, holds: bool) -> None:
+    """Half of the motor's effort is the force F of each finger; the box weighs 0.49 N, mu is 1."""
+    moved, slipped = grasped(effort, 1.0)
+    assert moved[2] == pytest.approx(300.0 if holds else 0.0, abs=1.0)
+    assert slipped == pytest.approx([0.0, 0.0, 0.0], abs=1e-3)
+
+
+def test_fingers_of_1_g_hold_a_box_of_50_g() -> None:
+    """As those of OpenManipulator-X: the motor behind them has the least inertia."""
+    with simulate(two_fingers(0.001), {"left": 0.04}, box_world(), rate=100.0) as simulation:
+        start = box_place(simulation)
+        simulation.robot.move_to({"left": 0.0}, seconds=0.5)
+        simulation.run(1.0)
+        simulation.robot.move_to({"lift": 0.3}, seconds=2.0)
+        simulation.run(4.0)
+        assert box_place(simulation) - start == pytest.approx([0.0, 0.0, 300.0], abs=1.0)
+        # The motors of palm, two fingers with 20 g each, and the box.
+        weight = (0.5 + 2 * 0.02 + 0.05) * GRAVITY
+        assert simulation.robot.joints["lift"].effort == pytest.approx(weight, rel=1e-6)
+
+
+# Starts -----------------------------------------------------------------------------------------
+
+
+def test_initial_positions_hold_from_the_first_step() -> None:
+    """The parameter overrides <ros2_control>; nothing falls before a controller has begun."""
+    parts = []
+    for row, name in enumerate(("plain", "file", "both")):
+        parts += [
+            link(f"{name}_body", 2.0, "0.5 0 0"),
+            joint(name, "world", f"{name}_body", xyz=f"0 {row} 3"),
+            interfaces(name, "position", None if name == "plain" else 0.4),
+        ]
+    with simulate(arm(*parts), {"both": -0.7, "plain": 0.2}) as simulation:
+        expected = {"plain": 0.2, "file": 0.4, "both": -0.7}
+        for joints in (simulation.robot.joints, *steps(simulation, 0.1)):
+            assert field("position", joints) == pytest.approx(expected, abs=1e-9)
+
+
+def test_what_no_controller_commands_is_held() -> None:
+    """A joint with another command interface stays where it starts, and does not sag."""
+    parts = [
+        link("upper", 2.0, "0.5 0 0"),
+        joint("shoulder", "world", "upper", xyz="0 0 3"),
+        link("lower", 1.0, "0.5 0 0"),
+        joint("elbow", "upper", "lower", xyz="1 0 0"),
+        interfaces("shoulder", "position"),
+        interfaces("elbow", "velocity", 0.3),
+    ]
+    with simulate(arm(*parts)) as simulation:
+        simulation.run(1.0)
+        assert list(simulation.robot.joints) == ["shoulder"]
+        load = (2.0 * 0.5 + 1.0 * (1.0 + 0.5 * math.cos(0.3))) * GRAVITY
+        assert simulation.robot.joints["shoulder"].effort == pytest.approx(-load, rel=1e-6)
+        with pytest.raises(OneBotError, match='no joint "elbow" is commanded'):
+            simulation.robot.move_to({"elbow": 0.0}, seconds=1.0)
+
+
+@pytest.mark.parametrize(("root", "height"), [("world", 0.0), ("base_link", 0.25)])
+def test_base_stands_on_the_ground_unless_its_root_is_world(root: str, height: float) -> None:
+    """``world`` is the world's origin, as in Gazebo; another root link stands on its shape."""
+    body = link("rod", 2.0, "0.5 0 0")
+    base = link(root, 1.0, shape=box("0.4 0.4 0.5"))
+    elbow = joint("elbow", root, "rod", xyz="0 0 3")
+    description = parse_description(f'<robot name="arm">{base}{body}{elbow}</robot>')
+    with simulate(description) as simulation:
+        simulation.robot.move_to({"elbow": 1.5}, seconds=0.5)
+        simulation.run(1.0)
+        pose = simulation.robot.pose
+    assert (pose.x, pose.y, pose.roll, pose.pitch, pose.yaw) == (0.0,) * 5
+    assert pose.z == pytest.approx(height, abs=1e-9)
+
+
+def test_each_of_several_robots_stands_on_its_own_held_joints() -> None:
+    """Of one description, with legs that are held at other lengths."""
+    legs = {"low": 0.1, "high": 0.3}
+    foot = joint("leg", "base_link", "foot", "prismatic", "0 0 -1", limits='lower="0" upper="1"')
+    parts = [link("base_link", 1.0), link("foot", 1.0, shape=box("0.2 0.2 0.2")), foot]
+    text = f'<robot name="arm">{"".join(parts)}{interfaces("leg", "velocity")}</robot>'
+    setups = {
+        name: RobotSetup(x=2.0 * row, parameters={"initial_positions.leg": length})
+        for row, (name, length) in enumerate(legs.items())
+    }
+    with Simulation(parse_description(text), robots=setups) as simulation:
+        for name, robot in simulation.robots.items():
+            assert robot.pose.z == pytest.approx(legs[name] + 0.1, abs=1e-9)
+
+
+def test_links_without_inertial_get_a_notice(caplog: pytest.LogCaptureFixture) -> None:
+    """And the arm moves, as exactly as others do."""
+    description = arm(
+        link("upper"),
+        joint("shoulder", "world", "upper", xyz="0 0 3"),
+        link("lower", 1.0, "0.5 0 0"),
+        joint("elbow", "upper", "lower", xyz="1 0 0"),
+    )
+    with caplog.at_level(logging.WARNING), simulate(description) as simulation:
+        simulation.robot.move_to({"shoulder": 1.0, "elbow": -1.0}, seconds=1.0)
+        simulation.run(1.0)
+        joints = simulation.robot.joints
+    assert "link upper: no <inertial>, simulated with 0.02 kg" in caplog.text
+    assert joints["shoulder"].position == pytest.approx(1.0, abs=1e-5)
+    assert joints["elbow"].position == pytest.approx(-1.0, abs=1e-5)
+
+
+def test_arm_that_starts_in_the_ground_gets_a_warning(caplog: pytest.LogCaptureFixture) -> None:
+    """The link, how deep, and what to do; one that only touches it gets none."""
+    ball = '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
+    for height, warned in ((0.0999, False), (0.05, True)):
+        caplog.clear()
+        elbow = joint("elbow", "world", "hand", xyz=f"0 0 {height}")
+        with simulate(arm(link("hand", 1.0, shape=ball), elbow)):
+            assert ('link "hand" starts 0.05 m deep in the ground' in caplog.text) == warned
+            assert bool(caplog.text) == warned
+
+
+# Repetition, and arms that drive -----------------------------------------------------------------
+
+
+def mobile() -> Description:
+    """A robot on two wheels with an arm of two joints, 0.6 kg of its 4.5 kg."""
+    parts = [
+        link("upper", 0.3, "0 0 0.1"),
+        joint("shoulder", "base_link", "upper", xyz="0 0 0.1"),
+        link("lower", 0.3, "0 0 0.1"),
+        joint("elbow", "upper", "lower", axis="1 0 0", xyz="0 0 0.2"),
+    ]
+    wheels = [control_support.wheel(side, y) for side, y in (("left", 0.15), ("right", -0.15))]
+    return parse_description(control_support.urdf(*wheels, control_support.CASTER, *parts))
+
+
+def trip(simulation: Simulation, *, arm_moves: bool = True) -> list[str]:
+    """Every bit of where a robot is, by its odometry and truly, on a drive of 1.5 s."""
+    robot = simulation.robot
+    rows = []
+    for cycle in range(round(1.5 / simulation.period)):
+        robot.drive(0.4, 0.2)
+        if cycle % 50 == 0 and arm_moves:
+            robot.move_to({"shoulder": 0.6 - 0.01 * cycle, "elbow": 0.4}, seconds=0.6)
+        simulation.run(simulation.period)
+        rows.append(repr((robot.odometry, robot.pose, robot.joints)))
+    return rows
+
+
+def test_runs_and_resets_are_equal_to_the_bit() -> None:
+    """Two simulations, one that was reset in motion, and a robot that was put back."""
+    with simulate(mobile(), rate=100.0) as first, simulate(mobile(), rate=100.0) as second:
+        expected = trip(first)
+        assert trip(second) == expected
+        second.reset()
+        assert trip(second) == expected
+    with simulate(public_arm(IIWA)) as simulation:
+        driven = simulation._fleet.robots[0]
+        runs = []
+        for _ in range(2):
+            simulation.robot.move_to(dict.fromkeys(driven.plant.commanded, 0.7), seconds=1.0)
+            runs.append([repr(joints) for joints in steps(simulation, 0.5)])
+            driven.reset()
+        assert runs[0] == runs[1]
+
+
+def test_odometry_is_within_0_01_mm_of_that_without_the_arms_motion() -> None:
+    """Driven 0.5 m on an arc; the arm is no heavier for the wheels than it is."""
+    ends = []
+    for moves in (True, False):
+        with simulate(mobile(), rate=100.0) as simulation:
+            trip(simulation, arm_moves=moves)
+            ends.append((simulation.robot.odometry, simulation.robot.pose))
+            assert simulation.robot.odometry.x > 0.3
+    (moved, _), (still, _) = ends
+    assert math.hypot(moved.x - still.x, moved.y - still.y) < 1e-5
+    assert moved.yaw == pytest.approx(still.yaw, abs=1e-5)

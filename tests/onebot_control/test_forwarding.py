@@ -1,0 +1,123 @@
+"""Positions are forwarded as forward_command_controller does it, and nothing else moves."""
+
+import math
+from typing import Any
+
+import pytest
+
+from onebot_control.trajectories.forwarding import ForwardConfig, PositionForwarder
+from onebot_control.trajectories.goal import FollowedJoint
+from onebot_control.trajectories.trajectory import JointMotion
+from onebot_description.ros.parameters.reader import ConfigError, read
+
+JOINTS = (FollowedJoint("elbow", lower=-1.0, upper=2.0), FollowedJoint("wrist", continuous=True))
+
+
+def forwarder() -> PositionForwarder:
+    """One that holds its joints where they start."""
+    return PositionForwarder(JOINTS, [0.3, -0.4])
+
+
+def measured(*positions: float) -> JointMotion:
+    """Joints that are at rest somewhere."""
+    return JointMotion(positions, (0.0,) * len(positions), ())
+
+
+def reference(arm: PositionForwarder) -> list[float]:
+    """What is commanded, which does not depend on how far ahead it is asked for."""
+    assert arm.reference(0.0) == arm.reference(0.005) == arm.reference(1.0)
+    return list(arm.reference(0.0))
+
+
+def test_nothing_is_commanded_before_the_first_message() -> None:
+    """It holds the joints where they start, also where they are pushed away."""
+    arm = forwarder()
+    assert arm.names == ("elbow", "wrist")
+    for position in (0.3, 0.5, 0.9):
+        assert arm.update(measured(position, 0.0), 0, 0.01) == []
+        assert reference(arm) == [0.3, -0.4]
+
+
+def test_positions_are_held_until_others_come() -> None:
+    """They are commanded at once, whatever is measured, and a continuous joint is not wrapped."""
+    arm = forwarder()
+    for positions in ([1.5, 20.0], [-1.0, -20.0]):
+        arm.command(positions)
+        assert reference(arm) == positions
+        assert arm.update(measured(0.0, 0.0), 0, 0.01) == []
+        assert reference(arm) == positions
+
+
+@pytest.mark.parametrize(
+    ("positions", "problems"),
+    [
+        ([2.0, 1e9], []),
+        ([2.0000005, 0.0], []),  # a limit that was rounded to a float32
+        ([2.00001, 0.0], ["data: elbow: 2.00001 is above the joint's limit 2"]),
+        ([-1.5, 0.0], ["data: elbow: -1.5 is below the joint's limit -1"]),
+        (
+            [math.nan, -math.inf],
+            ["data: elbow: nan is not finite", "data: wrist: -inf is not finite"],
+        ),
+        ([0.0, 1e61], ["data: wrist: 1e+61 is beyond 1e+60"]),
+        ([0.5], ["data: 1 given, for 2 joints"]),
+        ([], ["data: 0 given, for 2 joints"]),
+        ([0.5, 0.5, math.nan], ["data: 3 given, for 2 joints"]),
+    ],
+)
+def test_what_is_refused(positions: list[float], problems: list[str]) -> None:
+    assert forwarder().problems(positions) == problems
+
+
+def test_what_is_rounded_beyond_a_limit_is_commanded_at_it() -> None:
+    arm = forwarder()
+    arm.command([2.0000005, 0.0])
+    assert reference(arm) == [2.0, 0.0]
+
+
+def test_an_abort_holds_the_joints_where_they_are() -> None:
+    """Those of the next cycle, although they are far from where they were commanded."""
+    arm = forwarder()
+    arm.command([2.0, 1.0])
+    arm.update(measured(0.5, 0.0), 0, 0.01)
+    assert arm.abort("locked") is None
+    for elbow, wrist in ((0.6, 0.1), (0.7, 0.2)):
+        arm.update(measured(elbow, wrist), 0, 0.01)
+        assert reference(arm) == [0.6, 0.1]
+    arm.abort("locked")
+    arm.command([1.0, 1.0])  # a later command counts
+    arm.update(measured(0.5, 0.0), 0, 0.01)
+    assert reference(arm) == [1.0, 1.0]
+
+
+def test_a_reset_holds_the_joints_where_they_were_put() -> None:
+    arm = forwarder()
+    arm.command([2.0, 1.0])
+    arm.abort("locked")
+    assert arm.reset([0.1, 0.2]) is None
+    arm.update(measured(1.0, 1.0), 0, 0.01)
+    assert reference(arm) == [0.1, 0.2]
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        ({}, "joints: is missing, the joints it moves, in the order of the values"),
+        ({"joints": []}, "joints: is empty; write a list of strings, such as [first, second]"),
+        ({"joints": ["a", "a"]}, 'joints: "a" is there twice'),
+        (
+            {"joints": ["a"], "interface_name": "velocity"},
+            "interface_name: only position, no other kind of command; write position",
+        ),
+    ],
+)
+def test_wrong_parameters(values: dict[str, Any], text: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        read(ForwardConfig, values)
+    assert str(caught.value) == text
+
+
+def test_parameters() -> None:
+    """position_controllers has no interface_name, forward_command_controller needs one."""
+    for more in ({}, {"interface_name": "position"}):
+        assert read(ForwardConfig, {"joints": ["b", "a"], **more}).joints == ("b", "a")

@@ -1,0 +1,257 @@
+"""parallel_gripper_action_controller's rules, on a finger that moves at a constant speed."""
+
+import math
+from typing import Any
+
+import pytest
+
+from onebot_control.trajectories.following import (
+    GOAL_TOLERANCE_VIOLATED,
+    INVALID_GOAL,
+    SUCCESSFUL,
+    Outcome,
+)
+from onebot_control.trajectories.goal import FollowedJoint
+from onebot_control.trajectories.gripping import GripperConfig, GripperFollower
+from onebot_control.trajectories.trajectory import JointMotion
+from onebot_description.ros.parameters.reader import ConfigError, read
+
+PERIOD = 0.01  # s
+OPEN = 0.05  # m; closed is 0
+SPEED = 0.1  # m/s
+REACHED = "Reached the goal"
+STALLED = "Stalled on the way to the goal"
+
+
+class Finger:
+    """A finger that moves to where it is commanded, unless something is at ``stop``."""
+
+    def __init__(self, stop: float = -math.inf, **values: Any) -> None:
+        config = read(GripperConfig, {"joint": "finger", **values})
+        joint = FollowedJoint("finger", lower=0.0, upper=OPEN)
+        self.gripper = GripperFollower([joint], config, [OPEN])
+        self.stop = stop
+        self.speed = SPEED
+        self.position, self.velocity = OPEN, 0.0
+        self.cycles = 0
+
+    @property
+    def commanded(self) -> float:
+        [position] = self.gripper.reference(PERIOD)
+        return position
+
+    def cycle(self) -> list[Outcome]:
+        """Do one control cycle: update, and move."""
+        motion = JointMotion((self.position,), (self.velocity,), ())
+        outcomes = self.gripper.update(motion, 0, PERIOD)
+        step = self.speed * PERIOD
+        position = self.position + min(max(self.commanded - self.position, -step), step)
+        position = max(position, self.stop)
+        self.velocity = (position - self.position) / PERIOD
+        self.position = position
+        self.cycles += 1
+        return outcomes
+
+    def outcome(self, within: int = 1000) -> Outcome:
+        """Do cycles until the goal ends; how."""
+        for _ in range(within):
+            if outcomes := self.cycle():
+                [outcome] = outcomes
+                return outcome
+        pytest.fail(f"no outcome in {within} cycles")
+
+    @property
+    def flags(self) -> tuple[bool, bool]:
+        """Whether the last goal was reached, and whether the finger stalled."""
+        return self.gripper.reached, self.gripper.stalled
+
+
+def test_it_holds_without_a_goal() -> None:
+    finger = Finger()
+    assert [finger.cycle() for _ in range(300)] == [[]] * 300
+    assert finger.commanded == finger.position == OPEN
+    assert finger.flags == (False, False)
+
+
+def test_it_closes_on_nothing() -> None:
+    """The goal is reached in the first cycle in which the error is below the tolerance."""
+    finger = Finger(goal_tolerance=0.0095)
+    assert finger.gripper.start(0.0, "mine") is None
+    assert finger.gripper.active == "mine" and finger.flags == (False, False)
+    outcome = finger.outcome()
+    assert outcome[:3] == ("mine", SUCCESSFUL, REACHED)
+    assert outcome.detail == "finger: position 0.009, goal 0"
+    assert finger.cycles == 42  # 41 cycles of 1 mm, and the one that measures the last
+    assert finger.flags == (True, False) and finger.gripper.active is None
+    assert [finger.cycle() for _ in range(300)] == [[]] * 300
+    assert finger.position == pytest.approx(0.0, abs=1e-12)
+
+
+def test_the_tolerance_is_not_reached_at_its_end() -> None:
+    finger = Finger(stop=0.01, goal_tolerance=0.01, stall_timeout=0.1)
+    finger.gripper.start(0.0, "mine")
+    assert finger.outcome().text == STALLED
+    finger = Finger(stop=0.0099, goal_tolerance=0.01, stall_timeout=0.1)
+    finger.gripper.start(0.0, "mine")
+    assert finger.outcome().text == REACHED
+
+
+@pytest.mark.parametrize("allowed", [False, True])
+def test_it_stalls(allowed: bool) -> None:
+    """After a second at rest; the position stays commanded, so that what is gripped is held."""
+    finger = Finger(stop=0.02, allow_stalling=allowed)
+    finger.gripper.start(0.0, "mine")
+    outcome = finger.outcome()
+    assert outcome == Outcome(
+        "mine",
+        SUCCESSFUL if allowed else GOAL_TOLERANCE_VIOLATED,
+        STALLED,
+        "finger: position 0.02, goal 0",
+    )
+    # 30 cycles to the stop; the first one without motion is measured in cycle 32, at the stamp 31;
+    # time without motion counts from the stamp before, 30, and is above 1 s at the stamp 131.
+    assert finger.cycles == 132
+    assert finger.flags == (False, True) and finger.gripper.active is None
+    assert finger.commanded == 0.0
+    finger.stop = -math.inf  # what was gripped is gone
+    finger.cycle()
+    assert finger.position == pytest.approx(0.019)
+
+
+def test_one_that_moves_slowly_does_not_stall() -> None:
+    """Faster than the threshold it takes its time, slower it stalls."""
+    finger = Finger(stall_velocity_threshold=0.001)
+    finger.speed = 0.0011
+    finger.gripper.start(OPEN - 0.012, "mine")
+    assert finger.outcome().text == REACHED
+    finger = Finger(stall_velocity_threshold=0.001)
+    finger.speed = 0.0009
+    finger.gripper.start(OPEN - 0.012, "mine")
+    assert finger.outcome().text == STALLED
+
+
+def test_a_rest_on_the_way_counts_anew() -> None:
+    """Rests of 0.75 s and 0.9 s are no stall, and a new goal has a second of its own."""
+    finger = Finger(stop=0.03)
+    finger.gripper.start(0.0, "first")
+    for stop in (0.025, 0.02):
+        assert [finger.cycle() for _ in range(95)] == [[]] * 95
+        finger.stop = stop
+    preempted = finger.gripper.start(0.0, "second")
+    assert preempted == Outcome(
+        "first", INVALID_GOAL, "Current goal preempted by new incoming action."
+    )
+    assert [finger.cycle() for _ in range(105)] == [[]] * 105
+    assert finger.outcome(10)[:3] == ("second", GOAL_TOLERANCE_VIOLATED, STALLED)
+
+
+def test_a_new_goal_preempts() -> None:
+    finger = Finger()
+    finger.gripper.start(0.0, "first")
+    finger.cycle()
+    preempted = finger.gripper.start(0.04, "second")
+    text = "Current goal preempted by new incoming action."
+    assert preempted == Outcome("first", INVALID_GOAL, text)
+    assert finger.flags == (False, False)
+    assert finger.outcome()[:2] == ("second", SUCCESSFUL)
+    assert finger.commanded == 0.04
+
+
+def test_the_flags_are_those_of_the_last_goal() -> None:
+    finger = Finger(stop=0.02, stall_timeout=0.1)
+    finger.gripper.start(0.0, "first")
+    finger.outcome()
+    assert finger.flags == (False, True)
+    finger.gripper.start(OPEN, "second")
+    assert finger.flags == (False, False)
+    finger.outcome()
+    assert finger.flags == (True, False)
+
+
+def test_cancel_holds_where_it_is() -> None:
+    finger = Finger()
+    finger.gripper.start(0.0, "mine")
+    for _ in range(10):
+        finger.cycle()
+    finger.gripper.cancel()
+    assert finger.gripper.active is None
+    assert [finger.cycle() for _ in range(200)] == [[]] * 200
+    assert finger.position == finger.commanded == pytest.approx(0.04)
+    assert finger.flags == (False, False)
+
+
+def test_an_abort_holds_it() -> None:
+    """On the way where it is; what is gripped it goes on to grip."""
+    finger = Finger(stop=0.02, allow_stalling=True)
+    finger.gripper.start(0.0, "mine")
+    for _ in range(10):
+        finger.cycle()
+    assert finger.gripper.abort("locked") == Outcome("mine", INVALID_GOAL, "locked")
+    finger.cycle()
+    assert finger.commanded == finger.position == pytest.approx(0.04)
+    finger.gripper.start(0.0, "again")
+    finger.outcome()
+    assert finger.gripper.abort("locked") is None
+    finger.cycle()
+    assert finger.commanded == 0.0
+
+
+def test_a_reset_ends_a_goal() -> None:
+    finger = Finger()
+    assert finger.gripper.reset([0.03]) is None
+    finger.gripper.start(0.0, "mine")
+    text = "Current goal cancelled by a reset."
+    assert finger.gripper.reset([0.03]) == Outcome("mine", INVALID_GOAL, text)
+    assert finger.cycle() == [] and finger.commanded == 0.03
+
+
+def test_parameters_apply_to_a_goal_that_is_active() -> None:
+    finger = Finger(stop=0.02)
+    finger.gripper.start(0.0, "mine")
+    for _ in range(100):
+        assert finger.cycle() == []
+    finger.gripper.configure(GripperConfig("finger", goal_tolerance=0.021))
+    assert finger.outcome(1)[:3] == ("mine", SUCCESSFUL, REACHED)
+
+
+@pytest.mark.parametrize(
+    ("positions", "problems"),
+    [
+        ([0.0], []),
+        ([OPEN], []),
+        ([], ["command.position: 0 given, for 1 joints"]),
+        ([0.01, 0.02], ["command.position: 2 given, for 1 joints"]),
+        ([0.06], ["command.position: finger: 0.06 is above the joint's limit 0.05"]),
+        ([-0.01], ["command.position: finger: -0.01 is below the joint's limit 0"]),
+        ([math.nan], ["command.position: finger: nan is not finite"]),
+    ],
+)
+def test_what_is_refused(positions: list[float], problems: list[str]) -> None:
+    assert Finger().gripper.problems(positions) == problems
+
+
+def test_parameters() -> None:
+    """The defaults are parallel_gripper_action_controller's."""
+    config = read(GripperConfig, {"joint": "finger"})
+    assert (config.goal_tolerance, config.allow_stalling) == (0.01, False)
+    assert (config.stall_velocity_threshold, config.stall_timeout) == (0.001, 1.0)
+    assert (config.action_monitor_rate, config.state_interfaces) == (20, ("position", "velocity"))
+    assert (config.max_effort, config.max_velocity) == (10.0, 0.1)
+    assert (config.max_effort_interface, config.max_velocity_interface) == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        ({}, "joint: is missing, the joint it moves"),
+        ({"joint": ""}, "joint: is empty; write a string"),
+        ({"joint": "finger", "goal_tolerance": -1.0}, "goal_tolerance: -1 is below 0"),
+        ({"joint": "finger", "stall_timeout": -1.0}, "stall_timeout: -1 is below 0"),
+        ({"joint": "finger", "action_monitor_rate": 0.0}, "action_monitor_rate: 0 is below 0.1"),
+        ({"joint": "finger", "max_efort": 1.0}, 'max_efort: no such parameter (did you mean "max'),
+    ],
+)
+def test_wrong_parameters(values: dict[str, Any], text: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        read(GripperConfig, values)
+    assert str(caught.value).startswith(text)

@@ -1,0 +1,275 @@
+"""The process of joint_trajectory_controller, on real DDS."""
+
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from std_srvs.srv import SetBool
+
+from onebot_description.ros.wire.interfaces import load_interface
+from tests.onebot_control.arm_support import (
+    ABORTED,
+    CONTROLLER,
+    MANAGER,
+    MODULE,
+    SUCCESS,
+    WireArm,
+    ending,
+    goal,
+    point,
+)
+from tests.ros_support import LATCHED, NodeProcess, Peer, refusals
+from tests.support import wait_for
+
+SHOULDER, FINGER = ["shoulder"], ["finger"]
+STOPS_WITHIN = 5.0  # s
+
+
+def moving(name: str, kind: str, parent: str, child: str, limit: str) -> str:
+    """A link of 1 kg on a joint about z, or along x, as URDF."""
+    axis = "1 0 0" if kind == "prismatic" else "0 0 1"
+    return f"""
+  <link name="{child}">
+    <visual><geometry><box size="0.1 0.1 0.2"/></geometry><material name="paint"/></visual>
+    <inertial><origin xyz="0.05 0 0"/><mass value="1"/>
+      <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
+  </link>
+  <joint name="{name}" type="{kind}">
+    <parent link="{parent}"/><child link="{child}"/><origin xyz="0 0 0.5"/><axis xyz="{axis}"/>
+    <limit effort="50" {limit}/>
+  </joint>"""
+
+
+TURNS = 'velocity="2" lower="-3" upper="3"'
+SLIDES = 'velocity="0.5" lower="0" upper="0.5"'
+
+
+def urdf(*parts: str, colour: str = "1 0 0 1") -> str:
+    """An arm that is fixed to the world."""
+    paint = f'<material name="paint"><color rgba="{colour}"/></material>'
+    return f'<robot name="arm">{paint}<link name="world"/>{"".join(parts)}</robot>'
+
+
+UPPER = moving("shoulder", "revolute", "world", "upper", TURNS)
+JAW = moving("finger", "prismatic", "upper", "jaw", SLIDES)
+ARM = urdf(UPPER, JAW)
+BOTH = ["shoulder", "finger"]
+
+CONTROLLERS = """
+controller_manager:
+  ros__parameters:
+    real_time_factor: 2.0
+    arm: {type: joint_trajectory_controller/JointTrajectoryController}
+    gripper: {type: joint_trajectory_controller/JointTrajectoryController}
+arm:
+  ros__parameters:
+    joints: [shoulder]
+    command_interfaces: [position]
+    state_interfaces: [position, velocity]
+    constraints: {goal_time: 0.5, shoulder: {goal: 0.01}}
+gripper:
+  ros__parameters:
+    joints: [finger]
+"""
+
+
+@pytest.fixture
+def model(tmp_path: Path) -> str:
+    path = tmp_path / "arm.urdf"
+    path.write_text(ARM)
+    return str(path)
+
+
+def positions(messages: list[JointState]) -> Mapping[str, float]:
+    """The joints' last positions."""
+    return dict(zip(messages[-1].name, messages[-1].position, strict=True))
+
+
+CLIENT = """
+import sys, time
+import rclpy
+from rclpy.action import ActionClient
+from tests.onebot_control.arm_support import CONTROLLER, FollowJointTrajectory, goal, point
+
+rclpy.init()
+node = rclpy.create_node("short_lived")
+client = ActionClient(node, FollowJointTrajectory, f"{CONTROLLER}/follow_joint_trajectory")
+assert client.wait_for_server(60.0)
+future = client.send_goal_async(
+    goal(point(2.0, 1.0, 0.0), joints=["shoulder", "finger"]),
+    lambda message: print("moving", flush=True),
+)
+rclpy.spin_until_future_complete(node, future)
+assert future.result().accepted
+result = future.result().get_result_async()
+rclpy.spin_until_future_complete(node, result)
+"""
+
+
+def test_a_client_is_served_after_one_that_was_killed(peer: Peer, model: str) -> None:
+    """The goal of the killed one is followed to its end; then the next client moves the arm."""
+    joints = peer.hear(JointState, "/joint_states", 1000)
+    with NodeProcess(MODULE, model) as node:
+        wait_for(lambda: joints, "joint states")
+        assert sorted(joints[0].name) == sorted(BOTH)
+        killed = subprocess.Popen(
+            [sys.executable, "-u", "-c", CLIENT], stdout=subprocess.PIPE, text=True
+        )
+        assert killed.stdout is not None and killed.stdout.readline() == "moving\n"
+        killed.send_signal(signal.SIGKILL)
+        killed.wait()
+        killed.stdout.close()
+        assert positions(joints)["shoulder"] < 0.9
+        wait_for(lambda: "Goal successfully reached!" in node.output, "the end of its goal")
+        wait_for(lambda: positions(joints)["shoulder"] > 0.999, "its end position")
+        arm = WireArm(peer)
+        assert ending(arm.send(goal(point(0.5, 0.5, 0.1), joints=BOTH))) == SUCCESS
+        wait_for(lambda: abs(positions(joints)["finger"] - 0.1) < 1e-6, "the next goal's end")
+        assert arm.feedback and arm.feedback[0].joint_names == BOTH
+
+
+def test_a_pause_stops_a_trajectory_and_an_interrupt_the_process(peer: Peer, model: str) -> None:
+    """Both in mid-goal; paused for longer than the trajectory takes."""
+    joints = peer.hear(JointState, "/joint_states", 1000)
+    with NodeProcess(MODULE, model) as node:
+        arm = WireArm(peer)
+        result = arm.send(goal(point(1.0, 1.0, 0.0), joints=BOTH))
+        wait_for(lambda: positions(joints)["shoulder"] > 0.1, "the start")
+        assert peer.call(SetBool, f"{MANAGER}/pause", data=True).success
+        count, at = len(joints), positions(joints)["shoulder"]
+        wait_for(lambda: len(joints) > count + 150, "joint states of more than a second")
+        assert positions(joints)["shoulder"] == pytest.approx(at, abs=0.02)
+        assert at < 0.9 and not result.done()
+        assert peer.call(SetBool, f"{MANAGER}/pause", data=False).success
+        assert ending(result) == SUCCESS
+        arm.send(goal(point(20.0, -1.0, 0.0), joints=BOTH))
+        wait_for(lambda: positions(joints)["shoulder"] < 0.999, "the next start")
+        start = time.monotonic()
+        assert node.interrupt() == 0
+        assert time.monotonic() - start < STOPS_WITHIN
+        assert "Traceback" not in node.output and "[ERROR]" not in node.output
+
+
+def test_a_description_that_changes_in_mid_goal(peer: Peer) -> None:
+    """Another colour lets the goal go on, other joints abort it; without any it is refused."""
+    topic = peer.node.create_publisher(String, "/robot_description", LATCHED)
+    topic.publish(String(data=ARM))
+    joints = peer.hear(JointState, "/joint_states", 1000)
+    with NodeProcess(MODULE) as node:
+        arm = WireArm(peer)
+        result = arm.send(goal(point(2.0, 1.0, 0.2), joints=BOTH))
+        wait_for(lambda: positions(joints)["shoulder"] > 0.1, "the start")
+        topic.publish(String(data=urdf(UPPER, JAW, colour="0 1 0 1")))
+        wait_for(lambda: "by the changed robot description" in node.output, "the change")
+        assert ending(result) == SUCCESS
+        wait_for(lambda: positions(joints)["shoulder"] == pytest.approx(1.0, abs=1e-6), "the end")
+
+        # What is set while it runs holds for other joints, too.
+        assert peer.set_parameters(CONTROLLER, **{"constraints.goal_time": 5.0})[0].successful
+        result = arm.send(goal(point(20.0, 0.0, 0.0), joints=BOTH))
+        wait_for(lambda: positions(joints)["shoulder"] < 0.99, "the next start")
+        topic.publish(String(data=urdf(UPPER)))
+        text = "Current goal cancelled: the robot description has other joints."
+        assert ending(result) == (ABORTED, -1, text)
+        wait_for(lambda: list(joints[-1].name) == SHOULDER, "the other joints")
+        assert 0.5 < positions(joints)["shoulder"] < 1.0
+        assert ending(arm.send(goal(point(0.5, 0.2), joints=SHOULDER))) == SUCCESS
+
+        result = arm.send(goal(point(1.0, 0.0), joints=SHOULDER))
+        topic.publish(String(data='<robot name="arm"><link name="world"/></robot>'))
+        wait_for(lambda: "would have no joint to move" in node.output, "the refusal")
+        assert ending(result) == SUCCESS
+
+
+def test_two_controllers_and_a_simulation_that_begins_again(
+    peer: Peer, model: str, tmp_path: Path
+) -> None:
+    """Each moves its joint at the same time; both are aborted by a reset of the simulation."""
+    file = tmp_path / "controllers.yaml"
+    file.write_text(CONTROLLERS)
+    joints = peer.hear(JointState, "/joint_states", 1000)
+    given = ["--params-file", str(file), "-p", "gripper:constraints.goal_time:=0.25"]
+    with NodeProcess(MODULE, model, "--ros-args", *given):
+        arm, gripper = WireArm(peer, "/arm"), WireArm(peer, "/gripper")
+        assert [
+            peer.parameter(node, name)
+            for node, name in (
+                ("/arm", "joints"),
+                ("/arm", "constraints.shoulder.goal"),
+                ("/gripper", "joints"),
+                ("/gripper", "constraints.goal_time"),
+            )
+        ] == [SHOULDER, 0.01, FINGER, 0.25]
+        results = [
+            arm.send(goal(point(1.0, 1.0), joints=SHOULDER)),
+            gripper.send(goal(point(1.0, 0.2), joints=FINGER)),
+        ]
+        assert list(map(ending, results)) == [SUCCESS, SUCCESS]
+        wait_for(lambda: positions(joints)["finger"] == pytest.approx(0.2, abs=1e-6), "the end")
+        assert positions(joints)["shoulder"] == pytest.approx(1.0, abs=1e-6)
+        assert not gripper.ask(goal(point(1.0, 0.2), joints=SHOULDER)).accepted
+
+        result = arm.send(goal(point(30.0, -1.0), joints=SHOULDER))
+        kind = load_interface("simulation_interfaces/srv/ResetSimulation")
+        answer: Any = peer.call(kind, "/reset_simulation")
+        assert answer.result.result == answer.result.OK
+        assert ending(result) == (ABORTED, -1, "Current goal cancelled by a reset.")
+        wait_for(lambda: positions(joints)["shoulder"] == 0.0, "the start again")
+        assert ending(arm.send(goal(point(0.5, 0.5), joints=SHOULDER))) == SUCCESS
+
+
+WRONG = [
+    (
+        "joints: [finger]",
+        "joints: [finger, shoulder]",
+        'gripper.joints: "shoulder" is a joint of arm, too; each has one controller',
+    ),
+    (
+        "command_interfaces: [position]",
+        "command_interfaces: [effort]",
+        "arm.command_interfaces: only position, no other kind of command; write [position]",
+    ),
+    (
+        "joints: [finger]",
+        "joints: [fingr]",
+        'gripper.joints: joint "fingr" does not move (did you mean "finger"?',
+    ),
+    (
+        "shoulder: {goal",
+        "sholder: {goal",
+        'arm.constraints.sholder: no joint of the controller (did you mean "shoulder"?',
+    ),
+    (
+        "goal_time: 0.5",
+        "goal_time: -1",
+        "arm.constraints.goal_time: -1 is below 0; write a number from 0",
+    ),
+]
+
+
+def test_what_is_given_wrongly_is_one_error(model: str, tmp_path: Path) -> None:
+    """It names the file and the line, the controller and its parameter, and what to write."""
+    lines, errors = [], []
+    for number, (right, wrong, text) in enumerate(WRONG):
+        assert CONTROLLERS.count(right) == 1
+        file = tmp_path / f"{number}.yaml"
+        file.write_text(CONTROLLERS.replace(right, wrong))
+        lines.append([model, "--ros-args", "--params-file", str(file)])
+        line = CONTROLLERS[: CONTROLLERS.index(right)].count("\n") + 1
+        errors.append(f"error: {file}:{line}: {text}")
+    node = CONTROLLER.removeprefix("/")
+    for parameter, text in (
+        ("joints:=[finger]", "joints: cannot be given by -p; write it in a parameter file"),
+        ("constraints.goal_time:=-1.0", "constraints.goal_time: -1 is below 0; write a number"),
+    ):
+        lines.append([model, "--ros-args", "-p", f"{node}:{parameter}"])
+        errors.append(f"error: {node}.{text}")
+    for output, error in zip(refusals(MODULE, lines), errors, strict=True):
+        assert output.startswith(error)
