@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped
@@ -27,10 +27,6 @@ from onebot_control.joint_controllers import (
 )
 from onebot_control.nodes.commands import Command, CommandLock, CommandSubscription, Warn
 from onebot_control.nodes.control_loop import ControlLoop
-from onebot_control.nodes.controller_node import ControllerNode
-from onebot_control.nodes.forward_commands import ForwardCommands
-from onebot_control.nodes.gripper_actions import GripperActions
-from onebot_control.nodes.joint_trajectories import JointTrajectories
 from onebot_control.nodes.localization import FramesTransform, Localizer, TransformsOf, TransformTap
 from onebot_control.nodes.publishing import Frames, Publishers, ScenePublisher
 from onebot_control.nodes.real_time import Pace, PaceMeter
@@ -58,6 +54,9 @@ from onebot_description.ros.node import (
 from onebot_description.ros.parameters.reader import ConfigError, Problem, refuse_undeclared
 from onebot_description.ros.wire.cdr import NANO
 
+if TYPE_CHECKING:
+    from onebot_control.nodes.controller_node import ControllerNode
+
 _DEPTH = 10  # ROS's system default
 _POLL_PERIOD = 0.1  # s between polls of who publishes commands
 _FARTHEST_POSE = 1e9  # m of a pose; odometry farther away would not be exact to the micrometre
@@ -69,14 +68,6 @@ GetLoop = Callable[[], ControlLoop | None]  # None as long as there is no robot
 
 # Of the world, not of a robot: its parameters, one value for all.
 _OF_THE_WORLD = ("update_rate", "real_time_factor", "use_sim_time", "world", "paused")
-
-
-CONTROLLER_NODES: Mapping[type[JointController[Any]], type[ControllerNode[Any]]] = {
-    TrajectoryController: JointTrajectories,
-    ForwardController: ForwardCommands,
-    GripperController: GripperActions,
-}
-"""The ROS interface of each kind of controllers of joints."""
 
 
 class Driving:
@@ -325,6 +316,20 @@ class Driving:
             self._node.get_logger().info(text)
 
 
+def controller_nodes() -> Mapping[type[JointController[Any]], "type[ControllerNode[Any]]"]:
+    """Return the ROS interface of each kind of controller of joints."""
+    # Actions take 0.1 s to import, and most robots have no joints but wheels.
+    from onebot_control.nodes.forward_commands import ForwardCommands
+    from onebot_control.nodes.gripper_actions import GripperActions
+    from onebot_control.nodes.joint_trajectories import JointTrajectories
+
+    return {
+        TrajectoryController: JointTrajectories,
+        ForwardController: ForwardCommands,
+        GripperController: GripperActions,
+    }
+
+
 class NodeLog(logging.Handler):
     """Passes what the simulation logs, which knows no ROS, to a node's logger."""
 
@@ -440,9 +445,10 @@ class RobotDriving:
     def control_joints(self, robot: DrivenRobot, loop: ControlLoop, clock: Clock | None) -> None:
         """Offer topics, action and service of each controller of joints, on a node of its name."""
         robot.finished.clear()  # the goals of earlier nodes, whose clients have gone
+        kinds = controller_nodes() if robot.controllers else {}
         for name, controller in robot.controllers.items():
             node = Node(name, context=self._node.context, namespace=self._node.get_namespace())
-            self.arms[name] = CONTROLLER_NODES[type(controller)](
+            self.arms[name] = kinds[type(controller)](
                 node,
                 controller,
                 lambda: loop.fleet.robots[self._row],

@@ -23,7 +23,7 @@ from std_srvs.srv import Trigger
 from onebot_control import simulation as simulation_module
 from onebot_control.joint_controllers import JOINT_CONTROLLERS
 from onebot_control.nodes import controller_node
-from onebot_control.nodes.driving import CONTROLLER_NODES
+from onebot_control.nodes.driving import controller_nodes
 from onebot_control.nodes.lockstep import Lockstep
 from onebot_control.parameters import read_joint_controllers
 from onebot_description.description import Description, parse_description
@@ -222,7 +222,7 @@ def logged(capfd: pytest.CaptureFixture[str], node: str) -> list[tuple[str, str]
 
 
 def test_each_kind_of_controller_has_its_interface() -> None:
-    assert set(CONTROLLER_NODES) == set(JOINT_CONTROLLERS.values())
+    assert set(controller_nodes()) == set(JOINT_CONTROLLERS.values())
 
 
 # The gripper ------------------------------------------------------------------------------------
