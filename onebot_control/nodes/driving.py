@@ -183,14 +183,14 @@ class Driving:
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # a paused simulation has results, too
         self.start(loop, sensing, steady)
         if arms := self.arm_nodes:
-            self._arms_thread = NodeThread(arms, "arms")
+            self._arms_thread = NodeThread(arms, "arms", self._fail)
         # After the start, because rclpy's first log call takes 20 ms.
         warnings = [*self.scene.notices] if self.scene else []
         warnings += [text for robot in self.robots for text in robot.warnings]
         for warning in dict.fromkeys(warnings):
             self._node.get_logger().warning(warning)
         self._node.get_logger().info(_moved_text(fleet))
-        self._services = SimulationServices(self._node, loop, self.restart)
+        self._services = SimulationServices(self._node, loop, self.restart, self._fail)
 
     @property
     def arm_nodes(self) -> list[Node]:

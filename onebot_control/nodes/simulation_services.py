@@ -19,13 +19,20 @@ class SimulationServices:
     So a step may wait for commands, which the robots' nodes receive meanwhile.
     """
 
-    def __init__(self, beside: Node, loop: ControlLoop, restart: Callable[[], None]) -> None:
+    def __init__(
+        self,
+        beside: Node,
+        loop: ControlLoop,
+        restart: Callable[[], None],
+        failed: Callable[[BaseException], None],
+    ) -> None:
         """Offer the services.
 
         Args:
             beside: a robot's node; of a single robot it is in the same namespace, else in "/".
             loop: of the world.
             restart: begins again, as at the start; it is called in the control thread.
+            failed: is called with an error that ends the thread.
         """
         self._loop, self._restart = loop, restart
         self._reset_paused = False  # and nothing was done since
@@ -49,7 +56,7 @@ class SimulationServices:
         ):
             service = load_interface(f"simulation_interfaces/srv/{kind}")
             self._node.create_service(service, name, answer)
-        self._thread = NodeThread([self._node], "services")
+        self._thread = NodeThread([self._node], "services", failed)
 
     def stop(self) -> None:
         """End the thread."""

@@ -1,8 +1,7 @@
 """Spins nodes in a thread of their own."""
 
 import threading
-from collections.abc import Iterable
-from contextlib import suppress
+from collections.abc import Callable, Iterable
 
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
@@ -17,8 +16,11 @@ class NodeThread:
     Not by an EventsExecutor: in a second thread of a process that one serves nothing.
     """
 
-    def __init__(self, nodes: Iterable[Node], name: str) -> None:
-        self._nodes = list(nodes)
+    def __init__(
+        self, nodes: Iterable[Node], name: str, failed: Callable[[BaseException], None]
+    ) -> None:
+        """Start the thread ``name``; ``failed`` is called with an error that ends it."""
+        self._nodes, self._failed = list(nodes), failed
         self._executor = SingleThreadedExecutor(context=self._nodes[0].context)
         for node in self._nodes:
             self._executor.add_node(node)
@@ -32,8 +34,12 @@ class NodeThread:
         self._thread.join(_PATIENCE)
 
     def _run(self) -> None:
-        with suppress(ExternalShutdownException):
+        try:
             self._executor.spin_until_future_complete(self._ended)
+        except ExternalShutdownException:
+            pass
+        except BaseException as error:
+            self._failed(error)
         self._executor.shutdown()
         for node in self._nodes:
             node.destroy_node()
