@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 from onebot_bringup.steering.command_limits import Limits
-from onebot_bringup.steering.protocol import Drive, Release, SetLimits, Stop, Velocity
+from onebot_bringup.steering.protocol import Command, Drive, Release, SetLimits, Stop
 from onebot_description.ros.message_age import boot_time
 
 COMMAND_TIMEOUT = 0.25  # s without a message from the driver until the robot is stopped
@@ -23,7 +23,7 @@ ZEROS = 3  # zero commands after the last one, in case one gets lost
 @dataclass
 class _Page:
     holding: bool = False  # it holds a control: it drives, or has to release first
-    moved: bool = False  # it commanded a velocity other than zero since its last release
+    moved: bool = False  # it commanded a motion since its last release
     late: bool = False  # its commands are too old, or come no more
 
 
@@ -35,7 +35,7 @@ class DrivingState:
     pages: int  # the number of open pages
     late: frozenset[str]  # those whose connection is too slow to drive
     limits: Limits
-    command: Velocity  # the present command, within the limits
+    command: Command  # the present command, within the limits
 
 
 class Arbiter:
@@ -51,7 +51,7 @@ class Arbiter:
     def __init__(
         self,
         limits: Limits,
-        publish: Callable[[Velocity], None],
+        publish: Callable[[Command], None],
         lock: Callable[[bool], None],
         clock: Callable[[], float] = boot_time,
         woke: Callable[[], float] = lambda: -math.inf,
@@ -62,7 +62,7 @@ class Arbiter:
             limits: of commands.
             publish: called with each command, from any thread, one call at a time.
             lock: called likewise, with True when a page stops the robot, and with False before the
-                first velocity other than zero of a page that took control.
+                first motion that a page commands after it took control.
             clock: the time, s; that of the stamps of commands.
             woke: when this process last woke from a stop, by that clock; what was sent before that
                 does not drive.
@@ -74,8 +74,8 @@ class Arbiter:
         self._limits = limits
         self._pages: dict[str, _Page] = {}
         self._driver: str | None = None
-        self._velocity = Velocity()
-        self._moving = False  # commands are published, even if their velocity is zero
+        self._latest = Command()  # the driver's, beyond limits too
+        self._moving = False  # commands are published, even if they are zero
         self._granted = limits.range  # since the driver's press, which no raised limit widens
         self._stamp = 0.0  # of the driver's command
         self._deadline = 0.0  # until when it holds
@@ -166,10 +166,10 @@ class Arbiter:
             self._granted = self._limits.range
         if self._driver != page:
             return
-        if not sender.moved and message.velocity != Velocity():
+        if not sender.moved and message.command != Command():
             sender.moved = True
             self._lock_robot(False)
-        self._velocity, self._stamp, self._deadline = message.velocity, message.stamp, deadline
+        self._latest, self._stamp, self._deadline = message.command, message.stamp, deadline
         self._moving, self._zeros = True, ZEROS
 
     def _drop(self, page: str) -> bool:
@@ -191,7 +191,7 @@ class Arbiter:
             connected_page.holding |= connected_page.late
 
     def _halt(self) -> None:
-        self._velocity, self._moving = Velocity(), False
+        self._latest, self._moving = Command(), False
 
     @contextmanager
     def _update(self) -> Iterator[None]:
@@ -215,10 +215,11 @@ class Arbiter:
             self._publish(self._command())
         elif self._zeros > 0:
             self._zeros -= 1
-            self._publish(Velocity())
+            self._publish(Command())
 
-    def _command(self) -> Velocity:
-        return self._granted.clamp(self._velocity) if self._moving else Velocity()
+    def _command(self) -> Command:
+        latest = self._latest
+        return replace(latest, velocity=self._granted.clamp(latest.velocity))
 
     def _state(self) -> DrivingState:
         late = frozenset(name for name, page in self._pages.items() if page.late)

@@ -115,11 +115,12 @@ def foreign_type(node: Node, topic: str) -> str:
 class RobotLock:
     """The lock of a robot's commands: locked, it brakes and ignores them, whoever publishes them.
 
-    ``changed`` is called with ``locked`` when somebody else has changed it.
+    ``topic`` is that of the commands; ``changed`` is called with ``locked`` when somebody else has
+    changed it.
     """
 
     def __init__(self, node: Node, topic: str, changed: Callable[[bool], None]) -> None:
-        self._node, self._changed = node, changed
+        self._node, self._changed, self.topic = node, changed, topic
         self.locked = False  # last known state
         self._publisher = node.create_publisher(Bool, f"{topic}_lock", _DEPTH)
         self._state = node.create_subscription(Bool, f"{topic}_locked", self._on_state, LATCHED)
@@ -152,7 +153,7 @@ class CommandTopic:
         self._warn = Throttled(node.get_logger().warning)
         self._lock = threading.Lock()
         self._publisher: Any = None
-        self._driven = False  # a page has driven
+        self._driven = False  # a page has driven, not only moved joints
         self.topic = topic
         self.kind = "geometry_msgs/msg/Twist"
         self.subscribers: list[CommandSubscriber] = []  # the nodes that subscribe to the topic
@@ -166,7 +167,7 @@ class CommandTopic:
 
     def publish(self, velocity: Velocity) -> None:
         with self._lock:
-            self._driven = True
+            self._driven |= velocity != Velocity()  # a robot without wheels needs no publisher
             if self._publisher is not None:
                 self._publisher.publish(self._message(velocity))
 

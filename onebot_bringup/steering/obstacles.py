@@ -156,7 +156,7 @@ class Obstacles:
     """Follows the sensors of the robot that is steered, in the node's thread.
 
     Attributes:
-        robot_name: as its description has it, "" if that is not known.
+        robot: its description; None if that is not known.
     """
 
     def __init__(
@@ -167,7 +167,7 @@ class Obstacles:
         self._topics = FollowedTopics(node, 1, self._subscription)
         self._transforms = FollowedTransforms(node)
         self._footprint: Footprint | None = None
-        self.robot_name = ""
+        self.robot: Description | None = None
         self._seen: dict[str, tuple[float, str, Readings]] = {}  # when, and the frame; by the topic
 
     @property
@@ -201,7 +201,7 @@ class Obstacles:
         description = {f"{namespace}/robot_description": _STRING} if watched else {}
         self._transforms.update(bool(sensors))
         if _STRING in self._topics.update(sensors | description):
-            self._footprint, self.robot_name = None, ""
+            self._footprint = self.robot = None
         self._seen = {topic: seen for topic, seen in self._seen.items() if topic in sensors}
 
     def _subscription(self, name: str, kind: str) -> TopicSubscription:
@@ -219,6 +219,5 @@ class Obstacles:
         self._seen[topic] = time.monotonic(), frame, readings_of(message)
 
     def _on_robot(self, _: str, message: String) -> None:
-        robot = described(message.data)
-        self.robot_name = robot.robot_name if robot is not None else ""
+        self.robot = robot = described(message.data)
         self._footprint = Footprint.of(robot) if robot is not None else None

@@ -10,7 +10,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from onebot_description.errors import OneBotError
@@ -31,7 +31,7 @@ class ProtocolError(OneBotError):
 
 @dataclass(frozen=True)
 class Velocity:
-    """A command: ``linear`` in m/s forward, ``angular`` in rad/s to the left (REP-103)."""
+    """A velocity: ``linear`` in m/s forward, ``angular`` in rad/s to the left (REP-103)."""
 
     linear: float = 0.0
     angular: float = 0.0
@@ -41,7 +41,7 @@ class Velocity:
         return Velocity(min(self.linear, other.linear), min(self.angular, other.angular))
 
     def clamped(self, least: "Velocity", most: "Velocity") -> "Velocity":
-        """Return the fastest command between ``least`` and ``most`` along the same arc.
+        """Return the fastest velocity between ``least`` and ``most`` along the same arc.
 
         One factor scales both speeds. Clamping each on its own would change the radius: a robot
         that cannot turn as commanded would leave its arc to the outside, at full speed.
@@ -62,6 +62,15 @@ def _share(clamped: float, speed: float) -> float:
 
 
 @dataclass(frozen=True)
+class Command:
+    """How the robot is to move."""
+
+    velocity: Velocity = Velocity()
+    # Of joints by name, rad/s or m/s; what is not among them is to be at rest.
+    joints: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class Drive:
     """A control is held; sent repeatedly, even if nothing changes: the robot stops after a timeout.
 
@@ -72,10 +81,11 @@ class Drive:
     linear: float  # m/s
     angular: float  # rad/s
     stamp: float  # s, by the server's boot_time(); ms in the message
+    joints: Mapping[str, float]  # rad/s or m/s, those that are not at rest
 
     @property
-    def velocity(self) -> Velocity:
-        return Velocity(self.linear, self.angular)
+    def command(self) -> Command:
+        return Command(Velocity(self.linear, self.angular), self.joints)
 
 
 @dataclass(frozen=True)
@@ -135,6 +145,13 @@ def text(name: str, value: Any) -> str:
     return value
 
 
+def _joints(name: str, value: Any) -> dict[str, float]:
+    if not isinstance(value, dict):
+        raise ProtocolError(f"{name} must have velocities by the joints' names", name)
+    velocities = {joint: number(name, velocity) for joint, velocity in value.items()}
+    return {joint: velocity for joint, velocity in velocities.items() if velocity}
+
+
 def _topic(name: str, value: Any) -> str:
     if isinstance(value, str) and len(value) <= _LONGEST_TOPIC and _TOPIC.fullmatch(value):
         return value
@@ -142,7 +159,10 @@ def _topic(name: str, value: Any) -> str:
 
 
 MESSAGES: Mapping[str, tuple[type[Message], Mapping[str, Check]]] = {
-    "drive": (Drive, {"linear": number, "angular": number, "stamp": _seconds}),
+    "drive": (
+        Drive,
+        {"linear": number, "angular": number, "stamp": _seconds, "joints": _joints},
+    ),
     "release": (Release, {}),
     "stop": (Stop, {}),
     "topic": (ChooseTopic, {"topic": _topic}),

@@ -230,7 +230,7 @@ class SteeringServer:
             "chosen": asdict(limits.chosen),
             "ceiling": {"linear": limits.linear.most, "angular": limits.angular.most},
             "ceiling_from": {"linear": limits.linear.source, "angular": limits.angular.source},
-            "command": asdict(driving.command),
+            "command": {**asdict(driving.command.velocity), "joints": driving.command.joints},
             "view": view.addresses(page.host) if view is not None else None,
         }
 

@@ -3,20 +3,26 @@
 
 The robot stops as soon as no control is held. Stop also locks it, so that it ignores other nodes'
 commands, too, until a page drives again. If this node dies, the robot's controller stops
-it after its cmd_vel_timeout.
+it after its cmd_vel_timeout. Joints that a joint_trajectory_controller moves have a slider each;
+they are sent trajectories of 0.3 s, which end at rest.
 
 Publishes:
     the parameter topic (geometry_msgs/Twist or TwistStamped, as the robot subscribes, reliable,
         depth 10): linear.x in m/s and angular.z in rad/s, at ``rate`` while a control is held; then
         three zero commands, and nothing more, so that other nodes can drive.
     the same with _lock at its end (std_msgs/Bool): true while a page stops the robot, false before
-        a page drives a locked one.
+        a page drives a locked one; likewise controller_manager/cmd_vel_lock, where it is.
+    joint_trajectory (trajectory_msgs/JointTrajectory) of each joint_trajectory_controller in the
+        robot's namespace: at ``rate`` while a slider of its joints is held, then three to stop.
     goal_pose (geometry_msgs/PoseStamped), initialpose (PoseWithCovarianceStamped), clicked_point
         (PointStamped), in the namespace of the robot that is steered: the page's tools.
     page_cameras (std_msgs/String, latched), of the viewer: see there.
 
 Subscribes:
-    the parameter topic with _locked at its end (std_msgs/Bool, latched): whether the robot is.
+    the parameter topic with _locked at its end (std_msgs/Bool, latched): whether the robot is;
+        likewise controller_manager/cmd_vel_locked.
+    controller_state (control_msgs/JointTrajectoryControllerState) of each
+        joint_trajectory_controller in the robot's namespace: while there is a page.
     odometry (nav_msgs/Odometry): see odom_topic.
     the parameter viewer_page (std_msgs/String, latched): the address of rerun_viewer's page.
     displays (std_msgs/String, latched), of the same node: the topics that are shown in the view.
@@ -68,10 +74,11 @@ from onebot_bringup.steering.command_topic import (
 )
 from onebot_bringup.steering.controllers import Controllers
 from onebot_bringup.steering.ground import Ground
+from onebot_bringup.steering.joint_commands import JointCommands
 from onebot_bringup.steering.obstacles import Obstacles
 from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_bringup.steering.page_parameters import PageParameters
-from onebot_bringup.steering.protocol import Velocity
+from onebot_bringup.steering.protocol import Command, Velocity
 from onebot_bringup.steering.server import ServerContext, SteeringServer
 from onebot_bringup.steering.tool_requests import OtherThread, ToolRequests
 from onebot_bringup.steering.tools import ToolPublishers
@@ -117,22 +124,23 @@ class SteeringPage(Node):
         super().__init__("steering_page")
         self._server: ServerThread | None = None
         self._settings = settings = SteeringParameters.of(self)
-        self._commands = commands = CommandTopic(self, settings.topic, self._on_lock)
+        self._commands = CommandTopic(self, settings.topic, self._on_lock)
         self._odometry = OdometryTopic(self, settings.odom_topic)
         self._controllers = Controllers(self, self._on_controllers)
         self._braking: Braking | None = None
         self._topics: tuple[str, ...] = ()
         self._robots: tuple[CommandedRobot, ...] = ()
         self._choices: dict[str, str] = {}  # the topic that each page chose last
-        self._arbiter = Arbiter(
-            settings.limits(()), commands.publish, commands.lock, woke=WAKE.check
-        )
+        self._joints = JointCommands(self, self._on_lock)
+        self._arbiter = Arbiter(settings.limits(()), self._command, self._lock, woke=WAKE.check)
         self._viewer = Viewer(self, settings.viewer_page, self._on_view)
         self._warn = Throttled(self.get_logger().warning)
         self._timeouts = 0  # number of drivers' timeouts that were logged
         self._ground = Ground(self, self._odometry)
         self._cameras = CameraFeed(self)
-        self._obstacles = Obstacles(self, self._odometry, lambda: self._arbiter.state.command)
+        self._obstacles = Obstacles(
+            self, self._odometry, lambda: self._arbiter.state.command.velocity
+        )
         self._thread = OtherThread(self)
         self._serve()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -197,16 +205,18 @@ class SteeringPage(Node):
 
     def _robot(self) -> Mapping[str, Any]:
         """Return the robot's part of a page's state."""
-        commands = self._commands
+        commands, robot = self._commands, self._obstacles.robot
         return {
             "topic": commands.topic,
             "topic_type": commands.kind,
             "topics": self._topics,  # choices, those with subscribers first
             "robots": [asdict(robot) for robot in self._robots],  # choices
-            "robot_name": self._obstacles.robot_name,  # in its description; "" if not known
+            "robot_name": robot.robot_name if robot is not None else "",  # of its description
             "listeners": len(commands.listeners),
             "others": commands.others,  # the other nodes that publish commands
-            "locked": commands.locked,  # it ignores all commands until a page drives again
+            # It ignores all commands until a page drives again.
+            "locked": commands.locked or self._joints.locked,
+            "joints": self._joints.fields(),
             "controllers": self._controllers.names,  # the nodes whose limits are known
             "braking": asdict(self._braking) if self._braking else None,
             "odometry": self._odometry.fields(),
@@ -262,9 +272,18 @@ class SteeringPage(Node):
         self._cameras.update(namespace, other_namespaces, watched)
         self._viewer.publish_cameras(self._cameras.topics)
         self._obstacles.update(namespace, other_namespaces, watched)
+        self._joints.update(namespace, other_namespaces, self._obstacles.robot, watched)
         self._viewer.update()
         if previous != (commands.kind, commands.topic, len(commands.listeners)):
             self._arbiter.changed()
+
+    def _command(self, command: Command) -> None:
+        self._commands.publish(command.velocity)
+        self._joints.publish(command.joints)
+
+    def _lock(self, locked: bool) -> None:
+        self._commands.lock(locked)
+        self._joints.lock(locked)
 
     def _on_lock(self, locked: bool) -> None:
         """Show it; a page that drove has to release and drive again to unlock it."""

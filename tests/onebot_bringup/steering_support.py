@@ -6,7 +6,7 @@ import math
 import re
 import socket
 import threading
-from collections.abc import Coroutine, Iterator
+from collections.abc import Coroutine, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
 from urllib.parse import urlsplit
@@ -78,15 +78,15 @@ class PageClient:
 
     def drive(self, linear: float, angular: float = 0.0) -> None:
         """Send one command, as a page that falls silent then."""
-        self.send("drive", stamp=self.state["stamp"], linear=linear, angular=angular)
+        self.send("drive", stamp=self.state["stamp"], linear=linear, angular=angular, joints={})
 
-    def hold(self, linear: float, angular: float = 0.0) -> None:
+    def hold(self, linear: float, angular: float = 0.0, **joints: float) -> None:
         """Drive until told otherwise, as a page does while something is held."""
         self.silence()
-        self._holding = asyncio.run_coroutine_threadsafe(self._hold(linear, angular), self._loop)
+        fields = {"type": "drive", "linear": linear, "angular": angular, "joints": joints}
+        self._holding = asyncio.run_coroutine_threadsafe(self._hold(fields), self._loop)
 
-    async def _hold(self, linear: float, angular: float) -> None:
-        fields = {"type": "drive", "linear": linear, "angular": angular}
+    async def _hold(self, fields: Mapping[str, Any]) -> None:
         while True:
             await self._socket.send_str(json.dumps({**fields, "stamp": self.state["stamp"]}))
             await asyncio.sleep(0.05)

@@ -1,6 +1,7 @@
 """Who drives, of several pages, and what is published when. No ROS, network or clock."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 import pytest
@@ -9,7 +10,7 @@ from hypothesis import strategies as st
 
 from onebot_bringup.steering.arbiter import COMMAND_TIMEOUT, MAX_AGE, ZEROS, Arbiter
 from onebot_bringup.steering.command_limits import Bound, Limits
-from onebot_bringup.steering.protocol import Drive, Release, SetLimits, Stop, Velocity
+from onebot_bringup.steering.protocol import Command, Drive, Release, SetLimits, Stop, Velocity
 
 FORWARD, ZERO = Velocity(0.5, 0.1), Velocity()
 
@@ -25,11 +26,12 @@ class Steered:
     def __init__(self, pages: str) -> None:
         self.now, self.woke = 100.0, -math.inf
         self.published: list[Velocity] = []
+        self.joints: list[Mapping[str, float]] = []  # their velocities, of each command
         self.changes = 0
         self.locks: list[bool] = []
         self.arbiter = Arbiter(
             limits(3.0, 4.0),
-            self.published.append,
+            self._publish,
             self.locks.append,
             lambda: self.now,
             lambda: self.woke,
@@ -39,12 +41,18 @@ class Steered:
             self.arbiter.join(page)
         self.arbiter.changed = self._changed
 
+    def _publish(self, command: Command) -> None:
+        self.published.append(command.velocity)
+        self.joints.append(command.joints)
+
     def _changed(self) -> None:
         self.changes += 1
 
     def drive(self, page: str, velocity: Velocity = FORWARD, age: float = 0.0) -> None:
-        """Have a page send a command whose stamp is ``age`` seconds old."""
-        self.arbiter.handle(page, Drive(velocity.linear, velocity.angular, self.now - age))
+        """Have a page send a command whose stamp is ``age`` seconds old, for an arm, too."""
+        linear, angular = velocity.linear, velocity.angular
+        arm = {"arm": linear} if linear else {}
+        self.arbiter.handle(page, Drive(linear, angular, self.now - age, arm))
 
     def release(self, page: str) -> None:
         self.arbiter.handle(page, Release())
@@ -67,7 +75,7 @@ class Steered:
 
     @property
     def command(self) -> Velocity:
-        return self.arbiter.state.command
+        return self.arbiter.state.command.velocity
 
 
 @pytest.fixture
@@ -118,6 +126,7 @@ def test_every_end_gives_zeros_and_then_silence(steered: Steered, end) -> None:
     for _ in range(ZEROS + 2):
         steered.arbiter.tick()
     assert steered.sent() == [ZERO] * (ZEROS - 1)
+    assert steered.joints == [{"arm": FORWARD.linear}, *[{}] * ZEROS]
 
 
 def test_the_last_to_take_hold_drives(steered: Steered) -> None:
@@ -135,6 +144,15 @@ def test_the_last_to_take_hold_drives(steered: Steered) -> None:
     steered.release("a")
     steered.drive("a")
     assert steered.driver == "a" and steered.command == FORWARD
+
+
+def test_joints_alone_take_control_and_unlock(steered: Steered) -> None:
+    """As wheels do; those that are at rest do not."""
+    steered.arbiter.handle("a", Drive(0.0, 0.0, steered.now, {}))
+    assert steered.driver == "a" and steered.locks == []
+    steered.arbiter.handle("a", Drive(0.0, 0.0, steered.now, {"arm": 9.0}))
+    steered.arbiter.tick()
+    assert steered.locks == [False] and steered.joints == [{}, {"arm": 9.0}]
 
 
 @pytest.mark.parametrize("held", [True, False])
@@ -283,7 +301,7 @@ def test_the_robot_moves_only_while_its_driver_says_so(events) -> None:
             steered.release(page) if kind == "release" else getattr(arbiter, kind)(page)
             pages -= {page} if kind == "leave" else set()
             assert steered.driver != page
-        if steered.command != ZERO:
+        if arbiter.state.command != Command():
             assert steered.driver in pages
             came, stamp = spoke[steered.driver]
             rounding = 1e-9  # of sums of times

@@ -43,7 +43,7 @@ def test_commands_go_out_while_held_and_stop_when_let_go(shared):
         page.hold(0.25, -0.5)
         wait_for(lambda: len(robot.speeds) > 10, "ten commands")
         assert page.state["driver"] == page.id and page.state["you"]
-        assert page.state["command"] == {"linear": 0.25, "angular": -0.5}
+        assert page.state["command"] == {"linear": 0.25, "angular": -0.5, "joints": {}}
         assert {(m.linear.x, m.angular.z) for m in robot.moving} == {(0.25, -0.5)}
         page.hold(100.0, 100.0)
         robot.reach(1.0)
@@ -112,8 +112,8 @@ def test_a_slow_way_to_the_server_stops_the_robot(shared):
 def test_nonsense_is_refused_and_stops_the_robot(shared):
     """It is answered with a sentence, never reaches the robot, and costs control."""
     nonsense = (
-        '{"type":"drive","stamp":1e12,"linear":NaN,"angular":0}',
-        '{"type":"drive","stamp":1e12,"linear":0.9,"angular":0,"more":1}',
+        '{"type":"drive","stamp":1e12,"linear":NaN,"angular":0,"joints":{}}',
+        '{"type":"drive","stamp":1e12,"linear":0.9,"angular":0,"joints":{},"more":1}',
         b'{"type":"release"}',
     )
     with visited(*shared) as (peer, page):

@@ -24,7 +24,10 @@ from onebot_bringup.steering.protocol import (
 @pytest.mark.parametrize(
     "text, meant",
     [
-        ('{"type":"drive","stamp":1500,"linear":0.5,"angular":-1}', Drive(0.5, -1.0, 1.5)),
+        (
+            '{"type":"drive","stamp":1500,"linear":0.5,"angular":-1,"joints":{"a":1,"b":0}}',
+            Drive(0.5, -1.0, 1.5, {"a": 1.0}),
+        ),
         ('{"type":"release"}', Release()),
         ('{"type":"release"}'.ljust(1024), Release()),
         ('{"type":"stop"}', Stop()),
@@ -41,7 +44,8 @@ def test_each_message_is_understood(text, meant):
 
 
 def _drive(**changes: object) -> str:
-    return json.dumps({"type": "drive", "stamp": 1, "linear": 1, "angular": 0, **changes})
+    fields = {"type": "drive", "stamp": 1, "linear": 1, "angular": 0, "joints": {}}
+    return json.dumps({**fields, **changes})
 
 
 @pytest.mark.parametrize(
@@ -56,7 +60,7 @@ def _drive(**changes: object) -> str:
         ("{}", "one of drive, release, stop, topic, limits", None, None),
         ('{"type":["drive"]}', "one of drive", None, None),
         ('{"type":"stop","now":true}', '"stop", beside its type, has no fields', "stop", None),
-        ('{"type":"drive"}', "has linear, angular, stamp, no others", "drive", None),
+        ('{"type":"drive"}', "has linear, angular, stamp, joints, no others", "drive", None),
         (_drive(z=1), "no others", "drive", None),
         (_drive(linear=math.nan), "linear must be a finite", "drive", "linear"),
         (_drive(angular=-math.inf), "angular must be a finite", "drive", "angular"),
@@ -64,6 +68,9 @@ def _drive(**changes: object) -> str:
         (_drive(linear="1"), "linear must be a number", "drive", "linear"),
         (_drive(linear=True), "linear must be a number", "drive", "linear"),
         (_drive(stamp=None), "stamp must be a number", "drive", "stamp"),
+        (_drive(joints=[1]), "joints must have velocities by the joints", "drive", "joints"),
+        (_drive(joints={"a": math.inf}), "joints must be a finite", "drive", "joints"),
+        (_drive(joints={"a": "1"}), "joints must be a number", "drive", "joints"),
         ('{"type":"limits","linear":0,"angular":1}', "linear must be above", "limits", "linear"),
         ('{"type":"limits","linear":1,"angular":-1}', "above zero", "limits", "angular"),
         ('{"type":"topic","topic":""}', "name of a ROS topic", "topic", "topic"),
@@ -88,7 +95,7 @@ _json = st.recursive(
     lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner),
     max_leaves=8,
 )
-_names = st.sampled_from(["type", "stamp", "linear", "angular", "topic", "x"])
+_names = st.sampled_from(["type", "stamp", "linear", "angular", "joints", "topic", "x"])
 _kinds = st.sampled_from(list(MESSAGES))
 
 
@@ -100,7 +107,7 @@ def test_whatever_comes_is_a_finite_command_or_refused(text):
     except ProtocolError:
         return
     if isinstance(message, Drive):
-        assert math.isfinite(message.linear) and math.isfinite(message.angular)
+        assert all(map(math.isfinite, (message.linear, message.angular, *message.joints.values())))
 
 
 _speed = st.floats(allow_nan=False, allow_infinity=False)

@@ -1,5 +1,5 @@
 /**
- * Sends the velocity commands of all inputs (pad, sliders, keys, gamepad) to the server.
+ * Sends the velocity commands of all inputs (pad, sliders, keys, gamepad, joints) to the server.
  *
  * An input takes control with `take`, called again at every change, and gives it up with `release`.
  * In between the command is sent every 50 ms, also when it stays the same: the server stops the
@@ -31,6 +31,7 @@ export class CommandSender {
     this.limits = { linear: 0, angular: 0 };
     this.granted = this.limits; // those of the press: a limit raised since then waits for the next
     this.linear = this.angular = 0;
+    this.joints = {};
     this.ticks = 0;
   }
 
@@ -39,14 +40,16 @@ export class CommandSender {
    * @param {object} source the input; has cancel().
    * @param {number} linear -1 to 1, forward positive, of the linear limit.
    * @param {number} angular -1 to 1, to the left positive, of the angular limit.
+   * @param {Object<string, number>} joints velocities by the joints' names, rad/s or m/s.
    * @returns {boolean} false if it cannot take control now.
    */
-  take(source, linear, angular) {
+  take(source, linear, angular, joints = {}) {
     if (!this.ready) return false;
     const fresh = this.holder !== source;
     if (fresh) this.setHolder(source);
     this.linear = linear;
     this.angular = angular;
+    this.joints = joints;
     if (fresh) {
       this.sendCommand();
       this.first = this.connection.sent;
@@ -101,11 +104,12 @@ export class CommandSender {
     if (!state.you && !state.late && state.received >= this.first) this.drop();
   }
 
-  /** The command now, m/s and rad/s. */
+  /** The command now, m/s and rad/s; of joints in their units. */
   get command() {
     return {
       linear: this.linear * this.granted.linear,
       angular: this.angular * this.granted.angular,
+      joints: this.joints,
     };
   }
 
@@ -114,6 +118,7 @@ export class CommandSender {
     if (!before) this.granted = this.limits;
     this.holder = source;
     this.linear = this.angular = 0;
+    this.joints = {};
     clearInterval(this.timer);
     if (before && source) before.cancel();
     if (source) {

@@ -32,7 +32,7 @@ export class Keys {
 
   press(event) {
     if (event.ctrlKey || event.altKey || event.metaKey) return;
-    if (isText(event.target)) return;
+    if (isText(event.target) || movesJoint(event)) return;
     this.slow = event.shiftKey;
     if (KEYS[event.code]) event.preventDefault(); // it would scroll, or move a slider
     if (KEYS[event.code] && !event.repeat) this.down.add(event.code);
@@ -68,4 +68,9 @@ function isText(element) {
     element instanceof HTMLSelectElement ||
     (element instanceof HTMLInputElement && element.type !== "range")
   );
+}
+
+/** Whether the slider of a joint has the focus, whose keys the arrows are then. */
+function movesJoint({ target, code }) {
+  return code.startsWith("Arrow") && target.closest?.("#joints input");
 }

@@ -4,6 +4,7 @@ import { Braking } from "./braking.js";
 import { Camera } from "./camera.js";
 import { Connection } from "./connection.js";
 import { Gamepads } from "./gamepad.js";
+import { Joints } from "./joints.js";
 import { Keys } from "./keys.js";
 import { GroundMap } from "./map.js";
 import { Displays, Parameters } from "./panels.js";
@@ -27,7 +28,8 @@ const sender = new CommandSender(connection, showHolder, () => notify(UNSEEN));
 const stop = new Stop(element("stop"), sender, letGo);
 const pad = new Pad(element("pad"), sender);
 const sliders = new Sliders({ linear: element("linear"), angular: element("angular") }, sender);
-const inputs = [pad, sliders, new Keys(sender), new Gamepads(sender, stop)];
+const joints = new Joints(element("joints"), document.querySelector("[name=joints]"), sender);
+const inputs = [pad, sliders, joints, new Keys(sender), new Gamepads(sender, stop)];
 const robot = new Robot(element("robot"), choose);
 const topic = new Topic(element("topic"), choose);
 const limits = new Limits(
@@ -43,6 +45,7 @@ const map = new GroundMap(element("ground"), (tool, place) => tools.publish(tool
 const panels = {
   displays: new Displays(element("displays")),
   parameters: new Parameters(element("parameters")),
+  joints,
 };
 const tools = new Tools(element("tools"), map, panels, notify);
 
@@ -95,6 +98,7 @@ function down(reason) {
   document.body.dataset.driver = "nobody";
   enable(false);
   for (const input of [pad, sliders]) input.show(0, 0);
+  joints.forget();
   readout.forget();
   braking.forget();
   limits.forget();
@@ -106,7 +110,7 @@ function down(reason) {
 function enable(yes) {
   sender.enabled = yes;
   const parts = document.querySelectorAll(
-    "#steer :is(input, button):not(#stop), #settings, #robot select",
+    "#steer :is(input, button):not(#stop), #joints input, #settings, #robot select",
   );
   for (const part of parts) part.disabled = !yes;
   // Not "disabled", which takes the focus away: Enter stops again when the connection is back.
@@ -134,6 +138,8 @@ function receive(message) {
     for (const input of [pad, sliders]) {
       input.show(share(command.linear, most.linear), share(command.angular, most.angular));
     }
+    joints.show(message);
+    if (message.joints.length === 0 && joints.isOpen) tools.toggle("");
     view.show(message.view);
     legend.show(message.legend);
     camera.show(message);

@@ -42,27 +42,22 @@ export class Sliders {
   }
 }
 
-class Axis {
-  constructor(group, sliders) {
-    this.range = group.querySelector("input[type=range]");
-    this.sender = sliders.sender;
-    this.changed = () => sliders.drive();
-    this.seen = (duration) => this.sender.seen(sliders, duration);
+/** A range from -1 to 1 that counts while it is held, and springs back to zero. */
+export class HeldRange {
+  /**
+   * @param {HTMLInputElement} range
+   * @param {object} input that it is a part of: has a `sender`, and `drive`, called at each change.
+   */
+  constructor(range, input) {
+    this.range = range;
+    this.input = input;
     this.hand = new PointerHold((held) => (held ? this.seen() : this.letGo()));
     this.held = false;
     this.settled = 0;
-    this.range.addEventListener("pointerdown", (event) => this.hold(event));
-    this.range.addEventListener("input", () => this.slide());
+    range.addEventListener("pointerdown", (event) => this.hold(event));
+    range.addEventListener("input", () => this.slide());
     // A finger that rests asks for a menu, which would end the press.
-    this.range.addEventListener("contextmenu", (event) => event.preventDefault());
-    for (const [name, sign] of Object.entries({ minus: -1, zero: 0, plus: 1 })) {
-      const button = group.querySelector(`button[name=${name}]`);
-      button.addEventListener("pointerdown", (event) => this.hold(event, sign));
-      button.addEventListener("keydown", (event) => this.key(event, sign));
-      button.addEventListener("keyup", () => this.letGo());
-      button.addEventListener("blur", () => this.letGo());
-      button.addEventListener("contextmenu", (event) => event.preventDefault());
-    }
+    range.addEventListener("contextmenu", (event) => event.preventDefault());
   }
 
   get value() {
@@ -71,7 +66,6 @@ class Axis {
 
   /** Back to zero, held no more. */
   spring() {
-    clearInterval(this.timer);
     this.range.value = "0";
     this.hand.end();
     if (this.held) this.settled = performance.now() + SETTLE_MS;
@@ -83,16 +77,49 @@ class Axis {
     this.range.value = String(value);
   }
 
+  seen(duration) {
+    this.input.sender.seen(this.input, duration);
+  }
+
   letGo() {
     const held = this.held;
     this.spring();
-    if (held) this.changed();
+    if (held) this.input.drive();
   }
 
+  /** @param {number} [sign] of a button's steps. */
   hold(event, sign) {
-    if (event.button !== 0 || this.held || !this.sender.ready) return;
+    if (event.button !== 0 || this.held || !this.input.sender.ready) return;
     this.hand.begin(event);
     this.begin(sign);
+  }
+
+  begin() {
+    this.held = true; // "input" follows
+  }
+
+  slide() {
+    if (this.held) this.input.drive();
+    else this.range.value = "0"; // not held: no release would follow
+  }
+}
+
+class Axis extends HeldRange {
+  constructor(group, sliders) {
+    super(group.querySelector("input[type=range]"), sliders);
+    for (const [name, sign] of Object.entries({ minus: -1, zero: 0, plus: 1 })) {
+      const button = group.querySelector(`button[name=${name}]`);
+      button.addEventListener("pointerdown", (event) => this.hold(event, sign));
+      button.addEventListener("keydown", (event) => this.key(event, sign));
+      button.addEventListener("keyup", () => this.letGo());
+      button.addEventListener("blur", () => this.letGo());
+      button.addEventListener("contextmenu", (event) => event.preventDefault());
+    }
+  }
+
+  spring() {
+    clearInterval(this.timer);
+    super.spring();
   }
 
   key(event, sign) {
@@ -100,15 +127,15 @@ class Axis {
     if (event.repeat && this.held) this.seen(REPEATED_MS);
     if (event.repeat || this.held) return;
     event.preventDefault();
-    if (!this.sender.ready) return;
+    if (!this.input.sender.ready) return;
     this.begin(sign);
     this.seen(PRESSED_MS);
   }
 
   /** @param {number | undefined} sign of a button's steps; none for the slider itself. */
   begin(sign) {
-    this.held = true;
-    if (sign === undefined) return; // "input" follows
+    super.begin();
+    if (sign === undefined) return;
     this.range.value = "0";
     this.step(sign);
     if (sign !== 0) this.timer = setInterval(() => this.step(sign), STEP_MS);
@@ -116,11 +143,6 @@ class Axis {
 
   step(sign) {
     this.range.value = String(sign === 0 ? 0 : this.value + sign * STEP);
-    this.changed();
-  }
-
-  slide() {
-    if (this.held) this.changed();
-    else this.range.value = "0"; // not held: no release would follow
+    this.input.drive();
   }
 }

@@ -1,0 +1,227 @@
+"""The joints of the robot that is steered, and the controllers that move them by trajectories.
+
+Each command is a short trajectory that ends at rest, so that joints stop by themselves when none
+follows. It begins at the stamp of the controller's own state, so the controller itself refuses one
+that was held up on its way, and no clocks are compared.
+"""
+
+import math
+import threading
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+from rclpy.duration import Duration
+from rclpy.node import Node
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from onebot_bringup.steering.arbiter import ZEROS
+from onebot_bringup.steering.command_topic import RobotLock
+from onebot_bringup.steering.followed_topics import FollowedTopics, own_topics
+from onebot_bringup.steering.joint_motion import STEP, SteeredJoint, short_motion
+from onebot_description.description import Description
+from onebot_description.ros.message_age import boot_time
+from onebot_description.ros.topic_subscription import TopicSubscription
+from onebot_description.ros.wire.interfaces import load_interface
+from onebot_description.ros.wire.messages import deserialize_message
+
+_STATE = "control_msgs/msg/JointTrajectoryControllerState"
+_STATE_TOPIC, _COMMAND_TOPIC = "controller_state", "joint_trajectory"
+_LOCK = "controller_manager/cmd_vel"  # of a robot that stands, whose topic of commands is none
+_DEPTH = 10
+_LIVE = 0.15  # s since the last state, until its joints are not moved
+_OLD = 1.0  # s, until its positions are not shown
+
+Joints = Mapping[str, SteeredJoint]
+
+
+class JointCommands:
+    """Moves the joints of the robot that is steered.
+
+    ``publish``, ``lock`` and ``fields`` are called from any thread, ``update`` from the node's.
+    """
+
+    def __init__(self, node: Node, locked: Callable[[bool], None]) -> None:
+        """``locked`` is called when somebody else has changed the lock; see ``RobotLock``."""
+        self._node, self._locked = node, locked
+        self._topics = FollowedTopics(node, 1, self._subscription)
+        self._lock = threading.Lock()
+        self._controllers: dict[str, _JointController] = {}  # by the topic of their state
+        self._description: Description | None = None
+        self._joints: Joints = {}
+        self._robot_lock: RobotLock | None = None
+
+    def update(
+        self,
+        namespace: str,
+        robots: Iterable[str],
+        description: Description | None,
+        watched: bool,
+    ) -> None:
+        """Follow the robot's controllers of joints; to be called several times per second.
+
+        Args:
+            namespace: of the robot.
+            robots: the namespaces of other robots.
+            description: of the robot, if it is known.
+            watched: there is a page.
+        """
+        if description is not self._description:
+            joints = description.moving_joints if description is not None else ()
+            self._description = description
+            self._joints = {joint.name: SteeredJoint.of(joint) for joint in joints}
+        needed = watched or any(each.stopping for each in self._controllers.values())
+        topics = own_topics(self._node, namespace, robots, {_STATE}) if needed else {}
+        prefix = f"{namespace}/"
+        self._follow({n: k for n, k in topics.items() if n.removeprefix(prefix).count("/") == 1})
+        self._update_lock(f"{namespace}/{_LOCK}")
+
+    def publish(self, velocities: Mapping[str, float]) -> None:
+        """Move joints at these velocities, rad/s or m/s by name; others that moved stop."""
+        with self._lock:
+            for controller in self._controllers.values():
+                controller.move(velocities, self._joints)
+
+    @property
+    def locked(self) -> bool:
+        return self._robot_lock is not None and self._robot_lock.locked
+
+    def lock(self, locked: bool) -> None:
+        """Lock or unlock a robot that stands; see ``RobotLock.set``."""
+        with self._lock:
+            if self._robot_lock is not None:
+                self._robot_lock.set(locked)
+
+    def fields(self) -> list[dict[str, Any]]:
+        """Return the joints for the page's state: names, units, positions and greatest speeds.
+
+        A position is None if it is not known now.
+        """
+        with self._lock:
+            positions = {
+                name: position
+                for controller in self._controllers.values()
+                for name, position in controller.positions().items()
+            }
+            joints = self._joints
+        return [
+            {"name": name, "unit": joint.unit, "most": joint.most, "position": position}
+            for name, position in positions.items()
+            if (joint := joints.get(name)) is not None and joint.most
+        ]
+
+    def _follow(self, topics: Mapping[str, str]) -> None:
+        gone = self._controllers.keys() - topics.keys()
+        new = {
+            topic: _JointController(self._node, topic.removesuffix(_STATE_TOPIC))
+            for topic in sorted(topics.keys() - self._controllers.keys())
+            if topic.endswith(f"/{_STATE_TOPIC}")
+        }
+        with self._lock:
+            closed = [self._controllers.pop(topic) for topic in gone]
+            self._controllers.update(new)
+        for controller in closed:
+            controller.close()
+        self._topics.update({topic: _STATE for topic in self._controllers})
+
+    def _update_lock(self, topic: str) -> None:
+        there = self._node.count_publishers(f"{topic}_locked") > 0
+        lock = self._robot_lock
+        if lock is not None and not (there and lock.topic == topic):
+            with self._lock:
+                self._robot_lock = None
+            lock.close()
+        elif lock is None and there:
+            self._robot_lock = RobotLock(self._node, topic, self._locked)
+
+    def _subscription(self, name: str, _: str) -> TopicSubscription:
+        receive = self._controllers[name].receive
+        return TopicSubscription(self._node, name, receive, load_interface)
+
+
+class _JointController:
+    """A joint_trajectory_controller."""
+
+    def __init__(self, node: Node, prefix: str) -> None:
+        """``prefix`` begins the names of its topics."""
+        self._node, self._data = node, (b"", -math.inf)
+        self._publisher = node.create_publisher(JointTrajectory, prefix + _COMMAND_TOPIC, _DEPTH)
+        self._names: tuple[str, ...] = ()  # of its joints, as pages were shown them
+        self.stopping = 0  # commands to stop that are left to publish
+        self._stop: JointTrajectory | None = None  # the one that is repeated
+
+    def receive(self, _: str, data: bytes) -> None:
+        self._data = data, boot_time()
+
+    def close(self) -> None:
+        self._node.destroy_publisher(self._publisher)
+
+    def positions(self) -> dict[str, float | None]:
+        """Return the measured positions of its joints; None for those not known now."""
+        found = self._state(_OLD)
+        if found is None:
+            return dict.fromkeys(self._names)
+        state, _ = found
+        self._names = tuple(state.joint_names)
+        positions = zip(self._names, state.feedback.positions, strict=False)
+        return {name: place if math.isfinite(place) else None for name, place in positions}
+
+    def move(self, velocities: Mapping[str, float], joints: Joints) -> None:
+        """Move its joints among these at their velocities, and stop the others if it moved any."""
+        moves = any(name in joints and velocities.get(name) for name in self._names)
+        if not (moves or self.stopping):
+            return
+        self.stopping = ZEROS if moves else self.stopping - 1
+        message = None if moves else self._stop
+        if message is None and (found := self._state(_LIVE)) is not None:
+            message = _trajectory(*found, velocities, joints)
+        # A stop is repeated as it is: a state from before it would have the joints go on.
+        self._stop = None if moves else message
+        if message is not None:  # else what it was sent before ends at rest
+            self._publisher.publish(message)
+
+    def _state(self, most: float) -> tuple[Any, float] | None:
+        """Return its latest state and the age of that, s; None if it is above ``most``."""
+        data, received = self._data
+        age = boot_time() - received
+        if age > most:
+            return None
+        try:
+            return deserialize_message(data, load_interface(_STATE)), age
+        except ValueError:
+            return None
+
+
+def _trajectory(
+    state: Any, age: float, velocities: Mapping[str, float], joints: Joints
+) -> JointTrajectory | None:
+    """Return the trajectory of joints at velocities, from the reference of a controller's state.
+
+    Returns None if the reference is none.
+    """
+    names, reference = list(state.joint_names), state.reference
+    rates = reference.velocities or [0.0] * len(names)
+    if not len(names) == len(reference.positions) == len(rates):
+        return None
+    if not all(map(math.isfinite, (*reference.positions, *rates))):
+        return None
+    motions = [
+        short_motion(joints.get(name, SteeredJoint()), place, rate, velocities.get(name, 0.0), age)
+        for name, place, rate in zip(names, reference.positions, rates, strict=True)
+    ]
+    message = JointTrajectory(joint_names=names)
+    message.header.stamp = state.header.stamp
+    message.points = [
+        _point(age + STEP, [(motion.reached, motion.velocity) for motion in motions]),
+        _point(age + 2 * STEP, [(motion.kept, motion.velocity) for motion in motions]),
+        _point(age + 3 * STEP, [(motion.rest, 0.0) for motion in motions]),
+    ]
+    return message
+
+
+def _point(time: float, states: Iterable[tuple[float, float]]) -> JointTrajectoryPoint:
+    positions, velocities = zip(*states, strict=True)
+    return JointTrajectoryPoint(
+        positions=positions,
+        velocities=velocities,
+        time_from_start=Duration(seconds=time).to_msg(),
+    )

@@ -1,0 +1,128 @@
+/**
+ * The joints that controllers move by trajectories, a slider for each: it is a velocity while it is
+ * held, by a pointer or by the arrow keys, and springs back to zero.
+ */
+
+import { PRESSED_MS, REPEATED_MS } from "./keys.js";
+import { fixed } from "./readout.js";
+import { write } from "./settings.js";
+import { HeldRange } from "./sliders.js";
+
+const SIGNS = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1 };
+
+export class Joints {
+  /**
+   * @param {HTMLElement} sheet with a place for rows.
+   * @param {HTMLButtonElement} button that opens it; hidden while there are no joints.
+   * @param {import("./command_sender.js").CommandSender} sender
+   */
+  constructor(sheet, button, sender) {
+    this.sheet = sheet;
+    this.button = button;
+    this.sender = sender;
+    this.label = "joints";
+    this.rows = sheet.querySelector(".rows");
+    this.sliders = [];
+    this.shown = "";
+  }
+
+  get isOpen() {
+    return !this.sheet.hidden;
+  }
+
+  open(yes) {
+    if (!yes) this.cancel();
+    this.sheet.hidden = !yes;
+  }
+
+  /** Let go, and wait for the next press. */
+  cancel() {
+    for (const slider of this.sliders) slider.spring();
+    this.sender.release(this);
+  }
+
+  /** Show the server's joints, where they are, and what anybody commands. */
+  show({ joints, command }) {
+    const kinds = JSON.stringify(joints.map(({ name, unit, most }) => [name, unit, most]));
+    if (kinds !== this.shown) this.list(joints);
+    this.shown = kinds;
+    this.button.hidden = joints.length === 0;
+    for (const [index, { name, position }] of joints.entries()) {
+      this.sliders[index].tell(position, command.joints[name] ?? 0);
+    }
+  }
+
+  /** The connection is lost: where the joints are is no longer known. */
+  forget() {
+    for (const slider of this.sliders) slider.tell(null, 0);
+  }
+
+  list(joints) {
+    this.cancel();
+    this.sliders = joints.map((joint, index) => new JointSlider(joint, `joint-${index}`, this));
+    this.rows.replaceChildren(...this.sliders.map((slider) => slider.row));
+  }
+
+  drive() {
+    const held = this.sliders.filter((slider) => slider.held);
+    const joints = Object.fromEntries(held.map(({ name, velocity }) => [name, velocity]));
+    if (held.length === 0) this.sender.release(this);
+    else if (!this.sender.take(this, 0, 0, joints)) this.cancel();
+  }
+}
+
+class JointSlider extends HeldRange {
+  constructor({ name, unit, most }, id, joints) {
+    const range = make("input", { type: "range", min: -1, max: 1, step: 0.01, value: 0, id });
+    super(range, joints);
+    this.name = name;
+    this.unit = unit;
+    this.most = most;
+    this.position = make("b", { id: `${id}-position` });
+    this.row = make("div", { className: "row" });
+    const track = make("span", { className: "axis" });
+    track.append(range);
+    this.row.append(make("label", { textContent: name, htmlFor: id }), this.position, track);
+    range.setAttribute("aria-describedby", this.position.id);
+    range.addEventListener("keydown", (event) => this.press(event));
+    range.addEventListener("keyup", ({ code }) => code === this.key && this.letGo());
+    range.addEventListener("blur", () => this.letGo());
+    // The arrow keys drive again.
+    range.addEventListener("pointerup", () => range.blur());
+  }
+
+  /** The velocity that is commanded, in its unit per second. */
+  get velocity() {
+    return this.value * this.most;
+  }
+
+  /** Show where the joint is; null where that is not known; and a velocity that is commanded. */
+  tell(position, velocity) {
+    write(this.position, `${position === null ? "–" : fixed(position, 3)} ${this.unit}`);
+    this.show(velocity / this.most);
+    const words = `${fixed(this.velocity, 2)} ${this.unit}/s`;
+    if (this.range.ariaValueText !== words) this.range.ariaValueText = words;
+  }
+
+  spring() {
+    this.key = null;
+    super.spring();
+  }
+
+  press(event) {
+    const sign = SIGNS[event.code];
+    if (!sign || event.ctrlKey || event.altKey || event.metaKey) return;
+    event.preventDefault(); // the browser would move the slider by a step
+    if (event.repeat && this.key === event.code) this.seen(REPEATED_MS);
+    if (event.repeat || this.held || !this.input.sender.ready) return;
+    this.begin();
+    this.key = event.code;
+    this.range.value = String(event.shiftKey ? sign / 2 : sign);
+    this.input.drive();
+    this.seen(PRESSED_MS);
+  }
+}
+
+function make(tag, properties) {
+  return Object.assign(document.createElement(tag), properties);
+}

@@ -1,0 +1,334 @@
+"""A page moves the joints of simulated robots through DDS; they stop, whatever happens to it."""
+
+import math
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from geometry_msgs.msg import Twist
+from hypothesis import given
+from hypothesis import strategies as st
+from trajectory_msgs.msg import JointTrajectory
+
+from onebot_bringup.steering.joint_motion import STEP, SteeredJoint, short_motion
+from onebot_bringup.testing.domains import used_domain
+from onebot_description.description.description import Joint
+from tests.onebot_bringup.joints_support import BAR, SPEED, STANDING, TRAVEL, TURNS, Arm, described
+from tests.onebot_bringup.steering_support import TOPIC, PageClient, steering
+from tests.onebot_control.arm_support import MANAGER, MODULE, ControllerState
+from tests.onebot_control.control_support import CASTER, SEPARATION, urdf, wheel
+from tests.ros_support import NodeProcess, Peer, ros_args
+from tests.support import wait_for
+
+STEERED = SteeredJoint("rad", 0.5, -1.0, 1.2)
+
+
+# The motion of one joint ----------------------------------------------------------------------
+
+
+def test_the_description_has_the_limits_of_a_joint():
+    """Slow enough for people, in m of a prismatic joint; one without limits is not moved."""
+    for kind, velocity, limits, wanted in (
+        ("revolute", 0.5, (-1.0, 2.0), SteeredJoint("rad", 0.5, -1.0, 2.0)),
+        ("revolute", 9.0, (-1.0, 2.0), SteeredJoint("rad", 1.0, -1.0, 2.0)),
+        ("prismatic", None, (0.0, 0.1), SteeredJoint("m", 0.2, 0.0, 0.1)),
+        ("continuous", 9.0, (None, None), SteeredJoint("rad", 1.0)),
+        ("revolute", 0.5, (None, None), SteeredJoint("rad", 0.0)),
+        ("prismatic", 0.0, (0.0, 0.1), SteeredJoint("m", 0.0, 0.0, 0.1)),
+    ):
+        joint = Joint("j", kind, "a", "b", velocity=velocity, lower=limits[0], upper=limits[1])
+        assert SteeredJoint.of(joint) == wanted
+
+
+def test_a_joint_gets_to_its_velocity_and_ends_at_rest():
+    """Faster than its limit is its limit; with no velocity wanted it comes to rest at once."""
+    assert short_motion(STEERED, 0.1, 0.5, 9.0, 0.0) == pytest.approx((0.15, 0.2, 0.225, 0.5))
+    assert short_motion(STEERED, 0.1, 0.0, -0.5, 0.0) == pytest.approx((0.075, 0.025, 0.0, -0.5))
+    assert short_motion(STEERED, 0.1, 0.5, 0.0, 0.0) == pytest.approx((*[0.125] * 3, 0.0))
+    assert short_motion(STEERED, 0.1, 0.5, 0.5, 0.1) == pytest.approx((0.2, 0.25, 0.275, 0.5))
+    assert short_motion(STEERED, 0.3, 0.0, 0.0, 0.1) == (0.3, 0.3, 0.3, 0.0)
+
+
+_speed = st.floats(-2.0, 2.0)
+
+
+@given(st.floats(-3.0, 3.0), _speed, _speed, st.floats(0.0, 0.5))
+def test_no_motion_ends_beyond_a_limit(position, velocity, wanted, age):
+    """Nor farther beyond it than where it began; and none goes against what is wanted."""
+    motion = short_motion(STEERED, position, velocity, wanted, age)
+    for place in motion[:3]:
+        assert min(STEERED.lower, position) <= place <= max(STEERED.upper, position)
+    assert abs(motion.velocity) <= STEERED.most and motion.velocity * wanted >= 0.0
+
+
+def test_a_joint_reaches_its_limit_and_stays_there():
+    """Slower and slower."""
+    position, velocity = 0.9, 0.0
+    for _ in range(100):
+        motion = short_motion(STEERED, position, velocity, 0.5, 0.0)
+        # As a controller follows it for half of the first step.
+        new = (velocity + motion.velocity) / 2.0
+        position, velocity = position + (velocity + new) / 2.0 * STEP / 2.0, new
+        assert position <= STEERED.upper + 1e-4
+    assert position == pytest.approx(STEERED.upper, abs=1e-3)
+
+
+# Robots ---------------------------------------------------------------------------------------
+
+DRIVING = urdf(
+    wheel("left", SEPARATION / 2),
+    wheel("right", -SEPARATION / 2),
+    CASTER,
+    BAR.format(name="arm", kind="revolute", parent="base_link", limits=TURNS),
+)
+TWO_CONTROLLERS = """
+controller_manager:
+  ros__parameters:
+    arm_controller:
+      type: joint_trajectory_controller/JointTrajectoryController
+    lift_controller:
+      type: joint_trajectory_controller/JointTrajectoryController
+arm_controller:
+  ros__parameters:
+    joints: [arm_joint]
+lift_controller:
+  ros__parameters:
+    joints: [lift_joint]
+"""
+
+
+@pytest.fixture(scope="module")
+def domain() -> Iterator[int]:
+    with used_domain() as domain:
+        yield domain
+
+
+@pytest.fixture(scope="module")
+def arm(domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Arm]:
+    """A robot that stands, with one controller of both joints."""
+    model = tmp_path_factory.mktemp("robot") / "standing.urdf"
+    model.write_text(STANDING)
+    with NodeProcess(MODULE, str(model)), described(domain, STANDING) as peer:
+        yield Arm(peer)
+
+
+@pytest.fixture(scope="module")
+def node(arm: Arm) -> Iterator[Any]:
+    with steering() as node:
+        yield node
+
+
+@contextmanager
+def opened(node: Any) -> Iterator[PageClient]:
+    """A page that is shown the joints."""
+    with PageClient(node.address) as page:
+        wait_for(lambda: page.state["joints"], "the joints")
+        yield page
+
+
+def hold(page: PageClient, arm: Arm, lift: float = 0.0) -> None:
+    """Hold sliders until the arm moves, away from where it is."""
+    speed = -math.copysign(SPEED, arm.positions()[0])
+    page.hold(0.0, arm_joint=speed, lift_joint=lift)
+    arm.reach(speed)
+
+
+def test_joints_move_while_held_and_stop_when_let_go(node: Any, arm: Arm) -> None:
+    """At the velocity that is commanded; the page shows where they are, and how fast they can."""
+    with opened(node) as page:
+        hold(page, arm)
+        wait_for(lambda: page.state["you"], "this page to be the driver")
+        assert page.state["command"]["joints"] == {"arm_joint": math.copysign(SPEED, arm.speed())}
+        arm.stop(page.let_go)
+        turn, lift = page.state["joints"]
+        assert turn["position"] == pytest.approx(arm.positions()[0], abs=1e-3)
+        assert (turn["name"], turn["unit"], turn["most"]) == ("arm_joint", "rad", 1.0)
+        assert (lift["name"], lift["unit"], lift["most"]) == ("lift_joint", "m", 0.2)
+        assert arm.peer.node.count_publishers(TOPIC) == 0, "it has no wheels to drive"
+        count = len(arm.commands)
+        page.hold(0.3)
+        wait_for(lambda: page.state["you"], "this page to be the driver")
+        arm.rest()
+        page.let_go()
+        assert len(arm.commands) == count, "nothing for an arm when only wheels are driven"
+
+
+def test_joints_go_to_their_limits_and_no_farther(node: Any, arm: Arm) -> None:
+    """Faster than allowed is as fast as allowed."""
+    with opened(node) as page:
+        for limit in (0.05, 0.0):
+            begin = len(arm.states)
+            page.hold(0.0, arm_joint=100.0, lift_joint=math.copysign(100.0, limit - 0.01))
+            wait_for(lambda at=limit: abs(arm.positions()[1] - at) < 1e-3, f"the limit {limit} m")
+            arm.reach(1.0)
+            for state in arm.states[begin:]:
+                assert -1e-6 <= state.reference.positions[1] <= 0.05 + 1e-6
+        arm.stop(page.let_go, TRAVEL / SPEED)
+    for command in arm.commands:
+        for point in command.points:
+            assert abs(point.velocities[0]) <= 1.0 and abs(point.velocities[1]) <= 0.2
+
+
+@pytest.mark.parametrize("leave", ["close", "cut", "silence", "say"])
+def test_a_page_that_goes_stops_the_arm(node: Any, arm: Arm, leave: str) -> None:
+    """Closed, its connection lost, silent; or it sends nonsense."""
+    with opened(node) as page:
+        hold(page, arm)
+        arm.stop(lambda: page.say("{}") if leave == "say" else getattr(page, leave)())
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP, signal.SIGTERM])
+def test_the_arm_stops_when_the_server_does(arm: Arm, number: int) -> None:
+    """Killed or hanging, by the end of the last trajectory; after a hang it does not go on."""
+    with steering(check=False) as own, opened(own) as page:
+        hold(page, arm)
+        arm.stop(lambda: own.process.send_signal(number))
+        if number == signal.SIGSTOP:
+            page.silence()  # what it sent meanwhile waits
+            own.process.send_signal(signal.SIGCONT)
+            arm.rest()
+        own.process.send_signal(signal.SIGKILL)
+        wait_for(lambda: page.closed, "the end of the connection")
+
+
+def test_an_arm_that_hung_does_not_follow_what_it_missed(ros_domain: int, tmp_path: Path) -> None:
+    """Its controller refuses trajectories whose time has passed."""
+    (tmp_path / "standing.urdf").write_text(STANDING)
+    process = NodeProcess(MODULE, str(tmp_path / "standing.urdf"))
+    with process, described(ros_domain, STANDING) as peer, steering() as own, opened(own) as page:
+        arm = Arm(peer)
+        hold(page, arm)
+        process.process.send_signal(signal.SIGSTOP)
+        count = len(arm.commands)
+        wait_for(lambda: page.state["joints"][0]["position"] is None, "the state to be old")
+        assert len(arm.commands) < count + 10, "it is commanded no more"
+        page.let_go()
+        arm.stop(lambda: process.process.send_signal(signal.SIGCONT))
+
+
+def test_stop_locks_the_arm_until_a_page_moves_it(node: Any, arm: Arm) -> None:
+    """By the lock of controller_manager; a slider that is not off its middle unlocks nothing."""
+    with opened(node) as page, opened(node) as other:
+        hold(page, arm)
+        arm.stop(lambda: other.send("stop"))
+        wait_for(lambda: page.state["locked"] and not page.state["you"], "the lock")
+        page.let_go()
+        page.hold(0.0, arm_joint=0.0)
+        wait_for(lambda: page.state["you"], "this page to be the driver")
+        assert page.state["locked"]
+        page.let_go()
+        hold(page, arm)
+        wait_for(lambda: not page.state["locked"], "the arm to be unlocked")
+        arm.stop(page.let_go)
+
+
+def test_another_page_takes_the_arm(node: Any, arm: Arm) -> None:
+    """What the first one holds counts no more."""
+    with opened(node) as page, opened(node) as other:
+        hold(page, arm)
+        speed = arm.speed()
+        other.hold(0.0, arm_joint=-speed)
+        arm.reach(-speed)
+        assert other.state["you"] and not page.state["you"]
+        arm.stop(other.let_go)
+        page.let_go()
+
+
+def test_each_controller_gets_its_own_joints(ros_domain: int, tmp_path: Path) -> None:
+    """What another one moves is left alone."""
+    (tmp_path / "standing.urdf").write_text(STANDING)
+    (tmp_path / "two.yaml").write_text(TWO_CONTROLLERS)
+    args = [str(tmp_path / "standing.urdf"), "--ros-args", "--params-file", tmp_path / "two.yaml"]
+    with (
+        NodeProcess(MODULE, *map(str, args)),
+        described(ros_domain, STANDING) as peer,
+        steering() as own,
+        opened(own) as page,
+    ):
+        arm, lift = Arm(peer, "/arm_controller"), Arm(peer, "/lift_controller")
+        wait_for(lambda: len(page.state["joints"]) == 2, "both joints")
+        hold(page, arm)
+        assert lift.commands == [] and arm.commands[-1].joint_names == ["arm_joint"]
+        arm.stop(page.let_go)
+        count = len(arm.commands)
+        page.hold(0.0, lift_joint=0.1)
+        wait_for(lambda: lift.positions()[0] > 0.02, "the lift")
+        page.let_go()
+        lift.rest()
+        assert len(arm.commands) == count
+
+
+def test_an_arm_on_a_robot_that_drives(ros_domain: int, tmp_path: Path) -> None:
+    """Both move at once; Stop locks both by the lock of the robot's commands."""
+    (tmp_path / "driving.urdf").write_text(DRIVING)
+    wheels = {"left_wheel_names": "[left_wheel_joint]", "right_wheel_names": "[right_wheel_joint]"}
+    args = [str(tmp_path / "driving.urdf"), *ros_args(**wheels)]
+    with (
+        NodeProcess("onebot_control.velocity_controller", *args),
+        described(ros_domain, DRIVING) as peer,
+        steering() as own,
+        opened(own) as page,
+    ):
+        arm, twists = Arm(peer), peer.hear(Twist, TOPIC)
+        wait_for(lambda: page.state["listeners"] == 2, "the robot")
+        page.hold(0.2, arm_joint=SPEED)
+        arm.reach(SPEED)
+        wait_for(lambda: twists and twists[-1].linear.x == 0.2, "the robot to drive")
+        arm.stop(lambda: page.send("stop"))
+        wait_for(lambda: page.state["locked"] and twists[-1].linear.x == 0.0, "the lock")
+        assert peer.node.count_publishers(f"{MANAGER}/cmd_vel_lock") == 0
+        page.let_go()
+        page.hold(0.0, arm_joint=-SPEED)
+        arm.reach(-SPEED)
+        assert not page.state["locked"]
+        arm.stop(page.let_go)
+
+
+# Controllers of other makes ---------------------------------------------------------------------
+
+
+class OtherController:
+    """A controller that publishes no velocities, and follows nothing."""
+
+    def __init__(self, peer: Peer, name: str) -> None:
+        self.state = ControllerState()
+        self.commands = peer.hear(JointTrajectory, f"{name}/joint_trajectory")
+        states = peer.node.create_publisher(ControllerState, f"{name}/controller_state", 10)
+        self._timer = peer.node.create_timer(0.02, lambda: states.publish(self.state))
+
+    def be_at(self, *positions: float) -> None:
+        state = ControllerState(joint_names=["arm_joint", "other_joint"])
+        state.header.stamp.sec = 7
+        state.reference.positions = state.feedback.positions = [*positions]
+        self.state = state
+
+
+def test_only_a_reference_of_the_robot_that_is_steered_is_gone_on_from(ros_domain: int) -> None:
+    """At its own stamp; not from one that is not finite, or incomplete.
+
+    A joint that the description does not have rests; what is in a namespace is another robot's.
+    """
+    with described(ros_domain, STANDING) as peer, steering() as own:
+        mine, other = (OtherController(peer, f"{name}/arm") for name in ("", "/robot2"))
+        for controller in (mine, other):
+            controller.be_at(0.1, 0.2)
+        with opened(own) as page:
+            joint = {"name": "arm_joint", "unit": "rad", "most": 1.0, "position": 0.1}
+            assert page.state["joints"] == [joint]
+            page.hold(0.0, arm_joint=0.5, other_joint=0.5, lift_joint=0.5)
+            command = wait_for(lambda: mine.commands and mine.commands[-1], "a trajectory")
+            assert command.header.stamp.sec == 7
+            assert command.joint_names == ["arm_joint", "other_joint"]
+            assert [point.positions[1] for point in command.points] == [0.2] * 3
+            assert [point.velocities[0] for point in command.points] == [0.5, 0.5, 0.0]
+            for positions, shown in (((math.nan, 0.2), None), ((0.3,), 0.3)):
+                mine.be_at(*positions)
+                wait_for(lambda at=shown: page.state["joints"][0]["position"] == at, "the state")
+                commands, states = len(mine.commands), len(page.states)
+                wait_for(lambda past=states: len(page.states) > past + 5, "half a second")
+                assert len(mine.commands) <= commands + 1, "but for one that was on its way"
+            page.let_go()
+        assert other.commands == []

@@ -1,0 +1,231 @@
+"""The steering page's joints in a real browser: a slider moves an arm only while it is held."""
+
+import signal
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+from geometry_msgs.msg import Twist
+from selenium.webdriver.common.keys import Keys
+
+from onebot_bringup.testing.domains import used_domain
+from tests.onebot_bringup.joints_support import STANDING, UPPER, Arm, described
+from tests.onebot_bringup.steering_support import TOPIC, PageClient, Steering, steering
+from tests.onebot_bringup.test_steering_page_looks import findings
+from tests.onebot_control.arm_support import MODULE
+from tests.ros_support import NodeProcess, Peer
+from tests.steering_browser_support import Page
+from tests.support import wait_for
+from tests.support_browser import browser
+
+pytestmark = pytest.mark.slow
+
+SLIDER, LIFT = "#joint-0", "#joint-1"
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Arm]:
+    model = tmp_path_factory.mktemp("robot") / "standing.urdf"
+    model.write_text(STANDING)
+    with (
+        used_domain() as domain,
+        NodeProcess(MODULE, str(model)),
+        described(domain, STANDING) as peer,
+    ):
+        yield Arm(peer)
+
+
+@pytest.fixture(scope="module")
+def node(arm: Arm) -> Iterator[Steering]:
+    with steering() as node:
+        yield node
+
+
+@pytest.fixture(scope="module")
+def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+    with browser(tmp_path_factory.mktemp("profile")) as driver:
+        yield Page(driver)
+
+
+@pytest.fixture
+def tab(chromium: Page) -> Iterator[Page]:
+    yield chromium
+    chromium.let_go()
+    chromium.emulate_nothing()
+    chromium.devtools("Emulation.setTouchEmulationEnabled", enabled=False)
+
+
+@pytest.fixture
+def page(tab: Page, node: Steering) -> Page:
+    return opened(tab, node)
+
+
+def opened(tab: Page, node: Steering) -> Page:
+    """The page, with its panel of joints."""
+    tab.open(node.address)
+    wait_for(lambda: tab.find("[name=joints]").is_displayed(), "the joints")
+    tab.find("[name=joints]").click()
+    return tab
+
+
+def moving(arm: Arm) -> Callable[[], bool]:
+    """Gives whether the arm has moved from where it is."""
+    start = arm.positions()[0]
+    return lambda: abs(arm.positions()[0] - start) > 0.05
+
+
+def hold(page: Page, arm: Arm) -> None:
+    """Hold the arm's slider at half of its way, to where there is room."""
+    side = -1.0 if arm.positions()[0] > 0.0 else 1.0
+    page.drive_by_mouse(SLIDER, side * page.find(SLIDER).size["width"] / 4, 0, moving(arm))
+
+
+def stop(arm: Arm, end: Callable[[], object]) -> None:
+    """Do something that stops it, and see that it does, not at a limit."""
+    end()
+    arm.rest()
+    assert abs(arm.positions()[0]) < UPPER - 0.01
+
+
+def value(page: Page, slider: str = SLIDER) -> float:
+    return float(page.find(slider).get_property("value"))
+
+
+def test_a_slider_moves_its_joint_while_it_is_held(page: Page, arm: Arm) -> None:
+    """With that share of its speed; let go, it springs back, and the joint stops."""
+    names = [label.text for label in page.find("#joints").find_elements("css selector", "label")]
+    assert names == ["arm_joint", "lift_joint"]
+    hold(page, arm)
+    wait_for(lambda: abs(abs(arm.speed()) - abs(value(page))) < 0.03, "its share of 1 rad/s")
+    assert page.body("hand") == "joints" and page.text("#driver") == "You drive"
+    stop(arm, page.let_go)
+    assert value(page) == 0.0 and page.body("hand") == ""
+    assert page.find(SLIDER).get_attribute("aria-valuetext") == "0.00 rad/s"
+    words = f"{arm.positions()[0]:.3f} rad".replace("-", "\N{MINUS SIGN}")
+    wait_for(lambda: page.text("#joint-0-position") == words, "where it is")
+
+
+def test_arrow_keys_move_the_joint_with_the_focus(page: Page, arm: Arm) -> None:
+    """And do not drive; without the focus they drive and move no joint."""
+    twists = arm.peer.hear(Twist, TOPIC)
+    for key, sign in ((Keys.ARROW_RIGHT, 1.0), (Keys.ARROW_DOWN, -1.0)):
+        page.driver.execute_script("arguments[0].focus()", page.find(SLIDER))
+        page.drive_by_keys(key, moving(arm))
+        assert page.body("hand") == "joints"
+        wait_for(lambda sign=sign: sign * arm.speed() > 0.9, "its full speed")
+        stop(arm, lambda key=key: page.release_keys(key))
+    assert not [twist for twist in twists if twist != Twist()]
+    hold(page, arm)
+    stop(arm, page.let_go)
+    count = len(arm.commands)
+    page.drive_by_keys(Keys.ARROW_UP, lambda: twists[-1].linear.x > 0.0)
+    page.release_keys(Keys.ARROW_UP)
+    wait_for(lambda: twists[-1] == Twist(), "the stop")
+    assert len(arm.commands) == count
+
+
+@pytest.mark.parametrize("leave", ["blur", "hide", "reload", "close panel", "menu"])
+def test_leaving_stops_the_arm(tab: Page, node: Steering, arm: Arm, leave: str) -> None:
+    """The window or the tab, the panel of joints, or a menu that takes the pointer."""
+    first = tab.driver.current_window_handle
+    tab.driver.switch_to.new_window("tab")
+    own = tab.driver.current_window_handle
+    page = opened(tab, node)
+    hold(page, arm)
+    ends: dict[str, Callable[[], Any]] = {
+        "blur": lambda: page.driver.execute_script("window.dispatchEvent(new Event('blur'))"),
+        "hide": lambda: page.driver.switch_to.window(first),
+        "reload": page.driver.refresh,
+        "close panel": lambda: page.driver.execute_script(
+            "document.querySelector('[name=joints]').click()"
+        ),
+        "menu": lambda: page.driver.execute_script(
+            "document.body.dispatchEvent(new Event('contextmenu', { bubbles: true }))"
+        ),
+    }
+    stop(arm, ends[leave])
+    page.driver.switch_to.window(own)
+    page.driver.close()
+    page.driver.switch_to.window(first)
+
+
+def test_a_dead_server_stops_the_arm(tab: Page, arm: Arm) -> None:
+    """By the end of its last trajectory; the page shows that it knows no positions."""
+    with steering(check=False) as node:
+        page = opened(tab, node)
+        hold(page, arm)
+        stop(arm, lambda: node.process.send_signal(signal.SIGKILL))
+        wait_for(lambda: page.body("connection") == "down", "the page to notice")
+        assert value(page) == 0.0 and page.text("#joint-0-position") == "\N{EN DASH} rad"
+        assert not page.find(SLIDER).is_enabled()
+
+
+def test_stop_and_another_page_stop_the_arm(page: Page, node: Steering, arm: Arm) -> None:
+    """What is still held then does nothing; the next press unlocks."""
+    hold(page, arm)
+    stop(arm, lambda: page.act().send_keys(" ").perform())
+    wait_for(lambda: page.text("#driver") == "Locked: drive to unlock", "the lock")
+    page.drag(20, 0)
+    arm.rest()
+    page.let_go()
+    hold(page, arm)
+    assert page.text("#driver") == "You drive"
+    with PageClient(node.address) as other:
+        stop(arm, lambda: other.hold(0.0, lift_joint=0.02))
+        wait_for(lambda: value(page, LIFT) == 0.1, "what the other page commands")
+        assert page.body("hand") == ""
+    page.let_go()
+
+
+def test_fingers_move_two_joints_at_once(tab: Page, node: Steering, arm: Arm) -> None:
+    """On a phone, where Stop stays in sight; the system may take the touch away."""
+    tab.devtools("Emulation.setTouchEmulationEnabled", enabled=True)
+    tab.emulate(390, 844, mobile=True)
+    page = opened(tab, node)
+    assert page.in_sight("#stop") and page.in_sight(SLIDER)
+    assert page.driver.execute_script("return document.documentElement.scrollWidth") == 390
+    start = arm.positions()
+    sides = [
+        -1.0 if place > most / 2 else 1.0 for place, most in zip(start, (0, 0.05), strict=True)
+    ]
+
+    def press() -> None:
+        for kind, share in (("touchStart", 0.0), ("touchMove", 0.2)):
+            touch(page, kind, {SLIDER: share * sides[0], LIFT: share * sides[1]})
+
+    page.drive_until(
+        press,
+        page.end_touch,
+        lambda: all(abs(now - old) > 0.01 for now, old in zip(arm.positions(), start, strict=True)),
+        "two fingers to move both joints",
+    )
+    stop(arm, lambda: page.end_touch("touchCancel"))
+    assert value(page) == value(page, LIFT) == 0.0
+
+
+def touch(page: Page, kind: str, shares: dict[str, float]) -> None:
+    """Have a finger on each of these sliders, so far from its middle, in shares of its length."""
+    points = []
+    for finger, (slider, share) in enumerate(shares.items()):
+        box = page.find(slider).rect
+        x, y = box["x"] + (0.5 + share) * box["width"], box["y"] + box["height"] / 2
+        points.append({"id": finger, "x": x, "y": y})
+    page.devtools("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+
+
+def test_axe_finds_nothing(page: Page, arm: Arm) -> None:
+    """In both schemes, and while a slider is held."""
+    for scheme in ("light", "dark"):
+        page.emulate(1280, 657, prefers_color_scheme=scheme)
+        assert findings(page) == []
+    hold(page, arm)
+    assert findings(page) == []
+    page.let_go()
+
+
+def test_without_joints_there_is_no_panel(tab: Page, ros_domain: int) -> None:
+    """As for a robot that only drives."""
+    with Peer(ros_domain), steering() as node:
+        tab.open(node.address)
+        tab.wait_for_states(3)
+        assert not tab.find("[name=joints]").is_displayed()
