@@ -1,5 +1,6 @@
 """``onebot trajectory``, beside a joint_trajectory_controller in a process of its own."""
 
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -8,6 +9,7 @@ import pytest
 from std_msgs.msg import String
 
 from onebot_bringup.testing.domains import used_domain
+from onebot_description.ros.wire.cdr import nanoseconds
 from onebot_description.ros.wire.interfaces import load_interface
 from tests.onebot_bringup.cli_support import onebot, output_of, running
 from tests.onebot_bringup.test_completion import completed
@@ -48,9 +50,12 @@ class Arm(NamedTuple):
     states: list[Any]
 
     def positions(self) -> dict[str, float]:
-        """Where the joints are, measured from now on."""
-        seen = len(self.states)
-        wait_for(lambda: len(self.states) > seen + 1, "the controller's state")
+        """Where the joints are, measured from now on: what is received may be late."""
+        now = time.time_ns()
+        wait_for(
+            lambda: self.states and nanoseconds(self.states[-1].header.stamp) >= now,
+            "the controller's state",
+        )
         state = self.states[-1]
         return dict(zip(state.joint_names, state.feedback.positions, strict=True))
 
