@@ -148,6 +148,7 @@ class DrivenSpawn(NamedTuple):
     held: Mapping[str, float]  # joints that do not move, to their positions
     followers: Sequence[Follower]  # joints that mimic wheels or casters
     controllers: Sequence[JointController[Any]]  # of its other joints
+    controlled: Mapping[str, Sequence[str]]  # the joints of each controller, by its name
 
     @classmethod
     def of(
@@ -163,12 +164,11 @@ class DrivenSpawn(NamedTuple):
         wheels = None if stands else wheels_of(description, config)
         if wheels:
             wheels.geometry(config.wheel_separation, config.wheel_radius)
-        controllers = [
-            each
-            for each in controllers or [DEFAULT_CONTROLLER]
-            if joints_of(each, description, wheels)
-        ]
-        commanded = _claimed(description, wheels, controllers)
+        candidates = controllers or [DEFAULT_CONTROLLER]
+        controlled = {each.name: joints_of(each, description, wheels) for each in candidates}
+        controllers = [each for each in candidates if controlled[each.name]]
+        _check_claims(description, wheels, controllers, controlled)
+        commanded = tuple([joint for joints in controlled.values() for joint in joints])
         simulated, held, followers, gears, starts = drivable(
             description, wheels, commanded, config.initial_positions
         )
@@ -186,7 +186,7 @@ class DrivenSpawn(NamedTuple):
             starts,
             fixed_base=stands,
         )
-        return cls(wheels, spawn, held, followers, controllers)
+        return cls(wheels, spawn, held, followers, controllers, controlled)
 
     @property
     def has_linkage(self) -> bool:
@@ -203,10 +203,13 @@ def joints_of(
     return controller.joints or commandable(description, wheels)
 
 
-def _claimed(
-    description: Description, wheels: Wheels | None, controllers: Sequence[JointController[Any]]
-) -> tuple[str, ...]:
-    """Return the joints of all controllers, in the order in which they command them.
+def _check_claims(
+    description: Description,
+    wheels: Wheels | None,
+    controllers: Sequence[JointController[Any]],
+    controlled: Mapping[str, Sequence[str]],
+) -> None:
+    """Check the joints of controllers, which ``controlled`` has by their names.
 
     Raises:
         ConfigError: two controllers, or the wheels and one, have a joint in common, or a joint
@@ -214,10 +217,10 @@ def _claimed(
     """
     owners = dict.fromkeys(wheels.names if wheels else (), "the wheels")
     moving = [joint.name for joint in description.moving_joints]
-    problems, claimed = [], []
+    problems = []
     for controller in controllers:
         key = f"{controller.name}.{controller.joints_parameter}"
-        for joint in joints_of(controller, description, wheels):
+        for joint in controlled[controller.name]:
             if joint in owners:
                 text = f'"{joint}" is a joint of {owners[joint]}, too; each has one controller'
                 problems.append(Problem(key, text))
@@ -225,10 +228,8 @@ def _claimed(
                 text = f'joint "{joint}" does not move{did_you_mean(joint, moving)}'
                 problems.append(Problem(key, text))
             owners[joint] = controller.name
-            claimed.append(joint)
     if problems:
         raise ConfigError(problems)
-    return tuple(claimed)
 
 
 class DrivenRobot:
@@ -263,6 +264,7 @@ class DrivenRobot:
             for names in ((self.wheels.left, self.wheels.right) if self.wheels else ((), ()))
         )
         self.controllers = {controller.name: controller for controller in part.controllers}
+        self._controlled = part.controlled
         self.arms: dict[str, JointFollower] = {}
         self.finished: list[tuple[str, Outcome]] = []
         self.start(config)
@@ -279,8 +281,7 @@ class DrivenRobot:
         self.ticks, self._observed = 0, -1
         self._command = DriveCommand(0.0, 0.0, 0.0, 0.0)
         self.drift = DriftCheck(skids=self.wheels is not None and len(self.wheels.names) > 2)
-        for name, arm in self.arms.items():
-            self._finish(name, [arm.reset([self._starts[joint] for joint in arm.names])])
+        self._reset_arms()
         self.arms = {
             name: self._follower(controller) for name, controller in self.controllers.items()
         }
@@ -296,13 +297,8 @@ class DrivenRobot:
         """Return what moves the joints of a controller, which are where they start."""
         moving = {joint.name: joint for joint in self.description.moving_joints}
         joints = [
-            FollowedJoint(
-                name,
-                moving[name].kind == "continuous",
-                -math.inf if (lower := moving[name].lower) is None else lower,
-                math.inf if (upper := moving[name].upper) is None else upper,
-            )
-            for name in joints_of(controller, self.description, self.wheels)
+            FollowedJoint(name, moving[name].kind == "continuous", *moving[name].range)
+            for name in self._controlled[controller.name]
         ]
         with named(controller.name):
             starts = [self._starts[joint.name] for joint in joints]
@@ -385,6 +381,11 @@ class DrivenRobot:
         self.plant.turn(self._left.velocities(left) + self._right.velocities(right))
         self.ticks += 1
 
+    def _reset_arms(self) -> None:
+        """Hold the joints of arms where they start; goals end."""
+        for name, arm in self.arms.items():
+            self._finish(name, [arm.reset([self._starts[joint] for joint in arm.names])])
+
     def hold_arms(self, text: str) -> None:
         """Abort what the arms do, and hold them where they are, for a reason."""
         for name, arm in self.arms.items():
@@ -431,8 +432,7 @@ class DrivenRobot:
         """Put everything back to the beginning, except time and parameters."""
         self.plant.reset()
         self.controller.halt()
-        for name, arm in self.arms.items():
-            self._finish(name, [arm.reset([self._starts[joint] for joint in arm.names])])
+        self._reset_arms()
         self._read_state()
         self.controller.odometry.reset()
         self.place_odometry(PlanarPose())

@@ -42,27 +42,15 @@ if __name__ == "__main__":  # first: the imports take a second
     start_node()
 
 import sys
-from functools import partial
 
-from onebot_control.parameters import MANAGER, SimulationConfig, read_control_files
-from onebot_control.velocity_controller import SWITCH_INTERVAL, simulation_nodes
-from onebot_description.ros.node import RosArguments, run_described_node, split_robots
+from onebot_control.parameters import MANAGER, SimulationConfig
+from onebot_control.velocity_controller import run_simulation
 
 
 def main(args: list[str] | None = None) -> int:
     """Run the nodes; ``args`` are as in sys.argv. Return the exit code."""
-    sys.setswitchinterval(SWITCH_INTERVAL)
-    common_arguments, robots = split_robots(sys.argv if args is None else args)
-    files = [file for words in robots for file in RosArguments().joined(words).files]
-    return run_described_node(
-        "joint_trajectory_controller",
-        __doc__,
-        SimulationConfig,
-        partial(simulation_nodes, MANAGER, robots),
-        lambda common: read_control_files([*common, *files], "/", MANAGER),
-        common_arguments,
-        events=True,
-    )
+    program = "joint_trajectory_controller"
+    return run_simulation(program, __doc__, MANAGER, SimulationConfig, args)
 
 
 if __name__ == "__main__":

@@ -298,9 +298,7 @@ def read_joint_controllers(files: Sequence[Path], namespace: str) -> JointContro
     def read_section(node: str, unknown: Unknown) -> Parameters:
         parameters = Parameters()
         for file, text in texts.items():
-            own = read_parameters(text, str(file), f"{namespace.rstrip('/')}/{node}")
-            own.drop_shared(unknown)
-            parameters.update(own)
+            parameters.update(_own_parameters(text, file, namespace, node, unknown))
         if problems := unknown(parameters.values):
             raise ConfigError(problems, parameters.places)
         return parameters
@@ -329,8 +327,7 @@ def _read_control_file(file: Path, namespace: str, controller: str) -> Parameter
     text, problems = read_text(file), list[Problem]()
 
     def section(node: str, unknown: Unknown) -> Parameters:
-        parameters = read_parameters(text, str(file), f"{namespace.rstrip('/')}/{node}")
-        parameters.drop_shared(unknown)
+        parameters = _own_parameters(text, file, namespace, node, unknown)
         problems.extend(unknown(parameters.values))
         return parameters
 
@@ -347,6 +344,15 @@ def _read_control_file(file: Path, namespace: str, controller: str) -> Parameter
     _add(drive, manager, {"update_rate": "update_rate"})
     _add(drive, broadcaster, {name: f"{BROADCASTER}.{name}" for name in broadcaster.values})
     return drive
+
+
+def _own_parameters(
+    text: str, file: Path, namespace: str, node: str, unknown: Unknown
+) -> Parameters:
+    """Return what a file has for a node, without what is for others."""
+    parameters = read_parameters(text, str(file), f"{namespace.rstrip('/')}/{node}")
+    parameters.drop_shared(unknown)
+    return parameters
 
 
 def unknown_by_node(controller: str, files: Sequence[Path] = ()) -> dict[str, Unknown]:

@@ -72,8 +72,9 @@ if __name__ == "__main__":  # first: the imports take a second
     start_node()
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rclpy.node import Node
@@ -91,7 +92,7 @@ if TYPE_CHECKING:
     from onebot_control.nodes.driving import Driving
 
 # s after which the interpreter passes its lock to the control thread; 5 ms by default.
-SWITCH_INTERVAL = 0.0005
+_SWITCH_INTERVAL = 0.0005
 
 
 class SimulationNode(Node):
@@ -134,21 +135,43 @@ def simulation_nodes(
     return nodes
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the node; ``args`` are as in sys.argv. Return the exit code."""
-    sys.setswitchinterval(SWITCH_INTERVAL)
+def run_simulation(
+    program: str,
+    explanation: str | None,
+    node: str,
+    parameters: type,
+    args: list[str] | None,
+    default_file: Callable[[], Path] | None = None,
+) -> int:
+    """Run the nodes of a world; return the exit code.
+
+    Args:
+        program: its name, for its help.
+        explanation: its help.
+        node: as ``simulation_nodes`` has it.
+        parameters: the dataclass of that node's.
+        args: as in sys.argv; None for sys.argv itself.
+        default_file: gives the parameter file to use where the command line names none.
+    """
+    sys.setswitchinterval(_SWITCH_INTERVAL)
     common_arguments, robots = split_robots(sys.argv if args is None else args)
     files = [file for words in robots for file in RosArguments().joined(words).files]
     return run_described_node(
-        "velocity_controller",
-        __doc__,
-        ControlConfig,
-        partial(simulation_nodes, "velocity_controller", robots),
-        lambda common: read_control_files([*common, *files], "/", "velocity_controller"),
+        program,
+        explanation,
+        parameters,
+        partial(simulation_nodes, node, robots),
+        lambda common: read_control_files([*common, *files], "/", node),
         common_arguments,
-        default_file=default_control_file,
+        default_file=default_file,
         events=True,
     )
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the node; ``args`` are as in sys.argv. Return the exit code."""
+    name = "velocity_controller"
+    return run_simulation(name, __doc__, name, ControlConfig, args, default_control_file)
 
 
 if __name__ == "__main__":

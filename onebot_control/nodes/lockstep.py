@@ -151,7 +151,8 @@ class Lockstep:
         while quiet < _QUIET:
             # Without a timeout it runs all that is ready.
             self._robots.spin_until_future_complete(Future(), 0.0)
-            ran = [_run_one(executor) for executor in (self._arms, self._executor)]
+            executors = [self._arms, self._executor] if self._arm_nodes else [self._executor]
+            ran = [_run_one(executor) for executor in executors]
             quiet = 0 if any(ran) else quiet + 1
 
     def close(self) -> None:

@@ -168,7 +168,7 @@ class Publishers:
             (self._joint_message, robot.broadcaster.frame_id),
         ):
             message.header.frame_id, message.header.stamp = frame, self._stamp
-        self._base = base
+        self._placed_frame = base if self._stands else odom  # which the truth has in the world
         self._advertise(config.publish_limited_velocity and not self._stands)
         self._due = Divider(config.publish_rate, config.update_rate)
 
@@ -200,7 +200,7 @@ class Publishers:
         joints.position, joints.velocity, joints.effort = robot.broadcaster.values(snapshot.joints)
         self._joint_states.publish(joints)
         if self._stands:
-            self._publish_origin(stamp_ns, self._base, snapshot.pose)
+            self._publish_origin(snapshot, stamp_ns)
             return
         if self._limited is not None:
             command = snapshot.command
@@ -213,7 +213,7 @@ class Publishers:
             if due:
                 self._publish_odometry(snapshot, pose)
         if not self._in_scene:
-            self._publish_origin(stamp_ns, self.odom_frame, robot.odom_in_world.transform)
+            self._publish_origin(snapshot, stamp_ns)
 
     def _publish_transforms(self, snapshot: Snapshot, stamp_ns: int, pose: Transform) -> None:
         if self._robot.config.enable_odom_tf:
@@ -235,24 +235,28 @@ class Publishers:
         _fill_twist(self._truth_message.twist.twist, snapshot.velocity)
         self._truth.publish(self._truth_message)
 
-    def _publish_origin(self, stamp_ns: int, child: str, pose: Transform) -> None:
-        """Publish where a frame is in the world if that has changed, or is withdrawn.
+    def _publish_origin(self, snapshot: Snapshot, stamp_ns: int) -> None:
+        """Publish where the odometry's zero is in the world, or the base of a robot that stands.
+
+        It is published if it has changed, or is withdrawn.
 
         A message without transforms takes the place of the last one: late subscribers get that.
         """
-        origin = None
-        if child and self.publishes_truth and not self.localized:
-            origin = self.world_frame, child, pose
+        origin: tuple[str, str, Transform] | None = None
+        if self._placed_frame and self.publishes_truth and not self.localized:
+            pose = snapshot.pose if self._stands else self._robot.odom_in_world.transform
+            origin = self.world_frame, self._placed_frame, pose
         if origin == self._origin:
             return
         self._origin, message = origin, TFMessage()
         if origin is not None:
+            parent, child, pose = origin
             transform = TransformStamped(child_frame_id=child)
-            transform.header.frame_id = self.world_frame
+            transform.header.frame_id = parent
             transform.header.stamp = time_message(stamp_ns)
             _fill_transform(transform.transform, pose)
             message.transforms = [transform]
-            self.truths.append(FramesTransform(self.world_frame, child, stamp_ns, pose))
+            self.truths.append(FramesTransform(parent, child, stamp_ns, pose))
         self._tf_static.publish(message)
 
     def _publish_true_origin(self, snapshot: Snapshot, stamp_ns: int) -> None:

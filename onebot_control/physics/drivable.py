@@ -131,13 +131,19 @@ def commandable(description: Description, wheels: Wheels | None) -> list[str]:
 
 def _rolling(wheels: Wheels) -> set[str]:
     """The joints of wheels and casters, and those that carry them."""
-    moving = {joint.child: joint for joint in wheels.description.moving_joints}
     rolling = {*wheels.names, *casters_of(wheels)}
-    for joint in [joint for joint in moving.values() if joint.name in rolling]:
-        while above := moving.get(wheels.rigid[joint.parent][0]):
-            rolling.add(above.name)
-            joint = above
-    return rolling
+    chains = [chain for chain in _chains(wheels) if chain[0].name in rolling]
+    return {joint.name for chain in chains for joint in chain}
+
+
+def _chains(wheels: Wheels) -> list[list[Joint]]:
+    """Each joint that moves, followed by those that move it, up to the base."""
+    moving = {joint.child: joint for joint in wheels.description.moving_joints}
+    chains = [[joint] for joint in moving.values()]
+    for chain in chains:
+        while above := moving.get(wheels.rigid[chain[-1].parent][0]):
+            chain.append(above)
+    return chains
 
 
 class _Roles:
@@ -174,15 +180,14 @@ class _Roles:
         }
         self._rolling, self._commanded = {*rolling, *self.passive}, commanded
         self._positions: dict[str, float] = {}
-        held: dict[str, float] = {}
+        self.fixed: dict[str, float] = {}
         self.followers: list[Follower] = []
         self.gears: dict[str, Gear] = {}
         self.starts: dict[str, float] = {}
-        self.fixed = held
         for joint in self._joints.values():
             self._place(joint)
         names = {follower.name for follower in self.followers}
-        self.held = {n: held[n] for n in self._joints if n in held and n not in names}
+        self.held = {n: self.fixed[n] for n in self._joints if n in self.fixed and n not in names}
 
     def _check(
         self, description: Description, names: Collection[str], commanded: Collection[str]
@@ -224,8 +229,7 @@ class _Roles:
                 leader, multiplier = gear.leader, multiplier * gear.multiplier
             self.gears[name] = Gear(name, leader, multiplier, offset)
             return self.starts[name]
-        limits = _within(joint, -math.inf), _within(joint, math.inf)
-        follower = Follower(name, leader, multiplier, offset, *limits)
+        follower = Follower(name, leader, multiplier, offset, *joint.range)
         if leader in (*self._rolling, *(each.name for each in self.followers)):
             self.followers.append(follower)
         self.fixed[name] = follower.at(at)
@@ -234,8 +238,7 @@ class _Roles:
 
 def _within(joint: Joint, position: float) -> float:
     """The position nearest to this one within the joint's limits."""
-    lower = -math.inf if joint.lower is None else joint.lower
-    upper = math.inf if joint.upper is None else joint.upper
+    lower, upper = joint.range
     return min(max(position, lower), upper)
 
 
@@ -257,9 +260,11 @@ def _with_rotors(rigid: Description, moved: Collection[str]) -> Sequence[Link]:
 
     Links that have none at all get no more, and are reported.
     """
-    bodies: dict[str, Body] = {}
-    for link in rigid.links if moved else ():
-        first, pose = link_poses(rigid)[link.name]
+    if not moved:
+        return rigid.links
+    bodies, poses = dict[str, Body](), link_poses(rigid)
+    for link in rigid.links:
+        first, pose = poses[link.name]
         bodies.setdefault(first, Body(first)).add(link, pose)
     joints = {joint.child: joint for joint in rigid.joints if joint.name in moved}
     if weightless := [link for link in joints if bodies[link].mass <= 0.0]:
@@ -304,15 +309,11 @@ def casters_of(wheels: Wheels, commanded: Collection[str] = ()) -> Collection[st
     They turn without end, as do all joints between them and the base, and all that they carry;
     those that are ``commanded`` are none.
     """
-    moving = {joint.child: joint for joint in wheels.description.moving_joints}
-    bound: set[str] = {*commanded}
-    for joint in moving.values():
-        chain = [joint]
-        while above := moving.get(wheels.rigid[chain[-1].parent][0]):
-            chain.append(above)
-        if any(link.kind != "continuous" or link.mimic is not None for link in chain):
-            bound.update(link.name for link in chain)
-    return {joint.name for joint in moving.values()} - bound - {*wheels.names}
+    chains, bound = _chains(wheels), {*commanded}
+    for chain in chains:
+        if any(joint.kind != "continuous" or joint.mimic is not None for joint in chain):
+            bound.update(joint.name for joint in chain)
+    return {chain[0].name for chain in chains} - bound - {*wheels.names}
 
 
 def _fixed(joint: Joint, position: float) -> Joint:

@@ -110,9 +110,14 @@ class Robot:
             for joint, friction in zip(motors, self._frictions, strict=True)
         ]
         self._strengths, self._strengths_commanded = strengths[:count], strengths[count:]
-        self._fastest = [_limits(joint)[2] for joint in motors[:count]]
-        self._limits = [_limits(joint) for joint in motors[count:]]
-        self.hold(self.starts)
+        fastest = [math.inf if joint.velocity is None else joint.velocity for joint in motors]
+        self._fastest = fastest[:count]
+        self._limits = [
+            (*joint.range, most)
+            for joint, most in zip(motors[count:], fastest[count:], strict=True)
+        ]
+        held = [spawn.starts.get(name, 0.0) for name in self.commanded]
+        self.reference = lambda ahead: held
         self.finite = True
 
     def load(self, ground: int) -> None:
@@ -169,11 +174,6 @@ class Robot:
             min(max(velocity, -fastest), fastest)
             for velocity, fastest in zip(velocities, self._fastest, strict=True)
         ]
-
-    def hold(self, positions: Sequence[float]) -> None:
-        """Have the commanded joints stay at ``positions``, by row of ``joints``."""
-        held = [positions[self.joints.index(name)] for name in self.commanded]
-        self.reference = lambda ahead: held
 
     def track(self, step: int) -> None:
         """Set the motors of the commanded joints for a physics step of a world's ``step``."""
@@ -330,13 +330,6 @@ class Robot:
         root = *place, *turn, *linear, *angular
         joints = *self.positions, *self._velocities, *self._efforts
         self.finite = math.isfinite(sum(root) + sum(joints))
-
-
-def _limits(joint: Joint) -> tuple[float, float, float]:
-    """The least and the greatest position of a joint, and its greatest speed; infinite if none."""
-    lower = -math.inf if joint.lower is None else joint.lower
-    upper = math.inf if joint.upper is None else joint.upper
-    return lower, upper, math.inf if joint.velocity is None else joint.velocity
 
 
 def _motors(spawn: RobotSpawn) -> Iterable[Joint]:

@@ -34,7 +34,10 @@ SUCCESSFUL = 0
 INVALID_GOAL = -1
 PATH_TOLERANCE_VIOLATED = -4
 GOAL_TOLERANCE_VIOLATED = -5
-_ROUNDING = 1e-9  # s that a sum of periods may be off
+# Texts of outcomes.
+PREEMPTED = "Current goal preempted by new incoming action."
+RESET = "Current goal cancelled by a reset."
+ROUNDING = 1e-9  # s that a sum of periods may be off
 _NANOSECONDS = 1e9  # a second
 
 
@@ -45,6 +48,11 @@ class Outcome(NamedTuple):
     code: int  # of control_msgs/FollowJointTrajectory; 0: succeeded, else aborted
     text: str  # joint_trajectory_controller's
     detail: str = ""  # the joint that was off, its position error and tolerance
+
+
+def aborted(goal: object | None, text: str) -> Outcome | None:
+    """Return the outcome of a goal that is given up; None if there is none."""
+    return None if goal is None else Outcome(goal, INVALID_GOAL, text)
 
 
 class TrajectoryFollower:
@@ -137,7 +145,7 @@ class TrajectoryFollower:
         self._next = partial(self._begin, goal)
         if token is None:
             return None
-        preempted = self._ended("Current goal preempted by new incoming action.")
+        preempted = self._ended(PREEMPTED)
         self.active = token
         self._tolerances = resolved_tolerances(
             tolerances or TolerancesGiven(), self.names, self._defaults
@@ -169,11 +177,11 @@ class TrajectoryFollower:
         zeros = (0.0,) * len(self.joints)
         self.desired = self.measured = JointMotion(tuple(positions), zeros, zeros)
         self.error = zeros
-        return self._ended("Current goal cancelled by a reset.")
+        return self._ended(RESET)
 
     def _ended(self, text: str) -> Outcome | None:
         goal, self.active = self.active, None
-        return None if goal is None else Outcome(goal, INVALID_GOAL, text)
+        return aborted(goal, text)
 
     # Cycles -----------------------------------------------------------------------------------
 
@@ -350,7 +358,7 @@ class TrajectoryFollower:
     def _judged(self, *, first: bool) -> list[Outcome]:
         """Compare the error with the tolerances, in the ``first`` cycle with those of the path."""
         late = self._time - self._trajectory.end
-        moving = late < -_ROUNDING
+        moving = late < -ROUNDING
         detail = exceeded(self.names, self.error, self._tolerances.path)
         if (moving or first) and detail:
             text = "Aborted due to path tolerance violation"
@@ -366,11 +374,11 @@ class TrajectoryFollower:
             self._holding = True
             return [Outcome(goal, SUCCESSFUL, "Goal successfully reached!")]
         goal_time, timeout = self._tolerances.goal_time, self._config.timeout
-        if detail and 0.0 < goal_time < late - _ROUNDING:
+        if detail and 0.0 < goal_time < late - ROUNDING:
             text = f"Aborted due to goal_time_tolerance exceeding by {late:f} seconds"
             topic = "Exceeded goal_time_tolerance: holding position..."
             return self._failed(GOAL_TOLERANCE_VIOLATED, text, topic, detail)
-        if 0.0 < timeout < late - _ROUNDING:
+        if 0.0 < timeout < late - ROUNDING:
             text = "Aborted due to command timeout"
             return self._failed(GOAL_TOLERANCE_VIOLATED, text, text, detail)
         return []

@@ -11,16 +11,17 @@ from typing import Any
 
 from onebot_control.trajectories.following import (
     GOAL_TOLERANCE_VIOLATED,
-    INVALID_GOAL,
+    PREEMPTED,
+    RESET,
+    ROUNDING,
     SUCCESSFUL,
     Outcome,
+    aborted,
 )
 from onebot_control.trajectories.forwarding import PositionForwarder
 from onebot_control.trajectories.goal import FollowedJoint
 from onebot_control.trajectories.trajectory import JointMotion
 from onebot_description.ros.parameters.reader import REQUIRED, parameter
-
-_ROUNDING = 1e-9  # s that a sum of periods may be off
 
 
 def _ignored(default: Any, **rules: Any) -> Any:
@@ -84,7 +85,7 @@ class GripperFollower(PositionForwarder):
 
     def start(self, position: float, token: object) -> Outcome | None:
         """Move to ``position``, rad or m, which has no problems; return what this preempts."""
-        preempted = self._ended("Current goal preempted by new incoming action.")
+        preempted = self._ended(PREEMPTED)
         self.command([position])
         self.active = token
         self.reached = self.stalled = False
@@ -105,11 +106,11 @@ class GripperFollower(PositionForwarder):
     def reset(self, positions: Sequence[float]) -> Outcome | None:
         """Hold ``positions``, rad or m, to which the joint was moved; abort the goal."""
         self.command(positions)
-        return self._ended("Current goal cancelled by a reset.")
+        return self._ended(RESET)
 
     def _ended(self, text: str) -> Outcome | None:
         goal, self.active = self.active, None
-        return None if goal is None else Outcome(goal, INVALID_GOAL, text)
+        return aborted(goal, text)
 
     def update(self, measured: JointMotion, now: int, period: float) -> list[Outcome]:
         """Do one control cycle; see ``TrajectoryFollower.update``."""
@@ -122,7 +123,7 @@ class GripperFollower(PositionForwarder):
             return self._judged(SUCCESSFUL, "Reached the goal", position)
         if abs(velocity) > self._config.stall_velocity_threshold:
             self._still = 0.0
-        elif self._still > self._config.stall_timeout + _ROUNDING:
+        elif self._still > self._config.stall_timeout + ROUNDING:
             self.stalled = True
             code = SUCCESSFUL if self._config.allow_stalling else GOAL_TOLERANCE_VIOLATED
             return self._judged(code, "Stalled on the way to the goal", position)

@@ -151,6 +151,14 @@ class Joint:
     mimic: Mimic | None = None
     where: str = field(default="", compare=False)
 
+    @property
+    def range(self) -> tuple[float, float]:
+        """The least and the greatest position, rad or m; infinite where there is no limit."""
+        return (
+            -math.inf if self.lower is None else self.lower,
+            math.inf if self.upper is None else self.upper,
+        )
+
 
 @dataclass(frozen=True)
 class Noise:
