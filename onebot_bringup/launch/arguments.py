@@ -5,7 +5,7 @@ follows ``--ros-args`` is kept apart, for every node.
 """
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, NoReturn
@@ -399,16 +399,9 @@ def description_arguments(model: str, joints: str, view: str) -> list[Argument]:
 
 def simulation_arguments(control: str) -> list[Argument]:
     """Return the further arguments of a robot that can be simulated; ``control`` is its default."""
-    # Slow to import.
-    from onebot_control.parameters import ControlConfig
-    from onebot_description.description.loading import shipped_worlds
+    from onebot_control.parameters import ControlConfig  # slow to import
 
-    def of_controller(
-        parameter: str, name: str = "", note: str = _AS_IN_FILE, **further: Any
-    ) -> Argument:
-        node = "velocity_controller"
-        return parameter_of(node, ControlConfig, parameter, name, default="", note=note, **further)
-
+    of_controller = _arguments_of("velocity_controller", ControlConfig)
     return [
         switch("sim", True, "simulate it; false: joint_state_publisher moves its joints"),
         Argument(
@@ -421,38 +414,54 @@ def simulation_arguments(control: str) -> list[Argument]:
         Argument("params_file", control, "parameters of the controller, a YAML file"),
         of_controller("left_wheel_names", "left_wheel"),
         of_controller("right_wheel_names", "right_wheel"),
-        *map(of_controller, ("x", "y", "yaw")),
-        of_controller("world", examples=tuple(shipped_worlds())),
-        of_controller("sensors"),
+        *_surroundings(of_controller),
         of_controller("ground_truth_tf"),
         switch("nav2_topics", False, "the topics that Nav2 expects, cmd_vel and odom"),
-        of_controller("update_rate", "rate", note=_PACE, also="joint_state_publisher"),
-        of_controller("real_time_factor"),
-        of_controller("paused"),
+        *_pace(of_controller),
     ]
 
 
 def standing_arguments() -> list[Argument]:
     """Return the further arguments of a robot that is simulated standing, as an arm."""
     from onebot_control.parameters import MANAGER, SimulationConfig  # slow to import
-    from onebot_description.description.loading import shipped_worlds
 
-    def of_simulation(
-        parameter: str, name: str = "", note: str = _AS_IN_FILE, **further: Any
-    ) -> Argument:
-        return parameter_of(
-            MANAGER, SimulationConfig, parameter, name, default="", note=note, **further
-        )
-
+    of_simulation = _arguments_of(MANAGER, SimulationConfig)
     return [
         switch("sim", False, "simulate it, with its joints commanded by trajectories"),
         Argument("params_file", "", "parameters of the controllers, a YAML file"),
-        *map(of_simulation, ("x", "y", "yaw")),
-        of_simulation("world", examples=tuple(shipped_worlds())),
-        of_simulation("sensors"),
-        of_simulation("update_rate", "rate", note=_PACE, also="joint_state_publisher"),
-        of_simulation("real_time_factor"),
-        of_simulation("paused"),
+        *_surroundings(of_simulation),
+        *_pace(of_simulation),
+    ]
+
+
+def _arguments_of(node: str, kind: type) -> Callable[..., Argument]:
+    """Return what makes arguments of a node's parameters, whose defaults a file has."""
+
+    def argument(
+        parameter: str, name: str = "", note: str = _AS_IN_FILE, **further: Any
+    ) -> Argument:
+        return parameter_of(node, kind, parameter, name, default="", note=note, **further)
+
+    return argument
+
+
+def _surroundings(argument: Callable[..., Argument]) -> list[Argument]:
+    """Where the robot is, what is around it, and what it senses that with."""
+    from onebot_description.description.loading import shipped_worlds  # slow to import
+
+    return [
+        *map(argument, ("x", "y", "yaw")),
+        argument("world", examples=tuple(shipped_worlds())),
+        argument("sensors"),
+    ]
+
+
+def _pace(argument: Callable[..., Argument]) -> list[Argument]:
+    """How fast the simulation is."""
+    return [
+        argument("update_rate", "rate", note=_PACE, also="joint_state_publisher"),
+        argument("real_time_factor"),
+        argument("paused"),
     ]
 
 

@@ -24,7 +24,15 @@ from onebot_bringup.launch.arguments import (
     unknown,
     with_positional,
 )
-from onebot_bringup.launch.nodes import Launch, command_topic, output_path, world_frame
+from onebot_bringup.launch.nodes import (
+    DRIVING,
+    STANDING,
+    Launch,
+    command_topic,
+    given_params_files,
+    output_path,
+    world_frame,
+)
 from onebot_bringup.launcher.console import wants_colour
 from onebot_bringup.launcher.launcher import Launcher
 from onebot_bringup.viewer.viewer_parameters import view_file
@@ -70,7 +78,7 @@ class Bringup(NamedTuple):
     @property
     def controller(self) -> str:
         """The node with the simulation's parameters."""
-        return "velocity_controller" if self.control else "controller_manager"
+        return DRIVING if self.control else STANDING
 
     def model_arguments(self, given: Mapping[str, str]) -> tuple[list[Argument], bool]:
         """Return those of the model's xacro, but what has the name of one of the command's own.
@@ -125,8 +133,7 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
         values["view"] = command.sim_view
     elif values.get("world") and "view" not in command_arguments:
         values["view"] = command.world_view
-        files = [Path(values["params_file"])] if values["params_file"] else []
-        frame = world_frame(values, files, command.controller)
+        frame = world_frame(values, given_params_files(values), command.controller)
         if frame != WORLD_FRAME:  # the view's
             values["fixed_frame"] = values["fixed_frame"] or frame
     read_ns = time.time_ns()
@@ -157,7 +164,7 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
             source,
             declared,
             robots,
-            stands=not command.control,
+            controller=command.controller,
         )
         return launcher.run(
             launch.nodes(),
@@ -252,7 +259,7 @@ def _check_file(file: Path, spaces: Sequence[str], nodes: "Mapping[str, Unknown]
 
 
 def with_params_file(
-    values: Mapping[str, str], given: Mapping[str, str], controller: str = "velocity_controller"
+    values: Mapping[str, str], given: Mapping[str, str], controller: str = DRIVING
 ) -> dict[str, str]:
     """Return the launch arguments, with what the controller's ``params_file`` has for all nodes.
 

@@ -30,6 +30,9 @@ _NAV2_TOPICS = {"velocity_controller/cmd_vel": "cmd_vel", "velocity_controller/o
 # Of joint_state_publisher without a file: Hz, and seconds for one swing.
 _SWINGING = {"rate": 30.0, "swing": 8.0}
 
+DRIVING, STANDING = "velocity_controller", "controller_manager"
+"""The node with the simulation's parameters: of a robot that drives, and of one that stands."""
+
 Parameters = dict[str, object]
 
 
@@ -45,14 +48,18 @@ class Launch:
     arguments: Sequence[Argument]  # the declarations of the command
     robots: Sequence[PlacedRobot] = ()  # several in one world; empty for a single one
     robot: PlacedRobot | None = None  # the one of them that the node is for
-    stands: bool = False  # it is simulated standing, not driving
+    controller: str = DRIVING  # the node with the simulation's parameters
 
     @property
     def params_files(self) -> list[Path]:
         """The controller's parameter files; the later one overrides."""
         robot_file = self.robot.params_file if self.robot else None
-        given = self.values["params_file"]
-        return [*([Path(given).absolute()] if given else []), *filter(None, [robot_file])]
+        return [*given_params_files(self.values), *filter(None, [robot_file])]
+
+    @property
+    def stands(self) -> bool:
+        """Whether the robot is simulated standing, not driving."""
+        return self.controller == STANDING
 
     def is_true(self, name: str) -> bool:
         """Whether a switch is on; a switch that the command lacks is off."""
@@ -152,9 +159,13 @@ def _controller_parameters(launch: Launch) -> Parameters:
         "tf_frame_prefix": prefix,
     }
     if values["world"] or launch.robot:
-        node = "controller_manager" if launch.stands else "velocity_controller"
-        parameters["world_frame_id"] = world_frame(values, launch.params_files, node)
+        parameters["world_frame_id"] = world_frame(values, launch.params_files, launch.controller)
     return parameters
+
+
+def given_params_files(values: Mapping[str, str]) -> list[Path]:
+    """Return the controller's parameter file among the launch arguments, if there is one."""
+    return [Path(values["params_file"]).absolute()] if values["params_file"] else []
 
 
 def world_frame(values: Mapping[str, str], params_files: Sequence[Path], controller: str) -> str:
@@ -254,7 +265,7 @@ NODES = (
         _controller_parameters,
         starts=lambda launch: launch.is_true("sim") and launch.stands,
         params_files=True,
-        parameters_of="controller_manager",
+        parameters_of=STANDING,
     ),
     NodeRow(
         "robot_state_publisher",

@@ -32,7 +32,9 @@ from onebot_bringup.launch.bringup import (
     with_params_file,
 )
 from onebot_bringup.launch.nodes import (
+    DRIVING,
     NODES,
+    STANDING,
     VIEWER,
     Launch,
     RosNodes,
@@ -94,7 +96,15 @@ def make(arm: Path, described: Description) -> Make:
         nodes = arm.parent / "nodes"
         nodes.mkdir(exist_ok=True)
         values = checked_values(declared, given)
-        return Launch(nodes, values, described, ros_args, source, declared, stands=not simulated)
+        return Launch(
+            nodes,
+            values,
+            described,
+            ros_args,
+            source,
+            declared,
+            controller=DRIVING if simulated else STANDING,
+        )
 
     return factory
 
