@@ -16,7 +16,6 @@ from tests.onebot_control.arm_support import MODULE
 from tests.ros_support import NodeProcess, Peer
 from tests.steering_browser_support import Page
 from tests.support import wait_for
-from tests.support_browser import browser
 
 pytestmark = pytest.mark.slow
 
@@ -39,12 +38,6 @@ def arm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Arm]:
 def node(arm: Arm) -> Iterator[Steering]:
     with steering() as node:
         yield node
-
-
-@pytest.fixture(scope="module")
-def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
-    with browser(tmp_path_factory.mktemp("profile")) as driver:
-        yield Page(driver)
 
 
 @pytest.fixture

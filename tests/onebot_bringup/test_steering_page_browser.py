@@ -27,7 +27,7 @@ from tests.onebot_control.test_sensors_process import HALF, room
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.steering_browser_support import Page
 from tests.support import wait_for
-from tests.support_browser import browser, hosts_reached
+from tests.support_browser import hosts_reached
 
 pytestmark = pytest.mark.slow
 
@@ -35,13 +35,6 @@ ONEBOT = package_share("onebot_description") / "urdf" / "onebot.urdf.xacro"
 TOPIC = "/velocity_controller/cmd_vel"
 STILL = Twist()
 LIMITS = {"max_linear": 0.5, "max_angular": 1.0}
-
-
-@pytest.fixture(scope="module")
-def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
-    """One browser for all tests; each opens its own node's page."""
-    with browser(tmp_path_factory.mktemp("profile")) as driver:
-        yield Page(driver)
 
 
 @pytest.fixture

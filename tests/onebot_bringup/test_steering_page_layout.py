@@ -21,7 +21,6 @@ from tests.onebot_bringup.viewer_support import ARM
 from tests.ros_support import LATCHED, Peer
 from tests.steering_browser_support import Page
 from tests.support import wait_for
-from tests.support_browser import browser
 
 pytestmark = pytest.mark.slow
 
@@ -87,12 +86,6 @@ class QuietHandler(SimpleHTTPRequestHandler):
 def picture(color: tuple[int, int, int]) -> Image:
     """A picture of one colour."""
     return Image(width=160, height=120, step=480, encoding="rgb8", data=bytes(color) * 160 * 120)
-
-
-@pytest.fixture(scope="module")
-def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
-    with browser(tmp_path_factory.mktemp("profile")) as driver:
-        yield Page(driver)
 
 
 @pytest.fixture(params=ROBOTS)

@@ -13,7 +13,6 @@ from tests.onebot_bringup.steering_support import PageClient, Steering, steering
 from tests.ros_support import Peer
 from tests.steering_browser_support import Page
 from tests.support import wait_for
-from tests.support_browser import browser
 
 pytestmark = pytest.mark.slow
 
@@ -41,12 +40,6 @@ def node() -> Iterator[Steering]:
         about = ParameterDescriptor(description="m/s", floating_point_range=[fine])
         peer.node.declare_parameter("speed", 0.5, about)
         yield node
-
-
-@pytest.fixture(scope="module")
-def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
-    with browser(tmp_path_factory.mktemp("profile")) as driver:
-        yield Page(driver)
 
 
 @pytest.fixture
