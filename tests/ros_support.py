@@ -96,6 +96,15 @@ class Peer:
         )
         return publisher
 
+    def destroy(self, destroy: Callable[[Any], Any], entity: Any) -> None:
+        """Call a node's ``destroy_...`` in the thread that spins.
+
+        In any other thread it may end the one that spins: rclpy's executor adds the events of a
+        publisher to what it waits for without a look whether they still exist.
+        """
+        task = self._executor.create_task(destroy, entity)
+        wait_for(task.done, "the node to destroy it")
+
     def call(self, kind: Any, name: str, **request: Any) -> Any:
         """The answer of a service, which is asked again where its answer is lost.
 

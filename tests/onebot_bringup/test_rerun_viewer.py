@@ -268,7 +268,7 @@ def test_the_page_around_the_view_says_which_pictures_it_shows(ros_domain: int) 
         for text, topics in (('{"cameras": ["/a", "/b"]}', {"/a", "/b"}), ("[]", set())):
             publisher.publish(String(data=text))
             wait_for(lambda topics=topics: cameras.topics == topics, text)
-        page.node.destroy_publisher(publisher)
+        page.destroy(page.node.destroy_publisher, publisher)
         wait_for(lambda: cameras.topics is None, "its end")
 
 

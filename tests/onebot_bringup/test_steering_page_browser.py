@@ -331,7 +331,7 @@ def test_what_takes_the_keys_lets_go(peer: Peer, page: Page, heard: list[Twist])
         wait_to_stop(page, heard)
         page.let_go()
     for robot in robots:
-        peer.node.destroy_subscription(robot)
+        peer.destroy(peer.node.destroy_subscription, robot)
 
 
 def test_the_space_bar_stops_and_the_held_key_does_not_resume(
@@ -568,7 +568,7 @@ def test_a_press_on_the_map_is_published_with_its_heading(peer: Peer, tab: Page)
         # The page of the test before may have lost its server.
         logged = [entry["message"] for entry in tab.driver.get_log("browser")]
         assert [message for message in logged if f":{node.port}/" in message] == []
-    peer.node.destroy_timer(timer)
+    peer.destroy(peer.node.destroy_timer, timer)
 
 
 def test_displays_and_parameters_are_set_in_panels(ros_domain: int, peer: Peer, tab: Page) -> None:

@@ -110,7 +110,7 @@ def test_commands_on_cmd_vel_are_reported_if_nobody_receives_them(
     start = time.monotonic()
     wait_for(lambda: time.monotonic() > start + 2.5, "a time in which it would be reported")
     assert driver.warnings == []
-    sender.node.destroy_subscription(relay)
+    sender.destroy(sender.node.destroy_subscription, relay)
     wait_for(lambda: driver.warnings, "the warning")
     driver.look_again()
     ((_, text),) = driver.warnings
