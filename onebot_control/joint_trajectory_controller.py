@@ -19,6 +19,8 @@ other joint:
         at action_monitor_rate, tolerances and a result.
     ~/controller_state (control_msgs/msg/JointTrajectoryControllerState, published, reliable,
         transient local): each control cycle the reference, what is measured, and the error.
+    ~/speed_scaling_input (control_msgs/msg/SpeedScalingFactor, subscribed to, best effort,
+        transient local): how quickly the time of trajectories passes; 0 stands still.
     ~/query_state (control_msgs/srv/QueryTrajectoryState): the reference at another time.
 
 forward_command_controller/ForwardCommandController and

@@ -217,6 +217,14 @@ class Simulation:
         return self._scene
 
     @property
+    def boxes(self) -> Mapping[str, RobotPose]:
+        """Where what can be pushed or lifted truly is, by its link; another name is an OneBotError.
+
+        These are the links below ``floating`` joints of the world.
+        """
+        return _Boxes({link: _pose(transform) for link, transform in self._boxes().items()})
+
+    @property
     def seed(self) -> int:
         """The seed of the sensors' noise."""
         return self._seed
@@ -275,7 +283,6 @@ class Simulation:
 
     def _moment(self, snapshots: Sequence[Snapshot]) -> "Moment":
         fleet = self._fleet
-        scene = fleet.world.scene
         return Moment(
             fleet.stamp,
             [snapshot.pose for snapshot in snapshots],
@@ -283,8 +290,12 @@ class Simulation:
                 {**driven.held, **dict(zip(driven.joints, snapshot.joints.positions, strict=True))}
                 for driven, snapshot in zip(fleet.robots, snapshots, strict=True)
             ],
-            dict(zip(scene.links, scene.poses, strict=True)) if scene else {},
+            self._boxes(),
         )
+
+    def _boxes(self) -> dict[str, Transform]:
+        scene = self._fleet.world.scene
+        return dict(zip(scene.links, scene.poses, strict=True)) if scene else {}
 
     def keep(self, seconds: float, rate: float) -> None:
         """Remember the last simulated seconds from now on, for ``kept``.
@@ -441,7 +452,8 @@ class SimulatedRobot:
         """Move joints, from the next control cycle on, to rest at ``positions`` after ``seconds``.
 
         They follow a quintic, which begins with their present velocity; a further call replaces
-        it. Other joints are held. ``moving`` is true until then.
+        it. Other joints are held where they are commanded to be: fingers that grip something go on
+        to grip it. ``moving`` is true until then.
 
         Args:
             positions: by joint, rad (m of prismatic joints).
@@ -461,7 +473,7 @@ class SimulatedRobot:
         if problems := [text for arm, goal in goals for text in arm.problems(goal, stamp)]:
             raise OneBotError("\n".join(problems))
         for arm, goal in goals:
-            arm.start(goal)
+            arm.start(goal, held=set(arm.names) - set(positions))
 
     @property
     def moving(self) -> bool:
@@ -512,9 +524,7 @@ class SimulatedRobot:
     @property
     def pose(self) -> RobotPose:
         """Where the robot truly is in the world."""
-        (x, y, z), rotation = self._driven.snapshot().pose
-        roll, pitch, yaw = quaternions.to_rpy(quaternions.to_matrix(rotation))
-        return RobotPose(x, y, z, roll, pitch, yaw)
+        return _pose(self._driven.snapshot().pose)
 
     @property
     def twist(self) -> PlanarVelocity:
@@ -657,6 +667,19 @@ class Joints(dict[str, JointState]):
     def __missing__(self, name: str) -> JointState:
         """Raise an OneBotError with the names that there are."""
         raise OneBotError(f'no joint "{name}" moves{did_you_mean(name, self)}')
+
+
+class _Boxes(dict[str, RobotPose]):
+    """Poses of boxes by their links."""
+
+    def __missing__(self, name: str) -> RobotPose:
+        """Raise an OneBotError with the names that there are."""
+        raise OneBotError(f'no box "{name}" in the world{did_you_mean(name, self)}')
+
+
+def _pose(transform: Transform) -> RobotPose:
+    translation, rotation = transform
+    return RobotPose(*translation, *quaternions.to_rpy(quaternions.to_matrix(rotation)))
 
 
 def _described(

@@ -409,8 +409,7 @@ def simulation_arguments(control: str) -> list[Argument]:
             "",
             "several robots in one world: how many, or a YAML file with their names and places",
         ),
-        switch("steer", False, "a page to steer it from, beside its view"),
-        *parameters_of("steering_page", PageParameters, *_OF_STEERING),
+        *_steering(),
         Argument("params_file", control, "parameters of the controller, a YAML file"),
         of_controller("left_wheel_names", "left_wheel"),
         of_controller("right_wheel_names", "right_wheel"),
@@ -428,9 +427,17 @@ def standing_arguments() -> list[Argument]:
     of_simulation = _arguments_of(MANAGER, SimulationConfig)
     return [
         switch("sim", False, "simulate it, with its joints commanded by trajectories"),
+        *_steering(),
         Argument("params_file", "", "parameters of the controllers, a YAML file"),
         *_surroundings(of_simulation),
         *_pace(of_simulation),
+    ]
+
+
+def _steering() -> list[Argument]:
+    return [
+        switch("steer", False, "a page to steer it from, beside its view"),
+        *parameters_of("steering_page", PageParameters, *_OF_STEERING),
     ]
 
 

@@ -371,7 +371,7 @@ def _robot(description: "Description", values: Mapping[str, str], space: str) ->
     ]
     if values["frame_prefix"]:
         lines.append(f"  frames   begin with {values['frame_prefix']}")
-    if values.get("sim") == "true" and "steer" not in values:  # it stands
+    if values.get("sim") == "true" and "robots" not in values:  # it stands
         joint = next((joint.name for joint in moving), "JOINT")
         lines.append(f"  move     onebot trajectory {joint}=0.5, or any client of its action")
     elif values.get("sim") == "true":

@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 from typing import Any
 
+from rclpy.duration import Duration
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from onebot_control.joint_controllers import TrajectoryController
@@ -37,6 +38,13 @@ from onebot_description.ros.wire.messages import time_message
 # As SystemDefaultsQoS is with Fast DDS: the state is latched.
 _LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
+# As joint_trajectory_controller has it with Fast DDS; only latched publishers match it.
+_LATCHED_BY_ANY = QoSProfile(
+    depth=10,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    reliability=ReliabilityPolicy.BEST_EFFORT,
+)
+
 _Goal = tuple[TrajectoryGoal, TolerancesGiven | None]  # without tolerances: of the topic
 
 
@@ -54,6 +62,11 @@ class JointTrajectories(GoalNode[TrajectoryFollower, _Goal]):
         self._message = state()
         topic = "~/joint_trajectory"
         node.create_subscription(JointTrajectory, topic, self._on_topic, ANY_PUBLISHER)
+        scaling, topic = (
+            load_interface("control_msgs/msg/SpeedScalingFactor"),
+            "~/speed_scaling_input",
+        )
+        node.create_subscription(scaling, topic, self._on_scaling, _LATCHED_BY_ANY)
         node.create_service(query, "~/query_state", self._on_query)
 
     def publish(self, stamp: int) -> None:
@@ -64,9 +77,7 @@ class JointTrajectories(GoalNode[TrajectoryFollower, _Goal]):
         arm, message = self._arm, self._message
         message.header.stamp = time_message(stamp)
         message.joint_names = list(arm.names)
-        _fill(message.reference, *arm.desired)
-        _fill(message.feedback, arm.measured.positions, arm.measured.velocities)
-        _fill(message.error, arm.error)
+        self._fill_states(message.reference, message.feedback, message.error)
         _fill(message.output, arm.reference(self._robot().period))
         message.speed_scaling_factor = arm.scaling
         self._state.publish(message)
@@ -83,6 +94,13 @@ class JointTrajectories(GoalNode[TrajectoryFollower, _Goal]):
         for problem in tolerance_problems(tolerances, self._arm.names)[:MOST_PROBLEMS]:
             self.node.get_logger().error(problem)
         super()._on_accepted(handle)
+
+    def _on_scaling(self, message: Any) -> None:
+        def scale() -> None:
+            self._arm.scaling = message.factor
+
+        if fault := self._fault(scale):
+            self._error("scaling", f"~/speed_scaling_input is ignored: {fault}")
 
     def _goal(self, request: Any) -> _Goal:
         return _trajectory_goal(request.trajectory), _tolerances(request)
@@ -101,10 +119,22 @@ class JointTrajectories(GoalNode[TrajectoryFollower, _Goal]):
         arm, feedback = self._arm, self._type.Feedback()
         feedback.header.stamp = time_message(self._stamp)
         feedback.joint_names = list(arm.names)
-        _fill(feedback.desired, *arm.desired)
-        _fill(feedback.actual, arm.measured.positions, arm.measured.velocities)
-        _fill(feedback.error, arm.error)
+        self._fill_states(feedback.desired, feedback.actual, feedback.error)
         return feedback
+
+    def _fill_states(
+        self,
+        desired: JointTrajectoryPoint,
+        measured: JointTrajectoryPoint,
+        error: JointTrajectoryPoint,
+    ) -> None:
+        """Fill what ~/controller_state and the feedback have in common."""
+        arm = self._arm
+        _fill(desired, *arm.desired)
+        _fill(measured, arm.measured.positions, arm.measured.velocities)
+        _fill(error, arm.error)
+        desired.time_from_start = Duration(seconds=arm.time).to_msg()
+        measured.time_from_start = Duration(seconds=arm.elapsed).to_msg()
 
     def _result(self, ended: Outcome | Cancelled) -> Any:
         if isinstance(ended, Cancelled):

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class RobotPose:
-    """The true pose of a robot's root link in the world.
+    """The true pose of a robot's root link, or of a box's link, in the world.
 
     Angles are fixed-axis roll, pitch and yaw (REP-103): ``yaw`` is where it faces, from above.
 

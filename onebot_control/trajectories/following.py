@@ -7,7 +7,7 @@ follower.reference(0.005)  # what to command 5 ms later
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
 from operator import add
 from typing import NamedTuple
@@ -69,6 +69,8 @@ class TrajectoryFollower:
         desired: the reference at the last update. A continuous joint is in the turns of the goal.
         measured: the motion measured then.
         error: the position errors then, desired - measured; of continuous joints the shortest.
+        time: of the trajectory at the last update, s since its start; negative before that.
+        elapsed: s of the cycles since then; more than ``time`` where the scaling is less than 1.
     """
 
     def __init__(
@@ -88,6 +90,8 @@ class TrajectoryFollower:
         self._tolerances = self._defaults
         self.scaling = config.speed_scaling.initial_scaling_factor
         self._now, self._advance, self._rate = 0, 0.0, self.scaling
+        self.time = self.elapsed = 0.0
+        self._start: int | None = None  # of the trajectory, ns; unknown until its first update
         self.reset(positions)
 
     def configure(
@@ -117,7 +121,7 @@ class TrajectoryFollower:
     @property
     def moving(self) -> bool:
         """Whether a trajectory is followed, or will be from the next update on."""
-        return self._next is not None or (not self._holding and self._time < self._trajectory.end)
+        return self._next is not None or (not self._holding and self.time < self._trajectory.end)
 
     # Goals ------------------------------------------------------------------------------------
 
@@ -130,6 +134,7 @@ class TrajectoryFollower:
         goal: TrajectoryGoal,
         token: object | None = None,
         tolerances: TolerancesGiven | None = None,
+        held: Collection[str] = (),
     ) -> Outcome | None:
         """Follow ``goal``, which has no problems, from the next update on, instead of any other.
 
@@ -138,11 +143,13 @@ class TrajectoryFollower:
             token: what ``active`` and the outcome name an action goal by; None for a message of
                 the topic. That leaves an active goal active, to be judged by the new trajectory.
             tolerances: those of an action goal.
+            held: joints that begin at the last command, not at the measured motion: a finger that
+                presses on something goes on to press on it.
 
         Returns:
             The outcome of the action goal that another one replaces.
         """
-        self._next = partial(self._begin, goal)
+        self._next = partial(self._begin, goal, held)
         if token is None:
             return None
         preempted = self._ended(PREEMPTED)
@@ -198,14 +205,17 @@ class TrajectoryFollower:
         """
         begin = self._next
         if begin is None:
-            self._time += self._advance
+            self.time += self._advance
         else:
             begin(measured, now)
+        if self._start is None:
+            self._start = now - round(self.time * _NANOSECONDS)
+        self.elapsed = (now - self._start) / _NANOSECONDS
         self._rate = self._scaling
         self._advance = period * self._rate
         self._now = now
         self.measured = measured
-        self.desired = self._limited(self._trajectory.sample(self._time))
+        self.desired = self._limited(self._trajectory.sample(self.time))
         self.error = self._errors()
         return [] if self._holding else self._judged(first=begin is not None)
 
@@ -215,7 +225,7 @@ class TrajectoryFollower:
         Those of continuous joints are in the turns of the measured positions: they may differ from
         ``desired`` by whole turns.
         """
-        positions = self._trajectory.positions(self._time + ahead * self._rate)
+        positions = self._trajectory.positions(self.time + ahead * self._rate)
         return [
             clamp(position + turns, lower, upper)
             for position, turns, (lower, upper) in zip(
@@ -231,7 +241,7 @@ class TrajectoryFollower:
         """
         if self._holding:
             raise OneBotError("Currently there is no valid trajectory instance.")
-        own = self._time + (time - self._now) / _NANOSECONDS * self._rate
+        own = self.time + (time - self._now) / _NANOSECONDS * self._rate
         if own < self._began:
             text = "Requested sample time is earlier than the current trajectory start time."
             raise OneBotError(text)
@@ -271,7 +281,8 @@ class TrajectoryFollower:
         """Follow ``trajectory`` from its ``time`` on; ``holding``: without judging."""
         self._next = None
         self._trajectory = trajectory
-        self._time = self._began = time
+        self.time = self._began = self.elapsed = time
+        self._start = None
         self._turns = turns or (0.0,) * len(self.joints)
         self._holding = holding
 
@@ -290,9 +301,13 @@ class TrajectoryFollower:
         else:
             self._hold(measured.positions)
 
-    def _begin(self, goal: TrajectoryGoal, measured: JointMotion, now: int) -> None:
-        """Follow ``goal`` from where the joints are."""
+    def _begin(
+        self, goal: TrajectoryGoal, held: Collection[str], measured: JointMotion, now: int
+    ) -> None:
+        """Follow ``goal`` from where the joints are, or from the last command of those ``held``."""
         start = self._command() if self._config.begins_at_command else self._state(measured)
+        if held:
+            start = self._with_commands(start, held)
         time = (now - goal.stamp) / _NANOSECONDS if goal.stamp else 0.0
         points = self._points(goal)
         target = Trajectory(points[0], points).sample(time)
@@ -307,7 +322,7 @@ class TrajectoryFollower:
 
     def _command(self) -> JointMotion:
         """Return the last command: the reference at the end of the last cycle."""
-        motion = self._limited(self._trajectory.sample(self._time + self._advance))
+        motion = self._limited(self._trajectory.sample(self.time + self._advance))
         positions = map(add, motion.positions, self._turns)
         return motion._replace(positions=tuple(positions))
 
@@ -319,6 +334,18 @@ class TrajectoryFollower:
             measured.velocities if "velocity" in interfaces else (),
             measured.accelerations if "acceleration" in interfaces else (),
         )
+
+    def _with_commands(self, start: JointMotion, held: Collection[str]) -> JointMotion:
+        """Return ``start`` with the last command of the joints that are ``held``."""
+        zeros = (0.0,) * len(self.joints)
+        values = [
+            tuple(
+                command if name in held else own
+                for name, command, own in zip(self.names, commands, given or zeros, strict=True)
+            )
+            for commands, given in zip(self._command(), start, strict=True)
+        ]
+        return JointMotion(*values)
 
     def _turns_between(
         self, positions: Sequence[float], others: Sequence[float]
@@ -357,7 +384,7 @@ class TrajectoryFollower:
 
     def _judged(self, *, first: bool) -> list[Outcome]:
         """Compare the error with the tolerances, in the ``first`` cycle with those of the path."""
-        late = self._time - self._trajectory.end
+        late = self.time - self._trajectory.end
         moving = late < -ROUNDING
         detail = exceeded(self.names, self.error, self._tolerances.path)
         if (moving or first) and detail:

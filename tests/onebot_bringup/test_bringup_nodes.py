@@ -193,6 +193,11 @@ def test_an_argument_given_is_what_the_node_gets(make: Make) -> None:
         (False, "sim:=true viewer:=none", "joint_trajectory_controller robot_state_publisher"),
         (False, "viewer:=none joint_states:=0 save:=x.rrd", "robot_state_publisher rerun_viewer"),
         (
+            False,
+            "sim:=true viewer:=none steer:=true port:=0",
+            "joint_trajectory_controller robot_state_publisher steering_page",
+        ),
+        (
             True,
             "record:=bag viewer:=none steer:=true port:=0",
             "bag_recorder velocity_controller robot_state_publisher steering_page",
@@ -559,7 +564,7 @@ def test_the_model_is_given_once(view: Bringup, driven: Bringup, arm: Path) -> N
     assert "view needs a file" in refused(view)
     assert "not both" in refused(view, str(arm), f"model:={arm}")
     assert "more.urdf" in refused(view, str(arm), "more.urdf")
-    assert 'no argument "steer"' in refused(view, str(arm), "steer:=true")
+    assert 'no argument "robots"' in refused(view, str(arm), "robots:=2")
     assert "arm.xacro" in refused(driven, str(arm))
 
 

@@ -41,7 +41,7 @@ WORDS = {
     "onebot_bringup world:=": {"world:=maze", "world:=ramp"},
     "onebot_bringup world:=a": {"world:=arm.urdf"},
     "onebot_bringup sim": {"sim:=true", "sim:=false"},
-    "/bin/mrm_bringup ste": set(),
+    "/bin/mrm_bringup robo": set(),
     "mrm_bringup names": {"namespace:="},
     f"onebot view {ROBOT} relo": {"reload:=true", "reload:=false"},
     "onebot replay run fra": {"frame_prefix:="},

@@ -149,6 +149,28 @@ def test_driving_far_with_the_odometry_centimetres_off(tmp_path):
 
 
 @pytest.mark.slow
+def test_grasping_puts_the_box_onto_the_table(tmp_path):
+    """Without rclpy, and upright; on the way it is lifted over the table, and does not slip."""
+    results, notebook = _executed(
+        "grasping",
+        tmp_path,
+        "{'box': vars(box), 'highest': carried[:, 2].max(), 'pressed': grip.effort,"
+        " 'off': off, 'ros': 'rclpy' in sys.modules}",
+    )
+    box = results["box"]
+    assert [box["x"], box["y"]] == pytest.approx([0.4, 0.6], abs=0.005)
+    assert box["z"] == pytest.approx(0.085, abs=1e-4)  # half of its edge above the table's 60 mm
+    assert [box["roll"], box["pitch"]] == pytest.approx([0.0, 0.0], abs=1e-4)
+    assert box["yaw"] == pytest.approx(math.pi / 2.0, abs=0.02)
+    assert results["highest"] == pytest.approx(0.125, abs=1e-4)
+    assert results["pressed"] == pytest.approx(-10.0)  # N, the limit of the motor
+    assert not results["ros"]
+    assert _pictures(notebook) == 1
+    names = {each.get("description") for each in _widgets(notebook)}
+    assert {"lift", "finger"} <= names and "other_finger" not in names
+
+
+@pytest.mark.slow
 def test_ros_drives_a_running_robot_round_a_circle(ros_domain, tmp_path):
     """In the domain of the environment, and the robot ends with the last cell."""
     with Peer(ros_domain) as peer:

@@ -53,11 +53,22 @@ def page(tab: Page, node: Steering) -> Page:
     return opened(tab, node)
 
 
+@pytest.fixture
+def twists(arm: Arm) -> Iterator[list[Twist]]:
+    """The arm is on a robot that drives: what that is commanded."""
+    heard: list[Twist] = []
+    node = arm.peer.node
+    wheels = node.create_subscription(Twist, TOPIC, heard.append, 100)
+    yield heard
+    arm.peer.destroy(node.destroy_subscription, wheels)
+
+
 def opened(tab: Page, node: Steering) -> Page:
     """The page, with its panel of joints."""
     tab.open(node.address)
     wait_for(lambda: tab.find("[name=joints]").is_displayed(), "the joints")
-    tab.find("[name=joints]").click()
+    if not tab.find("#joints").is_displayed():
+        tab.find("[name=joints]").click()
     return tab
 
 
@@ -90,7 +101,7 @@ def test_a_slider_moves_its_joint_while_it_is_held(page: Page, arm: Arm) -> None
     assert names == ["arm_joint", "lift_joint"]
     hold(page, arm)
     wait_for(lambda: abs(abs(arm.speed()) - abs(value(page))) < 0.03, "its share of 1 rad/s")
-    assert page.body("hand") == "joints" and page.text("#driver") == "You drive"
+    assert page.body("hand") == "joints" and page.text("#driver") == "You move it"
     stop(arm, page.let_go)
     assert value(page) == 0.0 and page.body("hand") == ""
     assert page.find(SLIDER).get_attribute("aria-valuetext") == "0.00 rad/s"
@@ -98,9 +109,11 @@ def test_a_slider_moves_its_joint_while_it_is_held(page: Page, arm: Arm) -> None
     wait_for(lambda: page.text("#joint-0-position") == words, "where it is")
 
 
-def test_arrow_keys_move_the_joint_with_the_focus(page: Page, arm: Arm) -> None:
+def test_arrow_keys_move_the_joint_with_the_focus(
+    page: Page, arm: Arm, twists: list[Twist]
+) -> None:
     """And do not drive; without the focus they drive and move no joint."""
-    twists = arm.peer.hear(Twist, TOPIC)
+    wait_for(lambda: page.find("#pad").is_displayed(), "the wheels")
     for key, sign in ((Keys.ARROW_RIGHT, 1.0), (Keys.ARROW_DOWN, -1.0)):
         page.driver.execute_script("arguments[0].focus()", page.find(SLIDER))
         page.drive_by_keys(key, moving(arm))
@@ -153,8 +166,28 @@ def test_a_dead_server_stops_the_arm(tab: Page, arm: Arm) -> None:
         assert not page.find(SLIDER).is_enabled()
 
 
-def test_stop_and_another_page_stop_the_arm(page: Page, node: Steering, arm: Arm) -> None:
+def test_an_arm_that_stands_has_its_joints_only(
+    page: Page, arm: Arm, request: pytest.FixtureRequest
+) -> None:
+    """They are open from the beginning; what drives is there as soon as there are wheels."""
+    driving = "#pad", "#linear", "#angular", "#braking", "#settings", "#readout"
+    wait_for(lambda: not any(page.find(part).is_displayed() for part in driving), "no wheels")
+    assert page.find(SLIDER).is_displayed() and page.find("#stop").is_displayed()
+    wait_for(lambda: page.text("#driver") == "Nobody moves it", "the state")
+    page.act().send_keys(" ").perform()
+    wait_for(lambda: page.text("#driver") == "Locked: move a joint to unlock", "the lock")
+    request.getfixturevalue("twists")
+    wait_for(lambda: all(page.find(part).is_displayed() for part in driving), "the wheels")
+    assert page.text("#driver") == "Locked: drive to unlock"
+    hold(page, arm)
+    stop(arm, page.let_go)
+
+
+def test_stop_and_another_page_stop_the_arm(
+    page: Page, node: Steering, arm: Arm, twists: list[Twist]
+) -> None:
     """What is still held then does nothing; the next press unlocks."""
+    wait_for(lambda: page.find("#pad").is_displayed(), "the wheels")
     hold(page, arm)
     stop(arm, lambda: page.act().send_keys(" ").perform())
     wait_for(lambda: page.text("#driver") == "Locked: drive to unlock", "the lock")

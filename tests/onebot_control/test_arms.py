@@ -91,9 +91,8 @@ def quintic(share: float) -> float:
 
 def box_place(simulation: Simulation) -> np.ndarray:
     """Where the box is, mm."""
-    scene = simulation._fleet.world.scene
-    assert scene is not None
-    return 1e3 * np.array(scene.poses[0][0])
+    pose = simulation.boxes["box"]
+    return 1e3 * np.array([pose.x, pose.y, pose.z])
 
 
 # Tracking and efforts ---------------------------------------------------------------------------
@@ -431,6 +430,20 @@ def test_fingers_of_1_g_hold_a_box_of_50_g() -> None:
         # The motors of palm, two fingers with 20 g each, and the box.
         weight = (0.5 + 2 * 0.02 + 0.05) * GRAVITY
         assert simulation.robot.joints["lift"].effort == pytest.approx(weight, rel=1e-6)
+
+
+def test_fingers_go_on_to_press_while_another_joint_moves() -> None:
+    """With all that their motor has, from the first moment of each motion on."""
+    with simulate(two_fingers(0.02), {"left": 0.04}, box_world(), rate=100.0) as simulation:
+        start = box_place(simulation)
+        simulation.robot.move_to({"left": 0.0}, seconds=0.5)
+        simulation.run(1.0)
+        for height in (0.3, 0.1):
+            simulation.robot.move_to({"lift": height}, seconds=1.0)
+            efforts = [joints["left"].effort for joints in steps(simulation, 1.0)]
+            assert efforts == pytest.approx([-20.0] * 100)
+            moved = box_place(simulation) - start
+            assert moved == pytest.approx([0.0, 0.0, 1e3 * height], abs=0.1)
 
 
 # Starts -----------------------------------------------------------------------------------------

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
@@ -22,6 +23,7 @@ from trajectory_msgs.msg import JointTrajectory
 from onebot_control import Simulation
 from onebot_control.nodes.lockstep import Lockstep
 from onebot_description.description import parse_description
+from onebot_description.ros.wire.cdr import nanoseconds
 from onebot_description.ros.wire.interfaces import load_interface
 from tests.onebot_control.arm_support import (
     ABORTED,
@@ -366,7 +368,34 @@ def test_the_state_is_published_in_each_cycle(watched_arm: SteppedArm) -> None:
         if following.reference.positions[0] > 0.0:
             assert state.output.positions == pytest.approx(following.reference.positions, abs=1e-9)
         assert state.speed_scaling_factor == 1.0
+        # The first of these states may be of the position that was held.
+        passed = seconds(following) - seconds(states[1])
+        for state in (following.reference, following.feedback):
+            assert nanoseconds(state.time_from_start) * 1e-9 == pytest.approx(passed, abs=1e-6)
     assert states[-1].reference.velocities[0] == pytest.approx(0.45, abs=1e-3)
+
+
+def test_the_speed_is_scaled(watched_arm: SteppedArm, capfd: pytest.CaptureFixture[str]) -> None:
+    """At half the speed, a trajectory takes twice as long; what is impossible is ignored."""
+    arm = watched_arm
+    kind, topic = load_interface("control_msgs/msg/SpeedScalingFactor"), "speed_scaling_input"
+    latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    scaling = arm.client.create_publisher(kind, f"{CONTROLLER}/{topic}", latched)
+    for factor in (0.5, -0.1, NAN):
+        scaling.publish(kind(factor=factor))
+    arm.simulation.run(0.1)
+    log = capfd.readouterr().err
+    assert "~/speed_scaling_input is ignored: a speed scaling of -0.1 is impossible" in log
+    handle = arm.send(goal(point(1.0, 0.3)))
+    arm.client.states.clear()
+    assert arm.ending(handle) == SUCCESS
+    state = arm.client.states[-1]
+    assert state.speed_scaling_factor == 0.5
+    reference, measured = (
+        nanoseconds(each.time_from_start) * 1e-9 for each in (state.reference, state.feedback)
+    )
+    assert reference == pytest.approx(1.0, abs=0.1)
+    assert measured == pytest.approx(2.0 * reference, abs=0.011)
 
 
 def test_the_state_at_other_times_can_be_queried(watched_arm: SteppedArm) -> None:

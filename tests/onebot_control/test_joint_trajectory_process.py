@@ -13,6 +13,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
+from onebot_description.ros.wire.cdr import nanoseconds
 from onebot_description.ros.wire.interfaces import load_interface
 from tests.onebot_control.arm_support import (
     ABORTED,
@@ -140,13 +141,14 @@ def test_a_pause_stops_a_trajectory_and_an_interrupt_the_process(peer: Peer, mod
     joints = peer.hear(JointState, "/joint_states", 1000)
     with NodeProcess(MODULE, model) as node:
         arm = WireArm(peer)
-        result = arm.send(goal(point(1.0, 1.0, 0.0), joints=BOTH))
+        result = arm.send(goal(point(3.0, 1.0, 0.0), joints=BOTH))
         wait_for(lambda: positions(joints)["shoulder"] > 0.1, "the start")
         assert peer.call(SetBool, f"{MANAGER}/pause", data=True).success
+        paused = time.time_ns()
+        wait_for(lambda: nanoseconds(joints[-1].header.stamp) > paused, "what is received late")
         count, at = len(joints), positions(joints)["shoulder"]
-        wait_for(lambda: len(joints) > count + 150, "joint states of more than a second")
-        assert positions(joints)["shoulder"] == pytest.approx(at, abs=0.02)
-        assert at < 0.9 and not result.done()
+        wait_for(lambda: len(joints) > count + 350, "joint states of more than three seconds")
+        assert positions(joints)["shoulder"] == at < 0.9 and not result.done()
         assert peer.call(SetBool, f"{MANAGER}/pause", data=False).success
         assert ending(result) == SUCCESS
         arm.send(goal(point(20.0, -1.0, 0.0), joints=BOTH))

@@ -144,6 +144,26 @@ def test_rays():
             world.ray((0, 0, 1), (0, 0, 0))
 
 
+def test_boxes():
+    """Where they truly are: the crate, by the end, between the robot and the wall at 2.78 m."""
+    with Simulation(world="maze") as world:
+        crate, parcel = world.boxes["crate"], world.boxes["parcel"]
+        assert set(world.boxes) == {"crate", "parcel"}
+        assert (crate.x, crate.y, crate.z) == pytest.approx((1.52, 0.0, 0.1))
+        assert (parcel.x, parcel.y, parcel.yaw) == pytest.approx((2.4, 1.6, 0.4))
+        world.robot.drive(0.5)
+        world.run(6.0)
+        pushed = world.boxes["crate"]
+        assert (pushed.x, pushed.y, pushed.z) == pytest.approx((2.68, 0.0, 0.1), abs=5e-3)
+        assert (pushed.roll, pushed.pitch) == pytest.approx((0.0, 0.0), abs=1e-3)
+        with pytest.raises(OneBotError, match='no box "crates" in the world .did you mean "crate"'):
+            world.boxes["crates"]
+        world.reset()
+        assert world.boxes["crate"] == crate
+    with Simulation() as bare:
+        assert bare.boxes == {}
+
+
 def test_until_something_is_true():
     with Simulation() as world:
         robot = world.robot

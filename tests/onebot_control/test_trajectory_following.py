@@ -185,6 +185,20 @@ def test_a_trajectory_may_begin_at_the_last_command(name: str) -> None:
     assert arm.follower.desired.velocities == near(1.0, 1.0)
 
 
+def test_a_joint_may_be_held_at_the_last_command() -> None:
+    """So that a finger goes on to press; the other joint begins where it is measured."""
+    arm = Arm()
+    arm.offset = 0.01
+    arm.cycle()
+    arm.follower.start(goal(Waypoint(1.0, (0.0, 1.0), REST, REST)), held=["elbow"])
+    arm.cycle()
+    assert arm.follower.desired == JointMotion((0.0, 0.01), (0.0, 1.0), REST)
+    for _ in range(110):
+        assert arm.follower.reference(PERIOD)[0] == 0.0
+        arm.cycle()
+    assert arm.desired == (0.0, 1.0)
+
+
 def test_steps() -> None:
     arm = Arm(interpolation_method="none")
     arm.follower.start(goal(Waypoint(0.5, (1.0, 1.0)), Waypoint(1.0, (2.0, 2.0))))

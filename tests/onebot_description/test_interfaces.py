@@ -63,6 +63,7 @@ CONTROL_MSGS = {
     "msg/JointComponentTolerance": "739ea7566931944d33830fa10f1bf5e7",
     "msg/JointTolerance": "c254f9cece0f3b733017b6990fd46d13",
     "msg/JointTrajectoryControllerState": "51d8dd89cc624cbe9daaeeb4d80d6de9",
+    "msg/SpeedScalingFactor": "0c240f349f2b74e33e8741f83e0f196d",
     "srv/QueryTrajectoryState": "4a0935dffef18bc5b9e101c9d03d84e6",
     "srv/QueryTrajectoryState_Request": "ec3322824b7a1ee850e03ff951f48b10",
     "srv/QueryTrajectoryState_Response": "f7b920129b8d5841312bcb89e6275508",
@@ -116,9 +117,9 @@ def individual(item: Any) -> dict[str, Any]:
     }
 
 
-def generated_description(name: str) -> dict[str, Any]:
+def generated_description(name: str, share: Path = Path(sys.prefix, "share")) -> dict[str, Any]:
     package, kind, short = name.split("/")
-    path = Path(sys.prefix, "share", package, kind, f"{short}.json")
+    path = share / package / kind / f"{short}.json"
     data = json.loads(path.read_text())
     hashes = {entry["type_name"]: entry["hash_string"] for entry in data["type_hashes"]}
     return {"hash": hashes[name].removeprefix("RIHS01_"), **data["type_description_msg"]}

@@ -140,6 +140,7 @@ function receive(message) {
     }
     joints.show(message);
     if (message.joints.length === 0 && joints.isOpen) tools.toggle("");
+    showWhetherItStands(message);
     view.show(message.view);
     legend.show(message.legend);
     camera.show(message);
@@ -148,10 +149,23 @@ function receive(message) {
   }
 }
 
+/** Of a robot that has joints and does not drive, only the joints are shown. */
+function showWhetherItStands({ joints: moved, listeners }) {
+  const stands = moved.length > 0 && listeners === 0;
+  if (stands && !standing() && !joints.isOpen) tools.toggle("joints");
+  document.body.classList.toggle("stands", stands);
+}
+
+function standing() {
+  return document.body.classList.contains("stands");
+}
+
 function showDriver({ driver, you, pages, locked, others }) {
   document.body.dataset.driver = you ? "you" : driver ? "other" : "nobody";
-  const nobody = locked ? "Locked: drive to unlock" : "Nobody drives";
-  const words = [you ? "You drive" : driver ? "Another page drives" : nobody];
+  const [drive, drives] = standing() ? ["move a joint", "moves it"] : ["drive", "drives"];
+  const nobody = locked ? `Locked: ${drive} to unlock` : `Nobody ${drives}`;
+  const yours = standing() ? "You move it" : "You drive";
+  const words = [you ? yours : driver ? `Another page ${drives}` : nobody];
   if (pages > 1) words.push(`${pages} pages open`);
   if (others.length) words.push(`commands also from ${others.join(", ")}`);
   write(element("driver"), words.join(" · "));

@@ -1,0 +1,98 @@
+"""Builds the ROS package control_msgs with ROS's own generators, for tests of the types made here.
+
+No wheel of ROS has it, so ``load_interface`` makes its types of their definitions. That these are
+everyone else's types can only be shown by types that share no code with them. The wheels do have
+the generators, and the headers and libraries that generated code needs: this module calls them as
+CMake would for somebody who builds the package. It takes 30 s of processor time; CMake would need
+more wheels, and corrections of what they say about the machine on which they were made.
+
+    python -m tests.onebot_control.genuine_control_msgs FOLDER
+
+needs a C and a C++ compiler and Python's headers. FOLDER belongs on PYTHONPATH and its folder
+``lib`` on LD_LIBRARY_PATH before the process starts that is to have the package.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+from collections.abc import Iterable
+from pathlib import Path
+from unittest.mock import patch
+
+import numpy as np
+from rosidl_cli.command.translate.api import translate
+from rosidl_generator_c.cli import GenerateC
+from rosidl_generator_py.cli import GeneratePython
+from rosidl_typesupport_c.cli import GenerateCTypesupport
+from rosidl_typesupport_fastrtps_c.cli import GenerateFastRTPSCTypesupport
+from rosidl_typesupport_introspection_c.cli import GenerateIntrospectionCTypesupport
+
+from onebot_description.ros.wire import interface_text
+
+PACKAGE = "control_msgs"
+_DEFINITIONS = Path(interface_text.__file__).with_name("definitions") / PACKAGE
+_PREFIX = Path(sys.prefix)
+# A library of each one's code, in this order: each is linked to those before it.
+_GENERATORS = {
+    "rosidl_generator_c": GenerateC,
+    "rosidl_typesupport_fastrtps_c": GenerateFastRTPSCTypesupport,
+    "rosidl_typesupport_introspection_c": GenerateIntrospectionCTypesupport,
+    "rosidl_typesupport_c": GenerateCTypesupport,
+    "rosidl_generator_py": GeneratePython,
+}
+_FLAGS = "-O0 -g0 -w -fPIC -shared -Wl,--as-needed".split()
+
+
+def build(folder: Path) -> None:
+    """Generate, compile and link the package in an empty folder."""
+    (folder / "lib").mkdir(parents=True)
+    with patch.dict(os.environ, AMENT_PREFIX_PATH=sys.prefix):  # for the generators' templates
+        _generate(folder)
+    for name in _GENERATORS:
+        sources = folder / "src" / name / PACKAGE
+        _link(folder, f"lib/lib{PACKAGE}__{name}.so", sources.glob("*/**/*.c*"))
+    # The Python package, and the module by which it reaches the libraries.
+    python = folder / "src/rosidl_generator_py" / PACKAGE
+    shutil.copytree(python, folder / PACKAGE, ignore=shutil.ignore_patterns("*.c"))
+    (folder / PACKAGE / "__init__.py").touch()
+    source = python / f"_{PACKAGE}_s.ep.rosidl_typesupport_c.c"
+    _link(folder, f"{PACKAGE}/{PACKAGE}_s__rosidl_typesupport_c.so", [source])
+
+
+def _generate(folder: Path) -> None:
+    """Write the code, and beside that of C each type's description and hash as a .json file."""
+    files = [path.relative_to(_DEFINITIONS) for path in sorted(_DEFINITIONS.glob("*/*"))]
+    translated = translate(
+        package_name=PACKAGE,
+        interface_files=[f"{_DEFINITIONS}:{file}" for file in files],
+        output_format="idl",
+        output_path=folder / "idl",
+    )
+    for name, generator in _GENERATORS.items():
+        output = folder / "src" / name / PACKAGE
+        generator(name).generate(PACKAGE, translated, [_PREFIX / "share"], output_path=output)
+
+
+def _link(folder: Path, library: str, sources: Iterable[Path]) -> None:
+    """Compile a library, and link it to what it needs of those built before and of the wheels."""
+    headers = _PREFIX / "include"
+    folders = [*(folder / "src").iterdir(), headers, *headers.iterdir()]
+    includes = [*map(str, folders), sysconfig.get_path("include"), np.get_include()]
+    files = sorted(map(str, sources))
+    libraries = [*(folder / "lib").glob("*.so"), *(_PREFIX / "lib").glob("*.so")]
+    command = [
+        "c++" if files[0].endswith(".cpp") else "cc",
+        *_FLAGS,
+        f"-Wl,-soname,{Path(library).name}",
+        *("-o", str(folder / library)),
+        *(f"-I{include}" for include in includes),
+        *files,
+        *map(str, libraries),
+    ]
+    subprocess.run(command, check=True)
+
+
+if __name__ == "__main__":
+    build(Path(sys.argv[1]))
