@@ -189,11 +189,15 @@ class DrivenSpawn(NamedTuple):
         return cls(wheels, spawn, held, followers, controllers, controlled)
 
     @property
-    def has_linkage(self) -> bool:
-        """Whether several joints that turn are geared to one, as in the fingers of a linkage."""
+    def converges_slowly(self) -> bool:
+        """Whether it is an arm that stands still, or has a linkage.
+
+        In a linkage, such as fingers, several joints that turn are geared to one.
+        """
         kinds = {joint.name: joint.kind for joint in self.spawn.description.joints}
         leaders = [gear.leader for gear in self.spawn.gears if kinds[gear.name] != "prismatic"]
-        return len(leaders) > len({*leaders})
+        has_linkage = len(leaders) > len({*leaders})
+        return has_linkage or bool(self.spawn.fixed_base and self.spawn.commanded)
 
 
 def joints_of(

@@ -602,7 +602,8 @@ def _read_limit(findings: Findings, element: Element, kind: str) -> _Limits:
             )
         return None, None, effort, velocity
     if velocity == 0:
-        findings.warning(limit, "velocity is 0, so the joint cannot move")
+        text = "velocity is 0, so the joint cannot move; the simulation takes 0 for no limit"
+        findings.warning(limit, text)
     if kind == "revolute":
         _check_degrees(findings, limit, [end for end in (lower, upper) if end is not None])
     return *_ordered(findings, limit, lower, upper), effort, velocity

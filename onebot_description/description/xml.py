@@ -6,6 +6,7 @@ bombs and external entities, and so is absurd nesting. The line of every element
 
 import codecs
 import os
+import re
 import stat
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -194,13 +195,11 @@ def _malformed(data: bytes, shown: str, error: Exception, opened: Sequence[tuple
         line = data.count(b"\n", 0, bad.start) + 1
         return f"{shown}:{line}: is not UTF-8 text (byte 0x{data[bad.start]:02x}); save it as UTF-8"
     reason = expat.ErrorString(error.code)
-    if reason == "unbound prefix":
-        line_text = data.splitlines()[error.lineno - 1 : error.lineno]
-        if b"xacro:" in b"".join(line_text):
-            return (
-                f"{place}: xacro: is used but not declared; "
-                f'write <robot xmlns:xacro="{XACRO_NAMESPACES[0]}" ...>'
-            )
+    if reason == "unbound prefix" and (prefix := _undeclared(data, error)):
+        uri = XACRO_NAMESPACES[0] if prefix == "xacro" else f"http://{prefix}"
+        return (
+            f'{place}: {prefix}: is used but not declared; write <robot xmlns:{prefix}="{uri}" ...>'
+        )
     if not data.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<") and not wide:
         return f"{place}: is not XML: URDF starts with <robot ...>"
     if opened and reason in ("mismatched tag", "no element found"):
@@ -208,6 +207,17 @@ def _malformed(data: bytes, shown: str, error: Exception, opened: Sequence[tuple
         words = name.split(_SEPARATOR)  # namespace, name, prefix, or fewer
         reason += f": <{':'.join(reversed(words[1:] or words))}> of line {line} is not closed"
     return f"{place}: malformed XML: {reason}"
+
+
+def _undeclared(data: bytes, error: expat.ExpatError) -> str:
+    """The prefix without a namespace that the element where expat stops has, or its attributes."""
+    rest = b"\n".join(data.splitlines()[error.lineno - 1 :])[error.offset :]
+    element, _, _ = rest.partition(b">")
+    declared = re.findall(rb"\sxmlns:([\w.-]+)\s*=", data)
+    bare = re.sub(rb"""="[^"]*"|='[^']*'""", b"", element)  # values may hold what looks like one
+    used = re.findall(rb"[<\s]([A-Za-z_][\w.-]*):", bare)
+    names = (prefix.decode() for prefix in used if prefix not in (*declared, b"xmlns", b"xml"))
+    return next(names, "")
 
 
 def to_text(root: ElementTree.Element) -> str:

@@ -118,7 +118,11 @@ def test_limits_that_are_none(limit, problem):
     [
         (_limit("0", "0"), "revolute", ["lower and upper are both 0, so the joint cannot move"]),
         (_limit(None, None), "prismatic", ["lower and upper are both 0, so the joint cannot move"]),
-        (_limit(velocity="0"), "revolute", ["velocity is 0, so the joint cannot move"]),
+        (
+            _limit(velocity="0"),
+            "revolute",
+            ["velocity is 0, so the joint cannot move; the simulation takes 0 for no limit"],
+        ),
         (
             _limit("-1", "1"),
             "continuous",

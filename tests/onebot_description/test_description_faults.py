@@ -27,7 +27,12 @@ SECRET = '<!DOCTYPE robot [<!ENTITY secret SYSTEM "file:///etc/passwd">]>'
         ('<?xml version="1.0" encoding="klingon"?><robot/>', "encoding cannot be read"),
         (f'{SECRET}\n<robot name="&secret;"/>', ":1: <!DOCTYPE> and entities are refused"),
         ('<robot name="a" xmlns:a="${b}"/>', ':1: the namespace "${b}" holds a }'),
+        ('<robot name="a"><xacro:a/></robot>', ":1:17: xacro: is used but not declared; write <"),
         ('<robot name="a">\n<xacro:a/></robot>', ":2:1: xacro: is used but not declared; write <r"),
+        (
+            '<robot name="a">\n<limit effort="b:c"\n drake:acceleration="1"/></robot>',
+            ':2:1: drake: is used but not declared; write <robot xmlns:drake="http://drake" ...>',
+        ),
         ("<urdf><link/></urdf>", ':1: <urdf>: the outermost element must be <robot name="...">'),
         ("<robot/>", ':1: <robot>: has no links; write at least <link name="base_link"/>'),
     ],

@@ -1,0 +1,193 @@
+"""Well-known arms: they are read, rest for 10 s, and follow a goal of every joint.
+
+Those of ``tests/robots/arms`` have the figures of their makers' files, without the meshes; those of
+pybullet_data are read from their own files. What is repaired in either is said in a sentence.
+"""
+
+import logging
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+from typing import NamedTuple
+
+import pybullet_data
+import pytest
+
+from onebot_bringup.cli import check
+from onebot_control import Simulation
+from onebot_description.description.description import Joint
+from onebot_description.model import RobotModel
+from tests.onebot_control.arm_models import HAND_DOWN
+
+ARMS = Path(__file__).parents[1] / "robots" / "arms"
+RATE = 200.0  # Hz, of control cycles: one in each physics step
+SECONDS = 2.0  # of a motion
+SAG, OFF, LINKED = 1e-4, 1e-5, 1e-3  # rad or m: at rest, in motion, and of a linkage in motion
+
+
+class Arm(NamedTuple):
+    """What there is to know about an arm."""
+
+    commanded: int  # joints
+    mimics: int = 0  # joints that follow one of them
+    linkage: bool = False  # several of them turn as one
+    warnings: Mapping[str, int] = MappingProxyType({})  # of ``onebot check``, and how many of each
+    repaired: Sequence[str] = ()  # what the simulation's log says, a line each
+    starts: Mapping[str, float] = MappingProxyType({})  # not at 0, where it would be in the ground
+
+
+UNMOVED = "velocity is 0, so the joint cannot move; the simulation takes 0 for no limit"
+GREATER = "one exceeds the sum of the others; no body has such"
+XARM = Arm(
+    6,
+    warnings={f"of the moments 0.00202, 0.0043, 0.00731 {GREATER}": 1},
+    repaired=[
+        'link "link3" has the principal moments of inertia 0.00202, 0.0043, 0.00731 kg m^2; the '
+        "greatest is simulated as 0.00632, the sum of the others"
+    ],
+    starts={"joint2": -0.6, "joint3": -0.3},
+)
+XARM_WITH_GRIPPER = XARM._replace(commanded=7, mimics=5, linkage=True)
+MASSLESS = "the mass is 0; a simulation takes a base of mass 0 for fixed"
+KNOWN = {
+    "gen3_2f85": Arm(8, 5, linkage=True),
+    "iiwa14": Arm(
+        7,
+        repaired=[
+            "joint joint_1, joint_2, joint_3, joint_4, joint_5, joint_6, joint_7: no effort above "
+            "0 in <limit>, so the motor's force has no limit",
+            "link link_1, link_2, link_3, link_4, link_5, link_6, link_7: no <inertial>, simulated "
+            "with 0.02 kg; efforts are wrong until they have mass and inertia",
+        ],
+    ),
+    "ned2": Arm(6),
+    "open_manipulator_x": Arm(5, 1),
+    "panda": Arm(
+        8,
+        1,
+        warnings={f"of the moments 0.00368, 0.00796, 0.0127 {GREATER}": 1},
+        repaired=[
+            'link "fer_link4" has the principal moments of inertia 0.00368, 0.00796, 0.0127 kg '
+            "m^2; the greatest is simulated as 0.0116, the sum of the others"
+        ],
+    ),
+    "so_arm100": Arm(6),
+    "stretch_se3": Arm(
+        12,
+        warnings={
+            UNMOVED: 2,
+            "lower and upper are both 0, so the joint cannot move": 2,
+            'unknown attribute "spring_': 4,
+        },
+        repaired=[
+            "joint joint_gripper_finger_left, joint_gripper_finger_right: no effort above 0 in "
+            "<limit>, so the motor's force has no limit",
+            "joint joint_gripper_finger_left, joint_gripper_finger_right: no velocity above 0 in "
+            "<limit>, so the motor's speed has no limit",
+        ],
+    ),
+    "ur5e": Arm(6),
+    "wx250s": Arm(7, 1, warnings={"holds a space or slash, which TF dislikes": 14}),
+    "xarm6_gripper": XARM_WITH_GRIPPER,
+}
+PUBLIC = {
+    "kuka_iiwa/model.urdf": Arm(7, warnings={MASSLESS: 1}),
+    "franka_panda/panda.urdf": Arm(
+        8,
+        1,
+        warnings={MASSLESS: 2, "unknown inside <collision>, so it is ignored": 10},
+        starts=HAND_DOWN,
+    ),
+    "xarm/xarm6_robot.urdf": XARM,
+    "xarm/xarm6_with_gripper.urdf": XARM_WITH_GRIPPER,
+}
+FILES = {
+    **{name: (ARMS / f"{name}.urdf", arm) for name, arm in KNOWN.items()},
+    **{name: (Path(pybullet_data.getDataPath()) / name, arm) for name, arm in PUBLIC.items()},
+}
+
+
+def simulate(file: Path, starts: Mapping[str, float]) -> Simulation:
+    """The robot of a file, its joints at ``starts``."""
+    given = {f"initial_positions.{name}": value for name, value in starts.items()}
+    return Simulation(file, parameters={"update_rate": RATE, **given})
+
+
+def goal(joint: Joint, at: float) -> float:
+    """A position 0.3 of a joint's range away, or what it can move in time; 0.8 rad without one."""
+    lower, upper = joint.range
+    far = 0.8 if joint.kind == "continuous" else 0.3 * (upper - lower)
+    far = min(far, (joint.velocity or far) / 1.876 * SECONDS)
+    return at - far if at - far >= lower else at + far
+
+
+def quintic(share: float) -> float:
+    """How much of a motion is done after a share of its time, at rest at both ends."""
+    return 10.0 * share**3 - 15.0 * share**4 + 6.0 * share**5
+
+
+def positions(simulation: Simulation) -> dict[str, float]:
+    """Where each joint is."""
+    return {name: state.position for name, state in simulation.robot.joints.items()}
+
+
+def off(positions: Mapping[str, float], expected: Mapping[str, float]) -> float:
+    """The greatest error of the joints that something is expected of."""
+    return max(abs(positions[name] - value) for name, value in expected.items())
+
+
+def test_each_file_is_known() -> None:
+    assert {file.stem for file in ARMS.iterdir()} == {*KNOWN}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_arm_is_good_and_warned_of(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """``onebot check`` has no other warnings."""
+    file, arm = FILES[name]
+    assert check.run([str(file)]) == 0
+    lines = capsys.readouterr().err.splitlines()
+    assert {text: sum(text in line for line in lines) for text in arm.warnings} == arm.warnings
+    assert len(lines) == sum(arm.warnings.values()), lines
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_arm_rests_and_follows(name: str, caplog: pytest.LogCaptureFixture) -> None:
+    """It sags by 1e-4 rad or m in 10 s, and is off by 1e-5 in motion, a linkage by 1e-3."""
+    file, arm = FILES[name]
+    with caplog.at_level(logging.WARNING), simulate(file, arm.starts) as simulation:
+        assert caplog.messages == [f"{file}: {text}" for text in arm.repaired]
+        moving = {joint.name: joint for joint in simulation.robot.description.moving_joints}
+        start = positions(simulation)
+        mimics = [name for name in start if moving[name].mimic is not None]
+        commanded = simulation._fleet.robots[0].plant.commanded
+        assert (len(commanded), len(mimics)) == (arm.commanded, arm.mimics)
+
+        simulation.run(10.0)
+        begun = positions(simulation)
+        assert off(begun, {name: start[name] for name in commanded}) < SAG
+
+        sent = {name: goal(moving[name], begun[name]) for name in commanded}
+        simulation.robot.move_to(sent, seconds=SECONDS)
+        model = RobotModel.from_description(simulation.robot.description)
+        cycles = round(SECONDS * RATE)
+        for cycle in range(1, cycles + 1):
+            simulation.run(simulation.period)
+            at, share = positions(simulation), quintic(cycle / cycles)
+            way = {name: begun[name] + share * (end - begun[name]) for name, end in sent.items()}
+            assert off(at, way) < OFF
+            if mimics:
+                led = model.positions({name: at[name] for name in commanded})
+                followed = {name: led[model.row(name)] for name in mimics}
+                assert off(at, followed) < (LINKED if arm.linkage else OFF)
+
+
+def test_arm_that_is_in_the_ground_at_0_gets_a_warning(caplog: pytest.LogCaptureFixture) -> None:
+    """As xArm6 with its gripper, whose base stands on the ground."""
+    file, arm = FILES["xarm6_gripper"]
+    with caplog.at_level(logging.WARNING), simulate(file, {}):
+        *repaired, last = caplog.messages
+    assert len(repaired) == len(arm.repaired)
+    assert last == (
+        f'{file}: link "right_finger" starts 0.0541 m deep in the ground, which pushes it; give '
+        "the joints other initial_positions, or place the root link higher"
+    )
