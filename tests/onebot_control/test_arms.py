@@ -6,11 +6,14 @@ physics steps a second.
 
 import logging
 import math
+import re
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from scipy.special import ellipk
 
 from onebot_control import RobotSetup, Simulation
@@ -430,6 +433,24 @@ def test_fingers_of_1_g_hold_a_box_of_50_g() -> None:
         # The motors of palm, two fingers with 20 g each, and the box.
         weight = (0.5 + 2 * 0.02 + 0.05) * GRAVITY
         assert simulation.robot.joints["lift"].effort == pytest.approx(weight, rel=1e-6)
+
+
+@pytest.mark.parametrize(("apart", "hollow"), [(0.02, True), (0.005, False)])
+def test_finger_that_its_convex_hull_does_not_resemble_gets_a_notice(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, apart: float, hollow: bool
+) -> None:
+    """A mesh of two plates, with a gap or without one."""
+    plates = [trimesh.creation.box((0.02, 0.005, 0.02)) for _ in range(2)]
+    plates[1].apply_translation((0.0, apart, 0.0))
+    file = tmp_path / "finger.stl"
+    trimesh.util.concatenate(plates).export(file)
+    text = re.sub("<box [^>]*/>", f'<mesh filename="file://{file}"/>', two_fingers(0.02).urdf)
+    with caplog.at_level(logging.WARNING), simulate(parse_description(text)):
+        pass
+    text = (
+        "link left_finger, right_finger: a collision mesh fills less than half of its convex hull"
+    )
+    assert (text in caplog.text) == hollow
 
 
 def test_fingers_go_on_to_press_while_another_joint_moves() -> None:
