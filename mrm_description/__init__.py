@@ -1,4 +1,4 @@
-"""What MRM, my robotic manipulator, is."""
+"""The description of MRM, "my robotic manipulator"."""
 
 import onebot_description
 

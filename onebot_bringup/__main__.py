@@ -1,4 +1,4 @@
-"""``python -m onebot_bringup``: the command ``onebot_bringup``."""
+"""Runs the command ``onebot_bringup`` as ``python -m onebot_bringup``."""
 
 import sys
 

@@ -1,6 +1,6 @@
-"""What moves robots: controllers, odometry, a simulation in PyBullet, and sensors.
+"""Controllers, odometry, a PyBullet simulation and simulated sensors for robots described by URDF.
 
-From Python, without ROS, everything begins with a ``Simulation``::
+From Python, without ROS, start with a ``Simulation``::
 
     from onebot_control import Simulation
 
@@ -9,12 +9,12 @@ From Python, without ROS, everything begins with a ``Simulation``::
         simulation.run(2.0)
         print(simulation.robot.pose, simulation.robot.scan().ahead)
 
-``simulation.robot`` is a ``SimulatedRobot``. It gives its true ``RobotPose`` and
+``simulation.robot`` is a ``SimulatedRobot``. It returns its true ``RobotPose`` and
 ``PlanarVelocity``, its ``OdometryReading``, the ``JointState`` of each joint, and what its sensors
-measure: a ``Scan``, an ``ImuReading``, or arrays. Several robots are given as ``RobotSetup``. A
-mistake in a file or an argument is a ``OneBotError``.
+measure: a ``Scan``, an ``ImuReading``, or arrays. To simulate several robots, pass a ``RobotSetup``
+for each. A mistake in a file or an argument raises a ``OneBotError``.
 
-The node is ``python -m onebot_control.velocity_controller``.
+To run the ROS node: ``python -m onebot_control.velocity_controller``.
 """
 
 import onebot_description

@@ -1,4 +1,4 @@
-"""A robot that is driven: its simulation and its controller in a control cycle. No ROS here."""
+"""One simulated robot with its controllers, in control cycles. No ROS here."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -40,15 +40,15 @@ from onebot_description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.ros.parameters.reader import ConfigError, Problem
 
-_STANDING = WheelGeometry(1.0, 1.0)  # of a robot without wheels: its odometry stays at zero
+_STANDING = WheelGeometry(1.0, 1.0)  # placeholder for a robot without wheels: its odometry is zero
 _DRIFT_PERIOD = 0.1  # s between comparisons of odometry and truth
 
 
 class Snapshot(NamedTuple):
-    """The robot at one control cycle.
+    """The state of a robot in one control cycle.
 
-    Velocities are by the clock that stamps them: where the simulation is too slow for it, they are
-    lower than those in the simulation's own time.
+    Velocities are per second of the clock that stamps them: where the simulation is too slow for
+    that clock, they are lower than in the simulation's own time.
     """
 
     tick: int  # cycles done before this one
@@ -56,14 +56,14 @@ class Snapshot(NamedTuple):
     odometry: PlanarPose  # the wheels' pose, in the odometry's frame
     covariance: PoseCovariance  # covariance of that pose
     twist: tuple[float, float]  # linear and angular velocity by the wheels, m/s and rad/s
-    pose: Pose  # the true one in the world
-    mass_velocity: MassVelocity  # the true one, in the simulation's own time
-    pace: float  # seconds of that time a second
-    command: DriveCommand  # the wheels' velocities
+    pose: Pose  # true pose in the world
+    mass_velocity: MassVelocity  # true velocity, in the simulation's own time
+    pace: float  # simulated seconds per second of the clock
+    command: DriveCommand  # the command in force, and the wheels' velocities for it
 
     @property
     def velocity(self) -> Twist:
-        """The true velocity, in the base's frame."""
+        """The true velocity of the root link's frame, in its own axes."""
         linear, angular = self.mass_velocity.twist(self.pose.rotation)
         return Twist(scaled(linear, self.pace), scaled(angular, self.pace))
 
@@ -77,10 +77,15 @@ class JointStateBroadcaster:
         joints: Sequence[str],
         held: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
-        """Choose among ``joints``, whose states ``values`` gets, and ``held``, with positions.
+        """Choose the joints that the parameters name, or all.
+
+        Args:
+            config: joint_state_broadcaster's parameters.
+            joints: names of the joints whose states ``values`` gets, in that order.
+            held: joints that do not move, with their positions, rad or m.
 
         Raises:
-            ConfigError: a joint named is not among them.
+            ConfigError: a joint that the parameters name is not among these.
         """
         joints = (*joints, *held)
         chosen = config.joints or joints
@@ -103,7 +108,7 @@ class JointStateBroadcaster:
         ]
 
     def values(self, states: JointStates) -> list[list[float]]:
-        """Return positions, velocities and efforts of ``names``; NaN where not asked for."""
+        """Return positions, velocities and efforts of ``names``; NaN for unwanted interfaces."""
         return [
             self._chosen([*field, *held]) if published else self._hidden
             for field, held, published in zip(states, self._held, self._published, strict=True)
@@ -114,7 +119,7 @@ class JointStateBroadcaster:
 
 
 class Side:
-    """The wheels of one side, as one wheel whose positive velocity drives forward."""
+    """Treats the wheels of one side as one wheel whose positive velocity drives forward."""
 
     def __init__(
         self, names: Sequence[str], directions: Mapping[str, float], joints: Sequence[str]
@@ -122,7 +127,7 @@ class Side:
         self._rows = [(joints.index(name), directions[name]) for name in names]
 
     def mean(self, joints: JointStates) -> tuple[float, float]:
-        """Return the mean position and velocity of the wheels."""
+        """Return the mean position, rad, and velocity, rad/s, of the wheels."""
         position = velocity = 0.0
         positions, velocities, _ = joints
         for row, direction in self._rows:
@@ -132,23 +137,23 @@ class Side:
         return position / count, velocity / count
 
     def velocities(self, speed: float) -> list[float]:
-        """Return the velocity of each joint for this ``speed`` of the wheels."""
+        """Return the velocity of each joint for a forward ``speed`` of the wheels, rad/s."""
         return [direction * speed for _, direction in self._rows]
 
 
 DEFAULT_CONTROLLER = TrajectoryController(DEFAULT_JOINT_CONTROLLER)
-"""The controller of a robot whose control file names none."""
+"""The controller of joints that is used if the control file names none."""
 
 
 class DrivenSpawn(NamedTuple):
-    """A robot, ready to enter a world."""
+    """What to simulate and to control of a robot, before it enters a world."""
 
     wheels: Wheels | None  # None: its base stands still
     spawn: RobotSpawn
-    held: Mapping[str, float]  # joints that do not move, to their positions
+    held: Mapping[str, float]  # positions of joints that do not move, by name
     followers: Sequence[Follower]  # joints that mimic wheels or casters
-    controllers: Sequence[JointController[Any]]  # of its other joints
-    controlled: Mapping[str, Sequence[str]]  # the joints of each controller, by its name
+    controllers: Sequence[JointController[Any]]  # those of its other joints
+    controlled: Mapping[str, Sequence[str]]  # joints of each controller, by the controller's name
 
     @classmethod
     def of(
@@ -160,7 +165,18 @@ class DrivenSpawn(NamedTuple):
         *,
         stands: bool = False,
     ) -> "DrivenSpawn":
-        """Return the robot that ``config`` drives, at its start; ``name`` is for errors."""
+        """Prepare a robot for a world.
+
+        Args:
+            description: the robot.
+            config: its parameters.
+            name: prefix of error messages.
+            controllers: of joints other than wheels; none for the default controller.
+            stands: whether its base stands still.
+
+        Raises:
+            OneBotError: config and description do not suit each other.
+        """
         wheels = None if stands else wheels_of(description, config)
         if wheels:
             wheels.geometry(config.wheel_separation, config.wheel_radius)
@@ -190,9 +206,9 @@ class DrivenSpawn(NamedTuple):
 
     @property
     def converges_slowly(self) -> bool:
-        """Whether it is an arm that stands still, or has a linkage.
+        """Whether the solver needs many iterations: for a standing arm, or a linkage.
 
-        In a linkage, such as fingers, several joints that turn are geared to one.
+        In a linkage, such as fingers, several rotating joints are geared to one.
         """
         kinds = {joint.name: joint.kind for joint in self.spawn.description.joints}
         leaders = [gear.leader for gear in self.spawn.gears if kinds[gear.name] != "prismatic"]
@@ -203,7 +219,7 @@ class DrivenSpawn(NamedTuple):
 def joints_of(
     controller: JointController[Any], description: Description, wheels: Wheels | None
 ) -> Sequence[str]:
-    """Return the joints that a controller commands."""
+    """Return the joints that a controller commands: those it names, or all commandable ones."""
     return controller.joints or commandable(description, wheels)
 
 
@@ -213,7 +229,7 @@ def _check_claims(
     controllers: Sequence[JointController[Any]],
     controlled: Mapping[str, Sequence[str]],
 ) -> None:
-    """Check the joints of controllers, which ``controlled`` has by their names.
+    """Check that each joint moves and has one controller.
 
     Raises:
         ConfigError: two controllers, or the wheels and one, have a joint in common, or a joint
@@ -237,18 +253,18 @@ def _check_claims(
 
 
 class DrivenRobot:
-    """A robot and its controller.
+    """A simulated robot with its controllers and odometry.
 
     Attributes:
         config: the parameters in force.
-        geometry: of the wheels, before multipliers.
+        geometry: separation and radius of the wheels, before multipliers.
         plant: the simulated robot.
-        arms: what moves joints, by the names of their controllers.
-        joints: that move: the plant's, and those that mimic them.
-        held: joints that do not move, to the positions at which they are held still.
-        finished: what has ended lately of the arms' goals; whoever wants to know empties it.
-        ticks: control cycles done.
-        period: seconds of one.
+        arms: the followers that move joints, by the names of their controllers.
+        joints: names of the moving joints: the plant's, then those that mimic them.
+        held: positions of the joints that are held still, by name.
+        finished: goals of arms that have ended, as (controller, outcome); the reader empties it.
+        ticks: number of control cycles done.
+        period: duration of a control cycle, s.
     """
 
     def __init__(
@@ -258,7 +274,17 @@ class DrivenRobot:
         config: ControlConfig,
         plant: Robot,
     ) -> None:
-        """Stand still, with odometry at zero."""
+        """Start at rest where the plant is, with odometry at zero.
+
+        Args:
+            part: the robot, prepared for its world.
+            description: the robot as read, before it was prepared.
+            config: its parameters.
+            plant: the simulated robot.
+
+        Raises:
+            OneBotError: see ``fitted``.
+        """
         self.wheels, self.plant, self.held = part.wheels, plant, part.held
         self.joints = (*plant.joints, *(follower.name for follower in part.followers))
         self._followers = [(self.joints.index(each.leader), each) for each in part.followers]
@@ -274,7 +300,7 @@ class DrivenRobot:
         self.start(config)
 
     def start(self, config: ControlConfig) -> None:
-        """Begin with these parameters, at rest where the plant is, with odometry and time at zero.
+        """Start again with these parameters, at rest, with odometry and time at zero.
 
         Raises:
             OneBotError: see ``fitted``.
@@ -298,7 +324,7 @@ class DrivenRobot:
         self.place_odometry(PlanarPose())
 
     def _follower(self, controller: JointController[Any]) -> JointFollower:
-        """Return what moves the joints of a controller, which are where they start."""
+        """Return the follower that moves a controller's joints from their start positions."""
         moving = {joint.name: joint for joint in self.description.moving_joints}
         joints = [
             FollowedJoint(name, moving[name].kind == "continuous", *moving[name].range)
@@ -318,13 +344,13 @@ class DrivenRobot:
     def fitted(
         self, config: ControlConfig
     ) -> tuple[WheelGeometry, DiffDriveKinematics, JointStateBroadcaster]:
-        """Return what follows from ``config`` for this robot.
+        """Return geometry, kinematics and broadcaster that ``config`` gives this robot.
 
-        The wheels' geometry is that of ``config``, or where it is 0 the description's.
+        Separation and radius come from ``config``, or from the description where they are 0 there.
 
         Raises:
-            OneBotError: the description does not determine the geometry, it cannot be driven by, or
-                a joint to publish is not among the robot's.
+            OneBotError: the description does not determine the geometry, the geometry is unusable,
+                or a joint to publish is not among the robot's.
         """
         geometry = _STANDING
         if self.wheels:
@@ -337,7 +363,7 @@ class DrivenRobot:
         return geometry, kinematics, broadcaster
 
     def configure(self, config: ControlConfig) -> None:
-        """Apply other parameters, from the next cycle on.
+        """Apply changed parameters, from the next cycle on.
 
         Raises:
             OneBotError: they do not suit the robot; then nothing has changed.
@@ -368,7 +394,7 @@ class DrivenRobot:
         return snapshot
 
     def observe(self) -> None:
-        """Read the robot's state and update the odometry, if that is not done in this cycle."""
+        """Read the robot's state and update the odometry, unless done already in this cycle."""
         if self._observed == self.ticks:
             return
         self._observed = self.ticks
@@ -379,24 +405,24 @@ class DrivenRobot:
         self.controller.observe(wheels, self.period)
 
     def turn(self) -> None:
-        """Set the wheels' velocities, as ``begin`` has decided, for the world's next step."""
+        """Set the wheel velocities that ``begin`` decided on, for the world's next step."""
         left, right = self._command.left, self._command.right
         # ``Wheels.names`` are the driven joints.
         self.plant.turn(self._left.velocities(left) + self._right.velocities(right))
         self.ticks += 1
 
     def _reset_arms(self) -> None:
-        """Hold the joints of arms where they start; goals end."""
+        """Hold the joints of arms at their start positions; goals end."""
         for name, arm in self.arms.items():
             self._finish(name, [arm.reset([self._starts[joint] for joint in arm.names])])
 
     def hold_arms(self, text: str) -> None:
-        """Abort what the arms do, and hold them where they are, for a reason."""
+        """Abort the goals of all arms with ``text`` as the reason, and hold the arms."""
         for name, arm in self.arms.items():
             self._finish(name, [arm.abort(text)])
 
     def configure_arm(self, controller: JointController[Any]) -> None:
-        """Apply other parameters of a controller of joints."""
+        """Apply changed parameters of one joint controller."""
         self.controllers[controller.name] = controller
         controller.configure(self.arms[controller.name])
 
@@ -404,16 +430,16 @@ class DrivenRobot:
         self.finished += [(arm, outcome) for outcome in outcomes if outcome is not None]
 
     def states(self, arm: str) -> JointStates:
-        """Return what is measured of an arm's joints."""
+        """Return the measured states of the joints of one arm."""
         rows = self._arm_rows[arm]
         return JointStates(*(tuple([field[row] for row in rows]) for field in self._joints))
 
     def _reference(self, ahead: float) -> list[float]:
-        """The positions of the commanded joints, ``ahead`` seconds after the cycle's beginning."""
+        """Return the commanded positions, ``ahead`` seconds after the cycle's beginning."""
         return [position for arm in self.arms.values() for position in arm.reference(ahead)]
 
     def snapshot(self) -> Snapshot:
-        """Return the robot as its state was last read."""
+        """Return the state of the robot as last read."""
         odometry, pace = self.controller.odometry, self.controller.pace
         joints = self._joints
         if pace != 1.0:
@@ -433,7 +459,7 @@ class DrivenRobot:
         )
 
     def reset(self) -> None:
-        """Put everything back to the beginning, except time and parameters."""
+        """Move the robot back to its start, with odometry at zero; time and parameters stay."""
         self.plant.reset()
         self.controller.halt()
         self._reset_arms()
@@ -443,7 +469,7 @@ class DrivenRobot:
         self._observed = -1
 
     def teleport(self, pose: PlanarPose) -> None:
-        """Put the robot elsewhere in the world, at rest; its odometry stays as it is."""
+        """Move the robot to another pose in the world, at rest; its odometry does not change."""
         self.plant.teleport(*pose)
         self.controller.halt()
         self.controller.odometry.forget_wheels()
@@ -452,16 +478,17 @@ class DrivenRobot:
         self._observed = -1
 
     def place_odometry(self, pose: PlanarPose) -> None:
-        """Set the odometry to ``pose`` here and now; its covariance is zero."""
+        """Set the odometry's current pose to ``pose``, with zero covariance."""
         self.controller.odometry.set_pose(*pose)
         self._odom_placed = self.true_pose.compose(pose.inverse())
         self.drift.restart()
 
     @property
     def odom_in_world(self) -> PlanarPose:
-        """Pose of the odometry frame in the world.
+        """The pose of the odometry frame in the world.
 
-        It changes with what sets the odometry; in a scene, where wheels slip, all the time.
+        On bare ground it changes only when the odometry is set; in a scene, where wheels slip, it
+        changes all the time.
         """
         if self.plant.world.scene is None:
             return self._odom_placed
@@ -469,11 +496,11 @@ class DrivenRobot:
 
     @property
     def world_frame(self) -> str:
-        """The frame of the truth; "" if that is the odometry's."""
+        """Name of the frame of true poses; "" if they are in the odometry's frame."""
         return self.config.world_frame(in_scene=self.plant.world.scene is not None)
 
     def continue_from(self, other: "DrivenRobot") -> None:
-        """Continue another robot's odometry and count of cycles, where that one is."""
+        """Take over odometry, cycle count and arms of the robot that this one replaces."""
         odometry = other.controller.odometry
         self.controller.odometry.set_pose(*odometry.pose, odometry.covariance)
         self._odom_placed, self.ticks = other._odom_placed, other.ticks
@@ -481,7 +508,7 @@ class DrivenRobot:
         self._continue_arms(other)
 
     def _continue_arms(self, other: "DrivenRobot") -> None:
-        """Have the arms where another robot has them; those that are the same move on."""
+        """Take over the arms' positions; arms with the same joints keep moving."""
         self.finished = other.finished
         if not self.arms:
             return
@@ -507,7 +534,7 @@ class DrivenRobot:
             self._joints = self._followed(self._joints)
 
     def _followed(self, states: JointStates) -> JointStates:
-        """Return the states of the plant's joints, and of those that mimic them."""
+        """Return the states of the plant's joints, then of the joints that mimic them."""
         positions, velocities, efforts = map(list, states)
         for leader, follower in self._followers:
             at = follower.at(positions[leader])
@@ -519,5 +546,5 @@ class DrivenRobot:
 
 
 def wheels_of(description: Description, config: ControlConfig) -> Wheels:
-    """Return the driven wheels: as the parameters name them, or else as found in the URDF."""
+    """Return the driven wheels: those that the parameters name, or those found in the URDF."""
     return Wheels(description, config.left_wheel_names, config.right_wheel_names)

@@ -1,6 +1,9 @@
-"""OneBot as an environment of Gymnasium, for learning: ``pip install 'onebot-robots[gym]'``.
+"""OneBot as a Gymnasium environment for reinforcement learning.
+
+It needs ``pip install 'onebot-robots[gym]'``.
 
 Example:
+    >>> import numpy as np
     >>> from onebot_control.environment import OneBotEnv
     >>> environment = OneBotEnv(world="maze", max_steps=50)
     >>> observation, _ = environment.reset(seed=1)
@@ -21,22 +24,23 @@ from numpy.typing import NDArray
 from onebot_control.simulation import SimulatedRobot, Simulation
 
 _FASTEST = np.array([1.0, 3.0], np.float32)  # m/s, rad/s; OneBot's limiter allows no more
-_NEAR = 0.05  # m: nearer to something than the robot's front the episode ends
-_FRONT = 0.25  # m, from the lidar to the robot's outline at most
+_NEAR = 0.05  # m: the episode ends when something is closer to the robot's front than this
+_FRONT = 0.25  # m, greatest distance from the lidar to the robot's outline
 
 Observation = dict[str, NDArray[np.float32]]
 
 
 class OneBotEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
-    """Velocity commands in; scan and odometry out. Override ``reward`` and ``is_over`` for a task.
+    """A Gymnasium environment: velocity commands in, scan and odometry out.
 
-    As it is, it rewards metres driven forward, and an episode is over near an obstacle.
+    Override ``reward`` and ``is_over`` for a task. By default, metres driven forward are rewarded,
+    and an episode is over when the robot is near an obstacle.
 
     Attributes:
-        simulation: what is simulated; its ``robot`` is what acts.
-        action_space: (2,), -1 to 1: shares of 1 m/s forward and of 3 rad/s to the left.
-        observation_space: "scan" (N,): ranges in m, 0 where it is too near and the greatest range
-            where nothing is in range; "odometry" (5,): x, y (m), yaw (rad), m/s, rad/s.
+        simulation: the simulation; its ``robot`` is the one that acts.
+        action_space: (2,), -1 to 1: fractions of 1 m/s forward and of 3 rad/s to the left.
+        observation_space: "scan" (N,): ranges in m, 0 where something is too near, and the maximum
+            range where nothing is in range; "odometry" (5,): x, y (m), yaw (rad), m/s, rad/s.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 - it is the base class's
@@ -56,9 +60,12 @@ class OneBotEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
         Args:
             render_mode: None, or "rgb_array" for what the camera sees.
-            seconds: simulated seconds of a step.
+            seconds: simulated seconds per step.
             max_steps: steps after which an episode is truncated.
             simulation: arguments of ``Simulation``, such as ``world="maze"``.
+
+        Raises:
+            OneBotError: see ``Simulation``; or the robot has no lidar.
         """
         self.render_mode = render_mode
         self._seconds, self._max_steps, self._steps = seconds, max_steps, 0
@@ -76,7 +83,15 @@ class OneBotEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Go back to the start; with a ``seed`` the noise of this and later episodes repeats."""
+        """Go back to the start, and return the first observation.
+
+        Args:
+            seed: makes the noise of this and later episodes repeatable.
+            options: ignored.
+
+        Returns:
+            Observation, as in ``observation_space``, and an empty dict.
+        """
         super().reset(seed=seed, options=options)
         self.simulation.reset(seed=int(self.np_random.integers(2**63)))
         self._steps = 0
@@ -85,7 +100,14 @@ class OneBotEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     def step(
         self, action: NDArray[np.float32]
     ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Drive by an action for a step; return observation, reward, terminated and truncated."""
+        """Apply an action for one step.
+
+        Args:
+            action: (2,), as in ``action_space``.
+
+        Returns:
+            Observation, reward, terminated, truncated, and an empty dict.
+        """
         robot = self.simulation.robot
         robot.drive(*(_FASTEST * action).tolist())
         self.simulation.run(self._seconds)
@@ -94,7 +116,7 @@ class OneBotEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         return self._observation(), self.reward(robot), self.is_over(robot), truncated, {}
 
     def reward(self, robot: SimulatedRobot) -> float:
-        """Return the reward of the last step: metres forward."""
+        """Return the reward of the last step: the metres driven forward in it."""
         return robot.twist.linear * self._seconds
 
     def is_over(self, robot: SimulatedRobot) -> bool:
@@ -102,7 +124,7 @@ class OneBotEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         return robot.distance_ahead() < _FRONT + _NEAR
 
     def render(self) -> NDArray[np.uint8] | None:
-        """Return the camera's picture (height, width, 3), if ``render_mode`` is "rgb_array"."""
+        """Return the camera's image (height, width, 3), RGB; None if ``render_mode`` is None."""
         return self.simulation.robot.image() if self.render_mode else None
 
     def close(self) -> None:

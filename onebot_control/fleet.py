@@ -1,8 +1,16 @@
-"""Robots in one world, each with its controller, one control cycle at a time. No ROS here.
+"""Runs robots in one world, each with its controller, one control cycle at a time. No ROS here.
 
-with Fleet.of([Member(description, ControlConfig.from_parameters({...}))]) as fleet:
-    fleet.robots[0].accept(0.2, 0.0)
-    snapshots = fleet.cycle()
+Example:
+    >>> from onebot_control.fleet import Fleet, Member
+    >>> from onebot_control.parameters import ControlConfig
+    >>> from onebot_description.description import load_description
+    >>> description = load_description("package://onebot_description/urdf/onebot.urdf.xacro")
+    >>> config = ControlConfig.from_parameters({"cmd_vel_timeout": 0.5})
+    >>> with Fleet.of([Member(description, config)]) as fleet:
+    ...     fleet.robots[0].accept(0.2, 0.0)
+    ...     [snapshot] = fleet.cycle()
+    >>> snapshot.tick
+    0
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,27 +28,34 @@ from onebot_description.errors import OneBotError
 from onebot_description.ros.parameters.reader import ConfigError
 from onebot_description.ros.wire.cdr import NANO
 
-# Of the solver, for the fingers of a linkage to move as one, and for arms: with 200 Panda is off by
-# 5e-5 rad on its way to some poses. It stops as soon as it is exact; an arm that drives about would
-# take three times as long.
+# Solver iterations for robots whose linkage fingers must move as one, and for standing arms: with
+# 200, Panda is off by 5e-5 rad on its way to some poses. The solver stops as soon as it is exact;
+# an arm on a moving base would take three times as long.
 _ARM_ITERATIONS = 1000
 
 
 class Member(NamedTuple):
-    """A robot of a fleet; it starts at the x, y and yaw of its config."""
+    """One robot of a fleet: what it is and how it is controlled.
+
+    It starts at the x, y and yaw of its config.
+    """
 
     description: Description
     config: ControlConfig
-    name: str = ""  # named in errors; empty if there is no other robot
-    places: Mapping[str, str] = MappingProxyType({})  # files and lines of its parameters
-    controllers: Sequence[JointController[Any]] = ()  # of joints that are no wheels
-    stands: bool = False  # its base stands still
+    name: str = ""  # prefix of error messages; empty if there is no other robot
+    places: Mapping[str, str] = MappingProxyType({})  # file and line of each of its parameters
+    controllers: Sequence[JointController[Any]] = ()  # for joints other than wheels
+    stands: bool = False  # whether its base stands still
 
 
 class Fleet:
-    """Robots in one world, driven together; their configs have one update_rate.
+    """Robots in one world that are driven together, one control cycle at a time.
 
-    ``robots`` take commands and parameters. One robot alone is a fleet, too.
+    All their configs must have the same update_rate. A single robot is a fleet, too.
+
+    Attributes:
+        robots: take commands and parameters, in the order of the members.
+        world: the physics they share.
     """
 
     def __init__(self, robots: Sequence[DrivenRobot], world: World) -> None:
@@ -53,9 +68,12 @@ class Fleet:
         settings: Settings = Settings(),  # noqa: B008 - it is frozen
         scene: Description | None = None,
     ) -> "Fleet":
-        """Return robots in a world of their own.
+        """Build a world with these robots in it.
 
-        The rate of ``settings`` is fitted to the robots' update_rate.
+        Args:
+            members: the robots, one or more.
+            settings: of the physics; their rate is fitted to the robots' update_rate.
+            scene: what stands around the robots; None for bare ground.
 
         Raises:
             OneBotError: config and description of a robot do not suit each other, it cannot be
@@ -75,29 +93,29 @@ class Fleet:
 
     @property
     def rate(self) -> float:
-        """Control cycles a second, Hz."""
+        """Control cycles per second, Hz."""
         return self.robots[0].config.update_rate
 
     @property
     def period(self) -> float:
-        """Seconds of a control cycle."""
+        """Duration of a control cycle, s."""
         return self.robots[0].period
 
     @property
     def ticks(self) -> int:
-        """Control cycles done."""
+        """Number of control cycles done."""
         return self.robots[0].ticks
 
     @property
     def stamp(self) -> int:
-        """Simulated time of the present cycle, ns.
+        """Simulated time of the current cycle, ns.
 
-        One period ahead, because a stamp of 0 means "not known" in ROS.
+        It is one period ahead, because a stamp of 0 means "not known" in ROS.
         """
         return round((self.ticks + 1) * NANO / self.rate)
 
     def cycle(self) -> list[Snapshot]:
-        """Do a control cycle of all robots; return them as they were at its beginning."""
+        """Run one control cycle of all robots; return their states at its beginning."""
         snapshots = self.begin()
         self.finish()
         return snapshots
@@ -105,30 +123,38 @@ class Fleet:
     def begin(self, stamp: int | None = None) -> list[Snapshot]:
         """Read the robots' states and update the controllers with them.
 
-        ``stamp``: the time that commands are by, ns; None: the simulated one.
+        Args:
+            stamp: time of the cycle, ns, by which trajectories are timed; None for simulated time.
+
+        Returns:
+            The states, in the order of ``robots``.
         """
         now = self.stamp if stamp is None else stamp
         return [robot.begin(now) for robot in self.robots]
 
     def finish(self) -> None:
-        """Turn the wheels of all robots for a control period."""
+        """Move all robots for one control period, as their controllers have decided."""
         for robot in self.robots:
             robot.turn()
         self.world.step(self.period)
 
     def restart(self) -> None:
-        """Begin again, as a new fleet of the same robots does."""
+        """Go back to the start, to the same state as a new fleet of these robots."""
         self.world.restart()
         for robot in self.robots:
             robot.start(robot.config)
 
     def observe(self) -> None:
-        """Read the robots' states now, before the cycle in which the controllers decide."""
+        """Read the robots' states now; the next ``begin`` does not read them again."""
         for robot in self.robots:
             robot.observe()
 
     def replace(self, row: int, description: Description) -> None:
-        """Drive the robot of ``row`` by another description, where it is; the others move on.
+        """Replace the description of one robot, where it is; the others keep moving.
+
+        Args:
+            row: index of the robot in ``robots``.
+            description: the new one.
 
         Raises:
             OneBotError: the description does not suit the parameters, cannot be simulated, or
@@ -163,9 +189,15 @@ class Fleet:
 
 
 class Divider:
-    """Picks so many of the cycles a second, evenly, and never more than there are."""
+    """Picks evenly spaced control cycles, so that something happens ``rate`` times a second."""
 
     def __init__(self, rate: float, cycles: float) -> None:
+        """Pick the first cycle.
+
+        Args:
+            rate: cycles to pick per second, Hz; above ``cycles``, every cycle is picked.
+            cycles: control cycles per second, Hz.
+        """
         self._share = min(rate / cycles, 1.0)
         self.restart()
 
@@ -174,8 +206,8 @@ class Divider:
         self._phase = 1.0
 
     def due(self) -> bool:
-        """Return whether this cycle is picked."""
-        # A little less than 1, so that rounding errors of the sum drop no cycle.
+        """Return whether this cycle is picked; call it once per cycle."""
+        # The threshold is just below 1, so that rounding errors of the sum drop no cycle.
         picked = self._phase >= 1.0 - 1e-9
         self._phase += self._share - (1.0 if picked else 0.0)
         return picked
@@ -199,7 +231,7 @@ def _driven(member: Member, part: DrivenSpawn, plant: Robot) -> DrivenRobot:
 
 @contextmanager
 def located(member: Member) -> Iterator[None]:
-    """Have errors about a robot name it, and the lines that its parameters were written on."""
+    """Add the robot's name, and the file and line of its parameters, to errors raised inside."""
     try:
         yield
     except OneBotError as error:

@@ -1,4 +1,4 @@
-"""Controllers that move joints, by the types that control files give them. No ROS here."""
+"""The kinds of joint controllers, by the types that control files name. No ROS here."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -25,41 +25,41 @@ from onebot_description.ros.parameters.reader import (
 
 
 class JointFollower(Protocol):
-    """What moves the joints of a controller, one control cycle after the other.
+    """Moves the joints of one controller, one control cycle at a time.
 
     Attributes:
-        joints: with their limits.
-        names: of the joints.
+        joints: the joints, with their limits.
+        names: the names of these joints.
     """
 
     joints: tuple[FollowedJoint, ...]
     names: tuple[str, ...]
 
     def update(self, measured: JointMotion, now: int, period: float) -> list[Outcome]:
-        """Do a control cycle; see ``TrajectoryFollower.update``."""
+        """Run one control cycle; see ``TrajectoryFollower.update``."""
 
     def reference(self, ahead: float) -> Sequence[float]:
         """Return the positions to command ``ahead`` seconds after the last update, rad or m."""
 
     def abort(self, text: str) -> Outcome | None:
-        """Hold the joints; end an action goal for the reason ``text``, and return its outcome."""
+        """Hold the joints; abort an action goal with ``text`` as the reason; return its outcome."""
 
     def reset(self, positions: Sequence[float]) -> Outcome | None:
-        """Hold ``positions``, rad or m, to which the joints were moved; end an action goal."""
+        """Hold ``positions``, rad or m, where the joints were put; abort an action goal."""
 
 
 F = TypeVar("F", bound=JointFollower)
 
 
 class JointController(ABC, Generic[F]):
-    """A controller of joints as a control file has it; each kind is a subclass.
+    """A joint controller with its parameters from a control file; each kind is a subclass.
 
     Attributes:
-        parameters: the dataclass of the kind's parameters.
-        joints_parameter: that of them which names joints.
-        name: of its node.
-        values: its parameters as they are given, dotted name to value.
-        config: the same, checked.
+        parameters: dataclass of this kind's parameters.
+        joints_parameter: name of the parameter that names the joints.
+        name: the name of its node.
+        values: its parameters as given, dotted name to value.
+        config: the same parameters, checked.
     """
 
     parameters: ClassVar[Any]
@@ -67,7 +67,7 @@ class JointController(ABC, Generic[F]):
     config: Any
 
     def __init__(self, name: str, values: Mapping[str, Any] = MappingProxyType({})) -> None:
-        """Check parameters.
+        """Check the parameters ``values`` of the controller ``name``.
 
         Raises:
             ConfigError: with every problem.
@@ -81,25 +81,25 @@ class JointController(ABC, Generic[F]):
 
     @classmethod
     def unknown(cls, names: Iterable[str]) -> list[Problem]:
-        """Return a problem for each of ``names`` that is no parameter of this kind."""
+        """Return a problem for each of ``names`` that is not a parameter of this kind."""
         return unknown_parameters(cls.parameters, names)
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """The joints that its parameters name; empty: all that can be commanded."""
+        """The joints that its parameters name; empty for all joints that can be commanded."""
         return tuple(self.config.joints)
 
     @abstractmethod
     def follower(self, joints: Sequence[FollowedJoint], positions: Sequence[float]) -> F:
-        """Return what moves ``joints``, which are at ``positions``, rad or m."""
+        """Return a follower for ``joints``, which start at ``positions``, rad or m."""
 
     @abstractmethod
     def configure(self, follower: F) -> None:
-        """Apply its parameters to a follower that had others."""
+        """Apply its changed parameters to a follower."""
 
 
 class TrajectoryController(JointController[TrajectoryFollower]):
-    """joint_trajectory_controller."""
+    """A joint_trajectory_controller with its parameters: its joints follow trajectories."""
 
     parameters = TrajectoryConfig
     config: TrajectoryConfig
@@ -110,27 +110,27 @@ class TrajectoryController(JointController[TrajectoryFollower]):
 
     @classmethod
     def unknown(cls, names: Iterable[str]) -> list[Problem]:
-        """Return a problem for each of ``names`` that is no parameter, of single joints too."""
+        """Return a problem for each unknown name, including parameters of single joints."""
         return unknown_trajectory_parameters(names)
 
     def follower(
         self, joints: Sequence[FollowedJoint], positions: Sequence[float]
     ) -> TrajectoryFollower:
-        """Return what follows trajectories of ``joints``, which are at ``positions``, rad or m."""
+        """Return a trajectory follower for ``joints``, which start at ``positions``, rad or m."""
         constraints = joint_constraints(self.values, [joint.name for joint in joints])
         return TrajectoryFollower(joints, self.config, constraints, positions)
 
     def configure(self, follower: TrajectoryFollower) -> None:
-        """Apply its parameters to a follower that had others.
+        """Apply its changed parameters to a follower.
 
         Raises:
-            ConfigError: those of single joints are wrong.
+            ConfigError: the parameters of single joints are wrong.
         """
         follower.configure(self.config, joint_constraints(self.values, follower.names))
 
 
 class ForwardController(JointController[PositionForwarder]):
-    """forward_command_controller for positions."""
+    """A forward_command_controller for positions, with its parameters."""
 
     parameters = ForwardConfig
     config: ForwardConfig
@@ -138,15 +138,15 @@ class ForwardController(JointController[PositionForwarder]):
     def follower(
         self, joints: Sequence[FollowedJoint], positions: Sequence[float]
     ) -> PositionForwarder:
-        """Return what holds ``joints`` where they are commanded; they are at ``positions``."""
+        """Return a forwarder for ``joints``, which start at ``positions``, rad or m."""
         return PositionForwarder(joints, positions)
 
     def configure(self, follower: PositionForwarder) -> None:
-        """Do nothing: what its parameters have is read at the start."""
+        """Do nothing: its parameters are read at the start only."""
 
 
 class GripperController(JointController[GripperFollower]):
-    """parallel_gripper_action_controller."""
+    """A parallel_gripper_action_controller with its parameters: it moves one joint to goals."""
 
     parameters = GripperConfig
     joints_parameter = "joint"
@@ -154,17 +154,17 @@ class GripperController(JointController[GripperFollower]):
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """Its only joint."""
+        """The one joint that it moves."""
         return (self.config.joint,)
 
     def follower(
         self, joints: Sequence[FollowedJoint], positions: Sequence[float]
     ) -> GripperFollower:
-        """Return what moves its joint to goals; it is at the only one of ``positions``."""
+        """Return a follower for its joint, which starts at the one of ``positions``, rad or m."""
         return GripperFollower(joints, self.config, positions)
 
     def configure(self, follower: GripperFollower) -> None:
-        """Apply its parameters to a follower that had others."""
+        """Apply its changed parameters to the follower."""
         follower.configure(self.config)
 
 
@@ -174,14 +174,16 @@ JOINT_CONTROLLERS: Mapping[str, type[JointController[Any]]] = {
     "position_controllers/JointGroupPositionController": ForwardController,
     "parallel_gripper_action_controller/GripperActionController": GripperController,
 }
-"""The kinds of controllers by their types."""
+"""The supported kinds of joint controllers, by ros2_control type."""
 
 
 @contextmanager
 def named(name: str, places: Mapping[str, str] = MappingProxyType({})) -> Iterator[None]:
-    """Have errors about parameters name their controller, as in arm_controller.joints.
+    """Prefix the parameters in ConfigErrors with their controller, as in arm_controller.joints.
 
-    ``places`` are files and lines of the parameters, by such names.
+    Args:
+        name: of the controller.
+        places: file and line of parameters, by the prefixed name.
     """
     try:
         yield

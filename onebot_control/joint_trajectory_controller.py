@@ -1,40 +1,43 @@
 #!/usr/bin/env python3
-"""joint_trajectory_controller: simulates a robot that stands, and moves its joints.
+"""joint_trajectory_controller: simulates a robot with a fixed base, and moves its joints.
 
 Run it alone with ``python -m onebot_control.joint_trajectory_controller [FILE] --ros-args ...``;
 FILE is a URDF or xacro file. Without it, the description is the parameter or the topic
 robot_description. The robot's base stands still: at the world's origin if its root link is
-``world``, else on the ground. Joints have motors as their <limit> says, and gravity.
+``world``, otherwise on the ground. Gravity acts on the joints; their motors have the velocity and
+effort of <limit>.
 
-The nodes are controller_manager, whose parameters are the simulation's, and
-joint_trajectory_controller, or those that the section controller_manager of a parameter file names
-with a type below. A robot that drives has them beside velocity_controller.
+The nodes are controller_manager, which has the simulation's parameters, and
+joint_trajectory_controller, or else the controllers that the section controller_manager of a
+parameter file names with one of the types below. velocity_controller runs the same controllers for
+a robot that drives.
 
-joint_trajectory_controller/JointTrajectoryController moves the joints that its parameter joints
-names, or else those with a position command interface in <ros2_control>, or else all that mimic no
-other joint:
+joint_trajectory_controller/JointTrajectoryController moves the joints in its parameter joints; if
+that is empty, those with a position command interface in <ros2_control>; if there are none, all
+joints that do not mimic another one:
     ~/joint_trajectory (trajectory_msgs/msg/JointTrajectory, subscribed to, best effort): a
-        trajectory, which replaces what is followed.
+        trajectory, which replaces the one being followed.
     ~/follow_joint_trajectory (control_msgs/action/FollowJointTrajectory): the same, with feedback
         at action_monitor_rate, tolerances and a result.
     ~/controller_state (control_msgs/msg/JointTrajectoryControllerState, published, reliable,
-        transient local): each control cycle the reference, what is measured, and the error.
+        transient local): reference, measured state and error, every control cycle.
     ~/speed_scaling_input (control_msgs/msg/SpeedScalingFactor, subscribed to, best effort,
-        transient local): how quickly the time of trajectories passes; 0 stands still.
-    ~/query_state (control_msgs/srv/QueryTrajectoryState): the reference at another time.
+        transient local): speed factor of trajectories; 1 is unscaled, 0 stops them.
+    ~/query_state (control_msgs/srv/QueryTrajectoryState): returns the reference at another time.
 
 forward_command_controller/ForwardCommandController and
 position_controllers/JointGroupPositionController:
     ~/commands (std_msgs/msg/Float64MultiArray, subscribed to, best effort): positions in the order
-        of the parameter joints, which are held until others come.
+        of the parameter joints; they are held until the next message.
 
 parallel_gripper_action_controller/GripperActionController:
-    ~/gripper_cmd (control_msgs/action/ParallelGripperCommand): moves the parameter joint to a
-        position, which succeeds where that is reached, or with allow_stalling where it stalls.
+    ~/gripper_cmd (control_msgs/action/ParallelGripperCommand): moves the joint in the parameter
+        joint to a position; the goal succeeds when it is reached or, with allow_stalling, when the
+        joint stalls.
 
-Of controller_manager: joint_states, /tf_static (world_frame_id -> root link), /clock, /diagnostics,
-the topics of sensors, ~/cmd_vel_lock (std_msgs/msg/Bool; true holds all joints and refuses goals),
-~/teleport, and the services ~/reset, ~/pause and ~/step, as velocity_controller has them; and the
+controller_manager has joint_states, /tf_static (world_frame_id -> root link), /clock, /diagnostics,
+the topics of sensors, ~/cmd_vel_lock (std_msgs/msg/Bool; true holds all joints and rejects goals),
+~/teleport, and the services ~/reset, ~/pause and ~/step, as in velocity_controller, and the
 services of the node simulation.
 """
 

@@ -1,4 +1,4 @@
-"""velocity_controller's parameters: of control.yaml and of the node, checked, as plain values."""
+"""Reads and checks velocity_controller's parameters, from control.yaml and from the node."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -52,11 +52,11 @@ CONTROLLER_TYPE = "diff_drive_controller/DiffDriveController"
 BROADCASTER_TYPE = "joint_state_broadcaster/JointStateBroadcaster"
 COMMAND_TYPES = ("auto", "Twist", "TwistStamped")
 INTERFACES = ("position", "velocity", "effort")
-_TYPE = ".type"  # in the names of parameters
+_TYPE = ".type"  # suffix of the parameters that name a controller's type
 _MOST_HERTZ = 10_000.0
-_LEAST_CYCLES, _MOST_CYCLES = 0.001, 1000.0  # a second
+_LEAST_CYCLES, _MOST_CYCLES = 0.001, 1000.0  # update_rate, Hz
 _FROM_URDF = "0: read from the URDF"
-_NOISE = 0.005  # m after 1 m: a wheel on a hard floor
+_NOISE = 0.005  # m after 1 m; typical of a wheel on a hard floor
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,10 @@ _Six = tuple[float, float, float, float, float, float]
 
 @dataclass(frozen=True)
 class SimulationConfig:
-    """The simulation's parameters and joint_state_broadcaster's, whatever moves the robot."""
+    """Parameters of the simulation and of joint_state_broadcaster, for driving and standing robots.
+
+    The table in README.md explains them.
+    """
 
     robot_description: str = parameter(
         "", "the URDF, or the path of a URDF or xacro file", read_only=True
@@ -163,7 +166,7 @@ class SimulationConfig:
 
 @dataclass(frozen=True)
 class ControlConfig(SimulationConfig):
-    """All parameters: the simulation's and diff_drive_controller's."""
+    """All parameters of velocity_controller: the simulation's and diff_drive_controller's."""
 
     left_wheel_names: tuple[str, ...] = _wheels()
     right_wheel_names: tuple[str, ...] = _wheels()
@@ -202,7 +205,7 @@ class ControlConfig(SimulationConfig):
     linear: SpeedLimits = group(SpeedLimits, "linear.x")
     angular: SpeedLimits = group(SpeedLimits, "angular.z")
 
-    # Of older diff_drive_controllers.
+    # What to write instead of parameters of older diff_drive_controllers.
     REMEDIES: ClassVar[Mapping[str, str]] = {
         "use_stamped_vel": "write cmd_vel_type: auto, Twist or TwistStamped",
         "wheels_per_side": "leave it out, the names are counted",
@@ -215,7 +218,10 @@ class ControlConfig(SimulationConfig):
 
     @classmethod
     def from_parameters(cls, values: Mapping[str, Any]) -> "ControlConfig":
-        """Check parameters: dotted name to value, as ROS has them.
+        """Check parameters, and convert them to a config.
+
+        Args:
+            values: by their dotted ROS names, such as ``linear.x.max_velocity``.
 
         Raises:
             ConfigError: with every problem, each naming the parameter and what would be right.
@@ -223,7 +229,7 @@ class ControlConfig(SimulationConfig):
         return read(cls, values)
 
     def check(self) -> Iterator[Problem]:
-        """Report wheels that do not make two sides."""
+        """Report wheel names that do not make two equal sides."""
         left, right = self.left_wheel_names, self.right_wheel_names
         for side, names, opposite_names in (("left", left, right), ("right", right, left)):
             if opposite_names and not names:
@@ -236,18 +242,22 @@ class ControlConfig(SimulationConfig):
             yield Problem("right_wheel_names", f'"{name}" is in left_wheel_names too')
 
     def surprises(self) -> Iterator[Problem]:
-        """Report limits that do nothing."""
+        """Report limits that have no effect."""
         for axis, limits in (("linear.x", self.linear), ("angular.z", self.angular)):
             for name, needed in limits.idle():
                 text = f"limits nothing while {axis}.{needed} is not given"
                 yield Problem(f"{axis}.{name}", text)
 
     def world_frame(self, *, in_scene: bool) -> str:
-        """Return the frame of the truth; "" if that is the odometry's. A scene needs one."""
+        """Return the frame of true poses; "" for the odometry's. In a scene there always is one."""
         return self.world_frame_id or (WORLD_FRAME if in_scene else "")
 
     def kinematics(self, geometry: "WheelGeometry") -> DiffDriveKinematics:
-        """Return the drive's geometry, scaled by the multipliers."""
+        """Return the drive's kinematics: ``geometry`` scaled by the multipliers.
+
+        Raises:
+            ValueError: a length is too short or not finite.
+        """
         return DiffDriveKinematics(
             geometry.separation * self.wheel_separation_multiplier,
             geometry.radius * self.left_wheel_radius_multiplier,
@@ -255,22 +265,27 @@ class ControlConfig(SimulationConfig):
         )
 
 
-# control.yaml, which is in ros2_control's form: three nodes' parameters in one file --------------
+# control.yaml, in ros2_control's form: the parameters of three nodes in one file ----------------
 
 
 def default_control_file() -> Path:
-    """Return OneBot's own control.yaml."""
+    """Return the path of OneBot's control.yaml."""
     return package_share("onebot_control") / "config" / "control.yaml"
 
 
 def read_control_files(files: Sequence[Path], namespace: str, controller: str) -> Parameters:
-    """Read the parameters of controller_manager, joint_state_broadcaster and the controller.
+    """Read the parameters of controller_manager, joint_state_broadcaster and a controller.
 
-    Later files override. The names of the broadcaster's begin with ``joint_state_broadcaster.``.
-    ``namespace`` is the nodes', such as "/", ``controller`` the name of the controller's.
+    Args:
+        files: YAML files; later ones override earlier ones.
+        namespace: of the nodes, such as "/".
+        controller: name of the controller's node, such as "velocity_controller".
+
+    Returns:
+        The parameters; those of the broadcaster begin with ``joint_state_broadcaster.``.
 
     Raises:
-        ConfigError: with all that is wrong in the file, each with its line.
+        ConfigError: with every problem of a file, each with its line.
     """
     parameters = Parameters()
     for file in files:
@@ -279,19 +294,23 @@ def read_control_files(files: Sequence[Path], namespace: str, controller: str) -
 
 
 class JointControllers(NamedTuple):
-    """The controllers of joints that files name."""
+    """The joint controllers that parameter files name."""
 
     controllers: Sequence[JointController[Any]]
-    places: Mapping[str, str]  # files and lines of their parameters, as in arm_controller.joints
+    places: Mapping[str, str]  # file and line by parameter, such as arm_controller.joints
 
 
 def read_joint_controllers(files: Sequence[Path], namespace: str) -> JointControllers:
-    """Read the controllers of joints that controller_manager's sections name.
+    """Read the joint controllers that the section controller_manager names.
 
-    A section of the name joint_trajectory_controller counts without being named, if none is.
+    If it names none, there is one controller, joint_trajectory_controller.
+
+    Args:
+        files: YAML files; later ones override earlier ones.
+        namespace: of the nodes, such as "/".
 
     Raises:
-        ConfigError: with all that is wrong in a file, each with its line.
+        ConfigError: with every problem of a file, each with its line.
     """
     texts = {file: read_text(file) for file in files}
 
@@ -315,7 +334,7 @@ def read_joint_controllers(files: Sequence[Path], namespace: str) -> JointContro
 
 
 def joint_controllers(values: Mapping[str, Any]) -> dict[str, type[JointController[Any]]]:
-    """Return the kinds of the controllers of joints in controller_manager's parameters, by name."""
+    """Return the kind of each joint controller that controller_manager's parameters name."""
     return {
         name.removesuffix(_TYPE): JOINT_CONTROLLERS[str(value)]
         for name, value in values.items()
@@ -349,16 +368,18 @@ def _read_control_file(file: Path, namespace: str, controller: str) -> Parameter
 def _own_parameters(
     text: str, file: Path, namespace: str, node: str, unknown: Unknown
 ) -> Parameters:
-    """Return what a file has for a node, without what is for others."""
+    """Return a file's parameters for a node, without shared ones that only other nodes have."""
     parameters = read_parameters(text, str(file), f"{namespace.rstrip('/')}/{node}")
     parameters.drop_shared(unknown)
     return parameters
 
 
 def unknown_by_node(controller: str, files: Sequence[Path] = ()) -> dict[str, Unknown]:
-    """Return the nodes that a file is for, each with what reports the names it does not declare.
+    """Return the nodes that a control file is for, each with a check for unknown parameters.
 
-    Those that ``files`` name as controllers of joints are among them.
+    Args:
+        controller: name of the controller's node.
+        files: control files; the joint controllers that they name are included.
     """
     declared = SimulationConfig if controller == MANAGER else ControlConfig
     kinds: dict[str, type[JointController[Any]]] = {DEFAULT_JOINT_CONTROLLER: TrajectoryController}
@@ -373,7 +394,7 @@ def unknown_by_node(controller: str, files: Sequence[Path] = ()) -> dict[str, Un
 
 
 def _manager_values(file: Path) -> Mapping[str, Any]:
-    """The parameters of controller_manager in a file, in whichever namespace."""
+    """Return the parameters of controller_manager in a file, whatever its namespace."""
     sections = read_sections(read_text(file), str(file))
     values: dict[str, Any] = {}
     for section, parameters in sections.items():
@@ -383,7 +404,7 @@ def _manager_values(file: Path) -> Mapping[str, Any]:
 
 
 def _unknown_of_manager(declared: type | None, written: Iterable[str]) -> list[Problem]:
-    """Report the names that are neither update_rate, nor a controller's type, nor ``declared``."""
+    """Report names other than update_rate, types of controllers and ``declared`` parameters."""
     names = [name for name in written if not name.endswith(_TYPE)]
     if declared:
         return unknown_parameters(declared, names)
@@ -395,7 +416,7 @@ def _unknown_of_manager(declared: type | None, written: Iterable[str]) -> list[P
 
 
 def _wrong_types(values: Mapping[str, Any], controller: str) -> list[Problem]:
-    """Report controllers that do not run here."""
+    """Report controllers of types that this node cannot run."""
     own = {f"{controller}{_TYPE}": CONTROLLER_TYPE, f"{BROADCASTER}{_TYPE}": BROADCASTER_TYPE}
     problems = []
     for name, value in values.items():
@@ -411,7 +432,7 @@ def _wrong_types(values: Mapping[str, Any], controller: str) -> list[Problem]:
 
 
 def _add(drive: Parameters, section: Parameters, names: Mapping[str, str]) -> None:
-    """Add parameters of another section, unless the controller's own one has them."""
+    """Add parameters of another section, unless the controller's own section has them."""
     for name, controllers_name in names.items():
         is_one = is_parameter(ControlConfig, controllers_name)
         if is_one and name in section.values and controllers_name not in drive.values:
@@ -423,12 +444,12 @@ def _add(drive: Parameters, section: Parameters, names: Mapping[str, str]) -> No
 
 
 class ControlParameters:
-    """The parameters of a node."""
+    """The parameters of a controller's node: declared on it, checked, and kept up to date."""
 
     values: dict[str, Any]  # the values in force, by name
-    config: ControlConfig  # the same, checked
+    config: ControlConfig  # the same values, checked
     places: dict[str, str]  # file and line of each value from a file
-    joints: JointControllers  # the controllers of joints
+    joints: JointControllers  # the joint controllers
 
     def __init__(
         self,
@@ -436,9 +457,17 @@ class ControlParameters:
         arguments: "RosArguments",
         given: Mapping[str, Any] = MappingProxyType({}),
     ) -> None:
-        """Declare them, with what the files and the command line have; ``given`` override both.
+        """Declare the parameters, with the values of files and command line.
 
-        A node controller_manager has those of the simulation only: its robot stands.
+        A node named controller_manager has only the simulation's parameters: its robot stands.
+
+        Args:
+            node: to declare them on.
+            arguments: the node's ROS arguments.
+            given: values that override files and command line.
+
+        Raises:
+            ConfigError: with every problem.
         """
         namespace, name = node.get_namespace(), node.get_name()
         self.stands = name == MANAGER
@@ -448,8 +477,8 @@ class ControlParameters:
         names = [n for to, n in arguments.names if to in ("", name)]
         if problems := unknown_parameters(self.declared, names):
             raise ConfigError(problems)
-        # Values of the files count unless -p sets them. With several sections
-        # for a node rcl would use the first file's last, whatever later files have.
+        # Values of files are used unless -p sets them. If files have several sections for a node,
+        # rcl would use the last one of the first file, whatever later files have.
         written = {name: v for name, v in file.values.items() if name not in names}
         given = {name: v for name, v in given.items() if is_parameter(self.declared, name)}
         self.values = declare(node, self.declared, file.values, fixed={**written, **given})
@@ -460,17 +489,25 @@ class ControlParameters:
 
     @property
     def warnings(self) -> list[str]:
-        """What is surprising about them."""
+        """Warnings about parameters that have no effect, each with its place."""
         return [problem.message(self.places) for problem in self.config.surprises()]
 
     def changed(self, parameters: Sequence["Parameter"], simulated: bool) -> ControlConfig:
-        """Return the configuration with these parameters set."""
+        """Return the configuration with these parameters set; nothing changes yet.
+
+        Args:
+            parameters: to set.
+            simulated: whether the node keeps simulated time.
+
+        Raises:
+            ConfigError: with every problem.
+        """
         if problems := _clock_problems(parameters, simulated):
             raise ConfigError(problems)
         return read(ControlConfig, {**self.values, **_own(parameters)})
 
     def accept(self, parameters: Sequence["Parameter"]) -> None:
-        """Apply parameters that ``changed`` found nothing wrong with."""
+        """Apply parameters that ``changed`` has accepted."""
         self.values.update(_own(parameters))
         for new_parameter in parameters:  # no longer as the file has it
             self.places.pop(new_parameter.name, None)
@@ -478,7 +515,7 @@ class ControlParameters:
 
 
 def _own(parameters: Sequence["Parameter"]) -> dict[str, Any]:
-    """Return the controller's among ``parameters``, by name."""
+    """Return the values of those ``parameters`` that are ours, by name."""
     return {p.name: plain(p.value) for p in parameters if is_parameter(ControlConfig, p.name)}
 
 

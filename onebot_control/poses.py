@@ -1,13 +1,13 @@
-"""Poses: on the ground (``PlanarPose``) and in space, as plain floats; and names of frames."""
+"""Poses in the plane (``PlanarPose``) and in space, as plain floats, and names of frames."""
 
 import math
 from typing import NamedTuple
 
-WORLD_FRAME = "world"  # unless a parameter names another one
+WORLD_FRAME = "world"  # the default of the parameter world_frame_id
 
 Triple = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
-Transform = tuple[Triple, Quaternion]
+Transform = tuple[Triple, Quaternion]  # translation, m, then rotation, x y z w
 
 
 def rotate(rotation: Quaternion, vector: Triple) -> Triple:
@@ -23,7 +23,7 @@ def rotate(rotation: Quaternion, vector: Triple) -> Triple:
 
 
 def multiply(first: Quaternion, second: Quaternion) -> Quaternion:
-    """Hamilton product: the rotation ``second``, then ``first``."""
+    """Return the Hamilton product of two quaternions: the rotation ``second``, then ``first``."""
     ax, ay, az, aw = first
     bx, by, bz, bw = second
     return (
@@ -35,27 +35,27 @@ def multiply(first: Quaternion, second: Quaternion) -> Quaternion:
 
 
 def conjugate(rotation: Quaternion) -> Quaternion:
-    """The opposite rotation."""
+    """Return the inverse of a unit quaternion: the opposite rotation."""
     x, y, z, w = rotation
     return (-x, -y, -z, w)
 
 
 def compose(outer: Transform, inner: Transform) -> Transform:
-    """The transform ``inner``, then ``outer``."""
+    """Return the transform that applies ``inner``, then ``outer``."""
     x, y, z = rotate(outer[1], inner[0])
     a, b, c = outer[0]
     return (a + x, b + y, c + z), multiply(outer[1], inner[1])
 
 
 def inverse(transform: Transform) -> Transform:
-    """The transform that undoes ``transform``."""
+    """Return the transform that undoes ``transform``."""
     back = conjugate(transform[1])
     x, y, z = rotate(back, transform[0])
     return (-x, -y, -z), back
 
 
 def cross(first: Triple, second: Triple) -> Triple:
-    """Vector product."""
+    """Return the vector product first x second."""
     a, b, c = first
     x, y, z = second
     return b * z - c * y, c * x - a * z, a * y - b * x
@@ -68,14 +68,18 @@ def scaled(vector: Triple, factor: float) -> Triple:
 
 
 def about_z(yaw: float) -> Quaternion:
-    """Rotation by ``yaw``, rad, about the vertical."""
+    """Return the rotation by ``yaw``, rad, about the z axis."""
     return 0.0, 0.0, math.sin(yaw / 2.0), math.cos(yaw / 2.0)
 
 
 def prefixed(frame: str, enabled: bool, prefix: str, namespace: str) -> str:
-    """Return ``frame`` as diff_drive_controller names it.
+    """Return the name of a frame with diff_drive_controller's prefix.
 
-    By the parameters tf_frame_prefix_enable and tf_frame_prefix, which is the namespace if empty.
+    Args:
+        frame: the name without prefix.
+        enabled: the parameter tf_frame_prefix_enable.
+        prefix: the parameter tf_frame_prefix; if empty, the namespace is the prefix.
+        namespace: the node's.
     """
     if not enabled:
         return frame
@@ -84,7 +88,7 @@ def prefixed(frame: str, enabled: bool, prefix: str, namespace: str) -> str:
 
 
 class PlanarPose(NamedTuple):
-    """A pose on the ground, m and rad."""
+    """A pose in the plane: x and y in m, yaw in rad, counterclockwise seen from above (REP-103)."""
 
     x: float = 0.0
     y: float = 0.0
@@ -92,11 +96,11 @@ class PlanarPose(NamedTuple):
 
     @property
     def transform(self) -> Transform:
-        """The same pose in space."""
+        """The same pose in space, at height 0."""
         return (self.x, self.y, 0.0), about_z(self.yaw)
 
     def compose(self, other: "PlanarPose") -> "PlanarPose":
-        """Return ``other``, given relative to this pose, in the frame this pose is given in."""
+        """Return ``other``, which is relative to this pose, in the frame that this pose is in."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         return PlanarPose(
             self.x + c * other.x - s * other.y,
@@ -111,5 +115,5 @@ class PlanarPose(NamedTuple):
 
 
 def yaw_of(x: float, y: float, z: float, w: float) -> float:
-    """Return the heading of a quaternion, rad: the direction of its x axis seen from above."""
+    """Return the heading of a unit quaternion, rad: the direction of its x axis from above."""
     return math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)

@@ -1,4 +1,4 @@
-"""Robots in a simulated world, in Python: the way in for tests, notebooks and programs. No ROS.
+"""Simulates robots from Python, for tests, notebooks and programs, without ROS.
 
 Example:
     >>> from onebot_control import Simulation
@@ -55,11 +55,11 @@ if TYPE_CHECKING:
     from onebot_control.nodes.lockstep import Lockstep
 
 ONEBOT = "package://onebot_description/urdf/onebot.urdf.xacro"
-"""The robot that is simulated if no model is named."""
+"""The default model of a Simulation: OneBot's xacro file."""
 
-_REACH = 1e4  # m; what is farther away counts as nothing
+_REACH = 1e4  # m; rays that go farther hit nothing
 _LARGEST_SEED = 2**64 - 1
-# Parameters of velocity_controller that are arguments here, or have no meaning without ROS.
+# Parameters of velocity_controller that are arguments of Simulation, or have no effect in it.
 _INSTEAD = {
     **dict.fromkeys(("x", "y", "yaw", "world", "sensors"), "is an argument of Simulation"),
     "sensor_noise": "is the argument noise of Simulation",
@@ -73,13 +73,13 @@ _INSTEAD = {
 
 
 class Moment(NamedTuple):
-    """A control cycle that is remembered.
+    """The poses in one control cycle, as ``Simulation.keep`` records them.
 
     Attributes:
-        stamp: its simulated time, ns.
-        poses: of the robots' root links in the world, in the order of ``Simulation.robots``.
-        joints: their positions by name, of each robot; rad or m.
-        boxes: poses in the world of what can be pushed, by link.
+        stamp: simulated time of the cycle, ns.
+        poses: the robots' root links in the world, in the order of ``Simulation.robots``.
+        joints: joint positions by name for each robot, rad or m.
+        boxes: poses in the world of movable boxes, by link.
     """
 
     stamp: int
@@ -90,13 +90,13 @@ class Moment(NamedTuple):
 
 @dataclass(frozen=True)
 class RobotSetup:
-    """One of several robots of a Simulation; what is left out is as its arguments have it.
+    """Model, start pose and parameters of one of several robots in a ``Simulation``.
 
     Attributes:
-        x: where it starts in the world, m.
-        y: likewise, m.
-        yaw: where it faces at the start, rad.
-        model: a URDF or xacro file, or a Description.
+        x: start position in the world, m.
+        y: start position in the world, m.
+        yaw: start heading, rad.
+        model: a URDF or xacro file, or a Description; None for the Simulation's model.
         parameters: of its controller, by their ROS names; they override the Simulation's.
     """
 
@@ -108,10 +108,10 @@ class RobotSetup:
 
 
 class Simulation:
-    """Robots in one world, whose time advances only in ``run``; equal runs are equal to the bit.
+    """Simulates one or several robots in one world; time advances only in ``run``.
 
-    It is what ``velocity_controller`` simulates: the same physics, controller, odometry and
-    sensors. Nothing in it depends on how fast the computer is.
+    It uses the same physics, controller, odometry and sensors as ``velocity_controller``. Nothing
+    depends on how fast the computer is: the same calls give bit-identical results.
     """
 
     def __init__(
@@ -133,23 +133,25 @@ class Simulation:
 
         Args:
             model: the robot: a .urdf or .xacro file, ``package://name/path``, or a Description.
-            world: what stands around it: the name of a world that ships ("maze", "ramp"), a URDF
-                or xacro file, or a Description; "" for bare ground.
-            x: where the robot starts, m.
-            y: likewise, m.
-            yaw: where it faces at the start, rad.
-            sensors: True for those that OneBot can have (a lidar, an IMU and a camera; other robots
-                have those of their URDF in any case); or a URDF or xacro file with further ones.
-            noise: whether sensors have the noise that the URDF gives them.
-            seed: of that noise, 0 to 2^64 - 1; 0 is what ``velocity_controller`` has.
-            arguments: of the model, if it is xacro, by name.
+            world: what stands around it: the name of an included world ("maze", "ramp"), a URDF or
+                xacro file, or a Description; "" for bare ground.
+            x: start position, m.
+            y: start position, m.
+            yaw: start heading, rad.
+            sensors: True to enable OneBot's optional sensors (a lidar, an IMU and a camera), or a
+                URDF or xacro file with further ones. The sensors in the URDF of other robots are
+                always simulated.
+            noise: whether sensors have the noise that the URDF specifies.
+            seed: of that noise, 0 to 2^64 - 1; ``velocity_controller`` uses 0.
+            arguments: xacro arguments of the model, by name.
             parameters: of the controller, by their ROS names, such as ``linear.x.max_velocity``;
                 they override OneBot's control.yaml.
-            robots: several robots in this world, by name, in place of the one.
+            robots: several robots in this world, by name, instead of a single one.
 
         Raises:
-            OneBotError: a robot, the world or a parameter cannot be used; it names the file or the
-                parameter, and what would be right.
+            OneBotError: a robot, the world or a parameter cannot be used; the text names the file
+                or the parameter, and what would be right.
+            ValueError: the seed is out of range.
         """
         self._seed, self._noisy = _checked_seed(seed), noise
         self._ros: Lockstep | None = None
@@ -178,7 +180,7 @@ class Simulation:
         self.robots: Mapping[str, SimulatedRobot] = MappingProxyType(
             {name: SimulatedRobot(self, name, row) for row, name in enumerate(setups)}
         )
-        """The robots by name; that of one alone is ""."""
+        """The robots by name; the name of a single robot is ""."""
         try:
             for robot in self.robots.values():
                 robot._equip(self._sensor_file, noise)
@@ -191,10 +193,10 @@ class Simulation:
 
     @property
     def robot(self) -> "SimulatedRobot":
-        """The robot, where there is one.
+        """The robot of a simulation with a single robot.
 
         Raises:
-            OneBotError: there are several.
+            OneBotError: there are several robots.
         """
         if len(self.robots) > 1:
             text = f"there are {len(self.robots)} robots here: {listing(self.robots)}"
@@ -203,12 +205,12 @@ class Simulation:
 
     @property
     def time(self) -> float:
-        """Simulated seconds since the start."""
+        """Simulated time since the start, s."""
         return self._fleet.ticks / self._fleet.rate
 
     @property
     def period(self) -> float:
-        """Simulated seconds of a control cycle: 1 / update_rate."""
+        """Simulated duration of a control cycle, s: 1 / update_rate."""
         return self._fleet.period
 
     @property
@@ -218,9 +220,9 @@ class Simulation:
 
     @property
     def boxes(self) -> Mapping[str, RobotPose]:
-        """Where what can be pushed or lifted truly is, by its link; another name is an OneBotError.
+        """The true poses of the world's movable boxes, by link; an unknown name raises OneBotError.
 
-        These are the links below ``floating`` joints of the world.
+        A box is a link below a ``floating`` joint of the world; robots can push or lift it.
         """
         return _Boxes({link: _pose(transform) for link, transform in self._boxes().items()})
 
@@ -236,16 +238,16 @@ class Simulation:
         until: Callable[[], object] | None = None,
         timeout: float = 60.0,
     ) -> None:
-        """Let simulated time pass, as quickly as the computer can.
+        """Simulate for some time, or until a condition holds, as fast as the computer can.
 
         Args:
-            seconds: for so long, rounded to control cycles.
-            until: instead, as long as this returns something false; it is called before the first
-                control cycle, and after each.
-            timeout: simulated seconds after which ``until`` is given up.
+            seconds: simulated duration, rounded to whole control cycles.
+            until: condition to run until, instead of ``seconds``; it is called before the first
+                control cycle and after each one.
+            timeout: simulated seconds to wait for ``until``.
 
         Raises:
-            TimeoutError: ``until`` returned nothing true in time.
+            TimeoutError: ``until`` did not return a true value in time.
             ValueError: neither ``seconds`` nor ``until`` is given, or both, or a duration is
                 negative or not finite.
             OneBotError: the simulation has been closed, or has diverged.
@@ -263,13 +265,14 @@ class Simulation:
             raise TimeoutError(f"{text}; at {self.time:g} s: {states}")
 
     def reset(self, seed: int | None = None) -> None:
-        """Go back to the start: all that follows equals a new Simulation, to the bit.
+        """Go back to the start; everything that follows is bit-identical to a new Simulation.
 
         Args:
-            seed: another one, of the sensors' noise; None: the same again.
+            seed: new seed of the sensors' noise; None to use the same one again.
 
         Raises:
-            OneBotError: ROS nodes are in step with it.
+            OneBotError: ROS nodes are in step with the simulation.
+            ValueError: the seed is out of range.
         """
         if self._ros is not None:
             raise OneBotError("nodes are in step with it: time cannot go back for them; begin anew")
@@ -298,31 +301,31 @@ class Simulation:
         return dict(zip(scene.links, scene.poses, strict=True)) if scene else {}
 
     def keep(self, seconds: float, rate: float) -> None:
-        """Remember the last simulated seconds from now on, for ``kept``.
+        """Start recording poses; ``kept`` returns those of the last simulated seconds.
 
         Args:
-            seconds: how many.
-            rate: moments of a second, Hz.
+            seconds: how many simulated seconds to keep.
+            rate: recorded moments per second, Hz.
         """
         self._kept_every = max(1, round(self._fleet.rate / rate))
         self._kept = deque(maxlen=max(1, round(seconds * self._fleet.rate / self._kept_every)))
 
     @property
     def kept(self) -> "Sequence[Moment]":
-        """What ``keep`` has remembered, the oldest first; resets are in it."""
+        """The moments that ``keep`` has recorded, oldest first; a reset does not clear them."""
         return tuple(self._kept or ())
 
     def ray(self, origin: Sequence[float], direction: Sequence[float]) -> float:
         """Return the distance to the first thing on a ray, m; infinite if there is none.
 
-        Ground, world, boxes and robots are hit by their visual shapes, as sensors see them.
+        The ray hits the ground and the visual shapes of world, boxes and robots, as sensors do.
 
         Args:
             origin: (3,), in the world, m.
-            direction: (3,), of any length.
+            direction: (3,), in the world, of any length.
 
         Raises:
-            ValueError: one has not three finite numbers, or the direction is zero.
+            ValueError: an argument is not three finite numbers, or the direction is zero.
         """
         start, way = _vector("origin", origin), _vector("direction", direction)
         length = np.linalg.norm(way)
@@ -331,11 +334,14 @@ class Simulation:
         return self._distance(LinkPose(np.eye(3), start), way / length, ())
 
     def ros(self, domain_id: int | None = None) -> "Lockstep":
-        """Put the robots on ROS topics, with nodes of this process in step: see ``Lockstep``.
+        """Publish the robots on ROS topics, and run nodes of this process in step with them.
 
         Args:
-            domain_id: the ROS domain; None: ROS_DOMAIN_ID, or that of rclpy's context if it is
-                initialized.
+            domain_id: the ROS domain; None for ROS_DOMAIN_ID, or the domain of rclpy's default
+                context if that is initialized.
+
+        Returns:
+            The ``Lockstep``, to which nodes can be added.
 
         Raises:
             OneBotError: the robots are on ROS topics already, or ROS 2 is missing.
@@ -348,7 +354,7 @@ class Simulation:
         return self._ros
 
     def close(self) -> None:
-        """Free the world; ``with`` does it at the end of its block."""
+        """Free the world; a ``with`` block does so at its end."""
         if self._ros is not None:
             self._ros.close()
         self._fleet.close()
@@ -369,7 +375,7 @@ class Simulation:
         for robot in self.robots.values():
             robot._command = None
         self._fleet.observe()
-        self._now()
+        self._present()  # an IMU needs the orientation at the start
 
     def _cycles(self, seconds: float) -> int:
         if not (math.isfinite(seconds) and seconds >= 0.0):
@@ -377,7 +383,7 @@ class Simulation:
         return round(seconds * self._fleet.rate)
 
     def _cycle(self) -> None:
-        """Do one control cycle; what is observed is the state at its end."""
+        """Run one control cycle; afterwards the robots' state is that at its end."""
         fleet = self._fleet
         for robot in self.robots.values():
             if robot._command is not None:
@@ -392,14 +398,17 @@ class Simulation:
         self._frame = None
 
     def _now(self) -> SensedWorld:
-        """Return the world as it is now."""
+        """Return the world as it is now, for sensors; the first time their meshes are read."""
+        return self._sensors.world(self._present())
+
+    def _present(self) -> Frame:
         fleet = self._fleet
         if self._frame is None:
             scene = fleet.world.scene
             snapshots = [robot.snapshot() for robot in fleet.robots]
             boxes = scene.poses if scene else ()
             self._frame = self._sensors.frame(fleet.stamp, snapshots, self._before, boxes)
-        return self._sensors.world(self._frame)
+        return self._frame
 
     def _distance(
         self, pose: LinkPose, direction: NDArray[np.float64], skipped: Sequence[int]
@@ -418,21 +427,19 @@ class Simulation:
 
 
 class SimulatedRobot:
-    """A robot of a Simulation: its commands, its true state, and what it measures."""
+    """One robot of a Simulation: takes commands, and returns its true state and measurements."""
 
     def __init__(self, simulation: Simulation, name: str, row: int) -> None:
-        """See ``Simulation.robots``."""
+        """Take the robot ``row`` of a simulation; users get it from ``Simulation.robots``."""
         self._simulation, self._name, self._row = simulation, name, row
         self._command: tuple[float, float] | None = None
         self._instruments: list[Instrument] = []
 
     def drive(self, linear: float, angular: float = 0.0) -> None:
-        """Command a velocity, which holds until the next call, as if it were sent in each cycle.
+        """Command a velocity; it holds until the next call, as if sent in every cycle.
 
-        Commands of ROS nodes in step have no effect then.
-
-        The controller limits speed and acceleration; OneBot's to 0.5 m/s^2, so that it takes 1 s
-        to reach 0.5 m/s.
+        From then on, commands of ROS nodes in step have no effect. The controller limits speed and
+        acceleration: OneBot's accelerates by 0.5 m/s^2, so it takes 1 s to reach 0.5 m/s.
 
         Args:
             linear: forward, m/s.
@@ -449,19 +456,19 @@ class SimulatedRobot:
         self._command = float(linear), float(angular)
 
     def move_to(self, positions: Mapping[str, float], *, seconds: float) -> None:
-        """Move joints, from the next control cycle on, to rest at ``positions`` after ``seconds``.
+        """Move joints to ``positions``, where they come to rest after ``seconds``.
 
-        They follow a quintic, which begins with their present velocity; a further call replaces
-        it. Other joints are held where they are commanded to be: fingers that grip something go on
-        to grip it. ``moving`` is true until then.
+        They start in the next control cycle and follow a quintic polynomial that begins with their
+        current velocity; another call replaces it. Other joints hold their commanded positions, so
+        fingers that grip something keep gripping it. ``moving`` is true until the end.
 
         Args:
-            positions: by joint, rad (m of prismatic joints).
-            seconds: simulated seconds, above 0.
+            positions: target by joint name, rad (m for prismatic joints).
+            seconds: simulated duration, above 0.
 
         Raises:
-            OneBotError: a joint is none that is commanded, or a position is not finite or beyond
-                its limits; nothing moves then.
+            OneBotError: no controller commands a joint, or a position is not finite or beyond the
+                joint's limits; then nothing moves.
         """
         stamp = self._simulation._fleet.stamp
         arms = {name: arm for arm in self._trajectories for name in arm.names}
@@ -477,7 +484,7 @@ class SimulatedRobot:
 
     @property
     def moving(self) -> bool:
-        """Whether joints are on the way to where ``move_to``, or a ROS node, has sent them."""
+        """Whether joints are still moving to a goal of ``move_to`` or of a ROS node."""
         return any(arm.moving for arm in self._trajectories)
 
     @property
@@ -486,15 +493,15 @@ class SimulatedRobot:
         return [arm for arm in arms if isinstance(arm, TrajectoryFollower)]
 
     def teleport(self, x: float, y: float, yaw: float = 0.0) -> None:
-        """Put the robot elsewhere in the world, at rest; its odometry stays as it is.
+        """Move the robot to another pose in the world, at rest; its odometry does not change.
 
         Args:
-            x: m.
-            y: m.
-            yaw: rad.
+            x: of the root link in the world, m.
+            y: of the root link in the world, m.
+            yaw: heading in the world, rad.
 
         Raises:
-            OneBotError: something is in the way; nothing has changed then.
+            OneBotError: something is in the way; then nothing has changed.
             ValueError: a value is not finite.
         """
         self._driven.teleport(PlanarPose(x, y, yaw))
@@ -503,38 +510,38 @@ class SimulatedRobot:
 
     @property
     def description(self) -> Description:
-        """What the robot was read from."""
+        """The robot's description: its links, joints and sensors as read from the URDF."""
         return self._driven.description
 
     @property
     def has_wheels(self) -> bool:
-        """Whether it drives; else its base stands still."""
+        """Whether the robot drives on wheels; otherwise its base stands still."""
         return self._driven.wheels is not None
 
     @property
     def wheel_separation(self) -> float:
-        """Distance between the wheels, m: the parameter, or as the URDF has it."""
+        """Distance between the wheels, m: the parameter, or the value from the URDF."""
         return self._driven.geometry.separation
 
     @property
     def wheel_radius(self) -> float:
-        """Radius of the driven wheels, m: the parameter, or as the URDF has it."""
+        """Radius of the driven wheels, m: the parameter, or the value from the URDF."""
         return self._driven.geometry.radius
 
     @property
     def pose(self) -> RobotPose:
-        """Where the robot truly is in the world."""
+        """The true pose of the robot's root link in the world."""
         return _pose(self._driven.snapshot().pose)
 
     @property
     def twist(self) -> PlanarVelocity:
-        """How fast the robot truly is."""
+        """The true velocity of the robot's root link, in its own axes."""
         linear, angular = self._driven.snapshot().velocity
         return PlanarVelocity(linear[0], angular[2])
 
     @property
     def odometry(self) -> OdometryReading:
-        """Where the robot is by its wheels."""
+        """Pose and velocity by the wheels' odometry."""
         snapshot = self._driven.snapshot()
         x, y, yaw = snapshot.odometry
         xx, xy, yy, xt, yt, tt = snapshot.covariance
@@ -543,26 +550,26 @@ class SimulatedRobot:
 
     @property
     def command(self) -> PlanarVelocity:
-        """The velocity that the controller has set in the last cycle, within its limits.
-
-        As ``~/cmd_vel_out`` has it.
-        """
+        """The limited velocity that the controller set in the last cycle, as in ~/cmd_vel_out."""
         command = self._driven.snapshot().command
         return PlanarVelocity(command.linear, command.angular)
 
     @property
     def joints(self) -> Mapping[str, JointState]:
-        """The joints that move, by name; another name is an OneBotError."""
+        """The states of the moving joints, by name; an unknown name raises OneBotError."""
         states = zip(*self._driven.snapshot().joints, strict=True)
         return Joints(
             zip(self._driven.joints, (JointState(*state) for state in states), strict=True)
         )
 
     def scan(self, sensor: str = "") -> Scan:
-        """Measure with a lidar, now; it need not be due.
+        """Measure with a lidar now, whatever its rate.
 
         Args:
-            sensor: its name; may be left out if there is one lidar.
+            sensor: name of the lidar; may be left out if there is only one.
+
+        Returns:
+            The ranges in the lidar's plane; of a 3D lidar, those of its middle row.
 
         Raises:
             OneBotError: there is no such lidar, or there are several.
@@ -574,41 +581,42 @@ class SimulatedRobot:
         return Scan(ranges, angles(lidar.horizontal), lidar.least, lidar.greatest)
 
     def range(self, sensor: str = "") -> float:
-        """Measure with a range sensor, m, now; arguments and errors as those of ``scan``."""
+        """Return what a range sensor measures now, m; arguments and errors as for ``scan``."""
         return float(self._measured(self._instrument("range", sensor), "range"))
 
     def image(self, sensor: str = "") -> NDArray[np.uint8]:
-        """Return a camera's picture (height, width, 3), RGB, now; otherwise as ``scan``."""
+        """Return a camera's image now, (height, width, 3), RGB; see ``scan`` for the rest."""
         pixels: NDArray[np.uint8] = self._measured(self._instrument("image", sensor), "image")
         return pixels
 
     def depth(self, sensor: str = "") -> NDArray[np.float32]:
-        """Return a depth camera's picture (height, width), m along its axis; as ``scan``.
+        """Return a depth camera's image now, (height, width), m along its axis.
 
-        It is infinite where nothing is in range.
+        Depths are infinite where nothing is in range. For argument and errors see ``scan``.
         """
         depths: NDArray[np.float32] = self._measured(self._instrument("depth", sensor), "depth")
         return depths
 
     def points(self, sensor: str = "") -> NDArray[np.float32]:
-        """Return the points (N, 3) that a lidar or depth camera sees, m; as ``scan``.
+        """Return the points that a lidar or depth camera sees now, (N, 3), m.
 
-        They are in the frame of the sensor's messages; rays that meet nothing have none.
+        They are in the frame of the sensor's messages; rays that hit nothing yield no point. For
+        argument and errors see ``scan``.
         """
         cloud = self._measured(self._instrument("points", sensor), "points").ravel()
         xyz: NDArray[np.float32] = np.stack([cloud[axis] for axis in "xyz"], axis=-1)
         return xyz[np.isfinite(xyz).all(axis=1)]
 
     def imu(self, sensor: str = "") -> ImuReading:
-        """Measure with an inertial measurement unit, now; otherwise as ``scan``."""
+        """Measure with an inertial measurement unit (IMU) now; see ``scan`` for the rest."""
         orientation, *vectors = self._measured(self._instrument("imu", sensor), "imu")
         return ImuReading(None if orientation is None else np.array(orientation), *vectors)
 
     def distance_ahead(self) -> float:
         """Return the exact distance to the first thing ahead, m; infinite if there is none.
 
-        Along x of the lidar, or of the root link of a robot that has none; the robot itself is not
-        in the way. It has no noise, and no range.
+        It is measured along the x axis of the lidar, or of the root link if there is no lidar. The
+        robot itself is not hit. There is no noise and no maximum range.
         """
         placed = self._simulation._now().placed
         lidars = [each for each in self._instruments if isinstance(each.sensor.model, Lidar)]
@@ -629,7 +637,7 @@ class SimulatedRobot:
         return self._simulation._fleet.robots[self._row]
 
     def _equip(self, file: str, noisy: bool) -> None:
-        """Have the sensors of the description, and of a ``file``, unless that is ""."""
+        """Set up the sensors of the description, and of a ``file``; "" for none."""
         driven, simulation = self._driven, self._simulation
         robot = SensedRobot(driven.description, driven.joints, driven.held)
         simulation._sensors.enter(self._row, robot)
@@ -662,18 +670,18 @@ class SimulatedRobot:
 
 
 class Joints(dict[str, JointState]):
-    """States of joints by their names."""
+    """Joint states by name; an unknown name raises OneBotError."""
 
     def __missing__(self, name: str) -> JointState:
-        """Raise an OneBotError with the names that there are."""
+        """Raise a OneBotError that suggests a name."""
         raise OneBotError(f'no joint "{name}" moves{did_you_mean(name, self)}')
 
 
 class _Boxes(dict[str, RobotPose]):
-    """Poses of boxes by their links."""
+    """Poses of boxes by link; an unknown name raises OneBotError."""
 
     def __missing__(self, name: str) -> RobotPose:
-        """Raise an OneBotError with the names that there are."""
+        """Raise a OneBotError that suggests a name."""
         raise OneBotError(f'no box "{name}" in the world{did_you_mean(name, self)}')
 
 
@@ -704,10 +712,10 @@ def _world(world: "str | Path | Description") -> Description | None:
 
 
 def _values(setup: RobotSetup, parameters: Mapping[str, Any]) -> dict[str, Any]:
-    """Return all parameters of a robot's controller that are given, by name.
+    """Return the parameters of a robot's controller, by name: OneBot's, then the given ones.
 
     Raises:
-        ConfigError: one has no effect here.
+        ConfigError: a given parameter has no effect in a Simulation.
     """
     if problems := [Problem(name, _INSTEAD[name]) for name in parameters if name in _INSTEAD]:
         raise ConfigError(problems)
@@ -719,7 +727,7 @@ def _values(setup: RobotSetup, parameters: Mapping[str, Any]) -> dict[str, Any]:
 def _goal(
     arm: TrajectoryFollower, positions: Mapping[str, float], seconds: float
 ) -> TrajectoryGoal:
-    """A goal for all joints of an arm; those without a position are held."""
+    """Return a goal for all joints of an arm; those without a position are held."""
     held = dict(zip(arm.names, arm.reference(0.0), strict=True))
     zeros = (0.0,) * len(held)
     goals = tuple([float(positions.get(name, at)) for name, at in held.items()])

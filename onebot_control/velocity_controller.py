@@ -4,66 +4,68 @@
 Run it alone with ``python -m onebot_control.velocity_controller [FILE] --ros-args ...``; FILE is a
 URDF or xacro file. Without it, the description is the parameter or the topic robot_description.
 Without --params-file, OneBot's control.yaml is used. Simulation, diff_drive_controller and
-joint_state_broadcaster are one process: nothing moves on when it is killed.
+joint_state_broadcaster run in one process: when it is killed, the robot stops.
 
-Several robots share one world, and collide, in one process of a node for each: ``... --robot -r
-__ns:=/robot1 -p x:=0.0 --robot -r __ns:=/robot2 -p x:=1.0 --ros-args ...``. The ROS arguments that
-follow --robot are one node's, those that follow --ros-args are all nodes'.
+To simulate several robots in one world, where they can collide, run one process with a node for
+each: ``... --robot -r __ns:=/robot1 -p x:=0.0 --robot -r __ns:=/robot2 -p x:=1.0 --ros-args ...``.
+ROS arguments after --robot are for one node, those after --ros-args for all nodes.
 
 Subscribes:
     ~/cmd_vel (geometry_msgs/msg/Twist or TwistStamped, reliable, depth 10): m/s and rad/s;
-        linear.x and angular.z count. See cmd_vel_type.
-    ~/cmd_vel_lock (std_msgs/msg/Bool, reliable, depth 10): true has the robot brake and ignore all
-        commands until false comes, whoever sends either; beside ~/cmd_vel, if that is remapped.
-    ~/teleport (geometry_msgs/msg/PoseStamped, depth 10): puts the robot there, at rest, unless
-        something is in the way; frame_id is world_frame_id (or empty) or the odometry's. The
+        only linear.x and angular.z are used. See cmd_vel_type.
+    ~/cmd_vel_lock (std_msgs/msg/Bool, reliable, depth 10): after true the robot brakes and ignores
+        all commands until false, whoever publishes them; if ~/cmd_vel is remapped, the lock is too.
+    ~/teleport (geometry_msgs/msg/PoseStamped, depth 10): moves the robot to a pose, at rest, unless
+        something is in the way; frame_id is world_frame_id (or empty) or odom_frame_id. The
         odometry does not change.
     ~/set_odometry (geometry_msgs/msg/PoseStamped, depth 10): sets the odometry to this pose.
-    robot_description (std_msgs/msg/String, transient local): the URDF, unless FILE or a path as
-        the parameter gives it; a changed one is applied where the robot is.
+    robot_description (std_msgs/msg/String, transient local): the URDF, unless FILE or the parameter
+        (as a path) gives it; a changed description is applied where the robot is.
 
 Publishes (reliable, depth 10, unless noted):
     joint_states (sensor_msgs/msg/JointState): every control cycle; rad, rad/s, Nm.
     ~/odom (nav_msgs/msg/Odometry): pose and twist by the wheels, at publish_rate; the covariance of
         the pose grows with the distance, unless pose_covariance_diagonal is given.
-    ~/ground_truth (nav_msgs/msg/Odometry): the true ones, with ~/odom.
-    /tf (tf2_msgs/msg/TFMessage): odom_frame_id -> base_frame_id, with ~/odom; in a world also
-        world_frame_id -> odom_frame_id, by the truth, and the boxes that can be pushed. The truth
-        is left out where ground_truth_tf is false or another node publishes a parent of odom.
+    ~/ground_truth (nav_msgs/msg/Odometry): the true pose and twist, with ~/odom.
+    /tf (tf2_msgs/msg/TFMessage): odom_frame_id -> base_frame_id, with ~/odom; in a world also the
+        true world_frame_id -> odom_frame_id, and the movable boxes. world_frame_id ->
+        odom_frame_id is not published if ground_truth_tf is false or another node publishes a
+        parent of odom.
     /tf_static (tf2_msgs/msg/TFMessage, transient local): world_frame_id -> odom_frame_id; in a
-        world instead its links that stand still.
+        world, its fixed links instead.
     /world_description (std_msgs/msg/String, transient local): the URDF of the world, if any.
-    ~/cmd_vel_locked (std_msgs/msg/Bool, transient local): whether it is locked, at every change.
+    ~/cmd_vel_locked (std_msgs/msg/Bool, transient local): whether the robot is locked, at every
+        change.
     ~/cmd_vel_out (geometry_msgs/msg/TwistStamped): the limited command, every control cycle, if
-        publish_limited_velocity; else there is no such topic.
-    what the sensors of the URDF measure (LaserScan, PointCloud2, Imu, Image and CameraInfo of
-        sensor_msgs), on their topics, where it is subscribed to; see README.md.
+        publish_limited_velocity is true; otherwise the topic does not exist.
+    measurements of the sensors in the URDF (LaserScan, PointCloud2, Imu, Image and CameraInfo of
+        sensor_msgs), on each sensor's topics while somebody subscribes; see README.md.
     /clock (rosgraph_msgs/msg/Clock): simulated time, every control cycle, if use_sim_time is true
-        or real_time_factor is not 1.0 at the start; then all stamps are simulated time. Else they
-        are the system's, and there is no /clock.
+        or real_time_factor is not 1.0 at the start; then all stamps are simulated time. Otherwise
+        stamps are system time, and there is no /clock.
+    /diagnostics (diagnostic_msgs/msg/DiagnosticArray): the real-time factor and the number of
+        missed control cycles, each second; WARN if the factor is below 0.9 of real_time_factor.
 
-    /diagnostics (diagnostic_msgs/msg/DiagnosticArray): each second the real-time factor in it, and
-        the control cycles that were missed; WARN where it is below 0.9 of real_time_factor.
-Velocities are by the clock that stamps them: in slow motion, on the system's time, they are lower
-than those of the simulation.
+Velocities are per second of the clock that stamps them: in slow motion, on system time, they are
+lower than in the simulation.
 
 Services:
-    ~/reset (std_srvs/srv/Trigger): back to the beginning: x, y, yaw, odometry zero, no command; the
-        boxes of the world go back, too, unless a robot is in their place. Refused where another
-        robot is at the start.
-    ~/reset_odometry (std_srvs/srv/Trigger): odometry zero here and now.
-    ~/pause (std_srvs/srv/SetBool): true stops simulated time, false lets it go on.
+    ~/reset (std_srvs/srv/Trigger): moves the robot back to x, y and yaw, with zero odometry and no
+        command, and the world's boxes back to their start, unless a robot is in their place.
+        Refused if another robot is at the start.
+    ~/reset_odometry (std_srvs/srv/Trigger): sets the odometry to zero where the robot is.
+    ~/pause (std_srvs/srv/SetBool): true stops simulated time, false continues.
     ~/step (std_srvs/srv/Trigger): one control cycle of a paused simulation.
-    of a node /simulation beside it (in the robot's namespace, if it is alone): step_simulation,
-        reset_simulation, set_simulation_state, get_simulation_state and get_simulator_features, as
-        simulation_interfaces has them. A step is answered when all that was measured in it is
+    of another node, simulation (in the namespace of a single robot, else in /): step_simulation,
+        reset_simulation, set_simulation_state, get_simulation_state and get_simulator_features of
+        the package simulation_interfaces. A step is answered when all its measurements are
         published and, with step_topics, answered by a command.
-Of several robots in one world, ~/pause and ~/step of any are all robots', and so is
-real_time_factor, which changes for all; update_rate, use_sim_time, world and paused
-must be the same.
 
-Parameters are those of diff_drive_controller and joint_state_broadcaster, and the simulation's. A
-change takes effect at once, or is refused with the reason.
+If several robots share a world, ~/pause, ~/step and real_time_factor of any node apply to all of
+them; update_rate, use_sim_time, world and paused must be the same for all.
+
+Parameters are those of diff_drive_controller, joint_state_broadcaster and the simulation. A change
+takes effect at once, or is rejected with the reason.
 """
 
 if __name__ == "__main__":  # first: the imports take a second
@@ -91,19 +93,19 @@ from onebot_description.ros.node import (
 if TYPE_CHECKING:
     from onebot_control.nodes.driving import Driving
 
-# s after which the interpreter passes its lock to the control thread; 5 ms by default.
+# Seconds after which Python hands the GIL to the control thread; the default is 5 ms.
 _SWITCH_INTERVAL = 0.0005
 
 
 class SimulationNode(Node):
-    """See the module's docstring for what it publishes, subscribes and takes."""
+    """The node of one simulated robot; the module's docstring lists its topics and services."""
 
     def __init__(self, name: str, arguments: Sequence[str] | None = None) -> None:
         super().__init__(name, cli_args=ros_args(arguments))
         self.driving: Driving | None = None
 
     def destroy_node(self) -> None:
-        """Stop the control loop, and with it all robots of the world, and then the node."""
+        """Stop the control loop, and with it all robots of the world; then destroy the node."""
         if self.driving is not None:
             self.driving.stop()
         super().destroy_node()
@@ -115,16 +117,16 @@ def simulation_nodes(
     file: str | None = None,
     arguments: RosArguments = RosArguments(),  # noqa: B008 - it is a tuple
 ) -> list[SimulationNode]:
-    """Return a node for each robot of a world, which start moving it when all are described.
+    """Create a node for each robot of a world; they start once every description is known.
 
     Args:
         name: of the nodes: velocity_controller, or controller_manager for robots that stand.
-        robots: the ROS arguments of each; none for a single robot.
-        file: URDF or xacro file.
-        arguments: of all nodes.
+        robots: the ROS arguments of each robot's node; empty for a single robot.
+        file: URDF or xacro file; None for each node's parameter or topic robot_description.
+        arguments: ROS arguments of all nodes.
     """
     nodes = [SimulationNode(name, words) for words in robots] or [SimulationNode(name)]
-    # Only now: this process and the others discover each other while it is imported.
+    # Imported only now: DDS discovery runs meanwhile.
     from onebot_control.nodes.driving import Driving
 
     node_arguments = [arguments.joined(words) for words in robots] or [arguments]
@@ -146,12 +148,12 @@ def run_simulation(
     """Run the nodes of a world; return the exit code.
 
     Args:
-        program: its name, for its help.
-        explanation: its help.
-        node: as ``simulation_nodes`` has it.
-        parameters: the dataclass of that node's.
+        program: the program's name, for --help.
+        explanation: text of --help.
+        node: name of the nodes; see ``simulation_nodes``.
+        parameters: dataclass of the node's parameters.
         args: as in sys.argv; None for sys.argv itself.
-        default_file: gives the parameter file to use where the command line names none.
+        default_file: returns the parameter file to use if the command line names none.
     """
     sys.setswitchinterval(_SWITCH_INTERVAL)
     common_arguments, robots = split_robots(sys.argv if args is None else args)

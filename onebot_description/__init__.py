@@ -1,4 +1,4 @@
-"""What OneBot is, and how any robot's description is read and published.
+"""The description of OneBot, and tools that read, check and publish any robot's description.
 
 From Python, without ROS::
 
@@ -8,16 +8,17 @@ From Python, without ROS::
     model = RobotModel.from_description(description)
     poses = model.link_poses(model.positions({"arm_joint": 0.5}))  # (links, 7)
 
-``load_description`` reads and checks a URDF or xacro file, ``parse_description`` a text; both give
-a ``Description``. A ``RobotModel`` computes where links are. A mistake in a file is a
-``DescriptionError``, which is a ``OneBotError`` and has every problem with its line.
+``load_description`` reads and checks a URDF or xacro file, ``parse_description`` a text; both
+return a ``Description``. A ``RobotModel`` computes the poses of links. A mistake in a file raises a
+``DescriptionError``, a ``OneBotError`` that lists every problem with its line.
 
-The nodes are ``python -m onebot_description.robot_state_publisher`` and ``joint_state_publisher``.
+To run the nodes: ``python -m onebot_description.robot_state_publisher`` and
+``python -m onebot_description.joint_state_publisher``.
 """
 
 import sys
 
-if sys.argv[:1] == ["-m"]:  # python -m looks for a module of ours; first: imports take long
+if sys.argv[:1] == ["-m"]:  # python -m looks for a module of ours; done first: imports take long
     from onebot_description.ros.process_start import find_silently
 
     find_silently()
@@ -25,7 +26,7 @@ if sys.argv[:1] == ["-m"]:  # python -m looks for a module of ours; first: impor
 from onebot_description.ros.missing_ros import LastFinder
 
 TYPE_CHECKING = False  # typing's constant; typing is slow to import
-__version__: str  # the installed one, of all packages
+__version__: str  # of the installed distribution, which has all packages
 
 __all__ = [
     "Description",
@@ -41,9 +42,10 @@ sys.meta_path.append(LastFinder)
 
 
 def lazy(modules: "Mapping[str, Sequence[str]]") -> "Callable[[str], object]":
-    """Return a module's ``__getattr__``, which imports names when they are used first.
+    """Return a ``__getattr__`` for a package that imports its names when they are first used.
 
-    ``modules`` are the names by module. Every name may also be "__version__".
+    Args:
+        modules: for each module to import from, the names in it. "__version__" is always added.
     """
     homes = {name: module for module, names in modules.items() for name in names}
 

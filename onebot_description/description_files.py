@@ -1,4 +1,4 @@
-"""A description's files: an edit loads the robot again, while its node works on."""
+"""Watches the files of a description, and loads it again in the background after an edit."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 
 class Source(NamedTuple):
-    """What a description was read from."""
+    """The file, arguments and time from which a description was read."""
 
     model: str  # a URDF or xacro file
-    arguments: Mapping[str, str]  # xacro's
-    files: tuple[str, ...]  # the model, and what it includes
-    read_ns: int  # when, since 1970: what is written later is an edit
+    arguments: Mapping[str, str]  # for xacro
+    files: tuple[str, ...]  # the model, and the files that it includes
+    read_ns: int  # time of reading, ns since 1970; files written later count as edited
 
     def to_json(self) -> str:
         """Return it as text, for a command line."""
@@ -30,7 +30,7 @@ class Source(NamedTuple):
 
     @classmethod
     def from_json(cls, text: str) -> Source:
-        """Return what ``to_json`` has written."""
+        """Return the Source from a text of ``to_json``."""
         content = json.loads(text)
         return cls(**{**content, "files": tuple(content["files"])})
 
@@ -48,17 +48,18 @@ class DescriptionFiles:
 
     @property
     def edited(self) -> str:
-        """The files edited since the last description that could be used."""
+        """The files that were edited since the last applied description, joined by commas."""
         return ", ".join(map(str, dict.fromkeys(self._edited)))
 
     def applied(self) -> None:
-        """Begin a new list of edited files: the description is in use."""
+        """Clear the list of edited files, because the new description is in use."""
         self._edited.clear()
 
     def poll(self) -> Description | None:
-        """Return the edited robot once it is loaded; to be called several times a second.
+        """Return the edited description once it is loaded; call it several times a second.
 
-        Raises OneBotError if the files as they are now cannot be used.
+        Raises:
+            OneBotError: the files in their current state cannot be used.
         """
         saved, removed = self._watch.poll()
         self._edited += [*saved, *removed]

@@ -5,10 +5,10 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
 
 _MAX_LISTED = 12
-_MAX_COMPARED = 1000  # names; comparing one with them takes some hundredths of a second
-_MAX_ALIKE = 20
-_LEAST_ALIKE = 0.6  # difflib's ratio of a name that is suggested
-_LESS_ALIKE = 0.05  # less than the most similar name's ratio
+_MAX_COMPARED = 1000  # names; comparing with all of them takes some hundredths of a second
+_MAX_ALIKE = 20  # messages of one kind; of more, only the first is shown
+_LEAST_ALIKE = 0.6  # least difflib ratio of a suggested name
+_LESS_ALIKE = 0.05  # how far a suggestion's ratio may be below that of the most similar name
 _MAX_SUGGESTED = 3
 _MAX_LENGTH = 2000  # characters of one message
 # Messages of one kind differ in names, numbers and hints.
@@ -18,7 +18,7 @@ _NUMBERS = re.compile(r"(\d{1,1000})", re.ASCII)
 
 
 def nearest(name: str, candidates: Iterable[str]) -> str | None:
-    """Return the candidate most similar to ``name`` without regard to case; None if none is."""
+    """Return the candidate most similar to ``name``, ignoring case; None if none is similar."""
     from difflib import get_close_matches  # slow to import, and all commands import this module
 
     as_written = {candidate.lower(): candidate for candidate in sorted(candidates, reverse=True)}
@@ -27,10 +27,9 @@ def nearest(name: str, candidates: Iterable[str]) -> str | None:
 
 
 def alike(name: str, candidates: Iterable[str]) -> list[str]:
-    """Return up to three candidates whose path, or its last word, is similar to ``name``.
+    """Return up to three candidates whose path, or last word, is similar to ``name``, best first.
 
-    So ``/odom`` finds ``/robot1/odom``. The most similar one is the first; far less similar ones
-    are left out.
+    For example, ``/odom`` finds ``/robot1/odom``. Much less similar candidates are left out.
     """
     from difflib import SequenceMatcher  # slow to import
 
@@ -90,7 +89,7 @@ def printable(text: str) -> str:
 
 
 def condensed(messages: Sequence[str]) -> tuple[str, ...]:
-    """Return ``messages``, many of one kind as the first with their number, long ones clipped."""
+    """Clip long messages, and replace many of one kind by the first one and their count."""
     kinds = [_PARTICULARS.sub("", message[:_MAX_LENGTH]) for message in messages]
     counts = Counter(kinds)
     lines = []
@@ -106,7 +105,7 @@ def condensed(messages: Sequence[str]) -> tuple[str, ...]:
 
 
 def clipped(message: str) -> str:
-    """Return ``message``; of a very long one only its ends."""
+    """Return ``message``; if it is very long, only its beginning and end."""
     half = _MAX_LENGTH // 2
     return message if len(message) <= _MAX_LENGTH else f"{message[:half]} ... {message[-half:]}"
 
@@ -117,20 +116,22 @@ def shortened(text: str, most: int = _MAX_SHOWN) -> str:
 
 
 class OneBotError(Exception):
-    """A user's mistake; ``str(error)`` is the whole message, commands exit with code 1."""
+    """A mistake that a user can fix; ``str(error)`` is the message. Commands exit with code 1."""
 
     def __init__(self, message: str = "") -> None:
         super().__init__("\n".join(map(printable, message.split("\n"))))
 
 
 class UsageError(OneBotError):
-    """A wrong command line; commands exit with code 2."""
+    """A mistake in the command line; commands exit with code 2."""
 
 
 class DescriptionError(OneBotError):
     """A robot description that cannot be used.
 
-    ``problems`` and ``warnings`` hold all that was found, each with file, element and remedy.
+    Attributes:
+        problems: everything that is wrong, each with file, line, element and remedy.
+        warnings: further findings, which alone would not prevent its use.
     """
 
     def __init__(self, problems: Iterable[str], warnings: Iterable[str] = ()) -> None:

@@ -1,9 +1,9 @@
-"""Notices that files were saved and are complete again, and reads them in the background.
+"""Detects that files were saved and are complete, and reads them in the background.
 
 An editor may empty a file and then fill it, write a new one and rename it over the old one, or save
-several at once. So files are polled by name, by one stat call each, and a change counts once all of
-them have been at rest for a moment; for a longer one where a file is empty or gone, which most are
-before they are filled.
+several at once. Files are therefore polled by name, with one stat call each, and a change counts
+once all of them have not changed for a moment; for a longer moment if a file is empty or missing,
+as many are just before they are filled.
 """
 
 import os
@@ -21,11 +21,11 @@ T = TypeVar("T")
 FileState = tuple[int, int, int] | None  # time of modification (ns), size, inode; None: no file
 _UNREAD = (-1, -1, -1)
 _REST = 0.2  # seconds without a change until a change counts
-_REST_EMPTY = 1.0  # the same, where a changed file is empty or gone
+_REST_EMPTY = 1.0  # the same, if a changed file is empty or missing
 
 
 def _states(files: Iterable[Path]) -> dict[Path, FileState]:
-    """Return for each file what changes when it is edited, replaced or removed."""
+    """Return a state of each file that differs after it was edited, replaced or removed."""
     return {file: _state(file) for file in files}
 
 
@@ -42,14 +42,14 @@ def _has_content(state: FileState) -> bool:
 
 
 class Changes(NamedTuple):
-    """Which files have changed."""
+    """The files that have changed since the last poll."""
 
     saved: list[Path]  # written or replaced
     removed: list[Path]  # deleted, or renamed to something else
 
 
 class FileWatch:
-    """Reports which of some files have changed, once all of them are at rest."""
+    """Reports which of the watched files have changed, once none of them changes any more."""
 
     def __init__(
         self,
@@ -58,10 +58,12 @@ class FileWatch:
         since_ns: int | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Watch ``files``; none need exist.
+        """Watch files.
 
-        Files that were written later than ``since_ns``, ns since 1970, count as changed; ``clock``
-        gives seconds.
+        Args:
+            files: to watch; they need not exist.
+            since_ns: files written after this time (ns since 1970) count as changed.
+            clock: returns seconds.
         """
         self._last = _states(files)
         self._known = dict(self._last)
@@ -69,11 +71,11 @@ class FileWatch:
             if since_ns is not None and (state is None or state[0] > since_ns):
                 self._known[file] = _UNREAD
         self._clock = clock
-        self._since = clock()  # when the files were first found as they were last
+        self._since = clock()  # when the files were first seen in their last state
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """The files watched."""
+        """The watched files."""
         return tuple(self._known)
 
     def watch(self, files: Iterable[Path]) -> None:
@@ -85,9 +87,9 @@ class FileWatch:
         self._last = {file: last[file] for file in names}
 
     def poll(self) -> Changes:
-        """Look at the files; return what has happened to them since it was last returned.
+        """Check the files; return the changes since the last ones that were returned.
 
-        Nothing is returned before all of the files have been at rest.
+        Changes are returned only after all files have not changed for a moment.
         """
         last, self._last, now = self._last, _states(self._known), self._clock()
         if self._last != last:
@@ -102,7 +104,7 @@ class FileWatch:
 
 
 def in_background(read: Callable[[], T]) -> "Future[T]":
-    """Call ``read`` in a thread, to be polled for: a node works on while it reads a file."""
+    """Call ``read`` in a thread; return its Future, to poll while the node continues to work."""
     from concurrent.futures import Future  # it imports logging, and few processes need it
 
     reading: Future[T] = Future()

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""joint_state_publisher: joint states from YAML, moving as soon as the file is saved.
+"""joint_state_publisher: publishes joint states from YAML, and follows edits of the file.
 
 Run it alone with
 ``python -m onebot_description.joint_state_publisher [FILE] --ros-args --params-file joints.yaml``;
@@ -8,14 +8,14 @@ robot_description.
 
 Publishes:
     joint_states (sensor_msgs/msg/JointState, reliable, depth 10): positions in rad or m, velocities
-        in rad/s or m/s, of all joints that move, in the order of the description.
+        in rad/s or m/s, of all moving joints, in the order of the description.
 
 Subscribes:
     robot_description (std_msgs/msg/String, reliable, transient local, depth 1): the URDF, unless
         FILE or the parameter gives it.
     each topic of source_list (sensor_msgs/msg/JointState, best effort, depth 10).
 
-All parameters can be changed while it runs; a change takes effect or is refused with the reason.
+All parameters can be changed while it runs; an invalid change is rejected with the reason.
 """
 
 if __name__ == "__main__":  # first: the imports take a second
@@ -74,12 +74,16 @@ class JointParameters:
     """The node's parameters: declared, read from files, and checked against each other."""
 
     live: LiveParameters  # the files they come from
-    values: dict[str, Any]  # at the start, by name
-    config: JointsConfig  # the same, checked
-    describing: bool  # descriptions change, no values
+    values: dict[str, Any]  # values at the start, by name
+    config: JointsConfig  # the same values, checked
+    describing: bool  # whether only descriptors are being set, no values
 
     def __init__(self, node: Node, arguments: RosArguments) -> None:
-        """Declare every parameter that anybody set, and the rest with its default."""
+        """Declare every parameter that was set, and the others with their defaults.
+
+        Raises:
+            ConfigError: with every problem.
+        """
         self._node = node
         self._name = node.get_fully_qualified_name()
         self.describing = False
@@ -104,11 +108,11 @@ class JointParameters:
         if isinstance(config_file, str) and config_file:
             self.live.add(config_file)
             self.live.file = self.live.read()
-            # What the command line and its parameter files have overrides this file.
+            # The command line and its parameter files override this file.
             written = {n: v for n, v in self.live.file.values.items() if n not in names}
             declare(self._node, JointsConfig, dict.fromkeys(written))
             self._node.set_parameters([ros_parameter(n, value) for n, value in written.items()])
-            # What rclpy has refused as out of range is here as well, so that it is reported.
+            # Includes values that rclpy refused as out of range, so that they are reported.
             values = {**self._current(), **written}
         return values
 
@@ -119,7 +123,7 @@ class JointParameters:
     def changed(
         self, values: Mapping[str, Any], parameters: Sequence[Parameter]
     ) -> tuple[dict[str, Any], JointsConfig]:
-        """Return all ``values`` and the configuration with ``parameters`` set, None unset."""
+        """Return all ``values``, and their config, with ``parameters`` set (None: unset)."""
         changed = {**values, **{parameter.name: plain(parameter.value) for parameter in parameters}}
         changed = {name: value for name, value in changed.items() if value is not None}
         config = self._checked(changed)
@@ -129,7 +133,7 @@ class JointParameters:
         return changed, config
 
     def describe(self, parameters: Sequence[Parameter]) -> None:
-        """Describe those parameters that were not declared before they were set."""
+        """Set the descriptors of parameters that were set without being declared."""
         self.describing = True
         try:
             for parameter in parameters:
@@ -141,7 +145,7 @@ class JointParameters:
             self.describing = False
 
     def _checked(self, values: Mapping[str, Any]) -> JointsConfig:
-        """Check everything, also what JointsConfig cannot: names of topics."""
+        """Check values, including names of topics, which JointsConfig cannot check."""
         config = JointsConfig.from_parameters(values)
         if problems := self._topic_problems(config.source_list):
             raise ConfigError(problems)
@@ -165,18 +169,23 @@ class JointParameters:
 
 @dataclass(frozen=True)
 class JointsState:
-    """Parameters and description; replaced as a whole, so that a refusal changes nothing."""
+    """Parameters and description; replaced as a whole, so that a refused change has no effect."""
 
     values: Mapping[str, Any]  # the parameters, by name
-    config: JointsConfig  # the same, checked
-    description: Description | None = None  # the robot, once it is known
+    config: JointsConfig  # the same parameters, checked
+    description: Description | None = None  # None until the robot is known
     source: JointStateSource | None = None  # moves the robot's joints
-    plan: Plan | None = None  # not applied to the source yet
+    plan: Plan | None = None  # a plan that is not yet applied to the source
 
     def describing(self, description: Description, *, tolerant: bool) -> "JointsState":
-        """Return the state with another robot, whose joints go on from where they are.
+        """Return the state with another robot, whose joints continue from their positions.
 
-        Raises ConfigError for parameters that do not suit it; ``tolerant`` leaves them out instead.
+        Args:
+            description: the robot.
+            tolerant: ignore parameters that do not suit it, instead of raising.
+
+        Raises:
+            ConfigError: parameters do not suit the robot.
         """
         source = JointStateSource(
             description.joints, self.config, previous=self.source, tolerant=tolerant
@@ -186,7 +195,7 @@ class JointsState:
     def with_parameters(
         self, values: Mapping[str, Any], config: JointsConfig, new: Description | None = None
     ) -> "JointsState":
-        """Return the state with other parameters, and ``new``, the robot that they describe."""
+        """Return the state with other parameters; ``new``: another robot, if they describe one."""
         changed = replace(self, values=values, config=config, plan=None)
         if new is not None:
             return changed.describing(new, tolerant=False)
@@ -198,22 +207,22 @@ _GOES_ON = "the robot goes on as before"
 
 
 class JointFiles:
-    """Parameter files and the description's files, applied as soon as they are saved."""
+    """Watches parameter files and the description's files, and applies edits of them."""
 
     def __init__(
         self, node: "JointStatePublisher", description_file: str | None, live: LiveParameters
     ) -> None:
-        """Nothing is watched before ``watch``."""
+        """Prepare; call ``watch`` to start watching."""
         self._node, self._log, self._description_file = node, node.get_logger(), description_file
         self._live = live
-        self._saved: list[Path] = []  # parameter files, since they were last applied
-        self._is_refused = False  # the parameter files as they are
-        self._unsuitable: Parameters | None = None  # those refused because of the robot
-        self._is_unread = False  # the parameter files are to be read
+        self._saved: list[Path] = []  # parameter files saved since they were last applied
+        self._is_refused = False  # whether the parameter files were refused in their current state
+        self._unsuitable: Parameters | None = None  # parameters refused because of the robot
+        self._is_unread = False  # whether the parameter files have to be read
         self._reading: Future[Parameters] | None = None
         self._watch = FileWatch(())
         self._description: DescriptionFiles | None = None
-        self._polled_ns = time.time_ns()  # a file that is written later was edited
+        self._polled_ns = time.time_ns()  # files written later count as edited
 
     def watch(self) -> None:
         """Watch the files as they are now."""
@@ -274,12 +283,12 @@ class JointFiles:
 
     @property
     def _names(self) -> str:
-        """The saved parameter files; at a change of config_file, that one."""
+        """The saved parameter files in words; after a change of config_file, that file."""
         files = self._saved or self._live.files[:1]
         return ", ".join(map(str, dict.fromkeys(files))) or "parameters"
 
     def _apply_parameters(self, file: Parameters) -> None:
-        """Set every parameter as the files have it; one they do not name gets its default."""
+        """Set every parameter to its value in the files, or to its default."""
         live = self._live
         last = live.file
         try:
@@ -301,15 +310,16 @@ class JointFiles:
             self._log.warning(live.warning)
 
 
-# Takes what sensors publish best effort as well as what is published reliably.
+# Best effort matches publishers of either reliability.
 _ANY_SENDER = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 _EMPTY = array("d")
 
 
 class JointStatesOut:
-    """The topic joint_states, published at a rate once there is a robot."""
+    """Publishes the topic joint_states at a rate, once there is a robot."""
 
     def __init__(self, node: Node) -> None:
+        """Create the publisher; ``use`` starts publishing."""
         self._node = node
         self._publisher = node.create_publisher(JointState, "joint_states", 10)
         self._message = JointState()
@@ -319,7 +329,7 @@ class JointStatesOut:
         self._began: int | None = None
 
     def use(self, source: JointStateSource, config: JointsConfig) -> None:
-        """Publish what ``source`` does from now on, as ``config`` asks."""
+        """Publish the joint states of ``source`` from now on, as ``config`` asks."""
         if source is not self._source:
             self._source, self._message = source, JointState(name=list(source.names))
         if self._timer is None or config.rate != self._config.rate:
@@ -332,7 +342,7 @@ class JointStatesOut:
         self._timer = self._node.create_timer(1.0 / rate, self.publish)
 
     def publish(self) -> None:
-        """Publish the joints' state of now; nothing if no joint moves."""
+        """Publish the current joint states; nothing if no joint moves."""
         source, config = self._source, self._config
         if source is None or not source.names:
             return
@@ -355,9 +365,10 @@ class JointStatesOut:
 
 
 class JointStatesIn:
-    """The topics whose values count more than all motions."""
+    """Subscribes to the topics whose values override all motions."""
 
     def __init__(self, node: Node, received: Callable[[str, JointState], None]) -> None:
+        """Call ``received`` with topic and message; ``subscribe`` sets the topics."""
         self._node, self._received = node, received
         self._subscriptions: dict[str, Subscription] = {}
 
@@ -375,12 +386,20 @@ _NO_ARGUMENTS = RosArguments()
 
 
 class JointStatePublisher(Node):
-    """See the module's docstring for what it publishes, subscribes and takes."""
+    """The node joint_state_publisher; the module's docstring lists its topics."""
 
     def __init__(
         self, description_file: str | None = None, arguments: RosArguments = _NO_ARGUMENTS
     ) -> None:
-        """Start publishing as soon as the description is known."""
+        """Start publishing as soon as the description is known.
+
+        Args:
+            description_file: URDF or xacro file; None for the parameter or topic.
+            arguments: the command line's ROS arguments.
+
+        Raises:
+            OneBotError: the description or a parameter cannot be used.
+        """
         super().__init__("joint_state_publisher", allow_undeclared_parameters=True)
         self._reported: set[Problem] = set()
         self._warn = Throttled(self.get_logger().warning)
@@ -426,7 +445,15 @@ class JointStatePublisher(Node):
         return old.with_parameters(values, config, new)
 
     def set_all(self, changes: Mapping[str, Any], places: Mapping[str, str]) -> None:
-        """Set all ``changes`` or none, None to unset; ``places`` are where they were written."""
+        """Set all ``changes`` or none.
+
+        Args:
+            changes: values by name; None to unset.
+            places: file and line of each, for errors.
+
+        Raises:
+            OneBotError: a change is refused; then nothing has changed.
+        """
         if not changes:
             return
         parameters = [ros_parameter(name, value) for name, value in changes.items()]
@@ -451,19 +478,19 @@ class JointStatePublisher(Node):
     # Applying parameters and descriptions ----------------------------------------------------
 
     def _use(self, description: Description) -> None:
-        """Start with ``description``; raises ConfigError for parameters that do not suit it."""
+        """Start with ``description``; raise ConfigError if parameters do not suit it."""
         try:
             self._apply(self.state.describing(description, tolerant=False))
         except ConfigError as error:
             raise error.located(self._settings.live.places(self.state.values)) from None
 
     def replace(self, description: Description) -> None:
-        """Change to ``description``, as all other nodes do.
+        """Change to another description, as all other nodes do.
 
-        Parameters of joints that it does not have are reported and left out.
+        Parameters of joints that it does not have are reported and ignored.
         """
         self._change(self.state.describing(description, tolerant=True))
-        self._files.apply_refused()  # they may be about this robot
+        self._files.apply_refused()  # they may suit this robot
         self._report()
 
     def _apply(self, state: JointsState) -> None:

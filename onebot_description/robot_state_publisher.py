@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""robot_state_publisher: joint states in, the robot's transforms out.
+"""robot_state_publisher: publishes a robot's description, and its transforms from joint states.
 
-Run it alone with ``python -m onebot_description.robot_state_publisher [FILE] --ros-args ...``;
-FILE is a URDF or xacro file, in place of the parameter robot_description; edits of it, and of what
-it includes, are published as they are saved. One that cannot be used is reported, and the last good
-description stays. Nodes of several robots share a process so: ``... --robot -r __ns:=/robot1
---robot -r __ns:=/robot2 --ros-args ...``; what follows --robot are ROS arguments of one node. Their
-files are not followed.
+Run it alone with ``python -m onebot_description.robot_state_publisher [FILE] --ros-args ...``.
+FILE is a URDF or xacro file, which replaces the parameter robot_description; when it, or a file
+that it includes, is edited, the new description is published. An edit that cannot be used is
+reported, and the last good description stays. To publish several robots from one process:
+``... --robot -r __ns:=/robot1 --robot -r __ns:=/robot2 --ros-args ...``; ROS arguments that follow
+--robot are for one node. Their files are not watched.
 
 Publishes:
     robot_description (std_msgs/msg/String, reliable, transient local, depth 1): the URDF.
@@ -14,11 +14,12 @@ Publishes:
     /tf_static (tf2_msgs/msg/TFMessage, reliable, transient local, depth 1): those that do not.
 
 Subscribes:
-    joint_states (sensor_msgs/msg/JointState, best effort, depth 5): positions in rad or m; ignored
-        if older than the last one of their joints, but by 10 s or more the new stamp counts.
+    joint_states (sensor_msgs/msg/JointState, best effort, depth 5): positions in rad or m; a
+        message older than the last one of its joints is ignored, unless it is 10 s or more older:
+        then the clock was set back.
 
-All parameters can be changed while it runs; a change is checked, or refused with the reason.
-Floating and planar joints are published at their origin, static: their pose is in no JointState.
+All parameters can be changed while it runs; an invalid change is rejected with the reason. Floating
+and planar joints are published at their origin, as static transforms: JointState has no poses.
 """
 
 if __name__ == "__main__":  # first: the imports take a second
@@ -63,12 +64,12 @@ from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.state_converter import StateConverter
 from onebot_description.state_parameters import StateParameters
 
-_POLL_EVERY = 0.1  # s, of the description's files
-_FOLLOW = "--follow"  # the option by which a bringup gives a Source
+_POLL_EVERY = 0.1  # s between polls of the description's files
+_FOLLOW = "--follow"  # the option with which a bringup passes a Source
 
 
 class RobotStatePublisher(Node):
-    """See the module's docstring for what it publishes, subscribes and takes."""
+    """The node robot_state_publisher; the module's docstring lists its topics."""
 
     def __init__(
         self,
@@ -79,9 +80,12 @@ class RobotStatePublisher(Node):
         """Start publishing.
 
         Args:
-            description: the robot; None to take the parameter robot_description.
+            description: the robot; None to use the parameter robot_description.
             arguments: ROS arguments of this node alone.
-            source: what the description was read from, to publish edits of it.
+            source: the files that the description was read from, to publish edits of them.
+
+        Raises:
+            OneBotError: the description or a parameter cannot be used.
         """
         super().__init__("robot_state_publisher", cli_args=ros_args(arguments))
         self._warn = Throttled(self.get_logger().warning)
@@ -93,7 +97,7 @@ class RobotStatePublisher(Node):
         self._description = self.create_publisher(String, "robot_description", LATCHED)
         if description is None:
             description = _parse(self._settings.robot_description)
-        # A live change is validated and then applied: it need not be parsed twice.
+        # Keep the validated description so a live change is not parsed twice.
         self._accepted = description, RobotModel.from_description(description)
         self._apply_description()
         self._apply()
@@ -115,7 +119,7 @@ class RobotStatePublisher(Node):
             FollowedFiles(self, DescriptionFiles(source))
 
     def replace(self, description: Description) -> bool:
-        """Publish another robot from now on; return whether it is another one."""
+        """Publish another robot from now on; return whether it differs from the current one."""
         if description.urdf == self._accepted[0].urdf:
             return False
         self._accepted = description, RobotModel.from_description(description)
@@ -123,7 +127,7 @@ class RobotStatePublisher(Node):
         return True
 
     def _apply(self) -> None:
-        """Convert with the parameters as they are now."""
+        """Apply the current parameters to the conversion of joint states."""
         frequency = self._settings.publish_frequency
         self._converter = StateConverter(
             self._model,
@@ -135,7 +139,7 @@ class RobotStatePublisher(Node):
         self._tf_static.publish(self._converter.static_transforms(self._now_ns()))
 
     def _apply_description(self) -> None:
-        """Publish the accepted description, and convert by it from now on."""
+        """Publish the accepted description, and use it for transforms from now on."""
         description, self._model = self._accepted
         for notice in description.notices:
             self.get_logger().warning(notice)
@@ -189,8 +193,9 @@ class FollowedFiles:
     """Publishes the robot again when its files are edited; unusable files change nothing."""
 
     def __init__(self, node: RobotStatePublisher, files: DescriptionFiles) -> None:
+        """Poll ``files``, and publish edits through ``node``."""
         self._node, self._files, self._log = node, files, node.get_logger()
-        self._is_refused = False  # the files as they are
+        self._is_refused = False  # whether the files in their current state were refused
         steady_timer(node, _POLL_EVERY, self._poll)
 
     def _poll(self) -> None:
@@ -204,7 +209,7 @@ class FollowedFiles:
     def _apply(self, description: Description) -> None:
         keep_places(description)
         if self._node.replace(description):
-            # Not more: every other node logs whether the new robot suits it.
+            # Log no more than this: every other node logs whether the new robot suits it.
             text = "edited, robot_state_publisher publishes the new robot"
             self._log.info(f"{self._files.edited}: {text}")
         elif self._is_refused:
@@ -223,7 +228,7 @@ def _parse(urdf: str) -> Description:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the node; returns the exit code."""
+    """Run the node; ``args`` are as in sys.argv. Return the exit code."""
     common, robots = split_robots(sys.argv if args is None else args)
     followed = None
     if _FOLLOW in common:
@@ -238,7 +243,7 @@ def main(args: Sequence[str] | None = None) -> int:
             source = Source(file, {}, tuple(map(str, description.files)), now_ns)
         nodes = [RobotStatePublisher(description, words) for words in robots]
         nodes = nodes or [RobotStatePublisher(description, source=source)]
-        # In every bringup there is this process, and only one.
+        # Every bringup has exactly one such process.
         DiscoveryServerCheck(nodes)
         return nodes
 

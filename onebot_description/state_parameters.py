@@ -1,4 +1,4 @@
-"""The parameters of robot_state_publisher, some of which are launch arguments, too."""
+"""The parameters of robot_state_publisher; some of them are launch arguments, too."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ _LEAST_HERTZ = 0.001
 
 @dataclass(frozen=True)
 class StateParameters:
-    """The node's parameters."""
+    """The parameters of robot_state_publisher; the table in README.md explains them."""
 
     robot_description: str = parameter("", "the URDF; required without FILE")
     publish_frequency: float = parameter(

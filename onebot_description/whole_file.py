@@ -6,7 +6,11 @@ from pathlib import Path
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Write a file; an older one is replaced and gives its mode; a link stays a link."""
+    """Write a file in one step; an existing file is replaced, and its mode kept; links stay.
+
+    Raises:
+        OSError: it cannot be written; then nothing has changed.
+    """
     path = path.resolve()
     new = path.with_name(f".{path.name}-{os.getpid()}")
     try:
@@ -19,10 +23,10 @@ def write_whole(path: Path, data: bytes) -> None:
 
 
 def refuse_unwritable(path: Path, *, folder: bool = False) -> None:
-    """Raise the OSError that making a file or a new ``folder`` at a path would end with.
+    """Raise the OSError that creating a file, or a new ``folder``, at a path would raise.
 
-    It is tried: permissions alone do not tell, for example of root or a read-only file system. What
-    is there stays as it is.
+    Creating it is tried, because permissions alone do not tell, for example for root or on a
+    read-only file system. An existing file does not change.
     """
     is_new = not path.exists()
     if folder:

@@ -21,6 +21,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
+from onebot_description.ros import node as ros_node
 from onebot_description.ros.discovery import configure_discovery
 from tests.support import PATIENCE, wait_for
 
@@ -67,7 +68,7 @@ class Peer:
 
     def _spin(self) -> None:
         try:
-            self._executor.spin_until_future_complete(self._ended)
+            ros_node.spin_until(self._ended, self._executor)
         except ExternalShutdownException:
             pass
 
@@ -150,6 +151,7 @@ class RunningProcess:
                 stderr=subprocess.STDOUT,
                 cwd=folder,
                 start_new_session=True,
+                env={**os.environ, "PYTHONFAULTHANDLER": "1"},
             )
 
     @property
@@ -172,7 +174,14 @@ class RunningProcess:
 
     def __exit__(self, kind: object, *_: object) -> None:
         try:
+            if kind is not None and self.process.poll() is None:
+                self.process.send_signal(signal.SIGCONT)  # the test may have stopped it
             code = self.interrupt()
+        except subprocess.TimeoutExpired:
+            self.process.send_signal(signal.SIGABRT)  # its stacks go to its output
+            self.process.wait(PATIENCE)
+            print(f"--- output of the process, which hung:\n{self.output}")
+            raise
         finally:
             if self.process.poll() is None:
                 self.process.kill()

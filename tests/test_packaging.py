@@ -30,7 +30,7 @@ MAY_IMPORT = {
     "onebot_bringup": {"onebot_description", "onebot_control"},
     "mrm_description": {"onebot_bringup", "onebot_description"},
 }
-DATA = ("urdf", "worlds", "meshes", "config", "notebooks")
+DATA = ("urdf", "worlds", "meshes", "config", "notebooks", "examples")
 
 
 def _manifest(package: str) -> ElementTree.Element:

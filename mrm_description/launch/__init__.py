@@ -1,1 +1,1 @@
-"""What starts MRM."""
+"""Scripts that start MRM."""

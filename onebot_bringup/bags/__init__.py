@@ -1,1 +1,1 @@
-"""Recordings as rosbag2 has them: a folder with an MCAP file and metadata.yaml."""
+"""Writes and reads rosbag2 recordings: folders with an MCAP file and metadata.yaml."""

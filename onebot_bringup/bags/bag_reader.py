@@ -1,4 +1,4 @@
-"""Reads recordings of ROS 2, ours or anyone's: MCAP files, SQLite files, and folders of them."""
+"""Reads ROS 2 recordings of any origin: MCAP files, SQLite files, and folders of them."""
 
 import shutil
 import tempfile
@@ -29,29 +29,37 @@ from onebot_description.ros.parameters import bounded_yaml
 from onebot_description.ros.wire.interface_text import full_definition
 
 MAX_SIZE = 256_000_000  # bytes
-_FILE_RATIO = 100  # a file that is compressed as a whole becomes larger by at most as much
+_FILE_RATIO = 100  # maximum growth of a whole compressed file
 
-# rosbag2 compresses files or messages itself, beside the chunks of an MCAP file.
+# Besides the chunks of an MCAP file, rosbag2 can compress whole files or single messages.
 _ZSTD = "zstd"
 _COMPRESSED = f".{_ZSTD}"
-_FRAME = b"\x28\xb5\x2f\xfd"  # how zstd's data begins, and no CDR does
+_FRAME = b"\x28\xb5\x2f\xfd"  # zstd's data begins with this, CDR never does
 _ROS1 = ".bag"
 _STORAGES = {".mcap": "mcap", ".db3": "sqlite3"}
 
 
 class Bag(Contents):
-    """A recording that exists, with its contents.
+    """An existing recording, with its contents.
 
     Attributes:
         source: the file or folder.
-        files: those with the messages, in their order.
-        storage: how they are stored, as rosbag2 names it: mcap or sqlite3.
-        distro: of the ROS that recorded it, in lower case; "" if that is not known.
-        warnings: problems in spite of which it can be read; reading may add some.
+        files: the files with the messages, in order.
+        storage: rosbag2's name of the storage: mcap or sqlite3.
+        distro: the ROS distro that recorded it, in lower case; "" if unknown.
+        warnings: problems that do not prevent reading; reading may add some.
     """
 
     def __init__(self, source: Path, max_size: int = MAX_SIZE) -> None:
-        """Open a file or folder, or raise an OneBotError; ``max_size`` bytes are read at once."""
+        """Open a file or folder.
+
+        Args:
+            source: the file or folder.
+            max_size: the maximum size of a message or chunk, bytes.
+
+        Raises:
+            OneBotError: it cannot be read.
+        """
         super().__init__()
         self.source = source
         self._max_size = max_size
@@ -75,9 +83,9 @@ class Bag(Contents):
         return kind(file, self._max_size)
 
     def messages(self, topics: Collection[str]) -> Iterator[BagMessage]:
-        """Return the messages of ``topics``, file by file, in the order of their times.
+        """Yield the messages of ``topics``, file by file, ordered by time.
 
-        Of a damaged file, the messages before the damage are returned, with a warning.
+        For a damaged file, the messages before the damage are yielded, and a warning is added.
         """
         for file in self._readable:
             try:
@@ -92,18 +100,22 @@ class Bag(Contents):
                 self.warnings.append(f"{name}: {_reason(error)}; what comes before is read")
 
     def definition(self, type_name: str) -> str:
-        """Return a type's definition, the recording's or the installed; without, an OneBotError."""
+        """Return the definition of a type, from the recording or an installed package.
+
+        Raises:
+            OneBotError: there is none.
+        """
         if type_name in self.definitions:
             return self.definitions[type_name]
         try:
             return full_definition(type_name)
-        except (OneBotError, ValueError) as error:  # ValueError: a name that is none of ROS 2
+        except (OneBotError, ValueError) as error:  # ValueError: not a ROS 2 type name
             raise OneBotError(
                 f"the definition of {type_name} is neither in {self.source} nor installed"
             ) from error
 
     def _decompressed(self, file: Path) -> Path:
-        """The file, or what is in it in a temporary folder that goes away with the bag."""
+        """Return the file, decompressed if necessary into a temporary folder of the bag."""
         if file.suffix != _COMPRESSED:
             return file
         folder = tempfile.mkdtemp(prefix="onebot-")
@@ -113,7 +125,7 @@ class Bag(Contents):
         try:
             with open_file(file) as source, target.open("wb") as plain:
 
-                def read(size: int) -> bytes:  # Ctrl-C counts between two calls of Python
+                def read(size: int) -> bytes:  # Ctrl-C is handled between two calls of Python
                     check_size("a gap", source.tell() - plain.tell(), self._max_size)
                     return source.read(size)
 
@@ -126,7 +138,7 @@ class Bag(Contents):
         return target
 
     def _decompressed_message(self, message: BagMessage) -> bytes | None:
-        """Its data; None, with a warning for each topic, if they are damaged."""
+        """Return a message's data; None, with one warning per topic, if they are damaged."""
         try:
             return decompressed(message.data, self._max_size)
         except (zstandard.ZstdError, ValueError) as error:
@@ -157,7 +169,7 @@ class Bag(Contents):
         return [source]
 
     def _in_folder(self) -> list[Path]:
-        """The files that metadata.yaml names, or else the files in the folder."""
+        """Return the files that metadata.yaml names, or else all in the folder."""
         paths = {path.name: path for path in self.source.iterdir()}
         information = self._metadata()
         if information is None:

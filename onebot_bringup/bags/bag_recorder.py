@@ -1,14 +1,15 @@
 #!/usr/bin/env python3
 """Records topics as ``ros2 bag record`` does: a rosbag2 in MCAP that survives being killed.
 
-The folder is complete about once a second: whatever ends the recorder, all but the last second can
-be read, by ``ros2 bag info`` and ``play`` (Jazzy or newer), Foxglove and ``onebot replay``.
+The folder is completed about once a second: whatever ends the recorder, everything except the last
+second can be read by ``ros2 bag info`` and ``play`` (Jazzy or newer), Foxglove and
+``onebot replay``.
 
-It warns of messages that were lost on their way to it, and of a time in which it received none.
+The recorder warns of messages that were lost, and if it was stopped for a while.
 
 Subscribes:
     /tf, /tf_static, joint_states, robot_description, velocity_controller/odom: from the start.
-    every other topic that appears, but hidden ones, /rosout and /parameter_events; its QoS is
+    every other topic that appears, except hidden ones, /rosout and /parameter_events; its QoS is
         adapted to what its publishers offer.
 """
 
@@ -56,12 +57,12 @@ from onebot_description.ros.topic_subscription import (
 from onebot_description.ros.wire.interface_text import full_definition
 
 _POLL_PERIOD = 0.2  # seconds between looking for topics
-_POLLS = 8  # polls, after which every topic is looked at, also where no count has changed
-_WRITE_PERIOD = 1.0  # seconds between checkpoints, and longer where writing takes long:
-_LEAST_IDLE = 10.0  # times as long as a checkpoint takes, there is none
-_AWAY = 3.0  # seconds between two polls after which the recorder was away
+_POLLS = 8  # number of polls after which every topic is checked, even if no count has changed
+_WRITE_PERIOD = 1.0  # least seconds between checkpoints
+_LEAST_IDLE = 10.0  # least pause between checkpoints, as a multiple of a checkpoint's duration
+_AWAY = 3.0  # seconds between two polls after which the recorder must have been stopped
 _CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)  # goes on while the computer sleeps
-_DEPTH = 1000  # messages that queue up while the disk is slow: 10 s at 100 Hz
+_DEPTH = 1000  # messages that can queue up while the disk is slow: 10 s at 100 Hz
 _DEFAULT = QoSProfile(depth=_DEPTH)
 _LATCHED = QoSProfile(depth=_DEPTH, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _FOREVER = 2**63 - 1  # ns; DDS's infinite duration
@@ -69,8 +70,8 @@ _LIVELINESS = {
     LivelinessPolicy.AUTOMATIC: "automatic",
     LivelinessPolicy.MANUAL_BY_TOPIC: "manual_by_topic",
 }
-# Type and transient_local of the topics that a robot of ours publishes. They are subscribed to from
-# the start: nothing is missed until their publishers are discovered.
+# Type of each topic that our robots publish, and whether it is transient_local. They are subscribed
+# to from the start, so that nothing is missed before their publishers are discovered.
 _KNOWN = {
     "/tf": ("tf2_msgs/msg/TFMessage", False),
     "/tf_static": ("tf2_msgs/msg/TFMessage", True),
@@ -84,7 +85,7 @@ COMPRESSIONS = ("zstd", "none")
 
 @dataclass(frozen=True)
 class RecorderParameters:
-    """The parameters."""
+    """The parameters of the node."""
 
     folder: str = parameter(
         REQUIRED,
@@ -118,7 +119,7 @@ class BagRecorder(Node):
         self._bag = BagWriter(folder, compress=parameters.compression == "zstd")
         self._topics = TopicRecorder(self, self._bag, selection)
         self._next_write = 0.0
-        # Not ROS time: it may stand still or run fast.
+        # ROS time will not do here: it may stand still or run fast.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(_POLL_PERIOD, self._topics.poll, clock=steady)
         self.create_timer(_WRITE_PERIOD, self._write, clock=steady)
@@ -158,11 +159,11 @@ def _pattern(name: str, text: str) -> re.Pattern[str] | None:
 
 @dataclass(frozen=True)
 class Selection:
-    """Which topics are chosen; without names and pattern all but hidden ones and ROS's own."""
+    """The topics to record; without names and pattern, all except hidden ones and ROS's own."""
 
-    names: Set[str] = frozenset()  # full ones
-    pattern: re.Pattern[str] | None = None  # further topics
-    excluded: re.Pattern[str] | None = None  # topics that are left out in any case
+    names: Set[str] = frozenset()  # full names
+    pattern: re.Pattern[str] | None = None  # selects further topics
+    excluded: re.Pattern[str] | None = None  # always excludes topics
 
     def has(self, topic: str) -> bool:
         if self.excluded is not None and self.excluded.search(topic):
@@ -176,18 +177,18 @@ class Selection:
 
 @dataclass
 class _Recorded:
-    """A topic that is subscribed to; it is added to the recording with its first message."""
+    """A topic that is subscribed to; its first message adds it to the recording."""
 
     subscription: TopicSubscription
     number: int | None = None  # the topic's in the recording
-    lost: int = 0  # messages
+    lost: int = 0  # number of messages lost
 
 
 class TopicRecorder:
     """Subscribes to topics as they appear, and records their messages.
 
-    The QoS is as strict as all publishers of a topic allow. It is relaxed when another publisher
-    appears that offers less.
+    The QoS is as strict as all publishers of a topic allow, and is relaxed when a publisher appears
+    that offers less.
     """
 
     def __init__(self, node: Node, bag: BagWriter, selection: Selection) -> None:
@@ -207,10 +208,10 @@ class TopicRecorder:
         return sum(recorded.lost for recorded in self._topics.values())
 
     def poll(self) -> None:
-        """Subscribe to new topics, and again where the publishers of one have changed.
+        """Subscribe to new topics, and again to topics whose publishers have changed.
 
-        Nothing is subscribed to before simulated time is known: what is latched would be stamped
-        with 0, and to play the recording would take decades.
+        Nothing is subscribed to before simulated time is known: otherwise latched messages would be
+        stamped with 0, and playing the recording would take decades.
         """
         self._report_absence()
         if not self._now():
@@ -244,7 +245,7 @@ class TopicRecorder:
                 self._record(topic, kind, _LATCHED if transient_local else _DEFAULT)
 
     def _update(self, topic: str) -> None:
-        """Subscribe by the publishers of ``topic``, or else by its other subscribers."""
+        """Subscribe with the type and QoS of a topic's publishers, or else of its subscribers."""
         recorded = self._topics.get(topic)
         current = recorded.subscription.type if recorded is not None else None
         offered = offers(self._node, topic)
@@ -260,10 +261,10 @@ class TopicRecorder:
             self._change(topic, recorded, kind, compatible_qos(offered[kind], _DEPTH))
 
     def _change(self, topic: str, recorded: _Recorded, kind: str, qos: QoSProfile) -> None:
-        """Subscribe anew, but once recorded only with a relaxed QoS: that misses no publisher."""
+        """Resubscribe; once a message was recorded, only the QoS can be relaxed."""
         subscription = recorded.subscription
         if recorded.number is None:
-            # The executor may still hold the last type; the next poll tries again.
+            # The executor may still hold the previous type; the next poll tries again.
             with suppress(TypeConflictError):
                 subscription.update(kind, qos)
         elif kind != subscription.type:
@@ -274,7 +275,7 @@ class TopicRecorder:
             del self._counts[topic]  # the next poll subscribes
 
     def _installed(self, topic: str, types: Iterable[str]) -> list[str]:
-        """Those of the types that are installed, sorted; it warns of the others."""
+        """Return the installed ones of the types, sorted; warn of the others."""
         installed = []
         for kind in sorted(types):
             try:
@@ -303,10 +304,10 @@ class TopicRecorder:
         subscription.update(kind, qos)
 
     def _described(self, name: str, kind: str) -> RecordedTopic:
-        """The topic as it is added to the recording, with what its publishers offer now."""
+        """Return the topic to add to the recording, with the QoS that its publishers offer now."""
         publishers = self._node.get_publishers_info_by_topic(name)
         publishers = [end for end in publishers if end.topic_type == kind]
-        # Our own subscription has the hash, too, if the publisher has gone already.
+        # Our own subscription has the type's hash, too, if the publisher is already gone.
         ends = [*publishers, *self._node.get_subscriptions_info_by_topic(name)]
         hashes = [str(end.topic_type_hash) for end in ends if end.topic_type == kind]
         type_hash = next((text for text in hashes if text.startswith("RIHS")), "")
@@ -314,7 +315,7 @@ class TopicRecorder:
         return RecordedTopic(name, kind, type_hash, offered)
 
     def _now(self) -> int:
-        """When a message is received, ns: on this computer's clock, or else in simulated time."""
+        """Return the receive time of a message, ns, by this computer's clock or simulated time."""
         if self._simulated:
             return int(self._node.get_clock().now().nanoseconds)
         return time.time_ns()
@@ -326,7 +327,7 @@ class TopicRecorder:
 
 
 def offered_qos(profile: QoSProfile) -> Qos:
-    """Return what a publisher offers in rosbag2's words; DDS does not report its history."""
+    """Return a publisher's QoS in rosbag2's terms; DDS does not report its history."""
     return Qos(
         reliability="reliable" if is_reliable(profile) else "best_effort",
         durability="transient_local" if is_transient_local(profile) else "volatile",

@@ -1,4 +1,4 @@
-"""What a recording holds, and what its two formats share: sizes, damage and decompression."""
+"""The contents of a recording, and code that both formats share: sizes and decompression."""
 
 import sqlite3
 import struct
@@ -17,13 +17,13 @@ from onebot_description.errors import OneBotError
 from onebot_description.ros.parameters import bounded_yaml
 from onebot_description.ros.wire.cdr import NANO
 
-OFFERED = "offered_qos_profiles"  # a topic's, in both formats
-# What mcap, the decompressors and sqlite3 raise for damaged files.
+OFFERED = "offered_qos_profiles"  # a topic's entry in both formats
+# Errors that mcap, the decompressors and sqlite3 raise for damaged files.
 DAMAGE = (
     McapError, OSError, struct.error, zstandard.ZstdError, sqlite3.Error, ValueError, KeyError,
     EOFError, RuntimeError, TypeError, OverflowError, MemoryError,
 )  # fmt: skip
-_INFINITE_S = 2**31 - 1  # s: this or more stands for an infinite duration; in Foxy it is this
+_INFINITE_S = 2**31 - 1  # s; durations from this on are infinite (in Foxy, exactly this)
 
 
 class BagMessage(NamedTuple):
@@ -37,14 +37,14 @@ class BagMessage(NamedTuple):
 
 @dataclass
 class Contents:
-    """What the files of a recording hold.
+    """The contents of a recording's files.
 
     Attributes:
-        topics: the type of each topic, ``package/msg/Type``; the first one, if it has several.
-        definitions: of the types, as far as they are in the files in .msg text.
-        counts: of the messages of each topic.
-        offered: what the publishers of each topic offered; empty if that was not recorded.
-        count: of all messages, those that are not in CDR too.
+        topics: the type of each topic, ``package/msg/Type``; the first one if there are several.
+        definitions: the definitions of types that the files have as .msg text.
+        counts: the number of messages of each topic.
+        offered: the QoS that the publishers of each topic offered; empty if not recorded.
+        count: the number of all messages, including those that are not in CDR.
         start_ns, end_ns: times of the first and the last message; 0 without messages.
     """
 
@@ -57,13 +57,13 @@ class Contents:
     end_ns: int = 0
 
     def add_topic(self, name: str, kind: str, offered: str) -> None:
-        """Add a topic of a file, with its publishers' QoS in YAML, as rosbag2 writes it."""
+        """Add a topic of a file; ``offered`` is its publishers' QoS in rosbag2's YAML."""
         self.topics.setdefault(name, kind)
         self.counts.setdefault(name, 0)
         self.offered.setdefault(name, []).extend(_offered(offered))
 
     def add_messages(self, name: str, count: int, start_ns: int, end_ns: int) -> None:
-        """Count messages of a topic, or of none that is in CDR."""
+        """Count messages of a topic; ``name`` is unknown if they are not in CDR."""
         if name in self.topics:
             self.counts[name] += count
         if count:
@@ -73,10 +73,10 @@ class Contents:
 
 
 def _offered(text: str) -> list[Qos]:
-    """Parse the QoS that publishers offered; empty if it is no valid YAML."""
+    """Parse the QoS that publishers offered; empty if it is not valid YAML."""
     with suppress(yaml.YAMLError, ValueError, TypeError, AttributeError, OverflowError):
         return [
-            Qos(  # words, or the numbers of rmw
+            Qos(  # values are words, or rmw's numbers
                 reliability=_word(qos.get("reliability"), {2: "best_effort"}, "reliable"),
                 durability=_word(qos.get("durability"), {1: "transient_local"}, "volatile"),
                 depth=int(qos.get("depth", 0)),
@@ -95,7 +95,7 @@ def _word(value: Any, words: Mapping[int, str], default: str) -> str:
 
 
 def _limit(duration: Mapping[str, Any] | None) -> int | None:
-    """A duration, ns; None for an infinite one, or none."""
+    """Return a duration, ns; None if it is infinite or missing."""
     if duration is None:
         return None
     seconds, nanoseconds = int(duration.get("sec", 0)), int(duration.get("nsec", 0))
@@ -104,7 +104,11 @@ def _limit(duration: Mapping[str, Any] | None) -> int | None:
 
 
 def open_file(path: Path) -> IO[bytes]:
-    """Open a regular file of a recording, or raise an OneBotError."""
+    """Open a regular file of a recording.
+
+    Raises:
+        OneBotError: it cannot be read.
+    """
     try:
         return bounded_yaml.open_regular(path)
     except OSError as error:
@@ -112,7 +116,16 @@ def open_file(path: Path) -> IO[bytes]:
 
 
 def check_size(what: str, size: int, max_size: int) -> None:
-    """Raise a ValueError for what is too large to be read, before it is."""
+    """Check a size before reading the data.
+
+    Args:
+        what: what it is the size of, for the message.
+        size: its size, bytes.
+        max_size: the maximum, bytes.
+
+    Raises:
+        ValueError: it is too large.
+    """
     if size > max_size:
         raise ValueError(
             f"{what} of {megabytes(size)} is above {megabytes(max_size)}, which max_size sets"
@@ -120,11 +133,15 @@ def check_size(what: str, size: int, max_size: int) -> None:
 
 
 def megabytes(size: int) -> str:
-    """Return a number of bytes as messages show it."""
+    """Return a number of bytes as text in MB."""
     return f"{size / 1e6:,.1f} MB"
 
 
 def decompressed(data: bytes, max_size: int) -> bytes:
-    """Return what a frame of zstd holds, unless that is more than ``max_size``."""
+    """Decompress a zstd frame.
+
+    Raises:
+        ValueError: its content is larger than ``max_size`` bytes.
+    """
     check_size("a message or chunk", zstandard.frame_content_size(data), max_size)
     return zstandard.ZstdDecompressor().decompress(data, max_output_size=max_size)

@@ -1,4 +1,4 @@
-"""MCAP files: each record is read within the file and within one bound of its size."""
+"""Reads MCAP files, with checks that each record fits the file and a maximum size."""
 
 import heapq
 import io
@@ -31,30 +31,30 @@ from onebot_description.errors import OneBotError
 
 _CDR = "cdr"
 _MSG = "ros2msg"  # the encoding of definitions that are .msg text, not IDL
-_RECORD = struct.Struct("<BQ")  # how a record begins: what it is, and its length
-_MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, time of receipt and of publishing
-_FOOTER = struct.Struct("<Q12x8s")  # the summary's start, and the magic bytes
+_RECORD = struct.Struct("<BQ")  # the head of a record: opcode and length
+_MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, receive and publish times
+_FOOTER = struct.Struct("<Q12x8s")  # the start of the summary, and the magic bytes
 _READ = {
     Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.CHUNK, Opcode.CHUNK_INDEX,
     Opcode.STATISTICS, Opcode.DATA_END, Opcode.FOOTER,
 }  # fmt: skip
-_OVERHEAD = 300  # bytes of a message in memory beside its data
+_OVERHEAD = 300  # bytes of memory per message besides its data
 
 _Found = Iterator[tuple[int, int, bytes]]  # channel, time and data of each message
 
 
 @dataclass
 class _Declared:
-    """What the records of a file declare, in its summary or between its messages."""
+    """The declarations in a file, from its summary or between its messages."""
 
-    room: int  # bytes of records that may still be kept
+    room: int  # bytes of records that may still be stored
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
     chunks: list[ChunkIndex] = field(default_factory=list)
     statistics: Statistics | None = None
 
     def add(self, opcode: int, data: bytes) -> None:
-        """Keep what a record declares; records of other kinds are passed over."""
+        """Store a record that declares something; ignore records of other kinds."""
         number = int.from_bytes(data[:2], "little")  # a schema or channel may be repeated
         if opcode == Opcode.SCHEMA and number in self.schemas:
             return
@@ -74,7 +74,7 @@ class _Declared:
             self.statistics = Statistics.read(stream)
 
     def type_of(self, number: int) -> tuple[str, str]:
-        """Return the topic and the type of a channel; empty if its messages are not in CDR."""
+        """Return the topic and the type of a channel; "" for both if it is not in CDR."""
         channel = self.channels[number]
         schema = self.schemas.get(channel.schema_id)
         if channel.message_encoding != _CDR or schema is None:
@@ -84,7 +84,7 @@ class _Declared:
 
     @property
     def is_index(self) -> bool:
-        """Whether it has statistics, channels, schemas, and chunks that do not overlap."""
+        """Whether there are statistics, channels, schemas, and indexes of disjoint chunks."""
         if self.statistics is None or not self.chunks:
             return False
         counts, schemas = self.statistics.channel_message_counts, {0, *self.schemas}  # 0: none
@@ -98,10 +98,18 @@ class _Declared:
 
 
 class McapFile:
-    """An MCAP file that is open."""
+    """An open MCAP file."""
 
     def __init__(self, path: Path, max_size: int) -> None:
-        """Open it, or raise an OneBotError; at most ``max_size`` bytes are in memory at once."""
+        """Open a file.
+
+        Args:
+            path: the file.
+            max_size: the maximum number of bytes in memory at once.
+
+        Raises:
+            OneBotError: it cannot be read, or is not an MCAP file.
+        """
         self._path, self._max_size = path, max_size
         self._file = open_file(path)
         start = self._file.read(len(MCAP0_MAGIC))
@@ -116,7 +124,7 @@ class McapFile:
         self._file.close()
 
     def describe(self, contents: Contents) -> None:
-        """Add what is in it, by its summary, or else by reading all of it."""
+        """Add the file's contents, from its summary or else by reading all of it."""
         declared, extents = self._declared, self._extents()
         for number, channel in declared.channels.items():
             topic, kind = declared.type_of(number)
@@ -129,7 +137,11 @@ class McapFile:
             contents.add_messages(declared.channels[number].topic, *extent)
 
     def messages(self, topics: Collection[str]) -> Iterator[BagMessage]:
-        """Yield messages by time, or without an index as they lie; damage raises ``DAMAGE``."""
+        """Yield messages by time, or in file order without an index.
+
+        Raises:
+            DAMAGE: one of these errors, if the file is damaged.
+        """
         channels = {n for n, channel in self._declared.channels.items() if channel.topic in topics}
         types: dict[int, tuple[str, str]] = {}
         for number, time, data in self._by_time(channels) if self._indexed else self._in_order():
@@ -140,7 +152,7 @@ class McapFile:
                 yield BagMessage(topic, kind, time, data)
 
     def _summary(self) -> _Declared | None:
-        """The summary; None if it is missing or incomplete."""
+        """Read the summary; None if it is missing or incomplete."""
         index = _Declared(self._max_size)
         try:
             self._file.seek(-_FOOTER.size, os.SEEK_END)
@@ -157,14 +169,14 @@ class McapFile:
         return index if index.is_index else None
 
     def _extents(self) -> dict[int, tuple[int, int, int]]:
-        """Number of messages, first and last time of each channel, up to the first damage."""
+        """Return each channel's number of messages, first and last time, up to the first damage."""
         extents: dict[int, tuple[int, int, int]] = {}
         if (summed := self._declared.statistics) is not None:
             times = summed.message_start_time, summed.message_end_time
             return {n: (count, *times) for n, count in summed.channel_message_counts.items()}
         with suppress(*DAMAGE):
             for number, time, _ in self._in_order():
-                self._declared.channels[number]  # a KeyError is damage
+                self._declared.channels[number]  # a KeyError counts as damage
                 count, start, end = extents.get(number, (0, time, time))
                 extents[number] = count + 1, min(start, time), max(end, time)
         return extents
@@ -199,7 +211,7 @@ class McapFile:
         return self._records(io.BytesIO(content))
 
     def _in_order(self) -> _Found:
-        """Yield the messages as they are in the file, and keep what declares them."""
+        """Yield the messages in file order, and store their declarations."""
         self._file.seek(len(MCAP0_MAGIC))
         for opcode, data in self._records(self._file):
             if opcode == Opcode.DATA_END:

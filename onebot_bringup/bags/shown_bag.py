@@ -1,4 +1,4 @@
-"""Shows a bag in Rerun as the live viewer would have shown it, all of its time at once."""
+"""Shows a whole bag in Rerun as the live viewer would have shown it."""
 
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 
 _DESCRIPTION_NAME, _JOINTS_NAME = "robot_description", "joint_states"
 _TF_NAMES = ("/tf", "/tf_static")
-_FIRST = 1000  # messages of /tf in which every robot has turned up
+_FIRST = 1000  # messages of /tf within which every robot is expected to appear
 _TICK = 500_000_000  # ns of the recording between two calls into Rerun
-_MOST_WAITING = 64_000_000  # bytes of messages that Rerun has not written; it has no limit itself
-_SETTLE = 10.0  # s after its end, for what is shown only once nothing better came
+_MOST_WAITING = 64_000_000  # most bytes queued in Rerun, which itself has no limit
+_SETTLE = 10.0  # s after the end, for data that is shown only if nothing better has come
 _REPORT_EVERY = 2.0  # s
 
 Log = Callable[[str], None]
@@ -34,10 +34,10 @@ Log = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Shown:
-    """What of a recording is shown."""
+    """Summary of what was shown of a recording."""
 
-    robot: str  # the first one's name; "" where the recording has no description
-    messages: int  # number shown
+    robot: str  # name of the first robot; "" if the recording has no description
+    messages: int  # number of messages shown
     seconds: float  # duration, first to last message
 
 
@@ -53,18 +53,22 @@ def log_bag(
     progress: Log = print,
     warn: Log = print,
 ) -> Shown:
-    """Log all that ``bag`` holds of its robots, and each topic that has a display.
+    """Log the robots of a bag, and each topic that has a display.
 
     Args:
         bag: the recording.
         stream: where to log.
-        view: as for ``ViewSource``.
-        fixed_frame: "" for the view's, else the one above the robot, or above most topics' frames.
+        view: see ``ViewSource``.
+        fixed_frame: the fixed frame; "" for the view's, or else the one above the robot, or above
+            most topics' frames.
         frame_prefix: put before link names to get their frames; "" to find it out.
-        namespace: of the robot to show; "" for all.
-        from_start: the viewer plays it from its beginning; False: it shows its end.
-        progress: called with how far it is, when that takes over two seconds.
-        warn: called with what cannot be shown, and with damage; nothing at all is an OneBotError.
+        namespace: the namespace of the robot to show; "" for all robots.
+        from_start: play from the beginning; False shows the end.
+        progress: called with the progress if loading takes over two seconds.
+        warn: called with a sentence about what cannot be shown, and about damage.
+
+    Raises:
+        OneBotError: nothing can be shown.
     """
     robots = robots_of(bag, namespace)
     first = robots[0]
@@ -114,7 +118,7 @@ def log_bag(
 
 
 def _with_messages(bag: Bag, robot: "RecordedRobot", namespace: str) -> dict[str, str]:
-    """The types of the topics that have messages, without the robots' that are not shown."""
+    """Return the types of the topics that have messages, except topics of robots not shown."""
     spaces = {*_spaces(bag, _DESCRIPTION_NAME, DESCRIPTION.name)} if namespace else set()
     other_prefixes = tuple(f"{space}/" for space in spaces - {"", robot.space})
     return {
@@ -125,23 +129,23 @@ def _with_messages(bag: Bag, robot: "RecordedRobot", namespace: str) -> dict[str
 
 
 class _Player:
-    """Plays a bag into a view whose clock is the bag's."""
+    """Plays a bag into a view, which uses the bag's time as its clock."""
 
     def __init__(self, bag: Bag, stream: "rr.RecordingStream", warn: Log) -> None:
         self._bag = bag
         self._stream = stream
         self._warn = warn
-        self._bad: dict[str, int] = {}  # messages by topic
+        self._bad: dict[str, int] = {}  # number of bad messages by topic
         self.now_ns = bag.start_ns
 
     def report(self, topic: str, error: Exception) -> None:
-        """Count a message that cannot be shown; warn of the first of each topic."""
+        """Count a message that cannot be shown; warn of the first on each topic."""
         self._bad[topic] = self._bad.get(topic, 0) + 1
         if self._bad[topic] == 1:
             self._warn(f"a message of {topic} is left out: {error}")
 
     def play(self, view: RobotView, progress: Log) -> Shown:
-        """Show all of the bag; ``progress`` is called if it takes over two seconds."""
+        """Show the whole bag; call ``progress`` if it takes over two seconds."""
         bag = self._bag
         count, start, last_tick, waiting = 0, None, 0, 0
         next_report = time.monotonic() + _REPORT_EVERY
@@ -179,12 +183,12 @@ class _Player:
 
 @dataclass(frozen=True)
 class RecordedRobot:
-    """Where a robot's topics are in a recording."""
+    """The topics of a robot in a recording."""
 
     space: str  # its namespace: "" or "/name"
-    description: str  # the topic; "" for none
+    description: str  # the topic of its description; "" for none
     joints: str  # the topic of its joint states
-    tf_space: str  # the namespace of its transforms, below which some robots publish them
+    tf_space: str  # the namespace of its transforms, which some robots publish in their own
 
     def resolved(self, name: str) -> str:
         """Return the full name of a topic that the view names."""
@@ -196,7 +200,17 @@ class RecordedRobot:
 
 
 def robots_of(bag: Bag, namespace: str = "") -> list[RecordedRobot]:
-    """Return the robot in ``namespace``, or all; without any description what may be of one."""
+    """Return the robots in a recording.
+
+    Without any description, it is one robot with the topics that may be a robot's.
+
+    Args:
+        bag: the recording.
+        namespace: the namespace of the only robot to return; "" for all.
+
+    Raises:
+        OneBotError: there is no robot in ``namespace``.
+    """
     described = _spaces(bag, _DESCRIPTION_NAME, DESCRIPTION.name)
     joints = _spaces(bag, _JOINTS_NAME, JOINT_STATE.name)
     transforms = _tf_spaces(bag)
@@ -229,7 +243,7 @@ def _robots_to_show(
     descriptions: Mapping[str, Description],
     frame_prefix: str,
 ) -> list[RobotToShow]:
-    """The robots with the prefixes of their frames, which are found out if none is given."""
+    """Return the robots with their frame prefixes, which are found out if none is given."""
     frames = set() if frame_prefix or not descriptions else frames_of(bag, robots[0])
     choice: list[RobotToShow] = []
     for robot in robots:
@@ -238,19 +252,19 @@ def _robots_to_show(
             prefix = frame_prefix_of(
                 description.root_link, description.link_names, frames, robot.space
             )
-        # Of one robot alone, ``resolved`` has its topics.
+        # For a single robot, ``resolved`` returns its topics.
         space = robot.space if len(robots) > 1 else ""
         choice.append(RobotToShow(space, prefix, plotted=len(choice) < MOST_PLOTTED))
     return choice
 
 
 def descriptions_in(bag: Bag, topics: Collection[str]) -> dict[str, Description]:
-    """Return the first description on each of these topics that can be read."""
+    """Return the first readable description on each of these topics."""
     named = [topic for topic in topics if topic]
     descriptions: dict[str, Description] = {}
     for message in bag.messages(named) if named else ():
         if message.topic not in descriptions:
-            with suppress(OneBotError, ValueError):  # it is reported when it is shown
+            with suppress(OneBotError, ValueError):  # reported when it is shown
                 [text] = DESCRIPTION.decode([message.data], lambda _: None)
                 descriptions[message.topic] = parse_description(text or "", _DESCRIPTION_NAME)
         if len(descriptions) == len(named):
@@ -259,7 +273,7 @@ def descriptions_in(bag: Bag, topics: Collection[str]) -> dict[str, Description]
 
 
 def frames_of(bag: Bag, robot: RecordedRobot) -> set[str]:
-    """Return the frames that are named at the beginning."""
+    """Return the names of the frames at the beginning of a recording."""
     frames: set[str] = set()
     topics = [robot.resolved(name) for name in _TF_NAMES]
     for message in islice(bag.messages(topics), _FIRST):
@@ -270,7 +284,7 @@ def frames_of(bag: Bag, robot: RecordedRobot) -> set[str]:
 
 
 def _spaces(bag: Bag, name: str, kind: str) -> list[str]:
-    """The namespaces with a topic of that name and type, the outer ones first."""
+    """Return the namespaces with a topic of that name and type, outer namespaces first."""
     topics = [
         topic
         for topic, recorded in bag.topics.items()
@@ -290,9 +304,9 @@ def frame_prefix_of(
 
     Args:
         root: the root link.
-        links: all links, the root among them.
-        frames: the recorded ones, of other robots too.
-        namespace: the robot's; of prefixes that fit equally well, the one named like it is taken.
+        links: all links, including the root.
+        frames: the recorded frames, also of other robots.
+        namespace: the robot's namespace, which decides between prefixes that fit equally well.
     """
     names = set(frames)
     prefixes = {frame[: len(frame) - len(root)] for frame in names if frame.endswith(root)}

@@ -1,4 +1,4 @@
-"""SQLite files of rosbag2: of these, only what is stored is read, and Ctrl-C works meanwhile."""
+"""Reads rosbag2's SQLite files: only stored data, and Ctrl-C works meanwhile."""
 
 import sqlite3
 from collections.abc import Collection, Iterator
@@ -15,9 +15,9 @@ from onebot_bringup.bags.contents import (
 )
 from onebot_description.errors import OneBotError
 
-_LOGGED = b"\2\2"  # a SQLite file's header: it is written by way of a log
-_STEPS = 100_000  # SQLite's, some ms, between two moments at which Ctrl-C counts
-# A view may have rows without end, and so may what is computed: only what is stored is read.
+_LOGGED = b"\2\2"  # in the header of a SQLite file that is written with a write-ahead log
+_STEPS = 100_000  # steps of SQLite, some ms, between two checks for Ctrl-C
+# Views and computed columns could yield endless data, so only stored tables are read.
 _TABLES = """
     SELECT name FROM sqlite_master
     WHERE type = 'table' AND rootpage > 0 AND name IN ('topics', 'messages', 'message_definitions')
@@ -27,7 +27,7 @@ _TOPICS = "SELECT * FROM topics WHERE serialization_format = 'cdr'"
 _DEFINITIONS = """
     SELECT topic_type, encoded_message_definition FROM message_definitions
     WHERE encoding = 'ros2msg'
-"""  # since Iron
+"""  # exist since Iron
 _EXTENTS = "SELECT topic_id, count(*), min(timestamp), max(timestamp) FROM messages GROUP BY 1"
 _MESSAGES = """
     SELECT topic_id, timestamp, length(data), CASE WHEN length(data) <= ? THEN data END
@@ -36,14 +36,14 @@ _MESSAGES = """
 
 
 class SqliteFile:
-    """An open SQLite file, as ``McapFile``; ``max_size`` is a message's."""
+    """An open SQLite file, with the interface of ``McapFile``; ``max_size`` is per message."""
 
     def __init__(self, path: Path, max_size: int) -> None:
         self._path, self._max_size = path, max_size
-        options = "mode=ro"  # SQLite would make a missing file
+        options = "mode=ro"  # otherwise SQLite would create a missing file
         with open_file(path) as file:
-            # A log beside it would be made, too, where one can be: Foxy's files have one while
-            # they are written.
+            # SQLite would also create a missing log beside it. (Foxy's files have one while they
+            # are written.)
             if file.read(20)[-2:] == _LOGGED and not Path(f"{path}-wal").is_file():
                 options += "&immutable=1"
         url = f"{path.absolute().as_uri()}?{options}"
@@ -54,7 +54,11 @@ class SqliteFile:
         self._database.close()
 
     def describe(self, contents: Contents) -> None:
-        """Add what is in it, or raise an OneBotError: it is damaged, or no recording."""
+        """Add the file's contents.
+
+        Raises:
+            OneBotError: it is damaged, or not a recording.
+        """
         try:
             topics = self._topics()
             for topic in topics.values():
@@ -77,7 +81,7 @@ class SqliteFile:
             yield BagMessage(chosen[number]["name"], chosen[number]["type"], stamp, data)
 
     def _topics(self) -> dict[Any, dict[str, Any]]:
-        """The rows of its topics, by id; their columns depend on the distro."""
+        """Return the rows of the topics by id; their columns depend on the distro."""
         if not {"topics", "messages"} <= self._tables():
             raise ValueError("it has no tables topics and messages")
         columns = [name for _, name, *_ in self._rows("PRAGMA table_info(topics)")]
@@ -91,6 +95,6 @@ class SqliteFile:
         try:
             yield from self._database.execute(query, values)
         except sqlite3.OperationalError as error:
-            if str(error) == "interrupted":  # SQLite ends, but drops the handler's exception
+            if str(error) == "interrupted":  # SQLite stops, but drops the handler's exception
                 raise KeyboardInterrupt from error
             raise

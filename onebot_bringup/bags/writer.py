@@ -1,4 +1,4 @@
-"""A rosbag2 being recorded: a folder with metadata.yaml and an MCAP file, readable at any time."""
+"""Writes a rosbag2: a folder with metadata.yaml and an MCAP file that is readable at any time."""
 
 import contextlib
 import io
@@ -16,24 +16,24 @@ from onebot_description.ros.wire.interface_text import full_definition
 from onebot_description.whole_file import write_whole
 
 METADATA = "metadata.yaml"
-CHUNK_SIZE = 768 * 1024  # bytes, rosbag2's
-_MOST_PENDING = 16 * 1024 * 1024  # bytes kept in memory between two checkpoints
+CHUNK_SIZE = 768 * 1024  # bytes, rosbag2's default
+_MOST_PENDING = 16 * 1024 * 1024  # most bytes kept in memory between two checkpoints
 _INFINITE = 2**63 - 1  # ns; what rosbag2 writes for an infinite duration, and for no start
 _FastDumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # libyaml's, if PyYAML has it
 
 
 @dataclass(frozen=True)
 class Qos:
-    """The quality of service that a publisher offers, in rosbag2's words."""
+    """The quality of service that a publisher offers, in rosbag2's terms."""
 
-    reliability: str = "reliable"  # alternative: best_effort
-    durability: str = "volatile"  # alternative: transient_local
-    liveliness: str = "automatic"  # alternative: manual_by_topic
-    history: str = "unknown"  # DDS does not report it; or keep_last, keep_all
-    depth: int = 0  # the history's length
+    reliability: str = "reliable"  # or best_effort
+    durability: str = "volatile"  # or transient_local
+    liveliness: str = "automatic"  # or manual_by_topic
+    history: str = "unknown"  # or keep_last, keep_all; DDS does not report it
+    depth: int = 0  # length of the history
     deadline: int | None = None  # ns; None for infinite, as in the next two
     lifespan: int | None = None
-    lease: int | None = None  # the liveliness's
+    lease: int | None = None  # lease duration of the liveliness
 
 
 @dataclass(frozen=True)
@@ -42,33 +42,42 @@ class RecordedTopic:
 
     name: str
     type: str  # package/msg/Type
-    hash: str = ""  # the type's, RIHS01_...
-    offered: tuple[Qos, ...] = ()  # each publisher's
+    hash: str = ""  # hash of the type, RIHS01_...
+    offered: tuple[Qos, ...] = ()  # QoS of each publisher
 
 
 class BagWriter:
     """Writes messages into a new folder, which is a complete rosbag2 after each checkpoint.
 
-    Whatever ends the process, the folder is left as of the last checkpoint. (Only a kill within the
-    very call that writes to the file may leave it without its end; all messages up to the
-    checkpoint before can be read then, too.) All methods raise an OneBotError where nothing can be
-    written, such as on a full disk; the recording ends as of the last checkpoint.
+    Whatever ends the process, the folder stays as of the last checkpoint. (Only a kill during the
+    call that writes to the file may leave it without its end, but even then all messages up to the
+    previous checkpoint can be read.) All methods raise an OneBotError if nothing can be written,
+    such as on a full disk; the recording then ends at the last checkpoint.
 
     Attributes:
         folder: the recording.
-        open: messages are written; False once closed, or after a failure.
-        message_count: of all topics.
+        open: whether messages are written; False once closed, or after a failure.
+        message_count: the number of messages of all topics.
     """
 
     def __init__(
         self, folder: Path, *, compress: bool = True, chunk_size: int = CHUNK_SIZE
     ) -> None:
-        """Make a new folder with a recording of no messages, compressed with zstd or not."""
+        """Make a new folder with an empty recording.
+
+        Args:
+            folder: the folder, which must not exist.
+            compress: compress chunks with zstd.
+            chunk_size: the size of a chunk, bytes.
+
+        Raises:
+            OneBotError: the folder exists, or cannot be written.
+        """
         self.folder = folder
         self.open = False
         self.message_count = 0
-        self._start = self._end = 0  # ns, of the messages
-        self._counts: dict[int, int] = {}  # messages by the topic's number
+        self._start = self._end = 0  # times of the first and the last message, ns
+        self._counts: dict[int, int] = {}  # number of messages by the topic's number
         self._topics: dict[int, RecordedTopic] = {}
         self._schemas: dict[str, int] = {}
         self._changed = False
@@ -86,7 +95,7 @@ class BagWriter:
         return len(self._topics)
 
     def add_topic(self, topic: RecordedTopic) -> int:
-        """Add a topic, whose type is installed; return its number for ``write``."""
+        """Add a topic, whose type must be installed; return its number for ``write``."""
         schema = self._schema(topic.type)
         offered = _yaml([_qos(qos) for qos in topic.offered])
         metadata = {"offered_qos_profiles": offered, "topic_type_hash": topic.hash}
@@ -104,7 +113,13 @@ class BagWriter:
         return self._schemas[type_name]
 
     def write(self, topic: int, time_ns: int, data: bytes) -> None:
-        """Add a message in CDR, received at ``time_ns``; the next checkpoint writes it."""
+        """Add a message, which the next checkpoint writes.
+
+        Args:
+            topic: the topic's number.
+            time_ns: when it was received, nanoseconds.
+            data: the message in CDR.
+        """
         if not self.open:
             return
         self._start = min(time_ns, self._start) if self.message_count else time_ns
@@ -112,13 +127,13 @@ class BagWriter:
         self.message_count += 1
         self._counts[topic] += 1
         self._changed = True
-        # When it was sent is not known.
+        # The publish time is unknown, so use the receive time.
         self._file.writer.add_message(topic, time_ns, data, time_ns, self._counts[topic])
         if self._file.pending > _MOST_PENDING:
             self.checkpoint()
 
     def checkpoint(self) -> None:
-        """Make the folder a complete recording of all that was added; about once a second."""
+        """Complete the recording with all messages added; call this about once a second."""
         if not self.open:
             return
         with self._explained():
@@ -130,11 +145,11 @@ class BagWriter:
                 self._changed = False
 
     def _write_metadata(self) -> None:
-        # Neither a reader nor a kill finds half of it.
+        # The file is replaced as a whole, so that it is never incomplete.
         write_whole(self.folder / METADATA, _yaml(self._metadata()).encode())
 
     def _metadata(self) -> dict[str, Any]:
-        """Version 9 of rosbag2's metadata, as Jazzy writes it."""
+        """Return the metadata in rosbag2's version 9, as Jazzy writes it."""
         name = self._file.path.name
         start = self._start if self.message_count else _INFINITE
         extent = {
@@ -170,7 +185,7 @@ class BagWriter:
 
     @contextlib.contextmanager
     def _explained(self) -> Iterator[None]:
-        """Turn a failure to write into one sentence, and end the recording."""
+        """Turn a write error into an OneBotError with one sentence, and end the recording."""
         try:
             yield
         except OSError as error:
@@ -182,7 +197,7 @@ class BagWriter:
 
 
 class _Output(io.BytesIO):
-    """What is to be written from ``start`` in the file on; positions are those in the file."""
+    """A buffer to be written to the file from ``start`` on, with positions in that file."""
 
     start = 0
 
@@ -194,20 +209,20 @@ class _McapFile:
     """An MCAP file that is complete after each checkpoint.
 
     mcap's ``Writer`` writes to memory, where each checkpoint closes the chunk and writes the end of
-    the file: the summary and the footer. This goes into the file by one call, over the end that the
-    previous checkpoint has written; then the ``Writer`` goes on where the end begins.
+    the file: the summary and the footer. One call then writes this over the previous checkpoint's
+    end of the file, and the ``Writer`` continues where the new end begins.
     """
 
     def __init__(self, path: Path, compress: bool, chunk_size: int) -> None:
         self.path = path
         self._output = _Output()
-        self._ending = b""  # content of the file from the output's start on
+        self._ending = b""  # content of the file from the start of the output on
         self.writer = Writer(
             self._output,
             chunk_size=chunk_size,
             compression=CompressionType.ZSTD if compress else CompressionType.NONE,
             index_types=IndexType.CHUNK | IndexType.MESSAGE,
-            use_summary_offsets=False,  # the writer collects them: they are right only once
+            use_summary_offsets=False,  # the writer accumulates them, so they are right only once
         )
         self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
         self.writer.start("ros2", "onebot")
@@ -215,15 +230,15 @@ class _McapFile:
 
     @property
     def pending(self) -> int:
-        """Bytes that only the next checkpoint will write, without the open chunk's."""
+        """Bytes that the next checkpoint will write, without the open chunk."""
         return self._output.tell() - self._output.start
 
     def checkpoint(self) -> None:
-        """Write all that was added, so that the file is complete.
+        """Write everything that was added, so that the file is complete.
 
         Raises:
-            OSError: it cannot be written (the disk is full, say); the file is left, complete, as of
-                the checkpoint before.
+            OSError: it cannot be written (for example, the disk is full); the file stays complete,
+                as of the previous checkpoint.
         """
         output = self._output
         self.writer.flush()  # type: ignore[no-untyped-call]
@@ -233,7 +248,7 @@ class _McapFile:
         try:
             self._write(data, output.start)
         except OSError:
-            with contextlib.suppress(OSError):  # the error that counts is the first
+            with contextlib.suppress(OSError):  # only the first error matters
                 self._write(self._ending, output.start)
             raise
         self._ending = data[end - output.start :]
@@ -242,9 +257,9 @@ class _McapFile:
         output.truncate(0)
 
     def _write(self, data: bytes, offset: int) -> None:
-        """Let the file end with ``data`` from ``offset`` on."""
+        """Write ``data`` at ``offset``, and end the file after it."""
         view, place = memoryview(data), offset
-        while view:  # once, unless the disk is full
+        while view:  # usually once, but a write may be partial
             written = os.pwrite(self._file, view, place)
             view, place = view[written:], place + written
         if os.fstat(self._file).st_size > place:
@@ -252,7 +267,7 @@ class _McapFile:
 
     @property
     def vanished(self) -> bool:
-        """The file was deleted or moved away: nobody would find what is still written."""
+        """Whether the file was deleted or moved, so that further data would be lost."""
         try:
             return not os.path.samestat(os.stat(self.path), os.fstat(self._file))
         except OSError:
@@ -294,7 +309,7 @@ def _duration(nanoseconds: int | None) -> dict[str, int]:
 
 class _Dumper(_FastDumper):  # type: ignore[misc, valid-type]
     def ignore_aliases(self, data: Any) -> bool:
-        return True  # rosbag2 writes none
+        return True  # rosbag2 writes no aliases
 
 
 def _yaml(data: Any) -> str:

@@ -1,4 +1,4 @@
-"""``onebot bag ...``: records topics, plays recordings and shows what they hold, as ros2 bag."""
+"""``onebot bag ...``: records topics, plays and describes recordings, like ``ros2 bag``."""
 
 import argparse
 import json
@@ -29,10 +29,10 @@ if TYPE_CHECKING:
     from onebot_bringup.bags.writer import Qos
 
 _NANO = 1_000_000_000
-_DEPTH = 1000  # messages that a publisher keeps for late subscribers of a latched topic
+_DEPTH = 1000  # messages that a publisher of a latched topic keeps for late subscribers
 _CLOCK = "/clock"
-_CLOCK_RATE = 40.0  # Hz, ros2 bag play's
-_LEAST_ROUND = 0.1  # s of a loop
+_CLOCK_RATE = 40.0  # Hz, as in ros2 bag play
+_LEAST_ROUND = 0.1  # least duration of a round with --loop, s
 
 
 _SOURCE = (
@@ -49,7 +49,7 @@ _SOURCE = (
 
 
 def info(args: Namespace) -> None:
-    """Show what a recording holds."""
+    """Show what a recording contains."""
     bag = _open(args)
     print("\n".join(sorted(bag.topics)) if args.topic_name else _information(bag))
 
@@ -57,7 +57,7 @@ def info(args: Namespace) -> None:
 def _open(args: Namespace) -> "Bag":
     from onebot_bringup.bags.bag_reader import Bag
 
-    with KeyboardInterrupts():  # Ctrl-C leaves no temporary files
+    with KeyboardInterrupts():  # so that Ctrl-C leaves no temporary files
         bag = Bag(Path(args.bag).expanduser(), int(args.max_size * 1e6))
     _warn_of(bag)
     return bag
@@ -71,7 +71,7 @@ def _warn_of(bag: "Bag") -> None:
 
 
 def _information(bag: "Bag") -> str:
-    """What ros2 bag info prints."""
+    """Return the text that ros2 bag info prints."""
     size = sum(file.stat().st_size for file in bag.files)
     topics = [
         f"Topic: {name} | Type: {bag.topics[name]} | Count: {bag.counts[name]} | "
@@ -213,14 +213,14 @@ class _Player:
         if args.playback_duration is not None:
             self._end = min(self._end, self._begin + int(args.playback_duration * _NANO))
         self._publishers: dict[str, Any] = {}
-        self._other_types: set[str] = set()  # topics that have messages of another type, too
+        self._other_types: set[str] = set()  # topics that also have messages of another type
         self._clock: Any = None
         self._next_tick = self._begin
 
     def run(self) -> None:
         """Play it once, or with ``--loop`` until Ctrl-C."""
         self._advertise()
-        self._session.discover()  # those who are there already get the first message
+        self._session.discover()  # existing subscribers get the first message
         seconds = max(0, self._end - self._begin) / _NANO
         print(f"playing {self._bag.source}: {seconds:.1f} s of {len(self._publishers)} topics")
         while True:
@@ -229,7 +229,7 @@ class _Player:
             self._play()
             if not self._args.loop:
                 break
-            # A recording of one moment would flood its topics.
+            # Otherwise a recording of a single moment would flood its topics.
             self._session.spin_until(began + _LEAST_ROUND)
         for publisher in self._publishers.values():
             await_acknowledgements(publisher)
@@ -267,7 +267,7 @@ class _Player:
         return topic in args.topics if args.topics else args.regex is None
 
     def _publisher(self, topic: str) -> Any:
-        """Its publisher; None, with a warning, if ROS refuses the name or the type."""
+        """Return a topic's publisher; None, with a warning, if ROS rejects the name or the type."""
         from onebot_bringup.introspection.interfaces import message_class
         from onebot_description.ros.topic_subscription import RCLError
 
@@ -325,7 +325,7 @@ def _are_latched(offered: Sequence["Qos"]) -> bool:
 def played_qos(offered: Sequence["Qos"]) -> Any:
     """Return the QoS that suits every subscriber of the recorded publishers.
 
-    It is reliable if any of them was (which suits those who want best effort, too), latched if all
+    It is reliable if any of them was (which also suits best-effort subscribers), latched if all
     were, and has their deadline, liveliness and lifespan if these were the same.
     """
     from rclpy.duration import Duration, Infinite

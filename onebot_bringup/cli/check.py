@@ -40,7 +40,7 @@ def run(argv: Sequence[str]) -> int:
         return 0
     file = files[0]
 
-    # Slower to import.
+    # This is slower to import.
     from onebot_description.description import describe, load_description
     from onebot_description.description.sizes import shape_sizes, size_warnings
 

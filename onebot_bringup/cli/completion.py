@@ -1,7 +1,7 @@
-"""``onebot completion SHELL``, and what the shell asks for at every press of Tab, by argcomplete.
+"""``onebot completion SHELL``, and the answer to each press of Tab, by argcomplete.
 
-The commands are the only list of their options: to complete, a command is run as far as its
-argparse parser, or with ``--show-args`` until it has listed its launch arguments.
+Options are only defined in the commands: to complete, a command is run up to its argparse parser,
+or with ``--show-args`` until it has listed its launch arguments.
 """
 
 import argparse
@@ -27,7 +27,7 @@ _SHELLS = ("bash", "zsh", "fish")
 
 
 def run(argv: Sequence[str]) -> int:
-    """Print what the shell evaluates to complete our commands; return the exit code."""
+    """Print the code that the shell evaluates to complete our commands; return the exit code."""
     text = 'bash, zsh: eval "$(onebot completion bash)"; fish: onebot completion fish | source'
     shell = positional("SHELL", text, choices=_SHELLS)
     summary = "print the tab completion of a shell"
@@ -43,13 +43,13 @@ def run(argv: Sequence[str]) -> int:
 
 
 def complete() -> NoReturn:
-    """Print what the line of the shell can go on with, and end the process."""
+    """Print the completions of the shell's command line, and end the process."""
     from argcomplete.lexers import split_line
 
     _, _, _, words, _ = split_line(os.environ["COMP_LINE"], int(os.environ["COMP_POINT"]))
     program, *arguments = words
     script = BRINGUPS.get(PurePath(program).name)
-    with suppress(OneBotError), redirect_stdout(io.StringIO()):  # there is no such command
+    with suppress(OneBotError), redirect_stdout(io.StringIO()):  # no such command
         if script:
             from onebot_bringup.launch.bringup import bring_up
 
@@ -61,7 +61,7 @@ def complete() -> NoReturn:
 
 
 def _complete_verb(position: int, verb: str = "", *rest: str) -> None:
-    """Complete with a verb that follows the ``position``-th word of the line."""
+    """Complete a verb, which follows the ``position``-th word of the line, or its arguments."""
     if not verb:
         _choose({name: verb.summary for name, verb in main.VERBS.items()}, position)
     if verb not in main.VERBS:
@@ -78,14 +78,14 @@ def _complete_verb(position: int, verb: str = "", *rest: str) -> None:
 
 
 def _files(_: str, value: str) -> Iterable[str]:
-    """Return the files whose path begins with the value of an argument, or with a word."""
+    """Return the files whose path begins with an argument's value, or with a word."""
     from argcomplete.completers import FilesCompleter
 
     return FilesCompleter()(value)
 
 
 def _of_trajectory(name: str, _: str) -> Iterable[str]:
-    """Return the running controllers for the argument ``controller``, else their joints."""
+    """Return the running controllers for the argument ``controller``, or else their joints."""
     if name not in ("", "controller"):
         return []
     with suppress(OneBotError), Session() as session:
@@ -102,10 +102,14 @@ def _complete_command(
     position: int,
     others: Callable[[str, str], Iterable[str]] = _files,
 ) -> NoReturn:
-    """Run a command, whose last word is the ``position``-th of the line, as far as is needed.
+    """Run a command only as far as completion needs.
 
-    ``others`` returns what completes it besides ``name:=``: values of an argument, given its name
-    and the text after ``:=``; or words without ``:=``, given "" and the word.
+    Args:
+        run: the command.
+        words: its words.
+        position: the index of the last of these words in the line.
+        others: returns completions besides ``name:=``: values of an argument, given its name and
+            the text after ``:=``; or words without ``:=``, given "" and the word.
     """
 
     def complete_parser(parser: argparse.ArgumentParser, *_: object) -> NoReturn:
@@ -123,7 +127,7 @@ def _complete_command(
 
 
 def _finish(parser: argparse.ArgumentParser, position: int) -> NoReturn:
-    """Complete with a parser whose command's last word is the ``position``-th of the line."""
+    """Complete with the parser of a command whose last word is the ``position``-th of the line."""
     import argcomplete
 
     os.environ["_ARGCOMPLETE"] = str(position)
@@ -132,7 +136,7 @@ def _finish(parser: argparse.ArgumentParser, position: int) -> NoReturn:
 
 
 def _choose(choices: Mapping[str, str], position: int) -> NoReturn:
-    """Offer these words, with an explanation where the shell shows one."""
+    """Offer these words, with explanations if the shell shows them."""
     parser = argparse.ArgumentParser(add_help=False)
     action = parser.add_argument("word")
     action.completer = lambda **_: dict(choices)  # type: ignore[attr-defined]
@@ -142,7 +146,7 @@ def _choose(choices: Mapping[str, str], position: int) -> NoReturn:
 def _launch_words(
     others: Callable[[str, str], Iterable[str]], prefix: str, **_: object
 ) -> dict[str, str]:
-    """Return each ``name:=`` that a command has listed, with its choices; and the ``others``."""
+    """Return the arguments that a command has listed, with their choices, and the ``others``."""
     words = {f"{a.name}:={value}": a.help for a in listed for value in a.suggested}
     name, assigned, value = prefix.rpartition(":=")
     if not assigned or not any(word.startswith(prefix) and word != prefix for word in words):
@@ -151,7 +155,7 @@ def _launch_words(
 
 
 def _discovered(names: Callable[[Session, Namespace], Iterable[str]]) -> Callable[..., list[str]]:
-    """A completer of names in the ROS graph; ``names`` gets a session and the words before."""
+    """Return a completer of names in the ROS graph; ``names`` gets a session and earlier words."""
 
     def completer(*, parsed_args: Namespace, **_: object) -> list[str]:
         with suppress(OneBotError), Session() as session:
@@ -176,7 +180,7 @@ def _parameters(session: Session, given: Namespace) -> list[str]:
     from onebot_bringup.introspection.parameter_client import ParameterClient
 
     names = ParameterClient(session, session.find_node(given.node)).names()
-    return [] if len(getattr(given, "pairs", None) or ()) % 2 else names  # a value
+    return [] if len(getattr(given, "pairs", None) or ()) % 2 else names  # the next word is a value
 
 
 def _frames(session: Session, _: Namespace) -> Iterable[str]:
@@ -185,7 +189,7 @@ def _frames(session: Session, _: Namespace) -> Iterable[str]:
     return received_frames(session)
 
 
-# By what the help calls an argument.
+# Completers by the metavar of an argument.
 _COMPLETERS: Mapping[Any, Callable[..., list[str]]] = {
     "TOPIC": _discovered(lambda session, _: [name for name, _ in _discover(session).topics()]),
     "NODE": _discovered(lambda session, _: _discover(session).nodes()),
@@ -194,5 +198,5 @@ _COMPLETERS: Mapping[Any, Callable[..., list[str]]] = {
     "TYPE": _types,
     **dict.fromkeys(("A", "B"), _discovered(_frames)),
 }
-# By the verb, what its words are besides name:=value, if not files.
+# For each verb whose words besides name:=value are not files: a function that returns them.
 _OTHERS: Mapping[str, Callable[[str, str], Iterable[str]]] = {"trajectory": _of_trajectory}

@@ -1,4 +1,4 @@
-"""``onebot doctor``: what is wrong on this computer, and what to do, like ``ros2 doctor``."""
+"""``onebot doctor``: finds problems of this computer and suggests fixes, like ``ros2 doctor``."""
 
 import os
 import platform
@@ -22,11 +22,11 @@ from onebot_description.ros.shared_memory import FOLDER, find_segments, remove_s
 OK, NOTE, PROBLEM = "ok", "note", "problem"
 
 _RANGES = ("LOCALHOST", "SUBNET", "OFF", "SYSTEM_DEFAULT")
-_EPHEMERAL_DOMAINS = range(102, 216)  # Linux hands their ports out to anyone
-_MULTICAST = "239.255.0.1", 7400  # DDS's group; any port does to try it
-_LEAST_MEMORY = 16 * 2**20  # bytes free in /dev/shm for a bringup
+_EPHEMERAL_DOMAINS = range(102, 216)  # their ports are among Linux's ephemeral ports
+_MULTICAST = "239.255.0.1", 7400  # DDS's group; any port will do for the test
+_LEAST_MEMORY = 16 * 2**20  # free bytes in /dev/shm that a bringup needs
 _NAME = "onebot-robots"
-_REQUIREMENT = re.compile(r"([\w.-]+)[^;]*")  # a marker names an extra or a platform
+_REQUIREMENT = re.compile(r"([\w.-]+)[^;]*")  # without a marker, such as an extra or a platform
 _PROJECT = "pyproject.toml"
 _TEXT = "onebot doctor"
 _ONEBOT = (sys.executable, "-m", "onebot_bringup.cli.main")
@@ -72,7 +72,7 @@ def _print(name: str, check: Callable[[], Verdict]) -> str:
 
 
 def _required() -> list[str]:
-    """Return what pip installs; in a colcon workspace or a checkout as pyproject.toml has it."""
+    """Return the required packages, from the installed metadata or else from pyproject.toml."""
     with suppress(metadata.PackageNotFoundError):
         return metadata.requires(_NAME) or []
     if sys.version_info >= (3, 11):
@@ -86,7 +86,7 @@ def _required() -> list[str]:
 
 
 def dependencies(required: Iterable[str]) -> Verdict:
-    """Look for what is ``required``, without extras; ``pip check`` compares the versions."""
+    """Check that the required packages are installed; ``pip check`` compares their versions."""
     matches = map(_REQUIREMENT.fullmatch, required)
     names = [match[1] for match in matches if match]
     if missing := [name for name in names if not _is_installed(name)]:
@@ -98,7 +98,12 @@ def dependencies(required: Iterable[str]) -> Verdict:
 
 
 def versions(count: int, problems: Sequence[str] | None) -> Verdict:
-    """Judge the problems that ``pip check`` prints; None if it has found none, [] without pip."""
+    """Judge the output of ``pip check``.
+
+    Args:
+        count: the number of required packages.
+        problems: the lines that it printed; None if it found no problem, [] without pip.
+    """
     if problems is None:
         return Verdict(OK, f"{count} as required")
     if lines := [line for line in problems if line.startswith(f"{_NAME} ")]:
@@ -127,7 +132,7 @@ def _library() -> Verdict:
 
 
 def rclpy_of(environment: Mapping[str, str]) -> Verdict:
-    """Import rclpy, with the middleware that the environment names."""
+    """Check that rclpy can be imported with the middleware that the environment names."""
     code = (
         "import rclpy, rclpy.utilities as u; "
         "print(u.get_rmw_implementation_identifier(), 'of', rclpy.__path__[0])"
@@ -146,7 +151,7 @@ def rclpy_of(environment: Mapping[str, str]) -> Verdict:
 
 
 def domain(environment: Mapping[str, str]) -> Verdict:
-    """Check ROS_DOMAIN_ID and the range of discovery."""
+    """Check ROS_DOMAIN_ID and the discovery range."""
     text = environment.get("ROS_DOMAIN_ID", "") or "0"
     scope = (environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "") or "SUBNET").upper()
     if not text.isdecimal() or int(text) > MAX_DOMAIN:
@@ -175,7 +180,7 @@ def domain(environment: Mapping[str, str]) -> Verdict:
 
 
 def multicast(environment: Mapping[str, str]) -> Verdict:
-    """Send a packet to DDS's group, by loopback, or by the default route for a whole subnet."""
+    """Check multicast to DDS's group, on loopback or, for a subnet, on the default route."""
     if by := environment.get(SERVER):
         return Verdict(OK, f"not needed with the discovery server at {by}")
     local = environment.get(RANGE, "").upper() == "LOCALHOST"
@@ -184,7 +189,7 @@ def multicast(environment: Mapping[str, str]) -> Verdict:
         _multicast(socket.inet_aton("127.0.0.1" if local else "0.0.0.0"))
     except OSError as error:
         return Verdict(
-            NOTE if local else PROBLEM,  # DDS finds its peers on this computer without it, too
+            NOTE if local else PROBLEM,  # on one computer, DDS also works without it
             f"no packet comes back from {where}: {error}",
             "sudo ip link set lo multicast on"
             if local
@@ -208,7 +213,7 @@ def _multicast(interface: bytes) -> None:
 
 
 def _messages(timeout: float) -> Verdict:
-    """Have one process publish and another receive: discovery and data, as they are set up."""
+    """Check that messages from one process reach another with the current discovery settings."""
     topic, kind = f"/_onebot_doctor_{os.getpid()}", "std_msgs/msg/String"
     publisher = subprocess.Popen(
         [*_ONEBOT, "topic", "pub", "-r", "10", topic, kind],
@@ -232,7 +237,7 @@ def _messages(timeout: float) -> Verdict:
 
 
 def shared_memory(folder: Path, clean: bool) -> Verdict:
-    """Check its size, and what killed processes left in it; with ``clean`` remove that."""
+    """Check free shared memory and remains of killed processes; remove these with ``clean``."""
     try:
         space = os.statvfs(folder)
     except OSError as error:
@@ -272,7 +277,7 @@ def _renderer() -> Verdict:
 def _python(
     *words: str, environment: Mapping[str, str] | None = None
 ) -> "subprocess.CompletedProcess[str]":
-    """Run what may end its process, as rcl does when the middleware is wrong."""
+    """Run Python code in a child process, as rcl ends the process if the middleware is wrong."""
     command = [sys.executable, *words]
     return subprocess.run(command, env=environment, capture_output=True, text=True)
 

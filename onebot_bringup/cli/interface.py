@@ -52,7 +52,7 @@ def _lines(name: str, comments: bool, nested_comments: bool, indent: str) -> Ite
 
 
 def _nested(line: str, package: str) -> str | None:
-    """The message type of a line's field; None for primitive fields, constants and comments."""
+    """Return the message type of a line's field; None for primitives, constants and comments."""
     match = _FIELD.match(line)
     if match is None:
         return None

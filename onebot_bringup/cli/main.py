@@ -4,7 +4,7 @@
 Exit codes: 0 success, or stopped by the user; 1 a mistake in the user's files, or a node failed;
 2 a wrong command line; 130 a plain command was interrupted; 141 the output pipe was closed.
 
-This module imports nothing slow: before ``start_process`` runs, Ctrl-C prints a traceback.
+This module imports nothing slow, since Ctrl-C prints a traceback before ``start_process`` runs.
 """
 
 import os
@@ -21,16 +21,16 @@ if TYPE_CHECKING:
     from onebot_bringup.launch.bringup import Bringup
 
 USAGE = 2
-# Shells report SIGINT and SIGPIPE so.
+# Exit codes with which shells report SIGINT and SIGPIPE.
 INTERRUPTED = 128 + 2
 PIPE_CLOSED = 128 + 13
 
 
-# One line for ``onebot --help``, and the exit code after Ctrl-C: 0 if that is its normal end.
+# A line for ``onebot --help``, and the exit code after Ctrl-C, 0 if that is the normal end.
 Verb = namedtuple("Verb", ["summary", "interrupted"], defaults=[INTERRUPTED])  # noqa: PYI024
 
-# Each verb is a module of this package, imported only when it is used. It has ``COMMANDS``, a table
-# whose values are ``Subcommand``, or ``run(argv) -> int``; ``argv`` are the words after the verb.
+# Each verb is a module of this package, imported only when it is used. It has either a table
+# ``COMMANDS`` of ``Subcommand``, or ``run(argv) -> int``; ``argv`` are the words after the verb.
 PACKAGE = "onebot_bringup.cli"
 VERBS = {
     "check": Verb("check a URDF or xacro file and show its tree"),
@@ -51,7 +51,7 @@ VERBS = {
     "teleop": Verb("drive from the keyboard", 0),
     "trajectory": Verb("move joints to positions, and list those that can be moved"),
 }
-# What is called otherwise in ROS 1 or by ros2, and the verbs that do it.
+# Commands of ROS 1 and ros2 with other names, and our verbs for them.
 _FORMER = {
     "rostopic": "topic",
     "rosnode": "node",
@@ -75,17 +75,17 @@ _VERSION = ("-V", "--version")
 def start_process(interrupted: int) -> None:
     """Prepare the process of a command, before anything slow is imported.
 
-    Ctrl-C ends it at once, until something runs that has to be ended in order and installs its own
-    handler: a KeyboardInterrupt would become a traceback in imports of compiled libraries, and at
-    the interpreter's end. What the terminal's encoding lacks is printed, and read, as escape
-    sequences.
+    Ctrl-C ends the process at once, until code that needs an orderly end installs its own handler:
+    a KeyboardInterrupt would become a traceback during imports of compiled libraries and at the
+    interpreter's end. Characters that the terminal's encoding lacks are printed, and read, as
+    escape sequences.
 
     Args:
         interrupted: the exit code after Ctrl-C.
     """
     import signal
 
-    # Background jobs of a shell ignore it, and go on doing so.
+    # Background jobs of a shell ignore SIGINT, and should go on doing so.
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
         signal.signal(signal.SIGINT, lambda *_: os._exit(interrupted))
     for stream in (sys.stdin, sys.stdout):
@@ -103,7 +103,7 @@ def run_command(
         see: the help command to name in usage errors, or a function that returns it.
         interrupted: the exit code after Ctrl-C.
     """
-    if "_ARGCOMPLETE" in os.environ:  # the shell wants to know what can follow
+    if "_ARGCOMPLETE" in os.environ:  # the shell asks for completions
         from onebot_bringup.cli.completion import complete
 
         complete()
@@ -122,7 +122,7 @@ def run_command(
     except KeyboardInterrupt:
         return interrupted
     except BrokenPipeError:
-        # Python would flush stdout again at exit.
+        # Otherwise Python would flush the closed stdout again at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         return PIPE_CLOSED
 
@@ -131,9 +131,9 @@ def run_bringup(command: "Callable[[], Bringup]", program: str, argv: Sequence[s
     """Run a bringup command until Ctrl-C and return its exit code.
 
     Args:
-        command: called when Ctrl-C is already handled: what it imports takes a moment.
-        program: its name.
-        argv: its arguments; None for those of this process, which is prepared first.
+        command: called once Ctrl-C is handled, since its imports take a moment.
+        program: the command's name.
+        argv: its arguments; None for this process's own, which is then prepared first.
     """
     words = sys.argv[1:] if argv is None else argv
     if argv is None:
@@ -167,7 +167,7 @@ def help_command(words: list[str]) -> str:
 
 
 def subcommands(verb: str) -> "Mapping[str, Subcommand]":
-    """Return the subcommands of a verb; none for most."""
+    """Return the subcommands of a verb; empty for most verbs."""
     from importlib import import_module
 
     return getattr(import_module(f"{PACKAGE}.{verb}"), "COMMANDS", {})
@@ -218,7 +218,7 @@ def print_version(program: str) -> int:
 
 
 def _instead(verb: str, rest: Sequence[str]) -> str:
-    """What to write in place of a verb that does not exist."""
+    """Return what to write in place of a verb that does not exist."""
     if verb in _LAUNCH:
         return ": write onebot_bringup, mrm_bringup or onebot view FILE, and name:=value after it"
     if verb in _FORMER:
@@ -229,7 +229,7 @@ def _instead(verb: str, rest: Sequence[str]) -> str:
 
 
 def usage() -> str:
-    """Return what ``onebot --help`` prints."""
+    """Return the text of ``onebot --help``."""
     from onebot_bringup.cli.options import commands_text
 
     text = commands_text("onebot", VERBS, "[discovery:=WHERE] [domain_id:=N] ")

@@ -1,4 +1,4 @@
-"""The commands that topics and services have in common: list, type and find."""
+"""The commands that exist for both topics and services: list, type and find."""
 
 import json
 from argparse import Namespace
@@ -12,16 +12,16 @@ from onebot_description.errors import OneBotError, alike, did_you_mean
 
 @dataclass(frozen=True)
 class Named:
-    """Topics, or services."""
+    """The commands of topics, or of services."""
 
     word: str  # "topic" or "service"
     interface: str  # the kind of their types, "msg" or "srv"
-    example: str  # a type
-    # Returns names and types; with True, the hidden ones, too.
+    example: str  # an example of a type
+    # Returns names and types; with True, including hidden ones.
     discovered: Callable[[Session, bool], list[tuple[str, list[str]]]]
 
     def types(self, session: Session, name: str) -> list[str]:
-        """Return the types that a full name has been discovered with."""
+        """Return the types with which a full name has been discovered."""
         return dict(self.discovered(session, True)).get(name, [])
 
     def find_types(self, session: Session, name: str) -> tuple[str, list[str]]:
@@ -43,12 +43,12 @@ class Named:
         return full, types
 
     def question(self, session: Session, name: str) -> str:
-        """Return a question for the similar names, such as ``did you mean "/a"?``; "" for none."""
+        """Return a question about similar names, such as ``did you mean "/a"?``; "" for none."""
         names = alike(name, [candidate for candidate, _ in self.discovered(session, False)])
         return f"did you mean {' or '.join(map(json.dumps, names))}?" if names else ""
 
     def print_names(self, session: Session, args: Namespace) -> None:
-        """List them, with their types if asked for."""
+        """List the names, with their types if requested."""
         session.discover()
         print_rows(
             [
@@ -59,7 +59,7 @@ class Named:
         )
 
     def print_types(self, session: Session, args: Namespace) -> None:
-        """Show the types of one."""
+        """Show the types of one topic or service."""
         print("\n".join(self.find_types(session, getattr(args, self.word))[1]))
 
     def print_names_of_type(self, session: Session, args: Namespace) -> None:
@@ -72,7 +72,7 @@ class Named:
         print_rows(names, count=args.count)
 
     def commands(self) -> dict[str, Subcommand]:
-        """Return the commands."""
+        """Return the subcommands by name."""
         word = self.word
         listing = (
             flag(f"-c --count-{word}s", "show their number only", dest="count"),

@@ -9,7 +9,7 @@ from typing import Any, NoReturn
 from onebot_description.errors import UsageError, did_you_mean
 
 Option = Callable[[Any], object]
-"""Adds an option, a positional argument or a group of options to a parser of argparse."""
+"""Adds an option, a positional argument or a group of options to an argparse parser."""
 
 
 def option(
@@ -20,7 +20,16 @@ def option(
     default: Any = None,
     **settings: Any,
 ) -> Option:
-    """Return an option with a value, such as "-r --rate"; ``type`` parses it."""
+    """Return an option with a value.
+
+    Args:
+        names: its names, such as "-r --rate".
+        metavar: what the help calls the value.
+        help: the help.
+        type: parses the value.
+        default: the default value.
+        settings: further arguments of argparse's ``add_argument``.
+    """
     common = {"metavar": metavar, "help": help, "type": type, "default": default}
     return lambda parser: parser.add_argument(*names.split(), **common, **settings)
 
@@ -33,7 +42,7 @@ def flag(names: str, help: str, **settings: Any) -> Option:
 
 
 def positional(metavar: str, help: str | None = None, **settings: Any) -> Option:
-    """Return a positional argument, whose attribute is ``metavar`` in small letters."""
+    """Return a positional argument, whose attribute is ``metavar`` in lower case."""
     return lambda parser: parser.add_argument(
         metavar.lower(), metavar=metavar, help=help, **settings
     )
@@ -51,7 +60,7 @@ def group(title: str, description: str, *options: Option) -> Option:
 
 
 def exclusive(*options: Option) -> Option:
-    """Return options of which one at most may be given."""
+    """Return options of which at most one may be given."""
 
     def add_to(parser: argparse.ArgumentParser) -> None:
         alternatives = parser.add_mutually_exclusive_group()
@@ -61,7 +70,7 @@ def exclusive(*options: Option) -> Option:
     return add_to
 
 
-# A word that is a value, not an option; argparse itself does not know -1e-3.
+# Matches words that are values, not options; argparse itself does not recognize -1e-3.
 _NEGATIVE = re.compile(r"-(\d|\.|inf|nan)")
 
 ALLOW_NON_FINITE = flag("--allow-non-finite", "accept .nan and .inf")
@@ -73,7 +82,7 @@ class Subcommand:
     def __init__(
         self, summary: str, run: Callable[[argparse.Namespace], int | None], *options: Option
     ) -> None:
-        """Declare it: ``summary`` is one line for ``--help``; ``run`` may return the exit code."""
+        """Declare the command; ``summary`` is a line for ``--help``, ``run`` may return a code."""
         self.summary, self.run, self.options = summary, run, options
 
 
@@ -104,7 +113,7 @@ def commands_text(program: str, table: Mapping[str, Any], settings: str = "") ->
 
 
 class Parser(argparse.ArgumentParser):
-    """argparse's parser, whose errors are ``UsageError``."""
+    """An argparse parser whose errors are ``UsageError``."""
 
     def __init__(self, program: str, summary: str, options: Iterable[Option] = ()) -> None:
         """Make the parser of a command such as ``onebot topic pub``."""

@@ -123,7 +123,7 @@ def delete(session: Session, args: Namespace) -> int:
 
 @in_session
 def describe(session: Session, args: Namespace) -> None:
-    """Show what parameters are and may be."""
+    """Show the descriptions, types and ranges of parameters."""
     client = _client(session, args)
     client.require(args.parameter)
     for descriptor in client.describe(args.parameter):

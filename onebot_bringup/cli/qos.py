@@ -23,7 +23,7 @@ _LEASE = "--qos-liveliness-lease-duration-seconds"
 
 
 def options(default: str) -> Option:
-    """Return the options; ``default`` describes the profile without them in the help."""
+    """Return the options; ``default`` describes in the help which profile is used without them."""
     policies = {
         "history": ("keep_last", "keep_all", "system_default"),
         "reliability": ("reliable", "best_effort", *_OTHERS),
@@ -84,7 +84,7 @@ def matching(node: Any, topic: str, args: argparse.Namespace) -> "QoSProfile":
         _warn_fallback("QoSReliabilityPolicy.RELIABLE", "QoSReliabilityPolicy.BEST_EFFORT")
     if any(map(is_transient_local, offered)) and not is_transient_local(suited):
         _warn_fallback("QoSDurabilityPolicy.TRANSIENT_LOCAL", "QoSDurabilityPolicy.VOLATILE")
-    if is_transient_local(suited):  # a latched topic delivers everything that its publishers keep
+    if is_transient_local(suited):  # receive everything that publishers of a latched topic keep
         suited.depth = max(suited.depth, 100)
     return suited
 

@@ -1,4 +1,4 @@
-"""``onebot replay``: show a recording, all of its time, until Ctrl-C."""
+"""``onebot replay``: shows a whole recording until Ctrl-C."""
 
 import os
 import sys
@@ -49,7 +49,7 @@ ARGUMENTS = (
     *parameters_of(_VIEWER, ViewerParameters, "grpc_port", "web_port", "open_browser"),
 )
 _RRD = ".rrd"
-_ALL = "100%"  # memory limit: everything must be there for a page that is opened later
+_ALL = "100%"  # memory limit, so that a page that is opened later gets everything
 _WATCH_EVERY = 0.1  # s
 
 
@@ -65,16 +65,16 @@ def run(argv: Sequence[str]) -> int:
     if values["viewer"] == "none" and not values["save"]:
         raise UsageError("viewer:=none needs save:=FILE.rrd, or nothing would be shown")
     source = Path(arguments.positional[0]).expanduser()
-    if not os.path.exists(source):  # also where it may not be looked for
+    if not os.path.exists(source):  # also if its folder is not accessible
         raise OneBotError(f"there is no recording {source}")
-    use_environment_prefix()  # meshes and views are found there
+    use_environment_prefix()  # to find meshes and views
     with KeyboardInterrupts() as interrupts:
         _replay(source, values, interrupts)
     return 0
 
 
 def _replay(source: Path, values: Mapping[str, str], interrupts: KeyboardInterrupts) -> None:
-    is_rrd = source.suffix == _RRD and not source.is_dir()  # record:=run.rrd makes a folder
+    is_rrd = source.suffix == _RRD and not source.is_dir()  # record:=run.rrd makes a folder, too
     view = view_file(values["view"])
     if is_rrd:
         _check_rrd(source, view, values)
@@ -129,7 +129,7 @@ def _check_rrd(source: Path, view: Path | None, values: Mapping[str, str]) -> No
 
 
 class _Log:
-    """Prints; warnings go to stderr."""
+    """A logger that prints; warnings go to stderr."""
 
     def info(self, message: str) -> None:
         print(message, flush=True)

@@ -14,7 +14,7 @@ BRINGUPS = {
     "onebot_bringup": "onebot_bringup.launch.onebot_bringup",
     "mrm_bringup": "mrm_description.launch.mrm_bringup",
 }
-# By package and name: what each package's CMakeLists.txt installs.
+# Module of each executable by package and name, as installed by the packages' CMakeLists.txt.
 EXECUTABLES: dict[str, dict[str, str]] = {}
 for module in (*(row.module for row in NODES), *BRINGUPS.values()):
     EXECUTABLES.setdefault(module.partition(".")[0], {})[module.rpartition(".")[2]] = module

@@ -1,4 +1,4 @@
-"""Which joint_trajectory_controllers run, and which of them a command is about."""
+"""Finds the running joint_trajectory_controllers, and the one that a command means."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -15,7 +15,7 @@ class RunningController:
     """A joint_trajectory_controller, with the latest message of its ~/controller_state.
 
     Attributes:
-        name: of its node, with the namespace.
+        name: the full name of its node.
         state: the message; None until one is received.
     """
 
@@ -35,7 +35,7 @@ class RunningController:
 
     @property
     def joints(self) -> list[str]:
-        """The names of its joints, in its order."""
+        """The names of its joints, in the controller's order."""
         return list(self.state.joint_names)
 
 
@@ -43,8 +43,8 @@ def running_controllers(session: Session, name: str = "") -> list[RunningControl
     """Return the controllers that run in the session's namespace and below, each with a state.
 
     Args:
-        session: whose node discovers them.
-        name: of the only one wanted; "" for all.
+        session: the session that discovers them.
+        name: the name of the only controller wanted; "" for all.
 
     Raises:
         OneBotError: there is none, or none publishes its state.
@@ -59,7 +59,7 @@ def running_controllers(session: Session, name: str = "") -> list[RunningControl
         what = f'controller "{wanted}"' if wanted else "joint_trajectory_controller"
         raise OneBotError(f"no {what} found{hint}; {_START}")
     if not wanted:
-        session.discover()  # the first one found may not be the only one
+        session.discover()  # there may be more than the first one found
     controllers = [RunningController(session, name) for name in found()]
     session.look_for(
         lambda: all(controller.state for controller in controllers),
@@ -86,7 +86,7 @@ def _names(session: Session) -> list[str]:
 def controller_of(
     controllers: Sequence[RunningController], joints: Sequence[str]
 ) -> RunningController:
-    """Return the one that moves all of these joints.
+    """Return the controller that moves all of these joints.
 
     Raises:
         OneBotError: none does, or several do; the message lists them with their joints.

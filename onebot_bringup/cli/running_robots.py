@@ -1,4 +1,4 @@
-"""Which robots run, and which of them a command is about."""
+"""Finds the running robots, and the one that a command means."""
 
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
@@ -15,7 +15,7 @@ _COMMANDS = "velocity_controller/cmd_vel"  # the topic if no robot is there yet
 
 
 def description_topics(session: Session, within: str = "") -> list[str]:
-    """Return the topics of the robots that run in a namespace and below; its own robot's first."""
+    """Return the description topics of robots in a namespace and below, its own robot's first."""
     topics = [
         name
         for name, _ in session.topics()
@@ -26,12 +26,12 @@ def description_topics(session: Session, within: str = "") -> list[str]:
 
 
 def frame_prefix(session: Session, nodes: Iterable[str]) -> str | None:
-    """Return the parameter frame_prefix of the first of these nodes that has one."""
+    """Return the parameter frame_prefix of the first of these nodes that has it."""
     from onebot_bringup.introspection.parameter_client import ParameterClient
     from onebot_bringup.introspection.parameter_values import NOT_SET
 
     for name in nodes:
-        with suppress(OneBotError):  # it has no parameters
+        with suppress(OneBotError):  # a node without parameters
             [value] = ParameterClient(session, name).values(["frame_prefix"])
             if value.type != NOT_SET:
                 return str(value.string_value)
@@ -48,12 +48,12 @@ def commanded_robots(session: Session) -> "list[CommandedRobot]":
 
 
 def chosen_commands(session: Session, name: str, *, first: bool = False) -> str:
-    """Return the full name of the topic of commands that the user means.
+    """Return the full name of the command topic that the user means.
 
     Args:
-        session: whose node discovers the robots.
-        name: of a robot, such as "robot2", or of a topic; "" for the only robot.
-        first: of several robots, take the first one where none is named.
+        session: the session that discovers the robots.
+        name: the name of a robot, such as "robot2", or of a topic; "" for the only robot.
+        first: if there are several robots and none is named, take the first.
 
     Raises:
         OneBotError: there are several robots, and none of them is named.
@@ -61,7 +61,7 @@ def chosen_commands(session: Session, name: str, *, first: bool = False) -> str:
     if name.startswith("/"):
         return session.full_name(name)
     if not name:
-        session.discover()  # the first robot found may not be the only one
+        session.discover()  # there may be more than the first robot found
         session.spin(lambda: commanded_robots(session), PATIENCE)
         return _only(commanded_robots(session), first) or session.full_name(_COMMANDS)
     topic = session.full_name(name)

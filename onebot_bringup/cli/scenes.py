@@ -1,4 +1,4 @@
-"""What ``onebot snapshot`` draws: a running robot, one at given joint positions, a recording."""
+"""Draws for ``onebot snapshot``: a running robot, a robot in a given pose, or a recording."""
 
 import re
 import sys
@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 
 
 def draw(args: Namespace, scene: Path) -> None:
-    """Draw what the command line asks for; ``scene`` is where a recording can be put."""
+    """Draw what the command line asks for; ``scene`` is a path for a temporary recording."""
     kind = kind_of(args.source)
     if kind == "rrd":
         source = Path(args.source)
@@ -92,17 +92,17 @@ def _warn(message: str) -> None:
 
 # --- the running robot --------------------------------------------------------------------------
 
-# Nothing of a robot is slower than this, even on a busy machine (seconds).
+# Seconds to wait for descriptions and frames, which take less even on a busy machine.
 _FRAMES = 6.0
-_TICK = 0.05  # seconds between two
-_MESSAGES = 1.0  # seconds for what is published seldom
+_TICK = 0.05  # seconds between two ticks
+_MESSAGES = 1.0  # seconds to wait for topics that are seldom published
 _LISTED = 5
 
 
 def _record_running(args: Namespace, recording: "rr.RecordingStream") -> int:
-    """Record the robots as they are now; or return the port of a viewer's page, or 0.
+    """Return the port of the running viewer's page, or 0 after recording the robots as they are.
 
-    The viewer has their trails as well.
+    The viewer is preferred for its trails and curves.
     """
     with Session(args.ros_args) as session:
         if args.dashboard:
@@ -132,7 +132,7 @@ class RunningRobots:
         recording: "rr.RecordingStream",
         robots: Sequence[RobotToShow],
     ) -> None:
-        """Subscribe, relative to the session's namespace; ``view`` is as for ``ViewSource``."""
+        """Subscribe, relative to the session's namespace; for ``view`` see ``ViewSource``."""
         self._session = session
         self._robots = robots
         self._warnings: list[str] = []
@@ -146,16 +146,16 @@ class RunningRobots:
             report=self._report,
         )
         self._feed = ViewFeed(session.node, self._view)
-        self._broken: OneBotError | None = None  # a broken description
+        self._broken: OneBotError | None = None  # the error of an invalid description
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # ROS time may stand still
         self._timer = session.node.create_timer(_TICK, self._tick, clock=steady)
 
     def _report(self, _: str, error: Exception) -> None:
         if isinstance(error, OneBotError):
-            self._broken = error  # another bad message is no reason to give up
+            self._broken = error  # other bad messages are no reason to give up
 
     def _tick(self) -> None:
-        """Show what has come."""
+        """Show the messages that have come."""
         self._warnings += self._feed.update()
         warnings = self._feed.tick()
         self._warnings += warnings if self._view.robot is not None else []
@@ -178,7 +178,7 @@ class RunningRobots:
         return self._view.robot
 
     def record(self) -> list[str]:
-        """Log the robots as they are now; return what could not be drawn, a sentence each."""
+        """Log the robots as they are now; return a sentence per thing that could not be drawn."""
         robot = self.await_descriptions()
         if self._source.set_robot(robot.robot_name):
             self._warnings += self._view.set_view(self._source.view)
@@ -199,7 +199,7 @@ class RunningRobots:
         def has_all() -> bool:
             return feed.received.issuperset(item.topic for item in view.offered if item.visible)
 
-        self._wait(has_all, _MESSAGES)  # not for long: some topics are published once in a while
+        self._wait(has_all, _MESSAGES)  # only briefly, since some topics are seldom published
         self._timer.cancel()
         return [*dict.fromkeys(self._warnings), *view.finish()]
 
@@ -253,7 +253,7 @@ def running_robots(session: Session, prefix: str = "") -> list[RobotToShow]:
         space, of_robot = topic.rpartition("/")[0], prefix
         if not prefix:
             published = frame_prefix(session, session.publishers(topic))
-            # Of several robots each has another one.
+            # If there are several robots, each has a different prefix.
             of_robot = prefixed("", len(topics) > 1, "", space) if published is None else published
         robots.append(RobotToShow(space, of_robot, plotted=len(topics) == 1))
     return robots
@@ -267,17 +267,26 @@ def _namespaces(topics: Sequence[str]) -> list[str]:
 
 Floats = NDArray[np.float64]
 
-# Any moment will do, but always the same: a picture with a clock in it stays the same, too.
+# Any time will do, but it is constant, so that pictures that show the time do not change.
 _NOW_NS = 1_700_000_000_000_000_000
 
 
 def record_pose(
     description: Description, positions: Floats, view: str, recording: "rr.RecordingStream"
 ) -> list[str]:
-    """Log a robot at ``positions``: (M,) of the moving joints in the model's order, rad or m.
+    """Log a robot at some joint positions.
 
     A fixed frame of the view that only a running robot has, such as odom, is replaced by the
     robot's root link.
+
+    Args:
+        description: the robot.
+        positions: (M,) positions of the movable joints in the model's order, rad or m.
+        view: see ``ViewSource``.
+        recording: where to log.
+
+    Returns:
+        One sentence per thing that could not be drawn.
     """
     model = RobotModel.from_description(description)
     notices: list[str] = []
@@ -314,7 +323,7 @@ def _record_description(args: Namespace, recording: "rr.RecordingStream") -> Non
     positions = RobotModel.from_description(description).pose(args.joints)
     warnings = record_pose(description, positions, args.view, recording)
     for text in warnings:
-        # What is wrong with the text itself was reported with the lines of its file.
+        # Problems of the text itself were already reported with the lines of its file.
         if not text.startswith(f"{ROBOT_DESCRIPTION}:"):
             _warn(text)
 
@@ -345,15 +354,15 @@ def _record_bag(args: Namespace, recording: "rr.RecordingStream") -> None:
     )
 
 
-# --- the viewer of a running robot: it has the curves and trails of before ----------------------
+# --- the viewer of a running robot, which has earlier curves and trails -------------------------
 
 _PAGE = "rerun_viewer/page"
-# On this host only: nothing else that a page may name is used.
+# Only addresses on this host are accepted, whatever a page claims.
 _ADDRESS = re.compile(r"http://127\.0\.0\.1:(\d{1,5})/")
 
 
 def port_of(address: str) -> int:
-    """Return the port in a page's address; 0 for none."""
+    """Parse the port in a page's address; 0 if it is not on this host."""
     match = _ADDRESS.match(address)
     return int(match[1]) if match else 0
 

@@ -17,7 +17,7 @@ from onebot_bringup.cli.options import (
 from onebot_bringup.cli.session import Session
 from onebot_description.errors import OneBotError
 
-_SLOW = 2.0  # s without a response until a note is printed
+_SLOW = 2.0  # s without a response after which a note is printed
 
 
 def call_service(args: Namespace) -> None:
@@ -64,7 +64,7 @@ def _await_service(session: Session, client: Any, name: str, kind: str) -> None:
 
 
 def _offered(session: Session, name: str) -> set[str]:
-    """The types of a service's servers; the graph would include clients, such as this one."""
+    """Return the types of a service's servers; the graph would also count clients like this one."""
     from rclpy.node import NodeNameNonExistentError
 
     types: set[str] = set()

@@ -1,7 +1,7 @@
 """A short-lived, hidden node for one command, with discovery.
 
-There is no daemon: other nodes have to be discovered first, which takes some tenths of a second. A
-command waits until the entity that it needs is discovered; lists wait until the graph is stable.
+There is no daemon, so other nodes have to be discovered first, which takes some tenths of a second.
+A command waits until the entity that it needs is discovered; lists wait until the graph is stable.
 """
 
 import argparse
@@ -26,11 +26,11 @@ from onebot_description.ros.discovery import (
 )
 from onebot_description.ros.signals import KeyboardInterrupts
 
-_QUIET = 0.5  # s without changes, over two announcements: discovery is taken as complete
-_LEAST = 0.5  # s of discovery
-_MOST = 2.0  # s of discovery
-_LOOKUP = 3.5  # s to discover a name: all participants announce themselves every 3 s
-PATIENCE = 1.0  # s until a waiting command prints what it waits for
+_QUIET = 0.5  # s without changes (over two announcements) after which discovery is complete
+_LEAST = 0.5  # minimum duration of discovery, s
+_MOST = 2.0  # maximum duration of discovery, s
+_LOOKUP = 3.5  # s to discover a name, since participants announce themselves every 3 s
+PATIENCE = 1.0  # s after which a waiting command prints what it waits for
 _POLL = 0.02  # s
 
 
@@ -44,13 +44,13 @@ class Session:
         self, ros_args: Sequence[str] = (), name: str | None = None, spin_time: float | None = None
     ) -> None:
         self._ros_args = list(ros_args)  # begins with --ros-args, unless empty
-        self._name = name or f"_onebot_{os.getpid()}"  # a hidden one
+        self._name = name or f"_onebot_{os.getpid()}"  # a hidden node's name
         self._spin_time = spin_time  # s for discovery; None: until the graph is stable
 
     def __enter__(self) -> "Session":
         use_local_discovery()
         use_environment_prefix()
-        # This imports rclpy, which is slow.
+        # This imports rclpy, which takes long.
         from onebot_description.ros.node import ros_errors, use_writable_log_folder
 
         use_writable_log_folder()
@@ -59,7 +59,7 @@ class Session:
         self._errors.__enter__()
         self.interrupts = KeyboardInterrupts().__enter__()
         if sys.stdout is not None and hasattr(sys.stdout, "reconfigure"):
-            sys.stdout.reconfigure(line_buffering=True)  # a pipe gets each line at once
+            sys.stdout.reconfigure(line_buffering=True)  # write each line at once, even to a pipe
         self._start()
         return self
 
@@ -104,7 +104,7 @@ class Session:
     def spin_until(self, moment: float) -> None:
         """Run callbacks until a time of the monotonic clock."""
         while (left := moment - time.monotonic()) > 0.0:
-            # Signals are handled between two waits only.
+            # Signals are only handled between two waits.
             self._executor.spin_once(timeout_sec=min(left, 0.1))
 
     def spin_for(self, seconds: float) -> None:
@@ -112,7 +112,7 @@ class Session:
         self.spin_until(time.monotonic() + seconds)
 
     def discover(self) -> None:
-        """Wait until discovery is complete: no change for some time, or ``spin_time``."""
+        """Wait until discovery is complete: for ``spin_time``, or until nothing changes."""
         if self._spin_time is not None:
             self.spin_until(self._began + self._spin_time)
             return
@@ -173,7 +173,7 @@ class Session:
     def publishers(self, topic: str) -> list[str]:
         """Return the full names of the nodes that publish a topic, one for each publisher.
 
-        A node's name is discovered after its publishers; until then they are left out.
+        A node's name is discovered after its publishers, which are left out until then.
         """
         ends = self.node.get_publishers_info_by_topic(topic)
         return [name for name in map(node_name, ends) if name]
@@ -204,10 +204,18 @@ class Session:
         patience: float = PATIENCE,
         hint: Callable[[], str] = lambda: "",
     ) -> Any:
-        """Wait for a condition, at most ``timeout`` (s); return its last value.
+        """Wait for a condition; after some time print what is waited for.
 
-        After ``patience`` (s), print what ``notice`` returns, and the question of ``hint``, now or
-        as soon as it has one: what it is about may be discovered later.
+        Args:
+            condition: what to wait for.
+            notice: returns the text to print.
+            timeout: the maximum time to wait, s; None for no limit.
+            patience: the time before the notice is printed, s.
+            hint: returns a question to add, such as similar names, or "" while there is none; it is
+                printed as soon as there is one.
+
+        Returns:
+            The last value of ``condition()``.
         """
         left = math.inf if timeout is None else timeout
         value = self.spin(condition, min(patience, left))
@@ -237,7 +245,7 @@ def _visible(names: Iterable[tuple[str, list[str]]], hidden: bool) -> list[tuple
 
 
 def await_acknowledgements(publisher: Any, seconds: float = 1.0) -> None:
-    """Wait until all reliable subscribers have the messages, but not longer."""
+    """Wait until all reliable subscribers have the messages, at most ``seconds``."""
     from rclpy.duration import Duration
 
     if publisher.get_subscription_count():
@@ -255,7 +263,7 @@ SPIN_TIME = option(
 def in_session(
     body: Callable[[Session, argparse.Namespace], int | None],
 ) -> Callable[[argparse.Namespace], int | None]:
-    """Have a subcommand called within a session, as its first argument."""
+    """Return a subcommand that calls ``body`` with a session as its first argument."""
 
     @functools.wraps(body)
     def run(args: argparse.Namespace) -> int | None:

@@ -1,4 +1,4 @@
-"""``onebot snapshot``: a picture of a robot, drawn without any display."""
+"""``onebot snapshot``: draws a picture of a robot without any display."""
 
 import argparse
 import math
@@ -37,7 +37,7 @@ def run(argv: Sequence[str]) -> int:
 
 
 def check_picture(png: Path) -> None:
-    """Refuse a picture that cannot be written, before any work is done for it."""
+    """Reject a picture that cannot be written, before any work is done for it."""
     if png.suffix.lower() != ".png":
         raise OneBotError(f"{png}: a picture's name must end in .png")
     if not png.parent.is_dir():
@@ -45,7 +45,7 @@ def check_picture(png: Path) -> None:
     if png.is_dir():
         raise OneBotError(f"{png}: is a folder")
     try:
-        refuse_unwritable(png.with_name(f".{png.name}-{os.getpid()}"))  # it is written beside it
+        refuse_unwritable(png.with_name(f".{png.name}-{os.getpid()}"))  # the temporary file
     except OSError as error:
         raise OneBotError(f"{png} cannot be written: {error.strerror}") from None
 
@@ -58,9 +58,9 @@ SOURCE, a URDF or xacro file at given joint positions, or the end of a recording
 folder of record:=). name:=value are arguments that the xacro file declares; of a recording of ROS
 messages, namespace:= chooses one robot, where several are recorded. package_path:= holds the
 folders, joined by :, in which ROS packages are looked for first"""
-NAMESPACE = "namespace"  # the one argument of a bag
+NAMESPACE = "namespace"  # the only argument for a bag
 _WIDTH, _HEIGHT = 1280, 720
-# Pixels: the viewer's window does not become smaller, and software renders no larger one for sure.
+# Sizes in pixels: the viewer's window cannot be smaller, and software rendering may fail beyond.
 _SMALLEST, _LARGEST = 100, 4096
 
 
@@ -152,7 +152,7 @@ def _check(args: Namespace) -> None:
 
 
 def _check_arguments(kind: str, given: Mapping[str, str]) -> None:
-    """Refuse arguments of anything but a xacro file."""
+    """Reject arguments that do not suit the source."""
     for name, value in given.items():
         if name != NAMESPACE:
             raise UsageError(f"{name}:={value} is for a URDF or xacro file as SOURCE")
@@ -169,7 +169,7 @@ def kind_of(source: str | None) -> str:
         return "running"
     path = Path(source)
     if os.path.isdir(path):
-        return "bag"  # whatever its name: record:=run.rrd makes a folder, too
+        return "bag"  # whatever its name is, since record:=run.rrd also makes a folder
     if path.suffix == ".rrd":
         return "rrd"
     if path.suffix in (".mcap", ".db3", ".zstd", ".bag"):
@@ -192,7 +192,7 @@ def parse_camera(text: str) -> tuple[Triple, Triple | None]:
     """Return eye and target, metres in the fixed frame; no target if only the eye is given.
 
     Raises:
-        ValueError: it is written otherwise, or it looks nowhere; the message has the right form.
+        ValueError: the text is invalid, or eye and target are equal; the message shows the form.
     """
     eye, colon, target = text.partition(":")
     camera = _vector(eye, text), _vector(target, text) if colon else None

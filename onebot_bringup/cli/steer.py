@@ -1,4 +1,4 @@
-"""``onebot steer``: drive a robot from a page in the browser, with its 3D view beside it."""
+"""``onebot steer``: serves a page in the browser to drive a robot from, with its 3D view."""
 
 import os
 import tempfile
@@ -34,7 +34,7 @@ from onebot_bringup.viewer.viewer_parameters import ViewerParameters, view_file
 from onebot_control.poses import prefixed
 from onebot_description.errors import UsageError
 
-_VIEWER = "steering_viewer"  # not rerun_viewer: the robot may start one later
+_VIEWER = "steering_viewer"  # differs from rerun_viewer, which the robot may start later
 _ARGUMENTS = [
     Argument("topic", "", "to steer, or a robot such as robot2; the page can change it"),
     *parameters_of(
@@ -108,7 +108,7 @@ def _launch(
 def _found(
     values: Mapping[str, str], ros_args: Sequence[str]
 ) -> tuple[str, dict[str, object] | None]:
-    """Return the topic to steer, and which robots a viewer is to show; None to start none.
+    """Return the topic to steer, and the parameters of the viewer to start; None to start none.
 
     For ``auto``, try to discover the robot's viewer first.
     """
@@ -124,9 +124,9 @@ def _found(
 
 
 def robot_parameters(session: Session, namespace: str) -> dict[str, object]:
-    """Return the viewer's parameters for the robots that run.
+    """Return the viewer's parameters for the running robots.
 
-    The frames of one that is started later are named as a bringup names them.
+    The frames of a robot that is started later are named as a bringup names them.
     """
     space = f"/{namespace}".rstrip("/")
     topics = session.spin(lambda: description_topics(session, space), PATIENCE)
@@ -156,7 +156,7 @@ def _finds_viewer(session: Session) -> bool:
 
 
 def page_answers(address: str) -> bool:
-    """Whether the page still responds; its address stays on the latched topic."""
+    """Whether the page still responds; the latched topic keeps its address even if not."""
     from onebot_bringup.serving.ports import answers
     from onebot_bringup.steering.view_proxy import View
 

@@ -1,6 +1,6 @@
-"""``onebot teleop``: drive a robot from the keyboard, with the keys of teleop_twist_keyboard.
+"""``onebot teleop``: drives a robot from the keyboard, with the keys of teleop_twist_keyboard.
 
-`Driver` turns keys into velocities, without ROS and without a terminal.
+``Driver`` turns keys into velocities, without ROS and without a terminal.
 """
 
 import contextlib
@@ -19,8 +19,8 @@ from onebot_bringup.cli.running_robots import chosen_commands
 from onebot_bringup.cli.session import Session, await_acknowledgements
 from onebot_description.errors import OneBotError
 
-# Key: x (forward), y (left), z (up), turn to the left; each -1, 0 or 1. As teleop_twist_keyboard:
-# reverse curves turn as a car does with the same steering angle.
+# For each key: x (forward), y (left), z (up), turn to the left; each -1, 0 or 1. Reverse curves
+# turn as a car does with the same steering angle, as in teleop_twist_keyboard.
 _MOVES: dict[str, tuple[int, int, int, int]] = {
     "i": (1, 0, 0, 0),
     "o": (1, 0, 0, -1),
@@ -45,7 +45,7 @@ _MOVES: dict[str, tuple[int, int, int, int]] = {
     "left": (0, 0, 0, 1),
     "right": (0, 0, 0, -1),
 }
-# Key: factor on the speed, factor on the turning speed.
+# For each key: factor on the speed, factor on the turning speed.
 _SPEEDS: dict[str, tuple[float, float]] = {
     "q": (1.1, 1.1),
     "z": (0.9, 0.9),
@@ -54,13 +54,13 @@ _SPEEDS: dict[str, tuple[float, float]] = {
     "e": (1.0, 1.1),
     "c": (1.0, 0.9),
 }
-_SHORTEST_HOLD = 0.2  # s; over a network repeats arrive in bursts
+_SHORTEST_HOLD = 0.2  # s; over a network, repeats arrive in bursts
 _REPEATS_MISSED = 4
 ESCAPE = "\x1b"
 _ARROWS = {"A": "up", "B": "down", "C": "right", "D": "left"}
 _LOCK, _UNLOCK = " ", "r"
 _QUIT = (ESCAPE, "\x03", "\x04")
-_ZEROS = 3  # published when a key is released, in case one gets lost
+_ZEROS = 3  # zero commands published when a key is released, in case one gets lost
 _SUBSCRIBER_PERIOD = 1.0  # s between polls for subscribers
 _SPIN = 0.002  # s of callbacks between two reads of the keyboard
 _LOCKED = f"\t(locked: {_UNLOCK} unlocks)"
@@ -108,12 +108,12 @@ class Driver:
 
     def __init__(self, speed: float, turn: float, hold: float) -> None:
         self.speed, self.turn = speed, turn  # m/s and rad/s while a key is held
-        # Seconds that one press counts as held without repeats; longer than the keyboard's delay.
+        # Seconds for which one press counts as held without repeats; longer than the repeat delay.
         self._hold = hold
-        self.locked = False  # no key moves the robot
+        self.locked = False  # if True, no key moves the robot
         self._key: str | None = None
         self._pressed = 0.0  # time of the last press or repeat
-        self._until = 0.0  # time from which it counts as released
+        self._until = 0.0  # time from which the key counts as released
 
     def press(self, key: str, now: float) -> None:
         """Process a key received at ``now`` (s)."""
@@ -132,8 +132,8 @@ class Driver:
     def lock(self) -> None:
         """Stop, and ignore the keys that move the robot while ``locked``.
 
-        A press that unlocks would not do: it looks like the first repeat of a held key after the
-        process or its connection stood still.
+        Such a key must not unlock: a press cannot be told from the first repeat of a held key after
+        the process or its connection stood still.
         """
         self.locked, self._key = True, None
 
@@ -157,7 +157,8 @@ class Driver:
 def single_keys() -> Iterator[int]:
     """Switch the terminal to single keys without echo, and back afterwards; Ctrl-C interrupts.
 
-    Yields its file descriptor.
+    Yields:
+        The terminal's file descriptor.
     """
     if sys.stdin is None or not sys.stdin.isatty():
         raise OneBotError("this reads keys from a terminal, but standard input is not a terminal")
@@ -181,7 +182,7 @@ def single_keys() -> Iterator[int]:
 def read_keys(fd: int, timeout: float) -> list[str] | None:
     """Return the keys pressed since the last call; wait up to ``timeout`` (s) for one.
 
-    Arrow keys are ``up``, ``down``, ``left`` and ``right``. None once the terminal is closed.
+    Arrow keys are ``up``, ``down``, ``left`` and ``right``. It is None once the terminal is closed.
     """
     if not select.select([fd], [], [], max(timeout, 0.0))[0]:
         return []

@@ -1,4 +1,4 @@
-"""``onebot tf ...``: the tree of frames, and transforms, like tf2_echo."""
+"""``onebot tf ...``: shows the tree of frames, and transforms like tf2_echo."""
 
 import math
 import sys
@@ -18,10 +18,10 @@ from onebot_description.ros.discovery import node_name
 
 _STATIC = "/tf_static"
 _TOPICS = ("/tf", _STATIC)
-_DEPTH = 100  # messages, as tf2's subscriptions have it
-_WINDOW = 1000  # samples of a rate
+_DEPTH = 100  # queue depth, as in tf2's subscriptions
+_WINDOW = 1000  # most samples of a rate
 _NANO = 1e-9
-_PARTICIPANT = 12  # bytes of a GID that all of a participant have in common
+_PARTICIPANT = 12  # bytes of a GID that identify the participant
 
 
 @in_session
@@ -36,7 +36,7 @@ def tree(session: Session, args: Namespace) -> None:
 
 
 def received_frames(session: Session) -> list[str]:
-    """Return the names of the frames that are received within a second of the first."""
+    """Return the names of the frames that are received within a second after the first."""
     transforms = _Transforms(session)
     transforms.await_first()
     session.spin_for(1.0)
@@ -66,7 +66,7 @@ def _rate_and_age(transforms: "_Transforms", name: str, now: int) -> tuple[str, 
 
 
 def _faults(transforms: "_Transforms") -> list[str]:
-    """What is wrong with the tree as a whole."""
+    """Return sentences about problems of the tree as a whole."""
     roots, children = transforms.frames.roots, transforms.frames.edges
     faults = []
     if len(roots) > 1:
@@ -90,9 +90,10 @@ def _faults(transforms: "_Transforms") -> list[str]:
 
 
 def _publishing_nodes(session: Session) -> Counter[str]:
-    """Return how many nodes of a name publish /tf, however many publishers each has.
+    """Return the number of nodes of each name that publish /tf.
 
-    They are told apart by their processes' participants, the first bytes of a publisher's GID.
+    Nodes with the same name are distinguished by their processes' participants, the first bytes of
+    a publisher's GID.
     """
     ends = session.node.get_publishers_info_by_topic("/tf")
     nodes = {(node_name(end), bytes(end.endpoint_gid[:_PARTICIPANT])) for end in ends}
@@ -142,7 +143,7 @@ def _await_transform(transforms: "_Transforms", args: Namespace, timeout: float 
 
 
 def _shown(stamp_ns: int, transform: Any, precision: int) -> str:
-    """What tf2_echo prints of a transform."""
+    """Return the text that tf2_echo prints of a transform."""
     import numpy as np
 
     from onebot_description.model.quaternions import to_matrix, to_rpy
@@ -174,7 +175,7 @@ def _shown(stamp_ns: int, transform: Any, precision: int) -> str:
 
 
 class _Transforms:
-    """What a session receives on /tf and /tf_static."""
+    """Receives /tf and /tf_static in a session."""
 
     def __init__(self, session: Session) -> None:
         from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -183,8 +184,8 @@ class _Transforms:
         from onebot_description.ros.wire.interfaces import TFMessage
 
         self.frames = FrameTree()
-        self.arrivals: dict[str, Intervals] = {}  # keys: child frames
-        self.parents: dict[str, set[str]] = {}  # of each child frame, by name
+        self.arrivals: dict[str, Intervals] = {}  # by child frame
+        self.parents: dict[str, set[str]] = {}  # by child frame
         self.session = session
         self._warned: set[str] = set()
         for topic in _TOPICS:
@@ -211,7 +212,7 @@ class _Transforms:
             self.arrivals.setdefault(name, Intervals(_WINDOW)).arrived(now)
 
     def warn(self, text: str) -> None:
-        """Print a warning, once."""
+        """Print a warning, but only once."""
         if text not in self._warned:
             self._warned.add(text)
             print(f"warning: {text}", file=sys.stderr)

@@ -30,11 +30,11 @@ from onebot_bringup.introspection.interfaces import message_class
 from onebot_bringup.introspection.rates import Bandwidth, Intervals
 from onebot_description.errors import OneBotError
 
-_NO_MESSAGE = 2.0  # s without a message until echo prints a note
-_NO_SUBSCRIBER = 2.0  # s without a subscriber until pub prints a note
+_NO_MESSAGE = 2.0  # s without a message after which echo prints a note
+_NO_SUBSCRIBER = 2.0  # s without a subscriber after which pub prints a note
 _REPORT = 1.0  # s between reports of hz and bw
-_SILENT_REPORTS = 2  # reports without any message until a note is printed
-_SETTLE = 0.1  # s for further publishers to be discovered
+_SILENT_REPORTS = 2  # reports without any message after which a note is printed
+_SETTLE = 0.1  # s to discover further publishers
 
 _TOPIC = positional("TOPIC", "such as /joint_states")
 
@@ -42,15 +42,15 @@ _TOPIC = positional("TOPIC", "such as /joint_states")
 def _await_class(
     session: Session, name: str, type_name: str | None = None, timeout: float | None = None
 ) -> tuple[str, Any]:
-    """Return a topic's full name and its message class; wait ``timeout`` (s) until it exists.
+    """Return a topic's full name and its message class; wait up to ``timeout`` (s) for the topic.
 
     Raises:
-        OneBotError: the type is not installed, or the topic has several, or does not come in time.
+        OneBotError: its type is not installed, it has several types, or it does not come in time.
     """
     topic = session.full_name(name)
     if type_name is not None:
         kind = message_class(type_name)
-        # The QoS depends on the publishers: give them time to be discovered.
+        # The QoS depends on the publishers, so allow time to discover them.
         session.spin(lambda: session.node.count_publishers(topic), 1.0)
         session.spin_for(_SETTLE)
         return topic, kind
@@ -61,7 +61,7 @@ def _await_class(
         hint=partial(TOPICS.question, session, topic),
     ):
         raise OneBotError(f"no topic {topic} within {timeout:g} s")
-    # Other publishers may have another QoS or even another type.
+    # Further publishers may have another QoS or even another type.
     session.spin_for(_SETTLE)
     _, types = TOPICS.find_types(session, topic)
     if len(types) > 1:
@@ -102,13 +102,13 @@ def echo(session: Session, args: Namespace) -> None:
 
     began = time.monotonic()
     topic, kind = _await_class(session, args.topic, args.type, args.timeout)
-    # The default callback that logs incompatible QoS stays.
+    # The default callback, which logs incompatible QoS, stays.
     events = SubscriptionEventCallbacks(message_lost=None if args.no_lost_messages else _on_lost)
     profile = qos.matching(session.node, topic, args)
     session.node.create_subscription(
         kind, topic, on_message, profile, event_callbacks=events, raw=args.raw
     )
-    # What it took to find the topic counts, too.
+    # The time to find the topic counts, too.
     left = args.timeout and max(0.0, args.timeout - (time.monotonic() - began))
     message = "message that passes --filter" if args.filter else "message"
     notice = partial(_no_message, session, topic, message)
@@ -119,7 +119,7 @@ def echo(session: Session, args: Namespace) -> None:
 
 
 def _passes(message: Any, condition: CodeType | None) -> bool:
-    """Whether the expression of ``--filter`` is true of a message, or a part of one."""
+    """Whether the expression of ``--filter`` is true for a message, or a part of one."""
     try:
         return condition is None or bool(eval(condition, {"m": message}))
     except Exception as error:  # whatever the user's expression raises
@@ -168,7 +168,7 @@ def _no_message(session: Session, topic: str, message: str = "message") -> str:
 
 
 def _other_topics(session: Session, topic: str) -> str:
-    """Return a question for topics like one that nobody publishes."""
+    """Return a question about similar topics, for a topic that nobody publishes."""
     return "" if session.node.count_publishers(topic) else TOPICS.question(session, topic)
 
 
@@ -197,7 +197,7 @@ def bw(session: Session, args: Namespace) -> NoReturn:
 
 
 def _measurement(window: int) -> tuple[Any, ...]:
-    """Return the options of a command that measures over so many messages."""
+    """Return the options of a command that measures over ``window`` messages."""
     text = f"measure over the last N messages ({window})"
     return (
         _TOPIC,
@@ -278,7 +278,7 @@ def info(session: Session, args: Namespace) -> None:
 
 
 def _all_named(node: Any, topic: str) -> bool:
-    """Whether the node of each endpoint is known; it is discovered after the endpoint."""
+    """Whether the node of each endpoint is known; nodes are discovered after their endpoints."""
     ends = node.get_publishers_info_by_topic(topic) + node.get_subscriptions_info_by_topic(topic)
     return all("UNKNOWN" not in endpoint.node_name for endpoint in ends)
 
@@ -325,7 +325,7 @@ def _await_subscribers(
 def _publish(
     session: Session, publisher: Any, message: Any, times: list[Any], args: Namespace
 ) -> None:
-    """Publish at a rate; ``times`` are the parts of the message that are the time of publishing."""
+    """Publish at a rate; ``times`` are the parts of the message to set to the publish time."""
     from onebot_bringup.introspection.message_text import stamp
 
     period, began = 1.0 / args.rate, time.monotonic()
@@ -338,7 +338,7 @@ def _publish(
         publisher.publish(message)
         if number == most:
             return
-        # After a suspend of the computer it continues without catching up.
+        # After a suspend of the computer, continue without catching up.
         due = max(due + period, time.monotonic() - period)
         if report and time.monotonic() - began > _NO_SUBSCRIBER:
             report = False

@@ -1,4 +1,4 @@
-"""``onebot trajectory``: move joints to positions by a joint_trajectory_controller."""
+"""``onebot trajectory``: moves joints to positions by a joint_trajectory_controller."""
 
 import math
 import shutil
@@ -48,8 +48,8 @@ codes: 0 the goal was reached; 1 it was rejected, aborted or canceled; 2 the com
 130 Ctrl-C."""
 
 _ACTION = "control_msgs/action/FollowJointTrajectory"
-_ANSWER = 10.0  # s that an answer of the controller can take
-_LOG = 0.3  # s that what the controller has logged can take
+_ANSWER = 10.0  # s to wait for an answer of the controller
+_LOG = 0.3  # s to wait for the controller's log messages
 _NANO = 1e-9
 _CODES = {
     -1: "INVALID_GOAL",
@@ -81,7 +81,7 @@ def run(argv: Sequence[str]) -> int:
 
 
 def _positions(words: Sequence[str]) -> dict[str, float]:
-    """Return the position of each joint that is named."""
+    """Parse the positions of the named joints, rad or m."""
     positions: dict[str, float] = {}
     for word in words:
         joint, _, text = word.rpartition("=")
@@ -104,7 +104,7 @@ def _number(word: str, text: str) -> float:
 
 
 def _listed(session: Session, controller: RunningController) -> list[str]:
-    """Return a controller with the positions of its joints, and their limits if those are known."""
+    """Return lines with a controller and its joints' positions, and their limits if known."""
     limits = _limits(session, controller.name.rpartition("/")[0])
     positions = zip(controller.joints, controller.state.feedback.positions, strict=True)
     rows = [
@@ -134,7 +134,7 @@ def _limits(session: Session, namespace: str) -> dict[str, str]:
 
 
 def _shown(position: float) -> str:
-    return f"{round(position, 3) + 0.0:.3f}"  # there is no -0.000
+    return f"{round(position, 3) + 0.0:.3f}"  # avoid -0.000
 
 
 def _range(joint: "Joint") -> str:
@@ -143,13 +143,13 @@ def _range(joint: "Joint") -> str:
     return f"{joint.lower:g} … {joint.upper:g} {'m' if joint.kind == 'prismatic' else 'rad'}"
 
 
-# A motion ---------------------------------------------------------------------------------------
+# Motions ----------------------------------------------------------------------------------------
 
 
 def _goal(
     controller: RunningController, positions: Mapping[str, float], seconds: float, tolerance: float
 ) -> Any:
-    """Return a goal of one point, at which all joints of the controller are at rest."""
+    """Return a goal with a single point, at which all joints of the controller are at rest."""
     from rclpy.duration import Duration
 
     from onebot_description.ros.wire.interfaces import load_interface
@@ -171,12 +171,12 @@ def _goal(
 
 
 class _Motion:
-    """A goal that a controller follows, or refuses."""
+    """Sends a goal to a controller and follows its execution."""
 
     def __init__(
         self, session: Session, controller: RunningController, joints: Sequence[str], seconds: float
     ) -> None:
-        """Discover the controller's action; ``joints`` are shown, of ``seconds`` of motion."""
+        """Discover the controller's action; ``joints`` and ``seconds`` are for the progress."""
         from rcl_interfaces.msg import Log
         from rclpy.action import ActionClient
 
@@ -197,7 +197,7 @@ class _Motion:
             self._logged.append(message.msg)
 
     def follow(self, goal: Any) -> None:
-        """Have the goal followed; print how far it is, and how it ended. Ctrl-C cancels it.
+        """Send the goal, and print its progress and how it ended; Ctrl-C cancels it.
 
         Raises:
             OneBotError: the goal is not reached.
@@ -216,7 +216,7 @@ class _Motion:
             self._conclude(answer.status, answer.result, interrupted())
 
     def _response(self, future: Any) -> Any:
-        """Return what the controller answers."""
+        """Return the controller's answer."""
         client = self._client
         self._session.spin(lambda: future.done() or not client.server_is_ready(), _ANSWER)
         if not future.done():
@@ -239,7 +239,7 @@ class _Motion:
         return float(stamp.sec + stamp.nanosec * _NANO)
 
     def _at(self) -> str:
-        """Return where the joints are that the user named."""
+        """Return the positions of the joints that the user named, as text."""
         state = self._controller.state
         positions = dict(zip(state.joint_names, state.feedback.positions, strict=True))
         return ", ".join(f"{joint} {_shown(positions[joint])}" for joint in self._joints)
@@ -265,7 +265,7 @@ class _Motion:
         return f"largest error: {error:.2g}, of {joint}"
 
     def _failure(self, text: str) -> OneBotError:
-        """Return the error, with what the controller has logged."""
+        """Return the error, with the controller's log messages."""
         self._session.spin_for(_LOG)
         logged = [line for line in self._logged if line not in text]
         reasons = logged or [f"the log of {self._controller.name} has the reason"]
@@ -273,14 +273,14 @@ class _Motion:
 
 
 class _Progress:
-    """A line that is updated on a terminal; else a line each second."""
+    """A line that is updated on a terminal; otherwise, a line each second."""
 
     def __init__(self) -> None:
         self._terminal = sys.stdout.isatty()
         self._due = 0.0
 
     def show(self, text: Callable[[], str]) -> None:
-        """Print ``text()``, unless that was done just before."""
+        """Print ``text()``, unless it was printed a moment ago."""
         if (now := time.monotonic()) < self._due:
             return
         self._due = now + (0.1 if self._terminal else 1.0)

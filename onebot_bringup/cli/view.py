@@ -1,4 +1,4 @@
-"""``onebot view``: bring up any robot from its file."""
+"""``onebot view``: brings up any robot from its file."""
 
 from collections.abc import Sequence
 

@@ -1,1 +1,1 @@
-"""Conversion of messages of any installed type to text and back; no module imports rclpy."""
+"""Converts messages of any installed type to text and back; no module imports rclpy."""

@@ -1,6 +1,6 @@
-"""The names of all message, service and action types, and their Python classes.
+"""Finds message, service and action types by name, and loads their Python classes.
 
-Installed types are listed in the ament index; a few are this project's own where no package has
+Installed types are listed in the ament index. This project defines a few itself if no package has
 them, see ``onebot_description.ros.wire.interface_text``.
 """
 
@@ -40,7 +40,7 @@ def full_name(name: str, kind: str) -> str:
 
 
 def _suggestion(name: str, types: tuple[str, ...]) -> str:
-    """A hint on similar types, also with the same name in another package."""
+    """Return a hint on similar types, including types of the same name in other packages."""
     package, _, kind = name.rpartition("/")
     package = package.partition("/")[0]
     namesakes = [full for full in types if full.rpartition("/")[2].lower() == kind.lower()]
@@ -58,7 +58,7 @@ def installed(kind: str) -> tuple[str, ...]:
     names = {*own_interfaces(kind)}
     for package, listed in _index():
         if importlib.util.find_spec(package) is None:
-            continue  # such as rmw_dds_common: for C++ only
+            continue  # such as rmw_dds_common, which is for C++ only
         for line in listed.split():
             folder, _, file = line.rpartition("/")
             if folder == kind:
@@ -67,7 +67,7 @@ def installed(kind: str) -> tuple[str, ...]:
 
 
 def _index() -> list[tuple[str, str]]:
-    """Return (package, its index entry) of all packages with interfaces."""
+    """Return all packages with interfaces, each with its index entry."""
     use_environment_prefix()
     entries: dict[str, str] = {}
     for prefix in os.environ["AMENT_PREFIX_PATH"].split(os.pathsep):
@@ -85,5 +85,5 @@ def _load(full: str) -> Any:
 
 
 def is_hidden(name: str) -> bool:
-    """Whether a topic or service is hidden by ROS's rule, as what tools use among themselves."""
+    """Whether ROS's rule hides a topic or service, such as those that tools use internally."""
     return any(part.startswith("_") for part in name.split("/"))

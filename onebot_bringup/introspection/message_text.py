@@ -1,6 +1,6 @@
-"""Messages as YAML and YAML as messages, as ``ros2 topic echo`` prints and ``pub`` reads them.
+"""Converts messages to YAML and back, as ``ros2 topic echo`` prints and ``pub`` reads them.
 
-Printed values may be truncated. Reading is strict: a value that does not fit its field is an error
+Printed values may be truncated. Parsing is strict: a value that does not fit its field is an error
 that names the field, and nothing is rounded or truncated.
 """
 
@@ -34,7 +34,7 @@ _TIME = ("builtin_interfaces", "msg", "Time")
 _HEADER = ("std_msgs", "msg", "Header")
 _TRUE = ("true", "yes", "on", "1")
 _FALSE = ("false", "no", "off", "0")
-_LARGEST_FLOAT32 = 3.4028235677973366e38  # the least that rounds to infinity
+_LARGEST_FLOAT32 = 3.4028235677973366e38  # the smallest number that rounds to infinity
 _LISTS = (list, tuple, array.array, np.ndarray)
 
 
@@ -42,7 +42,7 @@ _LISTS = (list, tuple, array.array, np.ndarray)
 class Style:
     """How messages are printed."""
 
-    longest: int | None = 128  # lists, bytes and strings are cut after so many items; None: never
+    longest: int | None = 128  # truncate lists, bytes and strings after this many; None: never
     arrays: bool = True  # print the items of lists; otherwise their type and length
     strings: bool = True  # print strings; otherwise their length
     flow: bool = False  # YAML on one line, with braces
@@ -62,9 +62,9 @@ def to_yaml(message: Any, style: Style | None = None) -> str:
 
 
 def to_csv(message: Any, style: Style | None = None) -> str:
-    """Return all values within a message (or a part of it), separated by commas, in order.
+    """Return all values in a message (or a part of it), in order, separated by commas.
 
-    An empty list is one empty value, so that what follows it stays in its column.
+    An empty list is one empty value, so that later values stay in their columns.
     """
     return ",".join(_flat(_plain(message, None, style or Style())))
 
@@ -88,12 +88,12 @@ class _Dumper(yaml.SafeDumper):
         return True
 
 
-# A byte is printed as a character.
+# Bytes are printed as characters.
 _Dumper.add_representer(bytes, lambda dumper, data: dumper.represent_str(data.decode("latin-1")))
 
 
 def _plain_fields(message: Any, style: Style) -> dict[str, Any]:
-    """A message as a dictionary of plain values, fields in their order."""
+    """Return a message as a dictionary of plain values, with the fields in order."""
     fields = message.get_fields_and_field_types()
     return {
         name: _plain(getattr(message, name), slot, style)
@@ -129,7 +129,7 @@ def _length(text: str) -> str:
 
 
 def _summary(values: Any, slot: Any) -> str:
-    """The type and length of a list whose items are not printed."""
+    """Return the type and length of a list whose items are not printed."""
     kind = _type_of(slot.value_type)
     if isinstance(slot, Array):
         return f"<array type: {kind}[{slot.size}]>"
@@ -138,7 +138,7 @@ def _summary(values: Any, slot: Any) -> str:
 
 
 def _type_of(slot: Any) -> str:
-    """The type of a field, as in a .msg file."""
+    """Return the type of a field, as in a .msg file."""
     if isinstance(slot, BasicType):
         return str(slot.typename)
     if isinstance(slot, NamespacedType):
@@ -151,7 +151,8 @@ def _type_of(slot: Any) -> str:
 def pick(message: Any, path: str) -> Any:
     """Return the part of a message at ``path``, such as ``transforms[0].transform.rotation``.
 
-    A field that does not exist is an OneBotError, which lists those there are.
+    Raises:
+        OneBotError: there is no such field; lists the existing ones.
     """
     value = message
     for step in path.replace("[", ".[").split("."):
@@ -183,9 +184,17 @@ def _item(value: Any, step: str, path: str) -> Any:
 def fill(message: Any, text: str, *, finite: bool = True) -> list[Any]:
     """Set the fields of ``message`` that YAML text contains; the others are not changed.
 
-    The text is such as ``{header: auto, twist: {linear: {x: 0.2}}}``; ``finite`` refuses infinities
-    and NaN. Returns the times that were given as ``now`` or ``auto``, for ``stamp`` to set when the
-    message is sent. What is wrong is an OneBotError that names the field.
+    Args:
+        message: the message.
+        text: YAML such as ``{header: auto, twist: {linear: {x: 0.2}}}``.
+        finite: reject infinities and NaN.
+
+    Returns:
+        The times that were given as ``now`` or ``auto``, for ``stamp`` to set when the message is
+        sent.
+
+    Raises:
+        OneBotError: a value is invalid; names the field.
     """
     filler = _Filler(finite)
     filler.fields(message, _read_fields(text), "")
@@ -278,14 +287,18 @@ def _string(slot: Any, value: str, path: str) -> str:
 
 
 def read_scalar(kind: str, text: str, finite: bool = True) -> Any:
-    """Return the value of ``text``.
+    """Parse the value of a basic type.
 
-    ``kind`` is rosidl's name of a basic type (boolean, double, int32, octet, ...); ``finite``
-    refuses infinities and NaN. A ValueError is the end of a sentence that begins with the field's
-    name.
+    Args:
+        kind: rosidl's name of the type (boolean, double, int32, octet, ...).
+        text: the text of the value.
+        finite: reject infinities and NaN.
+
+    Raises:
+        ValueError: it is invalid; the text continues a sentence that begins with the field's name.
     """
     if kind == "octet" and len(text) == 1 and not text.isdigit() and ord(text) < 256:
-        return bytes([ord(text)])  # a byte is printed so
+        return bytes([ord(text)])  # bytes are printed as characters
     text = text.strip()
     if kind == "boolean":
         return _boolean(text)
@@ -337,7 +350,7 @@ def _integer(kind: str, text: str) -> int:
 
 
 def _whole(kind: str, text: str) -> int:
-    """Parse integers such as 2.0 and 1e3; 2.5 is an error, and is not truncated."""
+    """Parse integers such as 2.0 and 1e3; 2.5 is an error, not truncated."""
     try:
         number = float(text)
     except ValueError:
@@ -354,7 +367,7 @@ def _character(text: str) -> str:
 
 
 def _read_fields(text: str) -> dict[str, Any]:
-    """The fields in YAML text; scalars are strings, empty values are ""."""
+    """Parse the fields in YAML text; scalars stay strings, empty values are ""."""
     try:
         values = bounded_yaml.load(text, _TextLoader)
     except yaml.YAMLError as error:
@@ -370,7 +383,7 @@ def _read_fields(text: str) -> dict[str, Any]:
 
 
 class _TextLoader(yaml.BaseLoader):
-    """Keeps scalars as text, to be parsed by field; rejects duplicate keys."""
+    """Keeps scalars as text, to be parsed for each field; rejects duplicate keys."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         seen: set[str] = set()
@@ -391,5 +404,5 @@ def _where(error: yaml.YAMLError) -> str:
 
 
 def _hint(text: str) -> str:
-    """A hint on the most common mistake."""
+    """Return a hint on the most common mistake, if the text has it."""
     return '; write a space after each ":"' if re.search(r"\w:[\[{\d]", text) else ""

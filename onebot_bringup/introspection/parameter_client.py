@@ -6,17 +6,17 @@ from typing import Any, Protocol
 from onebot_bringup.introspection.parameter_values import NOT_SET, is_finite, parse_value
 from onebot_description.errors import OneBotError, did_you_mean
 
-_REPEAT = 1.0  # s without a response until a request is sent again
+_REPEAT = 1.0  # s without a response after which a request is sent again
 _ATTEMPTS = 5
 _ANSWER = _REPEAT * _ATTEMPTS  # s for a service to be discovered, and again for its response
 
 
 class SpinningNode(Protocol):
-    """A node, and how to wait for what it receives."""
+    """A node with a way to wait while its callbacks run."""
 
     @property
     def node(self) -> Any:
-        """Has rclpy's create_client and destroy_client."""
+        """An object with rclpy's create_client and destroy_client."""
 
     def spin(self, until: Callable[[], Any], timeout: float) -> Any:
         """Wait until ``until()`` is true, or for ``timeout`` seconds; return its value."""
@@ -48,10 +48,10 @@ class ParameterClient:
             self._session.node.destroy_client(client)
 
     def _response(self, client: Any, request: Any) -> Any:
-        """Send a request until there is a response.
+        """Send a request repeatedly until there is a response.
 
-        A server drops its response if it has not discovered the client yet, as it may when the
-        machine is busy. All these requests may be repeated.
+        A server drops its response if it has not discovered the client yet, which may happen on a
+        busy machine. All these requests can safely be repeated.
         """
         session, name = self._session, client.srv_name
         if not session.spin(client.service_is_ready, _ANSWER):
@@ -68,7 +68,7 @@ class ParameterClient:
         return list(self._call("ListParameters", prefixes=list(prefixes)).result.names)
 
     def values(self, names: Sequence[str]) -> list[Any]:
-        """Return a ParameterValue for each name; its type is NOT_SET where there is no value."""
+        """Return a ParameterValue for each name; its type is NOT_SET if there is no value."""
         from rcl_interfaces.msg import ParameterValue
 
         values = list(self._call("GetParameters", names=list(names)).values)
@@ -80,7 +80,11 @@ class ParameterClient:
         return [value for name in names for value in self.values([name])]
 
     def require(self, names: Sequence[str]) -> None:
-        """Raise an OneBotError for the first name of no parameter; it lists similar ones."""
+        """Check that all parameters exist.
+
+        Raises:
+            OneBotError: one does not; lists similar names.
+        """
         parameters = self.names()
         for name in names:
             if name not in parameters:
@@ -88,18 +92,22 @@ class ParameterClient:
                 raise OneBotError(f'{self._node} has no parameter "{name}"{hint}')
 
     def describe(self, names: Sequence[str]) -> list[Any]:
-        """Return a ParameterDescriptor for each name, if all exist."""
+        """Return a ParameterDescriptor for each name; all have to exist."""
         return list(self._call("DescribeParameters", names=list(names)).descriptors)
 
     def get(self, name: str) -> Any:
-        """Return one ParameterValue; a name of none is an OneBotError, which lists similar ones."""
+        """Return one ParameterValue.
+
+        Raises:
+            OneBotError: there is no such parameter; lists similar names.
+        """
         [value] = self.values([name])
         if value.type == NOT_SET:
             self.require([name])
         return value
 
     def delete(self, name: str) -> Any:
-        """Unset a parameter; return a SetParametersResult. It raises as ``get`` does."""
+        """Unset a parameter and return a SetParametersResult; raises as ``get`` does."""
         from rcl_interfaces.msg import Parameter
 
         self.require([name])
@@ -109,10 +117,16 @@ class ParameterClient:
     def set(
         self, pairs: Sequence[tuple[str, str]], *, same_types: bool = False, finite: bool = False
     ) -> list[Any]:
-        """Set parameters to values in YAML; return a SetParametersResult each.
+        """Set parameters.
 
-        ``same_types`` reads a value as one of the type that the parameter has now, as far as that
-        can be, also where the node allows another; ``finite`` refuses infinities and NaN.
+        Args:
+            pairs: names, and values in YAML.
+            same_types: parse a value as the parameter's current type, if possible, even if the node
+                allows another type.
+            finite: reject infinities and NaN.
+
+        Returns:
+            A SetParametersResult for each parameter.
         """
         from rcl_interfaces.msg import Parameter, ParameterValue
 
@@ -130,7 +144,7 @@ class ParameterClient:
         return list(self._call("SetParameters", parameters=request).results)
 
     def _declared(self, name: str) -> int:
-        """The type of a statically typed parameter; NOT_SET if it is dynamic or undeclared."""
+        """Return a parameter's type if it is statically typed; else, or if undeclared, NOT_SET."""
         for descriptor in self.describe([name]):
             if not descriptor.dynamic_typing:
                 return int(descriptor.type)

@@ -1,6 +1,6 @@
-"""Conversion of parameter values to text and back, like ``ros2 param``.
+"""Converts parameter values to text and back, like ``ros2 param``.
 
-Values are rcl_interfaces/msg/ParameterValue; its ``type`` is one of the numbers named here.
+Values are rcl_interfaces/msg/ParameterValue, whose ``type`` is one of the numbers named here.
 """
 
 import array
@@ -17,7 +17,7 @@ from onebot_description.ros.parameters import bounded_yaml
 NOT_SET, BOOL, INTEGER, DOUBLE, STRING = range(5)
 BYTES, BOOLS, INTEGERS, DOUBLES, STRINGS = range(5, 10)
 
-# By type: the field of ParameterValue, the label of `param get`, the type name of `param list`.
+# For each type: the field of ParameterValue, the label of `param get`, the name in `param list`.
 _TYPES: dict[int, tuple[str, str, str]] = {
     BOOL: ("bool_value", "Boolean value is:", "boolean"),
     INTEGER: ("integer_value", "Integer value is:", "integer"),
@@ -57,7 +57,7 @@ def text_of(value: Any) -> str:
 
 
 def quoted(value: Any) -> str:
-    """Return a plain value, for example from a file, as YAML that ``parse_value`` reads."""
+    """Return a plain value, such as one from a file, as YAML that ``parse_value`` reads."""
     if isinstance(value, str):
         return json.dumps(value)
     text = yaml.safe_dump(value, default_flow_style=True, width=math.inf, allow_unicode=True)
@@ -65,13 +65,20 @@ def quoted(value: Any) -> str:
 
 
 def parse_value(text: str, declared: int = NOT_SET) -> tuple[str, int, Any]:
-    """Return (field of ParameterValue, type, value) for a value in YAML.
+    """Parse a value in YAML.
 
     ROS parameters are strictly typed: an integer is converted if a double is declared, and any
     text if a string is declared.
 
-    ``declared`` is the type of the parameter, NOT_SET if unknown. A value that no type can hold is
-    an OneBotError.
+    Args:
+        text: the value in YAML.
+        declared: the type of the parameter; NOT_SET if unknown.
+
+    Returns:
+        The field of ParameterValue, the type and the value.
+
+    Raises:
+        OneBotError: no type can hold the value.
     """
     if declared == STRING:
         kind, value = STRING, _unquoted(text)
@@ -82,7 +89,7 @@ def parse_value(text: str, declared: int = NOT_SET) -> tuple[str, int, Any]:
 
 
 def is_finite(value: Any) -> bool:
-    """Whether a value, or list, has neither infinities nor NaN."""
+    """Whether a value, or list of values, contains neither infinities nor NaN."""
     values = value if isinstance(value, list) else [value]
     return all(math.isfinite(number) for number in values if isinstance(number, float))
 
@@ -97,7 +104,7 @@ def _load(text: str) -> Any:
     try:
         return bounded_yaml.load(text)
     except yaml.YAMLError:
-        return text  # a string that is not valid YAML, as in rclpy
+        return text  # as in rclpy, invalid YAML is a string
 
 
 def _inferred(text: str, value: Any) -> tuple[int, Any]:
@@ -116,7 +123,7 @@ def _inferred(text: str, value: Any) -> tuple[int, Any]:
 
 
 def _number(text: str) -> float | None:
-    """The value of a number that YAML 1.1 reads as a string, such as 1e-3."""
+    """Parse a number that YAML 1.1 reads as a string, such as 1e-3; None if it is not a number."""
     try:
         number = float(text)
     except ValueError:
@@ -156,14 +163,14 @@ def _int64(value: int) -> int:
 
 
 def dump(node: str, names: Sequence[str], values: Sequence[Any]) -> str:
-    """Return the node's parameters that have a value, in the form of a parameter file."""
+    """Return the parameters of a node that have a value as the text of a parameter file."""
     tree: dict[str, Any] = {}
     for name, value in zip(names, values, strict=True):
         if value.type == NOT_SET:
-            continue  # rcl reads no file with a null in it
+            continue  # rcl cannot read a file that contains a null
         *groups, last = name.split(".")
         if any(name.startswith(f"{prefix}.") for prefix in names):
-            groups, last = [], name  # "a" and "a.b" are parameters, both
+            groups, last = [], name  # both "a" and "a.b" are parameters
         level = tree
         for group in groups:
             level = level.setdefault(group, {})

@@ -1,4 +1,4 @@
-"""Rate and bandwidth of messages, printed like ``ros2 topic hz`` and ``bw``."""
+"""Measures rate and bandwidth of messages, and prints them like ``ros2 topic hz`` and ``bw``."""
 
 import statistics
 from collections import deque
@@ -13,7 +13,7 @@ class Intervals:
         self._reported = True
 
     def arrived(self, seconds: float) -> None:
-        """Add a message by its time of reception; restart if the clock goes backwards."""
+        """Add a message by its receive time, seconds; restart if the clock goes backwards."""
         if self._last is not None and seconds >= self._last:
             self._intervals.append(seconds - self._last)
             self._reported = False
@@ -49,12 +49,12 @@ class Bandwidth:
         self._reported = True
 
     def arrived(self, seconds: float, size: int) -> None:
-        """Add a message of ``size`` bytes by its time of reception."""
+        """Add a message of ``size`` bytes by its receive time, seconds."""
         self._messages.append((seconds, size))
         self._reported = False
 
     def report(self, now: float) -> str | None:
-        """Return the report of the bandwidth; None without two messages or new ones."""
+        """Return the report of the bandwidth; None with fewer than two messages or no new ones."""
         count = len(self._messages)
         if count < 2 or self._reported or now <= self._messages[0][0]:
             return None

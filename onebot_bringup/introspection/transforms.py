@@ -1,6 +1,6 @@
-"""The TF tree: the transforms of each frame over time, and the pose of any frame in another.
+"""The TF tree: stores transforms over time, and computes the pose of any frame in another.
 
-Errors and rules are tf2's.
+Rules and error messages are tf2's.
 """
 
 import math
@@ -17,11 +17,11 @@ from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.ros.wire.messages import TfArrays
 
 Floats = NDArray[np.float64]
-_MOST_ROWS = 100_000  # limit over all blocks: each new set of frames adds some
-_HISTORY_NS, _HISTORY_ROWS = 10_000_000_000, 1_000_000  # tf2 keeps ten seconds
+_MOST_ROWS = 100_000  # limit of rows in all blocks, since each new set of frames adds some
+_HISTORY_NS, _HISTORY_ROWS = 10_000_000_000, 1_000_000  # ten seconds, as in tf2
 _FOR_EVER = np.iinfo(np.int64).max
-_LATE_NS = 1_000_000_000  # a message that is older than the latest by more is of another clock
-_UNIT = 0.01  # greatest error of the squared length of a quaternion, as in tf2
+_LATE_NS = 1_000_000_000  # if a message is older than the latest by more, the clock was set back
+_UNIT = 0.01  # maximum error of the squared length of a quaternion, as in tf2
 _IDENTITY: Transform = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 _NANO = 1e-9
 
@@ -31,7 +31,7 @@ class TransformError(OneBotError):
 
 
 class Edge(NamedTuple):
-    """The transform of a frame in its parent: (3,) metres and (4,) x y z w."""
+    """The pose of a frame in its parent: translation (3,) in metres, rotation (4,) x y z w."""
 
     parent: str
     translation: Floats
@@ -50,17 +50,17 @@ def _stamp_ns(message: TfArrays) -> int:
 
 
 class _Block:
-    """Frames that came in one message, and are likely to come together again."""
+    """Frames that came in one message and are likely to come together again, with a history."""
 
     def __init__(self, message: TfArrays) -> None:
         self.parents, self.children = message.parents, message.children
-        self.whole = False  # the latest transform of each of them is here
+        self.whole = False  # whether it has the latest transform of each of its frames
         self.latest = message
         # Empty for static transforms.
         self.history: deque[TfArrays] = deque(maxlen=_HISTORY_ROWS // max(1, len(self.children)))
 
     def record(self, message: TfArrays) -> None:
-        """Keep a message, in the order of the stamps."""
+        """Insert a message into the history, which is ordered by stamps."""
         history = self.history
         late_ns = _stamp_ns(history[-1]) - _stamp_ns(message) if history else 0
         if late_ns > _LATE_NS:
@@ -78,13 +78,14 @@ class _Block:
         return Edge(self.parents[row], latest.translations[row], latest.rotations[row])
 
     def span(self, row: int) -> tuple[int, int]:
-        """Return the first and the last stamp of a frame that moves, nanoseconds."""
+        """Return the first and the last stamp of a moving frame, nanoseconds."""
         return int(self.history[0].stamps_ns[row]), int(self.history[-1].stamps_ns[row])
 
     def at(self, row: int, time_ns: int) -> tuple[Floats, Floats]:
-        """Return translation and rotation at a time, interpolated; at 0, the latest.
+        """Return translation and rotation, interpolated at a time; for 0, the latest.
 
-        Before the history they are its first, unless that is of another clock; after it the latest.
+        Before the history they are its first ones, unless another clock seems to be in use; after
+        it the latest.
         """
         history = self.history
         first, last = self.span(row) if history else (0, 0)
@@ -100,7 +101,7 @@ class _Block:
 
 
 def _slerp(first: Floats, second: Floats, part: float) -> Floats:
-    """Spherical interpolation along the shorter arc."""
+    """Interpolate rotations spherically along the shorter arc."""
     product = float(first @ second)
     angle = math.acos(min(1.0, abs(product)))
     if angle < 1e-9:
@@ -111,22 +112,26 @@ def _slerp(first: Floats, second: Floats, part: float) -> Floats:
 
 
 class FrameTree:
-    """Every frame received so far, by name."""
+    """All frames received so far, by name."""
 
     def __init__(self) -> None:
-        self.version = 0  # another number after every change of a frame's parent
+        self.version = 0  # changes whenever a frame's parent changes
         self._places: dict[str, tuple[_Block, int]] = {}
-        # Keyed by the identity of a message's lists of names, which a block keeps.
+        # Keyed by the identity of a message's lists of names, which the block keeps alive.
         self._blocks: dict[tuple[int, int], _Block] = {}
-        self._rows = 0  # sum over all blocks
-        self._lists: dict[tuple[str, str], tuple[list[str], list[str]]] = {}  # keyed by a frame
+        self._rows = 0  # number of rows in all blocks
+        self._lists: dict[tuple[str, str], tuple[list[str], list[str]]] = {}  # by parent and child
         self._tops: dict[str, str] = {}
         self._names: frozenset[str] | None = None
 
-    # --- what is received -----------------------------------------------------------------------
+    # --- input ----------------------------------------------------------------------------------
 
     def add(self, message: TfArrays, *, static: bool) -> list[str]:
-        """Add a message, each frame with its own history; return why transforms are ignored."""
+        """Add a message, with a separate history for each frame.
+
+        Returns:
+            One sentence per transform that is ignored.
+        """
         ignored = []
         for row, (parent, child) in enumerate(zip(message.parents, message.children, strict=True)):
             parent, child = parent.removeprefix("/"), child.removeprefix("/")
@@ -142,9 +147,9 @@ class FrameTree:
         return ignored
 
     def update(self, message: TfArrays, *, static: bool = False) -> None:
-        """Add a message whose transforms are valid; a later row of the same child wins.
+        """Add a message whose transforms are valid; the last row of a child wins.
 
-        If the very same lists of names come again, it takes no longer for many than for few.
+        If the same list objects of names come again, the cost does not depend on their length.
         """
         key = id(message.parents), id(message.children)
         block = self._blocks.get(key)
@@ -163,7 +168,7 @@ class FrameTree:
             block.record(message)
 
     def _place(self, block: _Block) -> None:
-        """Have the frames of a block there."""
+        """Make a block the current one of its frames."""
         block.whole = True
         for row, child in enumerate(block.children):
             place = self._places.get(child)
@@ -190,7 +195,7 @@ class FrameTree:
 
     @property
     def names(self) -> frozenset[str]:
-        """Every frame, children and parents alike."""
+        """All frames, both children and parents."""
         if self._names is None:
             parents = (block.parents[row] for block, row in self._places.values())
             self._names = frozenset(self._places).union(parents)
@@ -198,16 +203,16 @@ class FrameTree:
 
     @property
     def edges(self) -> Mapping[str, Edge]:
-        """The last transform of each child frame."""
+        """The latest transform of each child frame."""
         return {child: block.edge(row) for child, (block, row) in self._places.items()}
 
     @property
     def roots(self) -> list[str]:
-        """The frames without a parent, and the first one of each circle; sorted."""
+        """The frames without a parent, and the first one of each cycle; sorted."""
         return sorted({min(self.above(top)) for top in map(self.top, self.names)})
 
     def above(self, frame: str) -> list[str]:
-        """Return ``frame`` and those above it, to the root or once around a circle."""
+        """Return ``frame`` and all frames above it, up to the root or once around a cycle."""
         way: dict[str, None] = {}
         while frame not in way:
             way[frame] = None
@@ -219,9 +224,9 @@ class FrameTree:
     def top(self, frame: str) -> str:
         """Return the root of the tree that ``frame`` is in (itself if it has no parent).
 
-        Each frame of a circle is a root.
+        Each frame of a cycle counts as a root.
         """
-        way: dict[str, int] = {}  # frames in order, and their numbers
+        way: dict[str, int] = {}  # index of each frame on the way up
         name = frame
         while name not in self._tops:
             if name in way:
@@ -242,7 +247,13 @@ class FrameTree:
     # --- poses ----------------------------------------------------------------------------------
 
     def pose(self, frame: str, fixed: str, time_ns: int = 0) -> Floats | None:
-        """Return the (4, 4) pose of ``frame`` in ``fixed``, None without one; at 0, the latest."""
+        """Return the (4, 4) pose of ``frame`` in ``fixed``; None if they are not connected.
+
+        Args:
+            frame: a frame.
+            fixed: the frame to express the pose in.
+            time_ns: the time, nanoseconds; 0 for the latest.
+        """
         top = self.top(fixed)
         if self.top(frame) != top:
             return None
@@ -253,14 +264,14 @@ class FrameTree:
         return pose
 
     def poses(self, frames: Iterable[str], fixed: str) -> dict[str, Floats]:
-        """Return the poses (4, 4) in ``fixed`` of all ``frames`` that are connected to it."""
+        """Return the latest poses (4, 4) in ``fixed`` of all ``frames`` connected to it."""
         poses = {frame: self.pose(frame, fixed) for frame in frames}
         return {frame: pose for frame, pose in poses.items() if pose is not None}
 
     def known_until(self, frame: str) -> int:
-        """Return the time (ns) up to which all transforms above ``frame`` have come.
+        """Return the time (ns) up to which all transforms above ``frame`` are known.
 
-        Static ones are known for ever.
+        Static transforms are always known.
         """
         until, top = _FOR_EVER, self.top(frame)
         while frame != top:
@@ -278,12 +289,12 @@ class FrameTree:
         return pose
 
     def span(self, frame: str) -> tuple[int, int] | None:
-        """Return the first and the last stamp (ns) of a frame that moves; None if static."""
+        """Return the first and the last stamp (ns) of a moving frame; None if static."""
         block, row = self._places.get(frame, (None, 0))
         return block.span(row) if block is not None and block.history else None
 
     def chain(self, target: str, source: str) -> list[str]:
-        """Return the frames from one to the other, through their common ancestor.
+        """Return the frames from ``target`` to ``source``, through their common ancestor.
 
         Raises:
             TransformError: a frame does not exist, or they are not connected.
@@ -305,13 +316,14 @@ class FrameTree:
         return [*up[: up.index(common) + 1], *reversed(down[: down.index(common)])]
 
     def lookup(self, target: str, source: str) -> StampedTransform:
-        """Return the pose of ``source`` in ``target`` at the latest time that all between have.
+        """Return the pose of ``source`` in ``target`` at the latest common time.
 
         Raises:
-            TransformError: a frame does not exist, they are not connected, or not at one time.
+            TransformError: a frame does not exist, they are not connected, or there is no common
+                time.
         """
         chain = self.chain(target, source)
-        # Of each pair of neighbours the child, and whether it is the second one.
+        # For each pair of neighbours: the child, and whether it is the second of them.
         steps = []
         for frame, next_frame in zip(chain, chain[1:], strict=False):
             block, row = self._places.get(next_frame, (None, 0))
@@ -336,9 +348,9 @@ class FrameTree:
 
 
 def matrix(translation: Floats, rotation: Floats) -> Floats:
-    """Return the (4, 4) matrix of one transform; a tenth of the time that arrays would take.
+    """Return the (4, 4) matrix of one transform, ten times as fast as with array operations.
 
-    A rotation of no length is none.
+    A quaternion of length 0 is no rotation.
     """
     (x, y, z, w), (at_x, at_y, at_z) = np.asarray(rotation).tolist(), translation.tolist()
     length = math.hypot(x, y, z, w) or 1.0
@@ -354,7 +366,7 @@ def matrix(translation: Floats, rotation: Floats) -> Floats:
 
 
 def _problem(parent: str, child: str, translation: Floats, rotation: Floats) -> str:
-    """Why tf2 ignores a transform, (1, 3) and (1, 4); "" if it does not."""
+    """Return why tf2 ignores a transform, (1, 3) and (1, 4); "" if it does not."""
     if not child or not parent:
         return f'a transform from "{parent}" to "{child}" is ignored: a frame_id is not set'
     if child == parent:

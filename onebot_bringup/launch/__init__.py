@@ -1,1 +1,1 @@
-"""Bringup scripts, in place of the launch files of the original."""
+"""Bringup scripts, which replace the original launch files."""

@@ -1,7 +1,7 @@
-"""``name:=value`` arguments, as roslaunch has them.
+"""Parses and checks ``name:=value`` arguments, like roslaunch's.
 
-Given twice, the last one wins, so that a script can put ``"$@"`` behind its own defaults. What
-follows ``--ros-args`` is kept apart, for every node.
+If an argument is given twice, the last one wins, so that a script can put ``"$@"`` after its own
+defaults. The words after ``--ros-args`` are separate, for every node.
 """
 
 import re
@@ -22,7 +22,7 @@ from onebot_description.ros.parameters.reader import leaves
 from onebot_description.ros.parameters.values import Rule, ValueType
 from onebot_description.state_parameters import StateParameters
 
-# What launch files of ROS call otherwise, and how it is written here.
+# Arguments of other ROS launch files, with hints how to write them here.
 _VIEWER = "write viewer:=web, viewer:=native or viewer:=none"
 _SLIDERS = "joints move as joints:=FILE says, without sliders; joint_states:=false: not at all"
 _PREFIX = "write frame_prefix:=PREFIX/"
@@ -47,22 +47,22 @@ class Argument:
     """One launch argument."""
 
     name: str  # the word before :=
-    default: str  # the text after :=; if it is empty, the argument may be
+    default: str  # the text after :=; if it is empty, the user may leave the argument empty, too
     description: str  # one line
-    type: ValueType = ValueType(str)  # its text must stand for such a value
+    type: ValueType = ValueType(str)  # the type that its text must be a value of
     examples: tuple[str, ...] = ()  # other values, for tab completion
-    node: str = ""  # the node that has it as a parameter; empty for none
-    parameter: str = ""  # the name that the node has for it
-    also: str = ""  # another node, which has it by the argument's name
+    node: str = ""  # the node with the parameter that it sets; "" for none
+    parameter: str = ""  # the name of that parameter
+    also: str = ""  # another node, with a parameter of the argument's name
 
     @property
     def choices(self) -> Sequence[str]:
-        """The only values allowed; none means any."""
+        """The allowed values; empty if any is allowed."""
         return _SWITCH if self.type.base is bool else self.type.rule.choices
 
     @property
     def help(self) -> str:
-        """The description, with the range, or the choices unless they are true and false."""
+        """The description with the range or the choices, except for true and false."""
         if self.choices and self.type.base is not bool:
             return f"{self.description} ({', '.join(self.choices)})"
         limits = self.type.rule.range if self.type.rule.at_most is not None else ""
@@ -70,13 +70,13 @@ class Argument:
 
     @property
     def suggested(self) -> Sequence[str]:
-        """What tab completion offers as its value."""
+        """The values that tab completion offers."""
         if self.type.base is bool:
             return _TRUE[0], _FALSE[0]
         return self.choices or self.examples or ("",)
 
     def problem(self, text: str) -> str:
-        """Return what is wrong with the argument written as ``text``, and what would be right."""
+        """Return what is wrong with the value ``text``, and what would be right; "" if valid."""
         if not (text or self.default):
             return ""
         if self.choices and text not in self.choices:
@@ -90,12 +90,12 @@ class Argument:
         return ""
 
     def value(self, text: str) -> Any:
-        """Return ``text`` as a value of a node's parameter; itself if it is none of its type."""
+        """Return ``text`` as a value of the argument's type, or unchanged if it is not one."""
         if self.type.many:
             return [part.strip() for part in text.split(",")]
         if self.type.base is bool:
             return text in _TRUE
-        # The nodes and ROS read it anew, and do not take all that Python takes, such as 1_000.
+        # The nodes and ROS parse it again, and do not accept everything that Python does (1_000).
         if text.isascii() and "_" not in text:
             with suppress(ValueError):
                 return self.type.base(text)
@@ -111,7 +111,7 @@ def switch(name: str, default: bool, description: str) -> Argument:
 
 
 def choice(name: str, default: str, description: str, choices: tuple[str, ...]) -> Argument:
-    """Return an argument that is one of these words."""
+    """Return an argument that is one of some words."""
     return Argument(name, default, description, ValueType(str, Rule(choices=choices)))
 
 
@@ -123,13 +123,13 @@ def number(
     at_most: float | None = None,
     kind: type = float,
 ) -> Argument:
-    """Return an argument that is a finite number, or an integer."""
+    """Return an argument that is a finite number, or with ``kind=int`` an integer."""
     value = ValueType(kind, Rule(at_least=at_least, at_most=at_most))
     return Argument(name, default, description, value)
 
 
 def parameters_of(node: str, kind: type, *names: str) -> list[Argument]:
-    """Return arguments with the names of parameters that they set; see ``parameter_of``."""
+    """Return arguments that set the parameters of the same names; see ``parameter_of``."""
     return [parameter_of(node, kind, name) for name in names]
 
 
@@ -144,17 +144,17 @@ def parameter_of(
     examples: tuple[str, ...] = (),
     also: str = "",
 ) -> Argument:
-    """Return an argument that sets a parameter, with the type, range and sentence of that.
+    """Return an argument that sets a parameter and has its type, range and description.
 
     Args:
-        node: the name of the node that has it.
-        kind: the dataclass that declares it.
-        parameter: its name.
-        name: the argument's, if it is another one.
-        default: the argument's, if it is another one.
-        note: is added to the sentence.
+        node: the name of the node with the parameter.
+        kind: the dataclass that declares the parameter.
+        parameter: the name of the parameter.
+        name: the name of the argument, if it differs.
+        default: the default of the argument, if it differs.
+        note: added to the description.
         examples: other values, for tab completion.
-        also: another node, which has a like parameter by the argument's name.
+        also: another node, with a similar parameter of the argument's name.
     """
     [leaf] = [leaf for leaf in leaves(kind) if leaf.name == parameter]
     joined = "joined by commas" if leaf.type.many else ""
@@ -177,7 +177,7 @@ def _text(value: object) -> str:
 def node_parameters(
     arguments: Iterable[Argument], values: Mapping[str, str], node: str
 ) -> dict[str, object]:
-    """Return the arguments that are parameters of a node; what is empty is left out."""
+    """Return the arguments that are parameters of a node, except empty ones."""
     return {
         argument.parameter if argument.node == node else argument.name: argument.value(
             values[argument.name]
@@ -189,9 +189,9 @@ def node_parameters(
 
 @dataclass(frozen=True)
 class Arguments:
-    """A command line split into its parts, before it is known which names are right."""
+    """A command line split into its parts, before the names are checked."""
 
-    given: Mapping[str, str] = field(default_factory=dict)  # name to value, of all name:=value
+    given: Mapping[str, str] = field(default_factory=dict)  # values of all name:=value, by name
     positional: tuple[str, ...] = ()  # words of any other form
     ros_args: tuple[str, ...] = ()  # the words after --ros-args
     help: bool = False  # --help was given
@@ -218,7 +218,7 @@ def split(argv: Sequence[str]) -> Arguments:
 
 
 def _split_ros_args(argv: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
-    """Cut ``--ros-args ... [--]`` out."""
+    """Split off ``--ros-args ... [--]``."""
     words = list(argv)
     if "--ros-args" not in words:
         return words, ()
@@ -236,7 +236,7 @@ def _refuse_option(word: str) -> NoReturn:
 
 
 def refuse_positional(words: Sequence[str]) -> None:
-    """Refuse words that are no ``name:=value``, where a command takes none."""
+    """Reject words other than ``name:=value``, for a command that takes none."""
     if words:
         name, equals, value = words[0].partition("=")
         meant = f"{name}:={value}" if equals else "name:=value"
@@ -244,9 +244,16 @@ def refuse_positional(words: Sequence[str]) -> None:
 
 
 def with_positional(arguments: Arguments, name: str, what: str, program: str) -> dict[str, str]:
-    """Return the arguments given, the one word without ``:=`` as the argument ``name``.
+    """Return the given arguments, with the one word without ``:=`` as the argument ``name``.
 
-    The error of a ``program`` that gets both says ``what`` it is, such as "file".
+    Args:
+        arguments: the command line.
+        name: the argument that the word stands for.
+        what: what the word is, such as "file", for errors.
+        program: the program, for errors.
+
+    Raises:
+        UsageError: there are several words, or both a word and the argument.
     """
     refuse_positional(arguments.positional[1:])
     if arguments.positional and name in arguments.given:
@@ -257,7 +264,7 @@ def with_positional(arguments: Arguments, name: str, what: str, program: str) ->
 def complete(declared: Iterable[Argument], given: Mapping[str, str]) -> dict[str, str]:
     """Return a value for each declared argument: the given one, or its default.
 
-    Switches come out as ``true`` or ``false``, however they were written.
+    Switches become ``true`` or ``false``, however they were written.
     """
     arguments = {argument.name: argument for argument in declared}
     problems = [unknown(name, arguments) for name in given if name not in arguments]
@@ -289,7 +296,7 @@ listed: list[Argument] = []  # printed by this process, for tab completion
 
 
 def table(arguments: Sequence[Argument]) -> str:
-    """Return the arguments as text: name, default, description, one a line."""
+    """Return the arguments as a table of names, defaults and descriptions."""
     listed.extend(arguments)
     rows = [(printable(f"{a.name}:={a.default}"), printable(a.help)) for a in arguments]
     width = min(max((len(left) for left, _ in rows), default=0), 34)
@@ -302,7 +309,7 @@ def _row(left: str, right: str, width: int) -> str:
     return f"  {left:{width}}  {right}".rstrip()
 
 
-# The arguments of several commands --------------------------------------------------------------
+# Arguments of several commands ------------------------------------------------------------------
 
 PACKAGES = Argument(PACKAGE_PATH, "", "folders with ROS packages, joined by :, searched first")
 
@@ -320,7 +327,7 @@ _OF_SIMULATION = (
     "paused",
 )
 _OF_STEERING = ("host", "port", "token")
-# What does not go together with robots:=, and why.
+# Arguments that cannot be combined with robots:=, and why.
 _PLACED = "robots:= places them; write x, y and yaw of each in robots:=FILE.yaml"
 _MOVED = "the simulation moves the joints of robots:="
 _NOT_OF_SEVERAL = {
@@ -332,7 +339,7 @@ _NOT_OF_SEVERAL = {
 
 
 def take_package_path(given: Mapping[str, str]) -> dict[str, str]:
-    """Look for packages where ``package_path:=`` says; return the other arguments."""
+    """Add ``package_path:=`` to the package search path; return the other arguments."""
     use_package_path(given.get(PACKAGE_PATH, ""))
     return {name: value for name, value in given.items() if name != PACKAGE_PATH}
 
@@ -361,7 +368,7 @@ def discovery_settings() -> list[Argument]:
 
 
 def description_arguments(model: str, joints: str, view: str) -> list[Argument]:
-    """Return the arguments; those three are the robot's own defaults."""
+    """Return the arguments of a bringup; ``model``, ``joints`` and ``view`` are defaults."""
     namespace, *discovery = ros_settings()
     return [
         Argument("model", model, "the robot: a URDF or xacro file, also as package://pkg/path"),
@@ -398,7 +405,7 @@ def description_arguments(model: str, joints: str, view: str) -> list[Argument]:
 
 
 def simulation_arguments(control: str) -> list[Argument]:
-    """Return the further arguments of a robot that can be simulated; ``control`` is its default."""
+    """Return the arguments of simulation; ``control`` is the default of ``params_file``."""
     from onebot_control.parameters import ControlConfig  # slow to import
 
     of_controller = _arguments_of("velocity_controller", ControlConfig)
@@ -421,7 +428,7 @@ def simulation_arguments(control: str) -> list[Argument]:
 
 
 def standing_arguments() -> list[Argument]:
-    """Return the further arguments of a robot that is simulated standing, as an arm."""
+    """Return the arguments of simulation for a standing robot, such as an arm."""
     from onebot_control.parameters import MANAGER, SimulationConfig  # slow to import
 
     of_simulation = _arguments_of(MANAGER, SimulationConfig)
@@ -442,7 +449,7 @@ def _steering() -> list[Argument]:
 
 
 def _arguments_of(node: str, kind: type) -> Callable[..., Argument]:
-    """Return what makes arguments of a node's parameters, whose defaults a file has."""
+    """Return a function that makes arguments of a node's parameters with defaults in a file."""
 
     def argument(
         parameter: str, name: str = "", note: str = _AS_IN_FILE, **further: Any
@@ -453,7 +460,7 @@ def _arguments_of(node: str, kind: type) -> Callable[..., Argument]:
 
 
 def _surroundings(argument: Callable[..., Argument]) -> list[Argument]:
-    """Where the robot is, what is around it, and what it senses that with."""
+    """Return the arguments about the robot's place, its surroundings and its sensors."""
     from onebot_description.description.loading import shipped_worlds  # slow to import
 
     return [
@@ -464,7 +471,7 @@ def _surroundings(argument: Callable[..., Argument]) -> list[Argument]:
 
 
 def _pace(argument: Callable[..., Argument]) -> list[Argument]:
-    """How fast the simulation is."""
+    """Return the arguments about the speed of the simulation."""
     return [
         argument("update_rate", "rate", note=_PACE, also="joint_state_publisher"),
         argument("real_time_factor"),
@@ -473,10 +480,10 @@ def _pace(argument: Callable[..., Argument]) -> list[Argument]:
 
 
 def checked_values(declared: list[Argument], given: Mapping[str, str]) -> dict[str, str]:
-    """Return a value for each argument.
+    """Return a checked value for each argument.
 
-    Two robots publish to one /tf: the frames have the namespace in front, as diff_drive_controller
-    does it, unless ``frame_prefix`` is given, be it empty.
+    As several robots may publish to one /tf, frames are prefixed with the namespace, as in
+    diff_drive_controller, unless ``frame_prefix`` is given (even if empty).
     """
     values = complete(declared, given)
     if "frame_prefix" not in given:
@@ -500,7 +507,7 @@ def checked_values(declared: list[Argument], given: Mapping[str, str]) -> dict[s
 
 
 def _check_robots(values: Mapping[str, str], given: Mapping[str, str]) -> None:
-    """Refuse what does not go together with several robots."""
+    """Reject arguments that cannot be combined with several robots."""
     robots = f"robots:={values['robots']}"
     if values["sim"] == "false":
         raise UsageError(f"{robots} are simulated, which sim:=false is not; leave one out")

@@ -1,4 +1,4 @@
-"""Brings up a robot from a command line: checks the arguments, then starts a process a node."""
+"""Brings up a robot from a command line: checks the arguments, then starts a process per node."""
 
 import os
 import sys
@@ -50,14 +50,14 @@ if TYPE_CHECKING:
     from onebot_description.ros.parameters.files import Unknown
 
 
-UP = "Ctrl-C stops everything"  # the last line of what a bringup prints when it is up
-# Parameters of the controller that name the frames.
+UP = "Ctrl-C stops everything"  # the last line that a bringup prints when it is up
+# Parameters of the controller that determine the names of frames.
 _FRAME_PREFIX = ("tf_frame_prefix_enable", "tf_frame_prefix")
 _FACTOR = "real_time_factor"
 
 
 class Bringup(NamedTuple):
-    """A bringup command, and its defaults."""
+    """A bringup command with its defaults."""
 
     program: str  # the command's name
     summary: str  # one sentence for --help
@@ -67,24 +67,29 @@ class Bringup(NamedTuple):
     world_view: str = ""  # likewise, for a robot in a world
     sim_view: str = ""  # likewise, for a robot that is simulated standing
     control: str = ""  # parameters of the controller; empty: the robot is simulated standing
-    takes_file: bool = False  # the model is the command's first word instead
+    takes_file: bool = False  # whether the model is the command's first word instead
 
     def arguments(self) -> list[Argument]:
-        """Return its arguments, whatever the model."""
+        """Return the command's arguments, without those of the model."""
         declared = description_arguments(self.model, self.joints, self.view)
         declared += simulation_arguments(self.control) if self.control else standing_arguments()
-        return [*{argument.name: argument for argument in declared}.values()]  # the last of a name
+        return [*{argument.name: argument for argument in declared}.values()]  # last of each name
 
     @property
     def controller(self) -> str:
-        """The node with the simulation's parameters."""
+        """The name of the node with the simulation's parameters."""
         return DRIVING if self.control else STANDING
 
     def model_arguments(self, given: Mapping[str, str]) -> tuple[list[Argument], bool]:
-        """Return those of the model's xacro, but what has the name of one of the command's own.
+        """Return the model's xacro arguments, except those shadowed by the command's own.
 
-        And whether these are all: every file that it includes was found. ``package_path`` of what
-        is ``given`` is used from now on.
+        From now on, packages are also looked for in the given ``package_path``.
+
+        Args:
+            given: the arguments given on the command line.
+
+        Returns:
+            The arguments, and whether they are complete: every included file was found.
         """
         from onebot_description.description.xacro import xacro_arguments
 
@@ -98,7 +103,7 @@ class Bringup(NamedTuple):
 def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     """Bring a robot up, with the launch arguments in ``argv``, until Ctrl-C.
 
-    No node is started before the description and all arguments have been found right.
+    No node is started before the description and all arguments have been checked.
 
     Returns:
         The exit code: 0 when stopped by the user, 1 when a node that matters has failed.
@@ -120,13 +125,13 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     own_names = {argument.name for argument in declared}
     names = [*own_names, *(argument.name for argument in of_model)]
     problems = [unknown(name, names) for name in assignments if name not in names]
-    if problems and is_complete:  # else expanding it shows whether they exist
+    if problems and is_complete:  # otherwise, expanding the model shows whether they exist
         raise UsageError("\n".join(problems))
     command_arguments = {name: value for name, value in assignments.items() if name in own_names}
     for_xacro = {name: value for name, value in assignments.items() if name not in own_names}
     values = checked_values(declared, command_arguments)
-    find_spec("rclpy")  # one error here if it is missing, rather than one of each node
-    os.environ.update(blas_variables())  # without threads xacro can run in a fork here
+    find_spec("rclpy")  # if it is missing, one error here instead of one from each node
+    os.environ.update(blas_variables())  # without threads, xacro can run in a fork here
     _check_files(values)
     values = with_params_file(values, command_arguments, command.controller)
     if command.sim_view and values["sim"] == "true" and "view" not in command_arguments:
@@ -134,21 +139,21 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     elif values.get("world") and "view" not in command_arguments:
         values["view"] = command.world_view
         frame = world_frame(values, given_params_files(values), command.controller)
-        if frame != WORLD_FRAME:  # the view's
+        if frame != WORLD_FRAME:  # the view already has that one
             values["fixed_frame"] = values["fixed_frame"] or frame
     read_ns = time.time_ns()
     description = load_description(model, for_xacro)
     description.require_tree()
     robots: list[PlacedRobot] = []
     if values.get("robots"):
-        from onebot_bringup.launch.robots import placed_robots  # few need it, and numpy
+        from onebot_bringup.launch.robots import placed_robots  # seldom needed, imports numpy
 
         robots = placed_robots(values["robots"], description)
     _check_sections(values, command_arguments, robots, command.controller)
     source = Source(model, for_xacro, tuple(map(str, description.files)), read_ns)
     os.environ.update(environment(values, forced="discovery" in command_arguments))
     with (
-        KeyboardInterrupts(),  # they leave no folder and no process behind
+        KeyboardInterrupts(),  # so that Ctrl-C leaves no folder and no process behind
         tempfile.TemporaryDirectory(prefix="onebot-") as folder,
         Launcher(command.program) as launcher,
     ):
@@ -174,7 +179,7 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
 
 
 def _with_model(command: Bringup, arguments: Arguments) -> dict[str, str]:
-    """Return the arguments given, the command's file among them as ``model``."""
+    """Return the given arguments, with the command's file as ``model``."""
     if command.takes_file:
         return with_positional(arguments, "model", "file", command.program)
     refuse_positional(arguments.positional)
@@ -182,7 +187,7 @@ def _with_model(command: Bringup, arguments: Arguments) -> dict[str, str]:
 
 
 def _check_files(values: Mapping[str, str]) -> None:
-    """Refuse files to read that do not exist, recordings that have no place, and a bad world."""
+    """Reject missing input files, recordings that cannot be written, and an invalid world."""
     view_file(values["view"])
     for name in ("joints", "params_file"):
         path = Path(values.get(name, ""))
@@ -203,7 +208,7 @@ def _check_files(values: Mapping[str, str]) -> None:
 
 
 def _check_output(name: str, value: str) -> None:
-    """Refuse a recording that cannot be written: a file, or with ``record:=`` a new folder."""
+    """Reject a recording that cannot be written: a file, or with ``record:=`` a new folder."""
     path, is_folder = output_path(value), name == "record"
     if not path.parent.is_dir():
         raise OneBotError(f"{name}:={value}: the folder {path.parent} does not exist")
@@ -221,7 +226,7 @@ def _check_sections(
     robots: Sequence["PlacedRobot"],
     controller: str,
 ) -> None:
-    """Check the names of nodes and parameters in the parameter files given; print warnings."""
+    """Check the names of nodes and parameters in the given parameter files; print warnings."""
     from onebot_control.parameters import unknown_by_node
     from onebot_description.joints.config import JointsConfig
     from onebot_description.ros.parameters.reader import unknown_parameters
@@ -245,12 +250,12 @@ def _check_sections(
 
 
 def _check_file(file: Path, spaces: Sequence[str], nodes: "Mapping[str, Unknown]") -> list[str]:
-    """Refuse sections for none of the ``nodes``; return a warning of each name that none has.
+    """Reject sections for unknown nodes; return a warning for each unknown parameter.
 
     Args:
         file: the parameter file.
-        spaces: namespaces of the nodes that are given it.
-        nodes: by name, what reports the parameters that each does not declare.
+        spaces: namespaces of the nodes that get the file.
+        nodes: for each node name, a function that reports undeclared parameters.
     """
     from onebot_description.ros.parameters.files import refuse_other_sections, undeclared_names
 
@@ -261,10 +266,10 @@ def _check_file(file: Path, spaces: Sequence[str], nodes: "Mapping[str, Unknown]
 def with_params_file(
     values: Mapping[str, str], given: Mapping[str, str], controller: str = DRIVING
 ) -> dict[str, str]:
-    """Return the launch arguments, with what the controller's ``params_file`` has for all nodes.
+    """Return the launch arguments, updated with settings for all nodes from the ``params_file``.
 
-    They name the robot's frames alike, and take the time from the same clock. What the file has of
-    these counts unless it is among the arguments ``given`` on the command line.
+    All nodes have to agree on the names of frames and on the clock. The file's settings apply
+    unless they are ``given`` on the command line.
     """
     values = dict(values)
     if values.get("sim") != "true" or not values["params_file"]:
@@ -289,9 +294,9 @@ def with_params_file(
 
 
 def _use_simulated_time(values: dict[str, str], given: Mapping[str, str], factor: float) -> None:
-    """Have all nodes take the time from /clock where the simulation publishes it for its factor.
+    """Make all nodes use /clock if the simulation publishes it because of its time factor.
 
-    ``factor`` is that of the ``params_file``.
+    ``factor`` is the one in the ``params_file``.
     """
     factor = float(values[_FACTOR] or factor)
     if factor == 1.0:
@@ -305,26 +310,26 @@ def _use_simulated_time(values: dict[str, str], given: Mapping[str, str], factor
 
 
 def environment(values: Mapping[str, str], *, forced: bool) -> dict[str, str]:
-    """Return the variables that all nodes get, in addition to this process's own.
+    """Return the environment variables of all nodes, in addition to this process's own.
 
     Args:
-        values: of the launch arguments.
-        forced: ``discovery`` was given, and so overrides the environment's setting.
+        values: the launch arguments.
+        forced: ``discovery`` was given, so it overrides the environment's setting.
     """
     variables = discovery_variables(values, forced=forced)
     if "RCUTILS_CONSOLE_OUTPUT_FORMAT" not in os.environ:
-        # The launcher puts the node's name in front of each line, but not which robot's it is.
+        # The launcher prefixes each line with the node's name, but not with the robot's.
         name = "[{name}] " if values.get("robots") else ""
         variables["RCUTILS_CONSOLE_OUTPUT_FORMAT"] = f"[{{severity}}] {name}{{message}}"
     if "RCUTILS_COLORIZED_OUTPUT" not in os.environ and wants_colour(2):
-        variables["RCUTILS_COLORIZED_OUTPUT"] = "1"  # the nodes see a pipe, no terminal
+        variables["RCUTILS_COLORIZED_OUTPUT"] = "1"  # the nodes see a pipe instead of a terminal
     return variables
 
 
 def help_text(
     command: Bringup, declared: list[Argument], of_model: Sequence[Argument], *, complete: bool
 ) -> str:
-    """Return the answer to ``--show-args``, or (``complete``) to ``--help``."""
+    """Return the text of ``--show-args``, or with ``complete`` of ``--help``."""
     parts = []
     if complete:
         file = " FILE" if command.takes_file else ""
@@ -371,7 +376,7 @@ def _robot(description: "Description", values: Mapping[str, str], space: str) ->
     ]
     if values["frame_prefix"]:
         lines.append(f"  frames   begin with {values['frame_prefix']}")
-    if values.get("sim") == "true" and "robots" not in values:  # it stands
+    if values.get("sim") == "true" and "robots" not in values:  # a standing robot
         joint = next((joint.name for joint in moving), "JOINT")
         lines.append(f"  move     onebot trajectory {joint}=0.5, or any client of its action")
     elif values.get("sim") == "true":

@@ -1,6 +1,6 @@
-"""The nodes of a bringup, a row each: when a node starts, with which parameters and policy.
+"""The nodes of a bringup in a table: when each starts, with which parameters and policy.
 
-What is too long, or too delicate, for a command line comes from ROS parameter files.
+Nodes get their parameters in ROS parameter files, where any text and length is possible.
 """
 
 from __future__ import annotations
@@ -22,37 +22,37 @@ if TYPE_CHECKING:
     from onebot_description.description import Description
     from onebot_description.description_files import Source
 
-# The address of the steering page is the one to open: it is printed when the page's view is there.
+# The steering page is the page to open, so its address is printed once its view is available.
 AWAIT_VIEW = 15.0  # s at most
-_MAP = "map"  # where somebody localizes (REP-105)
-# Of velocity_controller, and what Nav2 calls them.
+_MAP = "map"  # the frame of localization (REP-105)
+# Topics of velocity_controller, and Nav2's names for them.
 _NAV2_TOPICS = {"velocity_controller/cmd_vel": "cmd_vel", "velocity_controller/odom": "odom"}
-# Of joint_state_publisher without a file: Hz, and seconds for one swing.
+# Parameters of joint_state_publisher without a file: Hz, and seconds for one swing.
 _SWINGING = {"rate": 30.0, "swing": 8.0}
 
 DRIVING, STANDING = "velocity_controller", "controller_manager"
-"""The node with the simulation's parameters: of a robot that drives, and of one that stands."""
+"""The nodes with the simulation's parameters: of a driving robot, and of a standing one."""
 
 Parameters = dict[str, object]
 
 
 @dataclass(frozen=True)
 class Launch:
-    """What the nodes of a bringup are made from."""
+    """Makes the nodes of a bringup, or of one of its robots."""
 
-    folder: Path  # the nodes' parameter files are written here
+    folder: Path  # where the nodes' parameter files are written
     values: Mapping[str, str]  # the launch arguments
     description: Description  # the robot
     ros_args: Sequence[str]  # every node gets them, after its own
     source: Source  # the files of the description
-    arguments: Sequence[Argument]  # the declarations of the command
-    robots: Sequence[PlacedRobot] = ()  # several in one world; empty for a single one
-    robot: PlacedRobot | None = None  # the one of them that the node is for
+    arguments: Sequence[Argument]  # the arguments that the command declares
+    robots: Sequence[PlacedRobot] = ()  # several robots in one world; empty for a single one
+    robot: PlacedRobot | None = None  # the one of them to make nodes for
     controller: str = DRIVING  # the node with the simulation's parameters
 
     @property
     def params_files(self) -> list[Path]:
-        """The controller's parameter files; the later one overrides."""
+        """The controller's parameter files; later ones override."""
         robot_file = self.robot.params_file if self.robot else None
         return [*given_params_files(self.values), *filter(None, [robot_file])]
 
@@ -66,14 +66,13 @@ class Launch:
         return self.values.get(name) == "true"
 
     def nodes(self) -> list[NodeProcess]:
-        """Return the nodes to start, the first one first."""
+        """Return the nodes to start, in order."""
         return [self.node(row) for row in NODES if row.starts(self)]
 
     def node(self, row: NodeRow) -> NodeProcess:
-        """Return a node to start.
+        """Return the process of a row to start.
 
-        Where there are several robots, a row that each of them has is one process with a node for
-        each.
+        If there are several robots, a row with ``each_robot`` is one process with a node for each.
         """
         words = row.words(self)
         parameters: Parameters = {"use_sim_time": self.is_true("use_sim_time")}
@@ -89,18 +88,18 @@ class Launch:
         return self.ros_nodes.process(row, parameters, words, files)
 
     def parameters(self, row: NodeRow) -> Parameters:
-        """Return the parameters of a node: those that are arguments, and those of its row."""
+        """Return the parameters of a node, from the arguments and from its row."""
         return node_parameters(self.arguments, self.values, row.node) | row.parameters(self)
 
     @property
     def ros_nodes(self) -> RosNodes:
-        """What the nodes share."""
+        """The settings that the nodes share."""
         values = self.values
         ros_args = [*self._remappings(), *self.ros_args]
         return RosNodes(self.folder, values["namespace"], ros_args, values["log_level"])
 
     def _remappings(self) -> list[str]:
-        """Return the remappings of nav2_topics:=true; these are in each robot's namespace."""
+        """Return the remappings of nav2_topics:=true, which are in each robot's namespace."""
         if not self.is_true("nav2_topics"):
             return []
         of_robots = [f"{robot.name}/" for robot in self.robots if self.robot is None]
@@ -112,7 +111,7 @@ class Launch:
         ]
 
     def _of_robot(self, robot: PlacedRobot) -> Launch:
-        """Return what the nodes of one of several robots are made from."""
+        """Return a Launch for one robot of the fleet."""
         folder = self.folder / robot.name
         folder.mkdir(exist_ok=True)
         namespace = f"{self.values['namespace'].strip('/')}/{robot.name}".strip("/")
@@ -121,7 +120,7 @@ class Launch:
             **{name: repr(getattr(robot, name)) for name in ("x", "y", "yaw")},
             "namespace": namespace,
             "frame_prefix": f"{namespace}/",
-            "log_level": "",  # the process has one
+            "log_level": "",  # it is set for the whole process
         }
         return replace(
             self, folder=folder, values=values, description=robot.description, robot=robot
@@ -129,31 +128,31 @@ class Launch:
 
 
 class NodeRow(NamedTuple):
-    """One node of a bringup."""
+    """One row of the table: a node of a bringup."""
 
     name: str
-    module: str  # its last word is the node's name, unless the node is to be renamed
-    parameters: Callable[[Launch], Parameters]  # except its arguments
+    module: str  # its last word is the node's name, unless the node is renamed
+    parameters: Callable[[Launch], Parameters]  # the parameters besides those from arguments
     starts: Callable[[Launch], bool] = lambda _: True
     on_exit: OnExit = "shutdown"
     nice: int = 0
-    words: Callable[[Launch], list[str]] = lambda _: []  # before its ROS arguments
-    each_robot: bool = False  # each of several robots has such a node
-    params_files: bool = False  # it reads the files of params_file:=
-    parameters_of: str = ""  # the node of the process that has the parameters, if not ``name``
+    words: Callable[[Launch], list[str]] = lambda _: []  # words before its ROS arguments
+    each_robot: bool = False  # whether each of several robots has such a node
+    params_files: bool = False  # whether it reads the files of params_file:=
+    parameters_of: str = ""  # the node in the process with the parameters, if not ``name``
 
     @property
     def node(self) -> str:
-        """The name of the node that has the parameters."""
+        """The name of the node with the parameters."""
         return self.parameters_of or self.name
 
 
 def _controller_parameters(launch: Launch) -> Parameters:
     values = launch.values
-    # All nodes of the robot name its frames alike, in a namespace too.
+    # All nodes of the robot use the same names of frames, also in a namespace.
     prefix = values["frame_prefix"]
     parameters: Parameters = {
-        # It would come on the topic, too, but only when robot_state_publisher is up.
+        # It would also come on the topic, but only once robot_state_publisher is up.
         "robot_description": launch.description.urdf,
         "tf_frame_prefix_enable": bool(prefix),
         "tf_frame_prefix": prefix,
@@ -164,14 +163,14 @@ def _controller_parameters(launch: Launch) -> Parameters:
 
 
 def given_params_files(values: Mapping[str, str]) -> list[Path]:
-    """Return the controller's parameter file among the launch arguments, if there is one."""
+    """Return the controller's parameter file in the launch arguments, if there is one."""
     return [Path(values["params_file"]).absolute()] if values["params_file"] else []
 
 
 def world_frame(values: Mapping[str, str], params_files: Sequence[Path], controller: str) -> str:
     """Return the frame that all robots of a world have in common, unless a file names one.
 
-    That is world; where the truth is not on TF it is map, so that TF is one tree.
+    It is world, or if the ground truth is not on TF, map, so that TF is one tree.
     """
     from onebot_control.parameters import read_control_files
 
@@ -203,7 +202,7 @@ def _viewer_parameters(launch: Launch) -> Parameters:
     prefix = values["frame_prefix"]
     parameters: Parameters = {"frame_prefix": prefix, "embedded": launch.is_true("steer")}
     if values.get("sim") == "false" and not (launch.stands or values["fixed_frame"]):
-        # A robot that could be simulated, but is not, has no odom.
+        # Without the simulation, there is no odom.
         parameters["fixed_frame"] = prefix + launch.description.root_link
     if launch.robots:
         parameters["robots"] = [robot.name for robot in launch.robots]
@@ -221,20 +220,20 @@ def _page_parameters(launch: Launch) -> Parameters:
 
 
 def command_topic(values: Mapping[str, str], space: str = "") -> str:
-    """Return the topic of commands of the robot in a namespace; ``space`` ends with /."""
+    """Return the command topic of the robot in a namespace; ``space`` ends with /."""
     topic = "velocity_controller/cmd_vel"
     return space + (_NAV2_TOPICS[topic] if values.get("nav2_topics") == "true" else topic)
 
 
 def page_address(values: Mapping[str, str]) -> Parameters:
-    """Return host, port and token of the steering page; warn if the port is another one than given.
+    """Return host, port and token of the steering page; warn if the port differs from the given.
 
-    They are chosen here, so that open pages find the page again after a crash.
+    They are chosen here, so that open pages find the server again after a crash.
 
     Raises:
         OneBotError: the page cannot be served there.
     """
-    from onebot_bringup.steering.access import choose_bind_address  # few need it
+    from onebot_bringup.steering.access import choose_bind_address  # seldom needed
 
     address = choose_bind_address(values["host"], int(values["port"]), values["token"])
     if address.warning:
@@ -243,7 +242,7 @@ def page_address(values: Mapping[str, str]) -> Parameters:
 
 
 NODES = (
-    # The recorder first, so that it misses as little of the others as can be.
+    # The recorder comes first, so that it misses as little as possible of the others.
     NodeRow(
         "bag_recorder",
         "onebot_bringup.bags.bag_recorder",
@@ -286,7 +285,7 @@ NODES = (
         _viewer_parameters,
         starts=lambda launch: launch.values["viewer"] != "none" or bool(launch.values["save"]),
         on_exit="ignore",
-        nice=5,  # the robot comes before its view if processors are short (see nice(2))
+        nice=5,  # on a busy computer, the robot takes precedence over its view (see nice(2))
     ),
     STEERING_PAGE := NodeRow(
         "steering_page",
@@ -299,16 +298,16 @@ NODES = (
 
 
 def output_path(text: str) -> Path:
-    """Return the path of a file or folder to write; shells leave the ~ of ``name:=~/x`` to us."""
+    """Return the path of a file or folder to write; shells do not expand ~ in ``name:=~/x``."""
     return Path(text).expanduser().absolute()
 
 
 @dataclass(frozen=True)
 class RosNodes:
-    """What the nodes of one launch share."""
+    """The settings that the nodes of one launch share."""
 
-    folder: Path  # the nodes' parameter files are written here
-    namespace: str  # the nodes'; outer slashes do not matter
+    folder: Path  # where the nodes' parameter files are written
+    namespace: str  # the nodes' namespace, with or without outer slashes
     ros_args: Sequence[str] = ()  # every node gets them, after its own
     log_level: str = ""  # the least severe messages shown; empty for the node's default
 
@@ -319,9 +318,13 @@ class RosNodes:
         words: Sequence[str] = (),
         files: Sequence[Path] = (),
     ) -> NodeProcess:
-        """Return a node to start, and write its parameters, which override ``files``.
+        """Return a node to start, and write its parameter file.
 
-        ``words`` come before its ROS arguments.
+        Args:
+            row: the node.
+            parameters: its parameters, which override ``files``.
+            words: words before its ROS arguments.
+            files: further parameter files.
         """
         rename = [] if row.module.endswith(f".{row.name}") else ["-r", f"__node:={row.name}"]
         ros_arguments = [*rename, *self.arguments(row.node, parameters, files)]
@@ -331,18 +334,18 @@ class RosNodes:
     def arguments(
         self, name: str, parameters: Mapping[str, object], files: Sequence[Path] = ()
     ) -> list[str]:
-        """Return a node's ROS arguments, and write its parameters; see ``process``."""
+        """Return a node's ROS arguments, and write its parameter file; see ``process``."""
         namespace = self.namespace.strip("/")
         arguments = ["--log-level", self.log_level] if self.log_level else []
         for file in (*files, write_parameters(self.folder, name, parameters, namespace)):
-            arguments += ["--params-file", str(file)]  # the later one overrides
+            arguments += ["--params-file", str(file)]  # later ones override
         if namespace:
             arguments += ["-r", f"__ns:=/{namespace}"]
         return [*arguments, *self.ros_args]
 
 
 class _Quoting(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):  # type: ignore[misc]
-    """Writes every string in quotes: to ROS, a bare 10 is an integer, and a bare on is true."""
+    """Quotes every string: to ROS, a bare 10 is an integer, and a bare on is true."""
 
 
 def _quoted(dumper: Any, text: str) -> Any:
@@ -355,9 +358,13 @@ _Quoting.add_representer(str, _quoted)
 def write_parameters(
     folder: Path, node: str, parameters: Mapping[str, object], namespace: str = ""
 ) -> Path:
-    """Write ``<folder>/<node>.yaml``, for a node of that name, and return its path.
+    """Write the parameter file ``<folder>/<node>.yaml`` and return its path.
 
-    ``namespace`` has no outer slashes.
+    Args:
+        folder: the folder.
+        node: the name of the node.
+        parameters: the node's parameters.
+        namespace: the node's namespace, without outer slashes.
     """
     full_name = f"/{namespace}/{node}" if namespace else f"/{node}"
     path = folder / f"{node}.yaml"

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Brings OneBot up: simulated and driven by its controller, in the viewer."""
+"""Brings OneBot up: simulated, driven by its controller and shown in the viewer."""
 
 import sys
 from collections.abc import Sequence
@@ -12,11 +12,11 @@ if TYPE_CHECKING:
 
 
 def command() -> "Bringup":
-    """Return the command: what it brings up, and its defaults."""
+    """Return the bringup command with OneBot's defaults."""
     from onebot_bringup.launch.bringup import Bringup
     from onebot_description.description.packages import package_share
 
-    description = package_share("onebot_description").resolve()  # edits are made there
+    description = package_share("onebot_description").resolve()  # files are edited there
     return Bringup(
         program="onebot_bringup",
         summary="Brings OneBot up on ROS 2, simulated; a Twist on velocity_controller/cmd_vel "

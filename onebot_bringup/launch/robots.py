@@ -1,7 +1,7 @@
-"""The robots of ``robots:=N`` and ``robots:=FILE.yaml``: their names, places and models.
+"""Reads ``robots:=N`` and ``robots:=FILE.yaml``: the robots' names, places and models.
 
-A file names each robot and where it starts; its model and further parameters of its controller are
-files, relative to this one::
+The file names each robot and where it starts. Its model and further parameters of its controller
+are files, relative to this one::
 
     robots:
       scout: {x: 0.0, y: 0.0, yaw: 0.0}
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
 MOST_ROBOTS = 200
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-_ROOM = 1.5  # distance of robots in rows, in diameters of one
-_SAME = 1e-3  # m
+_ROOM = 1.5  # distance between robots in rows, in diameters of a robot
+_SAME = 1e-3  # m; robots that are closer are in the same place
 
 
 class PlacedRobot(NamedTuple):
@@ -41,12 +41,12 @@ class PlacedRobot(NamedTuple):
     y: float  # m
     yaw: float  # rad
     description: Description
-    params_file: Path | None = None  # its controller's; overrides the fleet's
+    params_file: Path | None = None  # parameters of its controller; override the fleet's
 
 
 @dataclass(frozen=True)
 class RobotEntry:
-    """A robot in the file."""
+    """The entry of a robot in the file."""
 
     x: float = parameter(REQUIRED, "where it starts in the world, m")
     y: float = parameter(REQUIRED, "where it starts in the world, m")
@@ -57,12 +57,12 @@ class RobotEntry:
 
 @dataclass(frozen=True)
 class RobotsFile:
-    """The file."""
+    """The content of the file."""
 
     robots: Mapping[str, RobotEntry] = parameter(REQUIRED, "a map of names, each with x and y")
 
     def check(self) -> Iterator[Problem]:
-        """Report names that are no namespace, and robots in one place."""
+        """Report names that are not valid namespaces, and robots in the same place."""
         if not self.robots:
             yield Problem("robots", "is empty; write a robot, such as scout: {x: 0.0, y: 0.0}")
         for name in self.robots:
@@ -81,12 +81,12 @@ def placed_robots(text: str, description: Description) -> list[PlacedRobot]:
     """Return the robots of ``robots:=text``.
 
     Args:
-        text: how many, or a YAML file.
-        description: of the robots without a model of their own.
+        text: the number of robots, or a YAML file.
+        description: used for robots without a model of their own.
 
     Raises:
-        UsageError: it is neither.
-        OneBotError: the file, or a robot's, is wrong.
+        UsageError: ``text`` is neither.
+        OneBotError: the file, or a robot's model or parameters, is invalid.
     """
     if re.fullmatch(r"[-+]?[0-9]+", text):
         if not 0 < int(text) <= MOST_ROBOTS:
@@ -99,7 +99,7 @@ def read_robots(file: Path, description: Description) -> list[PlacedRobot]:
     """Return the robots of a file.
 
     Raises:
-        OneBotError: the file, or a robot's, is wrong; with the line.
+        OneBotError: the file, or a robot's model or parameters, is invalid; names the line.
     """
     from onebot_description.ros.parameters.files import read_map, read_text
 
@@ -142,9 +142,9 @@ def _params_file(file: Path, name: str) -> Path | None:
 
 
 def in_rows(count: int, description: Description) -> list[PlacedRobot]:
-    """Return so many robots in rows, which leave room between them.
+    """Place ``count`` robots in rows, with room between them.
 
-    robot1 is at the origin, the others of its row to its right, further rows behind it.
+    robot1 is at the origin, the others of its row are to its right, further rows behind it.
     """
     a_row = math.ceil(math.sqrt(count))
     apart = math.ceil(10.0 * _ROOM * 2.0 * reach(description)) / 10.0
@@ -155,7 +155,7 @@ def in_rows(count: int, description: Description) -> list[PlacedRobot]:
 
 
 def reach(description: Description) -> float:
-    """Return how far from its root link's origin a robot reaches, from above, at most, m."""
+    """Return the largest horizontal distance of a robot's parts from its root link's origin, m."""
     from onebot_description.model import RobotModel, quaternions
 
     model = RobotModel.from_description(description)
@@ -169,7 +169,7 @@ def reach(description: Description) -> float:
 
 
 def _half(geometry: Geometry) -> float:
-    """Return how far a shape reaches from its origin, at most, m."""
+    """Return the largest distance of a shape's points from its origin, m."""
     from onebot_description.description.description import Box, Capsule, Cylinder, Sphere
 
     shape = geometry.shape
@@ -181,6 +181,6 @@ def _half(geometry: Geometry) -> float:
         return shape.radius + shape.length / 2.0
     if isinstance(shape, Sphere):
         return shape.radius
-    from onebot_description.description.meshes import mesh_corners  # it takes long to import
+    from onebot_description.description.meshes import mesh_corners  # slow to import
 
     return float(np.linalg.norm(mesh_corners(shape) * np.array(shape.scale), axis=1).max())

@@ -1,8 +1,8 @@
-"""What a launch file of ``ros2 launch`` holds: a bringup's arguments, and its script to run.
+"""Makes the content of ``ros2 launch`` files: a bringup's arguments, and its script to run.
 
-The script is one process to ros2 launch, which does not start the nodes itself: the script checks
-arguments, files and description before any node starts, and supervises, restarts and stops the
-nodes by rules that ros2 launch does not have. There is one list of nodes, too.
+ros2 launch only starts the script and not the nodes: the script checks arguments, files and
+description before any node starts, and supervises, restarts and stops the nodes by rules that ros2
+launch does not have. It also avoids a second list of nodes.
 """
 
 import os
@@ -14,7 +14,7 @@ from typing import Any
 from onebot_bringup.launch.bringup import Bringup
 from onebot_bringup.launcher.launcher import STARTER
 
-# Where launch_ros keeps what PushRosNamespace has pushed.
+# The launch configuration in which PushRosNamespace of launch_ros stores the namespace.
 _PUSHED = "ros_namespace"
 
 
@@ -22,9 +22,9 @@ def launch_description(script: ModuleType) -> Any:
     """Return the LaunchDescription that runs a bringup script.
 
     Args:
-        script: its module, whose ``command()`` describes it.
+        script: the script's module, whose ``command()`` describes it.
     """
-    # Of ROS: where ros2 launch is, so are these.
+    # These belong to ROS: they are installed if ros2 launch is.
     from launch import LaunchDescription
     from launch.actions import DeclareLaunchArgument, ExecuteProcess, OpaqueFunction
 
@@ -52,21 +52,21 @@ def launch_description(script: ModuleType) -> Any:
 
     return LaunchDescription(
         [
-            OpaqueFunction(function=start),  # first: so far only what was given has a value
+            OpaqueFunction(function=start),  # first, while only given arguments have a value
             *(
                 DeclareLaunchArgument(a.name, default_value=a.default, description=a.help)
                 for a in arguments
             ),
-            # A launch file may include this one twice, or others with arguments of these names.
+            # A launch file may include this one twice, or others with the same argument names.
             OpaqueFunction(function=forget_defaults),
         ]
     )
 
 
 def words(command: Bringup, configurations: Mapping[str, str]) -> list[str]:
-    """Return the command line: the launch configurations that the bringup knows.
+    """Return the command line: all launch configurations that the bringup knows.
 
-    The others may be of the launch file that includes this one.
+    Others may belong to the launch file that includes this one.
     """
     of_model, _ = command.model_arguments(configurations)
     names = {argument.name for argument in (*command.arguments(), *of_model)}

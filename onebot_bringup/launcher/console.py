@@ -1,4 +1,4 @@
-"""The launcher's output: whole lines, prefixed with who wrote them, never blocking the launcher.
+"""Writes the launcher's output: whole lines with the writer's name, never blocking the launcher.
 
 One thread writes the lines of a bounded queue. A paused terminal or a reader that stalls must not
 stop the robot: while the queue is full, further lines are counted and dropped.
@@ -19,10 +19,10 @@ from onebot_description.errors import printable
 _MAX_LINES = 4000
 _COLOURS = ("36", "32", "33", "35", "34", "96", "92", "93", "95", "94")  # ANSI foregrounds
 
-# What a terminal would obey, but for colours: names come from files, and nodes print them.
+# Control sequences other than colours, which a terminal would obey; names in files may have them.
 _OBEYED = re.compile(
     rb"[\x00-\x08\x0b-\x1a\x1c-\x1f\x7f]|\x1b(?!\[[0-9;]*m)|\xc2[\x80-\x9f]"
-    rb"|\xe2\x80[\x8e\x8f\xa8-\xae]|\xe2\x81[\xa6-\xa9]|\xd8\x9c"  # turns the text, in UTF-8
+    rb"|\xe2\x80[\x8e\x8f\xa8-\xae]|\xe2\x81[\xa6-\xa9]|\xd8\x9c"  # text direction, in UTF-8
 )
 
 
@@ -33,12 +33,12 @@ def _escaped(line: bytes) -> bytes:
 class OutputStream(NamedTuple):
     """Standard output or error."""
 
-    descriptor: int  # -1 if it is closed
+    descriptor: int  # -1 if closed
     colour: bool
 
     @classmethod
     def of(cls, stream: TextIO | None) -> "OutputStream":
-        """Return an OutputStream for ``stream``, None if it is closed."""
+        """Return an OutputStream for ``stream``, which is None if it is closed."""
         descriptor = -1 if stream is None else stream.fileno()
         return cls(descriptor, stream is not None and wants_colour(descriptor))
 
@@ -49,10 +49,12 @@ class Console:
     def __init__(
         self, program: str, names: Sequence[str], reader_left: Callable[[], object]
     ) -> None:
-        """Start the thread that writes, with a colour for each of the nodes' ``names``.
+        """Start the thread that writes.
 
-        It calls ``reader_left`` when nobody reads standard output any more. ``program`` is the
-        prefix of the launcher's own messages.
+        Args:
+            program: the prefix of the launcher's own messages.
+            names: the names of the nodes, each of which gets a colour.
+            reader_left: called when standard output has no reader any more.
         """
         self.out, self.err = OutputStream.of(sys.stdout), OutputStream.of(sys.stderr)
         self._program = program
@@ -76,17 +78,17 @@ class Console:
             self._put(self.out, printable(line).encode() + b"\n")
 
     def info(self, text: str) -> None:
-        """Write a message of the launcher's own."""
+        """Write one of the launcher's own messages."""
         self.print(f"[{self._program}] {text}")
 
     def warn(self, text: str) -> None:
-        """Write a message of the launcher's own on something that went wrong."""
+        """Write one of the launcher's own messages about a problem."""
         start, end = ("\x1b[1;31m", "\x1b[0m") if self.err.colour else ("", "")
         line = printable(f"[{self._program}] {text}")
         self._put(self.err, f"{start}{line}{end}\n".encode())
 
     def close(self, timeout: float) -> None:
-        """Let what waits be written; ``timeout`` (s) is for a reader that stalls."""
+        """Write the queued lines; ``timeout`` (s) limits how long, in case the reader stalls."""
         with suppress(queue.Full):
             self._queue.put(None, timeout=timeout)
         self._thread.join(timeout)
@@ -124,7 +126,7 @@ def _write(descriptor: int, line: bytes) -> None:
 
 
 def wants_colour(descriptor: int) -> bool:
-    """Return whether to colour what goes to ``descriptor``: a terminal, and NO_COLOR not set."""
+    """Return whether to colour output: ``descriptor`` is a terminal, and NO_COLOR is not set."""
     if os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb":
         return False
     return os.isatty(descriptor)

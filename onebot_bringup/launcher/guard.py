@@ -1,10 +1,10 @@
 """Ends the nodes of a launcher that was itself killed (SIGKILL, out of memory).
 
-Linux's own signal on the parent's death is not enough: it reaches no process that a node has
-started, and it is one signal, so that either a recorder could not close its file or a node that
-ignores SIGTERM would live on. So the launcher starts this file as a small process of its own, with
-a pipe to it as standard input. The pipe closes when the launcher ends, however it ends; the process
-groups that are left then get SIGTERM, and SIGKILL after a while.
+Linux's signal on the parent's death is not enough: it does not reach the processes that a node has
+started, and it is a single signal, so either a recorder could not close its file, or a node that
+ignores SIGTERM would live on. So the launcher starts this file as a small separate process with a
+pipe as its standard input. The pipe closes when the launcher ends, however it ends; the remaining
+process groups then get SIGTERM, and SIGKILL after a while.
 """
 
 import contextlib
@@ -24,11 +24,11 @@ _DEAD = frozenset("ZX")  # states in /proc
 class Guard:
     """The launcher's end of the pipe.
 
-    Each line is ``+GROUP``, ``-GROUP`` for one that is gone, or a temporary folder to remove.
+    Each line is ``+GROUP``, ``-GROUP`` for a group that is gone, or a temporary folder to remove.
     """
 
     def __init__(self) -> None:
-        # Both ends stay open and nothing waits: writing does no harm when the guard has died.
+        # Both ends stay open and do not block, so writing is harmless if the guard has died.
         self._read, self._write = os.pipe()
         os.set_blocking(self._write, False)
         try:
@@ -47,7 +47,7 @@ class Guard:
         self._write_line(f"+{group}")
 
     def discard(self, group: int) -> None:
-        """Forget ``group``: it is gone."""
+        """Forget ``group``, which is gone."""
         self._write_line(f"-{group}")
 
     def remove_later(self, folder: Path) -> None:
@@ -55,7 +55,7 @@ class Guard:
         self._write_line(str(folder))
 
     def close(self) -> None:
-        """End it; it ends what it still knows."""
+        """End the guard, which ends the groups that it still knows."""
         os.close(self._write)
         os.close(self._read)
         if self._process is None:
@@ -72,7 +72,7 @@ class Guard:
 
 
 def signal_group(group: int, number: int) -> None:
-    """Send a signal to each process of ``group``; it is no error if one is gone already."""
+    """Send a signal to each process of ``group``; it is not an error if they are already gone."""
     with contextlib.suppress(ProcessLookupError, PermissionError):
         os.killpg(group, number)
 
@@ -89,12 +89,12 @@ def group_alive(group: int) -> bool:
 
 
 def _any_running(group: int) -> bool:
-    """Look through /proc: where nothing reaps orphans, their zombies stay in the group."""
+    """Look for running processes in /proc; unreaped zombies of orphans stay in the group."""
     return any(_runs_in(stat, group) for stat in Path("/proc").glob("[0-9]*/stat"))
 
 
 def _runs_in(stat: Path, group: int) -> bool:
-    """Return whether the process of this /proc file is in ``group`` and no zombie."""
+    """Return whether the process of this /proc file is in ``group`` and not a zombie."""
     try:
         # proc(5): "pid (comm) state ppid pgrp ..."; comm may itself hold spaces and parentheses.
         state, _, process_group = stat.read_text(errors="replace").rpartition(")")[2].split()[:3]
@@ -123,7 +123,7 @@ def main() -> None:
 
 
 def end(groups: set[int]) -> None:
-    """Stop all processes of ``groups``: SIGTERM, and SIGKILL for what is left after a while."""
+    """Stop all processes of ``groups``: SIGTERM, and after a while SIGKILL for the rest."""
     deadline = time.monotonic() + TERMINATE_FOR
     for group in groups:
         signal_group(group, signal.SIGTERM)

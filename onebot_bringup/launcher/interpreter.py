@@ -1,14 +1,14 @@
-"""Runs a module as ``python -m`` does, but lets Ctrl-C end it silently while it is importing.
+"""Runs a module as ``python -m`` does, but Ctrl-C ends it silently while it is importing.
 
     python -m onebot_bringup.launcher.interpreter MODULE [ARGUMENT ...]
 
-The launcher starts this with SIGINT blocked, so that none can hit the interpreter while it starts
-up. Then SIGINT gets its default action, which ends the process at once and without a traceback,
+The launcher starts this with SIGINT blocked, so that it cannot hit the interpreter during startup.
+Then SIGINT gets its default action, which ends the process at once and without a traceback,
 until the node installs its own handler (``run_node`` does so before it starts ROS).
 
-When the module has ended, and all that is registered to be done at exit has been done, the process
-ends as well. To take down the modules of ROS and Rerun one by one would cost the interpreter up to
-half a second of a processor; on a busy machine that is longer than a Ctrl-C may take.
+When the module has ended and all exit handlers have run, the process ends at once. Tearing down the
+modules of ROS and Rerun one by one would take the interpreter up to half a second of CPU time; on a
+busy machine that is longer than a Ctrl-C may take.
 """
 
 import atexit
@@ -26,8 +26,8 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     del sys.argv[0]
-    codes = [1]  # the code of an error that nobody catches
-    # What is registered first is called last.
+    codes = [1]  # the exit code of an uncaught error
+    # The handler that is registered first is called last.
     atexit.register(lambda: _leave(codes[-1]))
     try:
         runpy.run_module(sys.argv[0], run_name="__main__", alter_sys=True)
@@ -38,7 +38,7 @@ def main() -> None:
 
 
 def _number(code: object) -> int:
-    """Return the exit code that ``sys.exit(code)`` means."""
+    """Return the exit code that ``sys.exit(code)`` results in."""
     if code is None:
         return 0
     return code if isinstance(code, int) else 1

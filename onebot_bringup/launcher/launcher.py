@@ -19,22 +19,23 @@ from onebot_bringup.launcher.process import (
 )
 from onebot_description.ros.signals import stop_signals
 
-# The environment variable of a launcher that is to stop when this process, by its id, has ended.
+# Environment variable with the id of a process at whose end the launcher should stop.
 STARTER = "ONEBOT_STARTER"
-# How a node may end that was asked to stop; 130 is what shells make of SIGINT.
+# Exit codes that are normal for a node that was asked to stop; shells report SIGINT as 130.
 _STOPPED = (0, -signal.SIGINT, -signal.SIGTERM, 130)
-# Seconds. A wrapper such as `uv run` passes a Ctrl-C on that the terminal has already delivered;
-# a signal to all processes, such as systemd's, may reach a node before the launcher.
+# Signals within this time (seconds) count as one. A wrapper such as `uv run` repeats a Ctrl-C that
+# the terminal has already delivered; a signal to all processes, such as systemd's, may reach a node
+# before the launcher.
 _SAME_SIGNAL = 0.3
 
 
 @dataclass(frozen=True)
 class Grace:
-    """When to use which signal, in seconds after the order to stop; all is over within 5 s."""
+    """When to escalate, in seconds after the order to stop; everything ends within 5 s."""
 
-    terminate: float = 2.5  # SIGTERM to what has not stopped on SIGINT
-    kill: float = 4.0  # SIGKILL to what has not stopped on SIGTERM either
-    give_up: float = 4.6  # leave even if the system has not removed them yet
+    terminate: float = 2.5  # SIGTERM for nodes that have not stopped on SIGINT
+    kill: float = 4.0  # SIGKILL for nodes that have not stopped on SIGTERM either
+    give_up: float = 4.6  # return even if killed nodes have not disappeared yet
 
 
 class Restarts:
@@ -42,12 +43,12 @@ class Restarts:
 
     def __init__(self, policy: Restart) -> None:
         self._policy = policy
-        self.count = 0  # restarts in a row, the one planned last included
+        self.count = 0  # restarts in a row, including the one planned last
 
     def next_wait(self, lived: float) -> float | None:
-        """Return the seconds until the next restart of a node that ``lived`` so long, s.
+        """Return the seconds until the next restart of a node that ``lived`` for a time, s.
 
-        None if the limit is reached.
+        It is None if the limit is reached.
         """
         if lived > self._policy.healthy_after:
             self.count = 0
@@ -69,8 +70,8 @@ class Launcher:
         self._grace = grace or Grace()
         self._running: dict[RunningProcess, NodeProcess] = {}
         self._stopping, self._stop_now = asyncio.Event(), asyncio.Event()
-        self._escalated = False  # SIGTERM or SIGKILL was used
-        self._failed: dict[str, str] = {}  # nodes for good, and how each ended
+        self._escalated = False  # whether SIGTERM or SIGKILL was used
+        self._failed: dict[str, str] = {}  # how each node that failed for good ended
 
     def __enter__(self) -> "Launcher":
         """Open the event loop and start the guard."""
@@ -90,16 +91,18 @@ class Launcher:
         started_message: str = "",
         temporary: Sequence[Path] = (),
     ) -> int:
-        """Start the nodes in this order; their names differ. Return when everything has ended.
+        """Start the nodes in this order, and return when everything has ended.
 
-        The message is printed once all processes have been started. The ``temporary`` folders are
-        removed if the launcher is killed; otherwise that is up to the caller.
+        Args:
+            nodes: the nodes, with different names.
+            started_message: printed once all processes have been started.
+            temporary: folders to remove if the launcher is killed; otherwise the caller has to.
 
         Returns:
             0 when a signal asked to stop, the output was closed, or no node was left to run; 1
-            when a node failed: it could not be started, ended with an error, also while stopping,
-            had to be killed to stop in time, or ended at all although the others need it. Which one
-            is the last line printed.
+            when a node failed: it could not be started, ended with an error, even while stopping,
+            had to be killed to stop in time, or ended although the others need it. The last line
+            printed names it.
         """
         names = [node.name for node in nodes]
         for folder in temporary:
@@ -126,7 +129,7 @@ class Launcher:
             await self._leave()
 
     async def _start_all(self, nodes: Sequence[NodeProcess]) -> list[asyncio.Task[None]]:
-        """Start ``nodes`` one after the other; return what waits for the end of each."""
+        """Start ``nodes`` one after the other; return a task per node that ends with it."""
         self._console.info(f"starting {', '.join(node.name for node in nodes)}")
         tasks = []
         for node in nodes:
@@ -136,7 +139,7 @@ class Launcher:
         return tasks
 
     async def _leave(self) -> None:
-        """Leave nothing behind, even when something failed."""
+        """Stop everything that still runs, even after an error."""
         for process in self._running:
             process.signal_all(signal.SIGKILL)
         await asyncio.gather(*[self._forget(process) for process in list(self._running)])
@@ -151,7 +154,7 @@ class Launcher:
             self._console.warn(f"failed: {nodes}")
         self._console.close(timeout=0.2)
 
-    # One node
+    # Supervising one node
 
     async def _start(self, node: NodeProcess) -> RunningProcess | None:
         console = self._console
@@ -167,7 +170,7 @@ class Launcher:
         return process
 
     async def _supervise(self, node: NodeProcess, process: RunningProcess | None) -> None:
-        """Return when ``node`` has ended for good; None for a process that did not start."""
+        """Return when ``node`` has ended for good; ``process`` is None if it did not start."""
         restarts = Restarts(node.restart)
         while True:
             lived, code = (0.0, None) if process is None else await self._until_end(node, process)
@@ -180,7 +183,7 @@ class Launcher:
             process = await self._start(node)
 
     async def _until_end(self, node: NodeProcess, process: RunningProcess) -> tuple[float, int]:
-        """Wait for the end of ``process`` and report it; return its seconds and its exit code."""
+        """Wait for the end of ``process`` and report it; return its lifetime, s, and exit code."""
         began = self._loop.time()
         code = await process.ended
         lived = self._loop.time() - began
@@ -195,13 +198,13 @@ class Launcher:
                 self._console.warn(f"{node.name} stopped with an error: {describe_exit(code)}")
                 self._failed[node.name] = describe_exit(code)
         else:
-            process.signal_all(signal.SIGKILL)  # its children have no owner any more
+            process.signal_all(signal.SIGKILL)  # its children are left without an owner
             await self._forget(process)
             self._console.warn(f"{node.name} exited unexpectedly: {describe_exit(code)}")
         return lived, code
 
     async def _forget(self, process: RunningProcess) -> None:
-        """Show what is left of its output; it is gone, or given up."""
+        """Show the rest of the output of a process that is gone or was given up."""
         await process.close()
         self._guard.discard(process.group)
         self._running.pop(process, None)
@@ -209,7 +212,7 @@ class Launcher:
     def _after_end(
         self, node: NodeProcess, restarts: Restarts, lived: float, code: int | None
     ) -> float | None:
-        """Apply the node's policy; return the seconds until its restart, None for none."""
+        """Apply the node's policy; return the seconds until its restart, or None for none."""
         wait = None
         if node.on_exit == "ignore":
             self._console.warn(f"going on without {node.name}")
@@ -240,7 +243,7 @@ class Launcher:
     def _watch_starter(self, process: int) -> None:
         """Stop when ``process`` has ended, however it ended."""
         try:
-            ended = os.pidfd_open(process)  # on Linux only
+            ended = os.pidfd_open(process)  # Linux only
         except AttributeError:
             return
         except ProcessLookupError:
@@ -256,7 +259,7 @@ class Launcher:
         self._stop()
 
     def _stop(self) -> None:
-        """Ask all nodes to stop, unless that was done."""
+        """Ask all nodes to stop, unless that was already done."""
         if self._stopping.is_set():
             return
         self._stopping.set()
@@ -266,7 +269,7 @@ class Launcher:
         self._escalation = self._loop.create_task(self._escalate())
 
     async def _escalate(self) -> None:
-        """Use SIGTERM, then SIGKILL; then give up."""
+        """Send SIGTERM, then SIGKILL, then give up."""
         if not await _is_set_within(self._grace.terminate, self._stop_now):
             self._signal_all(signal.SIGTERM)
             await _is_set_within(self._since_stop(self._grace.kill), self._stop_now)
@@ -277,7 +280,7 @@ class Launcher:
         self._given_up.set_result(None)
 
     def _since_stop(self, moment: float) -> float:
-        """Return the seconds from now to ``moment``, in seconds after the order to stop."""
+        """Return the seconds from now until ``moment`` seconds after the order to stop."""
         return self._stopped_at + moment - self._loop.time()
 
     def _signal_all(self, number: signal.Signals) -> None:
@@ -288,7 +291,7 @@ class Launcher:
 
 
 async def _is_set_within(timeout: float, event: asyncio.Event) -> bool:
-    """Wait for ``event``, at most ``timeout`` seconds."""
+    """Wait for ``event``, at most ``timeout`` seconds; return whether it was set."""
     try:
         await asyncio.wait_for(event.wait(), timeout)
     except asyncio.TimeoutError:

@@ -1,4 +1,4 @@
-"""Nodes as processes: how to start one, and one while it runs."""
+"""Starts nodes as processes, and represents running ones."""
 
 import asyncio
 import contextlib
@@ -17,34 +17,34 @@ from onebot_description.ros.process_start import blas_variables
 OnExit = Literal["shutdown", "restart", "ignore"]
 
 _INTERPRETER = "onebot_bringup.launcher.interpreter"
-_LONGEST_LINE = 65536  # bytes; a longer one is shown in pieces
-_LAST_OUTPUT = 0.25  # seconds to wait for it; another process may hold the pipe for ever
-_POLL = 0.05  # seconds; nothing reports the end of a process that is no child
+_LONGEST_LINE = 65536  # bytes; longer lines are split
+_LAST_OUTPUT = 0.25  # seconds to wait for it, since another process may hold the pipe for ever
+_POLL = 0.05  # seconds; nothing reports the end of a process that is not a child
 
 
 @dataclass(frozen=True)
 class Restart:
     """How often and how fast a node that ended is restarted."""
 
-    limit: int = 5  # times in a row before the launcher gives up
-    first_wait: float = 1.0  # s before the first new start; doubled for each further one
-    longest_wait: float = 10.0  # s, the cap of that doubling
-    healthy_after: float = 30.0  # s; a node that lived this long starts counting from zero again
+    limit: int = 5  # restarts in a row before the launcher gives up
+    first_wait: float = 1.0  # s before the first restart, doubled for each further one
+    longest_wait: float = 10.0  # s, upper limit of the wait
+    healthy_after: float = 30.0  # s after which the count of a running node's restarts is reset
 
 
 @dataclass(frozen=True)
 class NodeProcess:
-    """A node to start as a process."""
+    """A node to be started as a process."""
 
-    name: str  # the prefix of its lines of output
+    name: str  # the prefix of its output lines
     command: tuple[str, ...]  # the program and its arguments
-    # What happens when it ends although nobody asked it to: "shutdown" brings everything down,
-    # "restart" starts it again, "ignore" goes on without it.
+    # What to do if it ends unexpectedly: "shutdown" stops everything, "restart" starts it again,
+    # "ignore" goes on without it.
     on_exit: OnExit = "shutdown"
     environment: Mapping[str, str] = field(default_factory=dict)  # added to the launcher's
     restart: Restart = Restart()  # for on_exit="restart"
     hold_interrupt: bool = False  # start with SIGINT blocked; the program unblocks it when ready
-    nice: int = 0  # lower priority where processors are short, 0 to 19 (see nice(2))
+    nice: int = 0  # 0 to 19; higher values yield to other processes (see nice(2))
 
 
 def python_node(
@@ -55,34 +55,42 @@ def python_node(
     on_exit: OnExit = "shutdown",
     nice: int = 0,
 ) -> NodeProcess:
-    """Return a node that is a Python module, run by the interpreter that runs the launcher."""
+    """Return a node that is a Python module, run by the launcher's interpreter.
+
+    Args:
+        name: the prefix of its output lines.
+        module: the full name of the module.
+        arguments: its command-line arguments.
+        on_exit: what to do if it ends unexpectedly, see ``NodeProcess``.
+        nice: see ``NodeProcess``.
+    """
     command = (sys.executable, "-m", _INTERPRETER, module, *arguments)
     variables = {"PYTHONUNBUFFERED": "1", **_safe_path(), **blas_variables()}
     return NodeProcess(name, command, on_exit, variables, hold_interrupt=True, nice=nice)
 
 
 def _safe_path() -> dict[str, str]:
-    """Keep a stray ``yaml.py`` in the working directory from being imported by the nodes.
+    """Return variables that keep nodes from importing a stray ``yaml.py`` in the working directory.
 
-    Only where the launcher itself was not found through the working directory.
+    They are empty if the launcher itself was found through the working directory.
     """
     here = sys.path[0] in ("", os.getcwd()) if sys.path else False
     return {} if here else {"PYTHONSAFEPATH": "1"}
 
 
 Sink = Callable[[bytes], object]
-"""Takes a line of output, without its newline."""
+"""A function that takes a line of output, without its newline."""
 
 
 class Lines:
-    """Cuts output into lines."""
+    """Splits output into lines."""
 
     def __init__(self, sink: Sink) -> None:
         self._sink = sink
         self._rest = b""
 
     def feed(self, data: bytes) -> None:
-        """Pass on each line that was read."""
+        """Pass on each complete line in the output so far."""
         *lines, self._rest = (self._rest + data).split(b"\n")
         for line in lines:
             self._sink(line)
@@ -90,14 +98,14 @@ class Lines:
             self.close()
 
     def close(self) -> None:
-        """Pass a last line that has no newline."""
+        """Pass on a last line without a newline."""
         if self._rest:
             self._sink(self._rest)
             self._rest = b""
 
 
 class RunningProcess(asyncio.SubprocessProtocol):
-    """A process that leads a session, and so a process group, of its own.
+    """A running process that leads its own session, and so its own process group.
 
     A terminal's Ctrl-C reaches only the launcher, which passes it on once.
     """
@@ -107,7 +115,7 @@ class RunningProcess(asyncio.SubprocessProtocol):
         self._output_ended = asyncio.Event()
         self._output = {1: Lines(out), 2: Lines(err)}
 
-    # What the event loop calls
+    # Called by the event loop
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         assert isinstance(transport, asyncio.SubprocessTransport)
@@ -117,34 +125,34 @@ class RunningProcess(asyncio.SubprocessProtocol):
         self._output[fd].feed(data)
 
     def process_exited(self) -> None:
-        # Not asyncio's wait(): in some versions it waits for all who hold the pipes.
+        # In some versions, asyncio's wait() waits for all processes that hold the pipes.
         code = self._transport.get_returncode()
         if code is not None and not self.ended.done():
             self.ended.set_result(code)
 
     def connection_lost(self, error: Exception | None) -> None:
-        self._output_ended.set()  # it has ended, and nobody holds its pipes
+        self._output_ended.set()  # it has ended, and no process holds its pipes
 
-    # What the launcher calls
+    # Called by the launcher
 
     @property
     def group(self) -> int:
-        """The id of the process, and of the group that it leads."""
+        """The id of the process, and of the process group that it leads."""
         return self._transport.get_pid()
 
     def interrupt(self) -> None:
-        """Ask the node itself to stop; it then stops what it started, in its own order."""
+        """Ask the node itself to stop; it then stops its own children in its own order."""
         if not self.ended.done():
-            # Not asyncio's send_signal(), which may take the exit code away from who waits for it.
+            # asyncio's send_signal() may take the exit code away from a waiting task.
             with contextlib.suppress(ProcessLookupError):
                 os.kill(self.group, signal.SIGINT)
 
     def signal_all(self, number: int) -> None:
-        """Send a signal to the node and all that it started."""
+        """Send a signal to the node and all processes that it started."""
         signal_group(self.group, number)
 
     async def group_ended(self) -> None:
-        """Wait until it and all that it started have ended; ask what it left behind to stop."""
+        """Wait until its group has ended; ask processes that it left behind to stop."""
         await self.ended
         if group_alive(self.group):
             self.signal_all(signal.SIGTERM)
@@ -152,7 +160,7 @@ class RunningProcess(asyncio.SubprocessProtocol):
             await asyncio.sleep(_POLL)
 
     async def close(self) -> None:
-        """Read what is left of its output and close the pipes; kill it if it still runs."""
+        """Read the rest of its output and close the pipes; kill it if it still runs."""
         with contextlib.suppress(asyncio.TimeoutError):
             await asyncio.wait_for(self._output_ended.wait(), _LAST_OUTPUT)
         self._transport.close()
@@ -161,7 +169,7 @@ class RunningProcess(asyncio.SubprocessProtocol):
 
 
 async def spawn(node: NodeProcess, guard: Guard, out: Sink, err: Sink) -> RunningProcess:
-    """Start a node, which ``guard`` ends if the launcher is killed."""
+    """Start a node, which ``guard`` ends if the launcher is killed; the sinks take its output."""
     _, process = await asyncio.get_running_loop().subprocess_exec(
         partial(RunningProcess, out, err),
         *node.command,
@@ -176,7 +184,7 @@ async def spawn(node: NodeProcess, guard: Guard, out: Sink, err: Sink) -> Runnin
 def _set_up_child(node: NodeProcess, guard: Guard) -> None:
     """Prepare a child between fork and exec.
 
-    It registers with the guard itself, because the launcher may be killed at any moment.
+    The child itself registers with the guard, since the launcher may be killed at any moment.
     """
     if node.hold_interrupt:
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})

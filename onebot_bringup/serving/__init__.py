@@ -1,1 +1,1 @@
-"""What servers on this computer share: ports, connections, origins, and the proxy of Rerun."""
+"""Code that servers on this computer share: ports, connections, origins, and Rerun's proxy."""

@@ -1,8 +1,8 @@
-"""The messages of a recording that wait for one viewer, which may read more slowly than they come.
+"""Queues the messages of a recording for one viewer, which may be slower than they come.
 
-Rerun's server waits for its slowest viewer, and meanwhile keeps all that is logged, without bound.
-So the messages of each viewer are read at once, and wait here. Of those that have waited long, only
-the newest is kept about each subject: a slow viewer shows the robot as it is now.
+Rerun's server waits for its slowest viewer and meanwhile stores everything that is logged, without
+limit. So the messages for each viewer are read at once and queued here. Of messages that have
+waited long, only the newest about each subject is kept, so a slow viewer shows the current state.
 """
 
 import asyncio
@@ -14,25 +14,25 @@ import aiohttp
 
 from onebot_bringup.serving.rerun_messages import HEAD, length, subject
 
-LONGEST = 5.0  # seconds that every message is kept
-MOST = 1 << 26  # bytes of them
+LONGEST = 5.0  # seconds for which every message is kept
+MOST = 1 << 26  # most bytes of such messages
 
 
 class Backlog:
-    """A queue of messages from one task for another."""
+    """A queue of messages from one task to another."""
 
     def __init__(self) -> None:
         self._loop = asyncio.get_running_loop()
-        self._recent: deque[tuple[float, bytes]] = deque()  # with the time each came
+        self._recent: deque[tuple[float, bytes]] = deque()  # with their arrival times
         self._recent_size = 0  # bytes
         self._old: dict[Hashable, bytes] = {}  # by subject
         self._came, self._room = asyncio.Event(), asyncio.Event()
         self._ended = False
-        # A viewer that joins gets the past at once: it has this long to take it whole.
+        # A viewer that joins gets the past at once, and has until then to read all of it.
         self._joining_until = self._loop.time() + LONGEST
 
     async def put(self, message: bytes) -> None:
-        """Add a message; while the viewer takes the past, that may wait for room."""
+        """Add a message; while the viewer reads the past, this may wait for room."""
         joining = self._joining_until - self._loop.time()
         if joining > 0.0 and self._recent_size + len(message) > MOST:
             with suppress(asyncio.TimeoutError):
@@ -43,12 +43,12 @@ class Backlog:
         self._came.set()
 
     def end(self) -> None:
-        """Nothing more comes."""
+        """Note that no more messages come."""
         self._ended = True
         self._came.set()
 
     async def get(self) -> bytes:
-        """Return the next message, once there is one; nothing at the end."""
+        """Wait for the next message and return it; empty at the end."""
         while not (self._old or self._recent or self._ended):
             self._came.clear()
             await self._came.wait()
@@ -77,7 +77,7 @@ class Backlog:
 
 
 async def messages(stream: aiohttp.StreamReader) -> AsyncIterator[bytes]:
-    """Yield the messages of a response in gRPC-web, each with its head, until it ends."""
+    """Yield the messages of a gRPC-web response, each with its head, until it ends."""
     with suppress(asyncio.IncompleteReadError):
         while True:
             head = await stream.readexactly(HEAD)

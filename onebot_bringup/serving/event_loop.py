@@ -1,4 +1,4 @@
-"""An event loop in a thread of its own, beside a node's executor."""
+"""Runs an event loop in a separate thread, beside a node's executor."""
 
 import asyncio
 import contextlib
@@ -9,7 +9,7 @@ STOP_TIMEOUT = 2.0  # s
 
 
 class LoopThread:
-    """Runs ``serve``, of a class derived from this one, until it is stopped."""
+    """Runs the ``serve`` of a derived class in a thread until it is stopped."""
 
     def __init__(self, name: str) -> None:
         self._end = asyncio.Event()
@@ -21,7 +21,7 @@ class LoopThread:
         self._running.wait()
 
     def call(self, action: Callable[[], None]) -> None:
-        """Call ``action`` in the thread; ignored after `stop`."""
+        """Call ``action`` in the thread; ignored after ``stop``."""
         with contextlib.suppress(RuntimeError):
             self._loop.call_soon_threadsafe(action)
 

@@ -1,9 +1,9 @@
-"""The port of a recording: native viewers get through it to Rerun's server, browsers do not.
+"""Guards the port of a recording: lets native viewers through to Rerun's server, but not browsers.
 
 Rerun's server checks neither Host nor Origin of a request, and lets it write into the recording. So
-it listens on an address of loopback that cannot be guessed, and the known port is here. Native
-viewers speak HTTP/2 from the first byte; a browser does so only with TLS. So a foreign page cannot
-get to the recording, whatever the name that it made lead here (DNS rebinding).
+it listens on a loopback address that cannot be guessed, and this gate listens on the known port.
+Native viewers speak HTTP/2 from the first byte; browsers do so only with TLS. So a foreign page
+cannot reach the recording, even by DNS rebinding.
 """
 
 import asyncio
@@ -23,10 +23,15 @@ _RESPONSE = (
 
 
 class GrpcGate(LoopThread):
-    """Passes connections of native viewers through, in a thread, until it is stopped."""
+    """Forwards connections of native viewers, in a thread, until it is stopped."""
 
     def __init__(self, listener: socket.socket, backend: tuple[str, int]) -> None:
-        """Start the thread, between viewers and the address and port of Rerun's server."""
+        """Start forwarding.
+
+        Args:
+            listener: the socket that viewers connect to.
+            backend: the address and port of Rerun's server.
+        """
         self._listener, self._backend = listener, backend
         self._clients: set[asyncio.StreamWriter] = set()
         super().__init__("grpc gate")
@@ -49,7 +54,7 @@ class GrpcGate(LoopThread):
             else:
                 client.write(_RESPONSE)
         except (OSError, EOFError, asyncio.TimeoutError, asyncio.CancelledError):
-            pass  # it left, Rerun's server did, or the gate ends: what is cancelled is logged
+            pass  # an end has closed, or the gate stops, and a cancelled task would be logged
         finally:
             self._clients.discard(client)
             client.close()

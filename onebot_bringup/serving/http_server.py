@@ -1,7 +1,7 @@
-"""An aiohttp application served in a thread of its own.
+"""Serves an aiohttp application in a separate thread.
 
-A connection without a whole request within a few seconds is closed: aiohttp does so if its timeout
-of idle connections is as short.
+A connection without a complete request within a few seconds is closed: aiohttp does so if its
+timeout of idle connections is that short.
 """
 
 import asyncio
@@ -16,12 +16,12 @@ from onebot_bringup.serving.event_loop import STOP_TIMEOUT, LoopThread
 
 _IDLE_TIMEOUT = 5.0  # s for the head of a request, and between two requests
 _BODY_TIMEOUT = 5.0  # s for the body of a request
-_LINGERING = 1.0  # s for the rest of a request that has its response
+_LINGERING = 1.0  # s for the rest of a request that has already been answered
 _LOGGER = logging.getLogger(__name__)
 
 
 def _is_of_the_server(record: logging.LogRecord) -> bool:
-    """Whether an error is not of a client that does not speak HTTP, which gets a response 400."""
+    """Whether an error is the server's own, and not that of a client that does not speak HTTP."""
     return record.exc_info is None or not isinstance(record.exc_info[1], HttpProcessingError)
 
 
@@ -29,7 +29,7 @@ _LOGGER.addFilter(_is_of_the_server)
 
 
 async def body_of(request: web.Request) -> bytes:
-    """Return the body of a request; it has seconds to be received in whole."""
+    """Return the body of a request, which has to arrive completely within a few seconds."""
     try:
         return await asyncio.wait_for(request.read(), _BODY_TIMEOUT)
     except asyncio.TimeoutError:
@@ -38,7 +38,7 @@ async def body_of(request: web.Request) -> bytes:
 
 @web.middleware
 async def _without_traceback(request: web.Request, handler: Handler) -> web.StreamResponse:
-    """Have aiohttp log no traceback where a client leaves before it gets its response."""
+    """Keep aiohttp from logging a traceback if a client leaves before it gets its response."""
     try:
         return await handler(request)
     except ConnectionError:

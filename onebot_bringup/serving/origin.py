@@ -1,8 +1,8 @@
-"""Which requests a server takes: under its own names, from pages of its own.
+"""Decides which requests a server accepts: under its own names, from its own pages.
 
-A page of another site can make a browser send requests here, and its name can be made to lead to
-127.0.0.1 (DNS rebinding). Browsers say where a request is from (Origin) and goes to (Host); where
-they say no Origin, as for a picture, they say to servers on this computer whether it is from
+A page of another site can make a browser send requests here, and can let its name resolve to
+127.0.0.1 (DNS rebinding). Browsers report where a request comes from (Origin) and goes to (Host).
+Without an Origin, as for a picture, they tell servers on this computer whether it comes from
 another site (Sec-Fetch-Site).
 """
 
@@ -19,10 +19,13 @@ _LOOPBACK_NAMES = frozenset({"127.0.0.1", "localhost", "[::1]"})
 
 
 def refusal(address: str, host: str, origin: str | None, allowed: Iterable[str]) -> str:
-    """Return why a request is rejected, one sentence; "" if it is accepted.
+    """Return one sentence why a request is rejected; "" if it is accepted.
 
-    ``address`` is the IP address that the server listens on, ``host`` and ``origin`` are headers of
-    the request; pages of the origins ``allowed``, such as http://127.0.0.1:8080, may send it.
+    Args:
+        address: the IP address that the server listens on.
+        host: the Host header.
+        origin: the Origin header, if there is one.
+        allowed: origins whose pages may send requests, such as http://127.0.0.1:8080.
     """
     if not is_own_name(address, host):
         names = ", ".join(sorted(_LOOPBACK_NAMES | {address}))
@@ -33,9 +36,9 @@ def refusal(address: str, host: str, origin: str | None, allowed: Iterable[str])
 
 
 def foreign_refusal(request: web.Request) -> str:
-    """Return why a request of another site is rejected; "" if it is accepted.
+    """Return why a request from another site is rejected; "" if it is accepted.
 
-    A link to the page itself may be anywhere. What has an Origin is judged by that.
+    Links to the page itself may be anywhere. Requests with an Origin are judged by that instead.
     """
     site, mode, target = (request.headers.get(f"Sec-Fetch-{n}") for n in ("Site", "Mode", "Dest"))
     link = request.path == "/" and (mode, target) == ("navigate", "document")
@@ -45,9 +48,9 @@ def foreign_refusal(request: web.Request) -> str:
 
 
 def is_own_name(address: str, host: str) -> bool:
-    """Return whether a Host header can be of the server that listens on ``address``.
+    """Return whether a Host header can belong to the server that listens on ``address``.
 
-    Any port will do: a tunnel may lead to it from another one.
+    Any port is accepted, since a tunnel may use another one.
     """
     name = _HOST.fullmatch(host)
     if name is None:
@@ -56,7 +59,7 @@ def is_own_name(address: str, host: str) -> bool:
 
 
 def guard(address: str) -> Middleware:
-    """Return what keeps an application on ``address`` to requests of its own pages."""
+    """Return middleware that only accepts requests of an application's own pages on ``address``."""
 
     @web.middleware
     async def check(request: web.Request, handler: Handler) -> web.StreamResponse:
@@ -71,5 +74,5 @@ def guard(address: str) -> Middleware:
 
 
 def _shown(text: str) -> str:
-    """A header as it may be repeated in a response."""
+    """Return a header as it may safely be repeated in a response."""
     return "".join(c for c in text[:100] if c.isascii() and c.isprintable() and c not in '<>"&')

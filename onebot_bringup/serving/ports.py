@@ -1,4 +1,4 @@
-"""Addresses and ports of this computer that servers listen on, and its display and browser."""
+"""Finds addresses and ports for servers on this computer, and its display and browser."""
 
 import contextlib
 import errno
@@ -36,11 +36,15 @@ def is_loopback(host: str) -> bool:
 
 
 def listen(host: str, port: int, name: str = "port") -> socket.socket:
-    """Listen on ``port`` of ``host``, or on any free one if it is in use (or 0).
+    """Listen on ``port`` of ``host``, or on a free port if it is in use or 0.
+
+    Args:
+        host: a name or an IP address of this computer.
+        port: the preferred port.
+        name: the name of the port's parameter, for errors.
 
     Raises:
-        OneBotError: this computer does not have the address, or no port is available; the message
-            has the ``name`` of the parameter with the port.
+        OneBotError: this computer does not have the address, or no port is available.
     """
     if not 0 <= port <= MAX_PORT:
         raise OneBotError(
@@ -50,7 +54,7 @@ def listen(host: str, port: int, name: str = "port") -> socket.socket:
     for chosen in (port, 0):
         try:
             listener = socket.socket(family, socket.SOCK_STREAM)
-        except OSError:  # such as IPv6 where there is none
+        except OSError:  # for example, there is no IPv6
             raise _not_here(host) from None
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
@@ -71,13 +75,13 @@ def listen(host: str, port: int, name: str = "port") -> socket.socket:
 
 
 def free_port(port: int, name: str = "port") -> int:
-    """Return ``port`` if it is free on loopback, else (or for 0) any free port."""
+    """Return ``port`` if it is free on loopback, or else (or for 0) any free port."""
     with listen(LOOPBACK, port, name) as probe:
         return int(probe.getsockname()[1])
 
 
 def hidden_address() -> tuple[str, int]:
-    """Return an address of loopback that cannot be guessed, and a free port of it.
+    """Return a loopback address that cannot be guessed, and a free port on it.
 
     All of 127.0.0.0/8 is loopback on Linux; elsewhere only the port is random.
     """
@@ -103,13 +107,13 @@ def has_display() -> bool:
 
 
 def open_in_browser(url: str) -> None:
-    """Open a page if there is a display, in the background: some browsers block until they end."""
+    """Open a page if there is a display, in the background, since some browsers block."""
     if has_display():
         threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
 
 
 def reachable_as(listener: socket.socket) -> str:
-    """Return host:port for a URL; for a wildcard address, with an address of this computer."""
+    """Return host:port for a URL; a wildcard address becomes an address of this computer."""
     host, port = listener.getsockname()[:2]
     if host in ("0.0.0.0", "::"):
         host = _own_address(listener.family, host)
@@ -117,7 +121,7 @@ def reachable_as(listener: socket.socket) -> str:
 
 
 def _own_address(family: int, any_address: str) -> str:
-    """The address that other computers see; connecting a datagram socket sends nothing."""
+    """Return the address that other computers see; connecting a datagram socket sends nothing."""
     # Addresses reserved for documentation (RFC 5737, RFC 3849) use the default route.
     outside = "192.0.2.1" if family == socket.AF_INET else "2001:db8::1"
     with contextlib.closing(socket.socket(family, socket.SOCK_DGRAM)) as probe:

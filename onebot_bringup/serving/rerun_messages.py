@@ -1,17 +1,17 @@
-"""The messages of Rerun's server, as it sends them in gRPC-web (log_msg.proto of its re_protos)."""
+"""Decodes the gRPC-web messages of Rerun's server (log_msg.proto of its re_protos)."""
 
 from collections.abc import Hashable, Iterator
 from typing import Any
 
 SERVICE = "rerun.sdk_comms.v1alpha1.MessageProxyService"
-"""Below this, Rerun's page requests its data from the host and port of its ``url=`` parameter."""
+"""The path below which Rerun's page requests data from the host and port in its ``url=``."""
 GRPC_WEB = "application/grpc-web+proto"
-REQUEST = bytes(5)  # a message without fields asks for all that is recorded
+REQUEST = bytes(5)  # a message without fields, which requests the whole recording
 HEAD = 5  # bytes before each message: flags, then its length
-LAYOUT = 3  # the kind of a message that shows a layout, which has come before it
+LAYOUT = 3  # the kind of message that activates a layout, which came before it
 
-_ARROW_MSG = 2  # the kind of messages with data
-# Numbers of fields.
+_ARROW_MSG = 2  # the kind of message with data
+# Field numbers.
 _LOG_MSG = 1
 _STORE_ID, _COMPRESSION, _UNCOMPRESSED_SIZE, _PAYLOAD, _CHUNK_ID, _IS_STATIC = 1, 2, 3, 5, 6, 7
 _TIME_NS = 1
@@ -21,15 +21,15 @@ _BAD_MESSAGE = (LookupError, TypeError, ValueError, OverflowError)
 
 
 def length(head: bytes) -> int:
-    """Return how many bytes follow a message's head."""
+    """Return the number of bytes that follow a message's head."""
     return int.from_bytes(head[1:], "big")
 
 
 def content(message: bytes) -> tuple[int, memoryview]:
-    """Return the kind of a message, and what it is, as they are in a recording's file, too.
+    """Return the kind and the content of a message, which are the same in a recording's file.
 
     Raises:
-        ValueError: Rerun writes no such message.
+        ValueError: it is not a message of Rerun's.
     """
     try:
         [(kind, data)] = _fields(dict(_fields(memoryview(message)[HEAD:]))[_LOG_MSG])
@@ -39,9 +39,9 @@ def content(message: bytes) -> tuple[int, memoryview]:
 
 
 def subject(message: bytes) -> Hashable:
-    """Return what a message is about; a newer message about the same replaces it.
+    """Return the subject of a message; a newer message with the same subject replaces it.
 
-    That is an entity and its components; of messages that hold no data each has its own.
+    It is an entity with its components; each message without data has its own subject.
     """
     import pyarrow as pa  # slow to import, and few viewers are slow
 
@@ -59,7 +59,7 @@ def subject(message: bytes) -> Hashable:
 
 
 def logged_ns(message: bytes) -> int:
-    """Return when the data of a message were logged, nanoseconds; 0 if it has none."""
+    """Return when a message's data was logged, nanoseconds; 0 if it has none."""
     try:
         kind, data = content(message)
         fields = dict(_fields(data)) if kind == _ARROW_MSG else {}
@@ -88,7 +88,7 @@ def _fields(data: memoryview) -> Iterator[tuple[int, Any]]:
 
 
 def _varint(data: memoryview, at: int) -> tuple[int, int]:
-    """Return a number of variable length, and where it ends."""
+    """Return a variable-length number, and the position after it."""
     number = shift = 0
     while True:
         byte = data[at]

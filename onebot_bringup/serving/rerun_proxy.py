@@ -1,4 +1,4 @@
-"""How Rerun's page and its data are forwarded to browsers, by the viewer and the steering page.
+"""Forwards Rerun's page and its data to browsers, for the viewer and the steering page.
 
 Every response gets a Content-Security-Policy, which keeps the page from connecting to other
 computers (Rerun's page sends usage statistics).
@@ -21,13 +21,13 @@ from onebot_bringup.serving.rerun_messages import GRPC_WEB, SERVICE
 
 _HEADERS = frozenset({"content-type", "content-length", "content-encoding", "rerun-final-length"})
 _FOREIGN_LINK = re.compile(rb"<link[^>]*https?://[^>]*>")
-_PAGE_TIMEOUT = 10.0  # s without a byte of a part of the page
+_PAGE_TIMEOUT = 10.0  # s without data of a part of the page
 _PAGE_SCRIPT = Path(__file__).with_name("rerun_page.js")
 _READS = frozenset({f"/{SERVICE}/ReadMessages", f"/{SERVICE}/ReadTables"})
 
 
 def content_policy() -> str:
-    """Return the Content-Security-Policy of the page: all comes from the server that it is from."""
+    """Return the page's Content-Security-Policy: everything has to come from its own server."""
     return (
         "default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:;"
         " connect-src 'self' data: blob:"
@@ -35,15 +35,18 @@ def content_policy() -> str:
 
 
 class RerunProxy:
-    """Forwards requests to servers of Rerun on this computer, and streams their responses."""
+    """Forwards requests to Rerun's servers on this computer, and streams their responses."""
 
     def __init__(
         self, app: web.Application, policy: str, unavailable: str, script: str = ""
     ) -> None:
-        """Forward requests of ``app``, with the Content-Security-Policy ``policy``.
+        """Forward requests of an application.
 
-        ``unavailable`` is the text of a response 502, when a server does not respond; ``script``
-        runs in the page before its own scripts.
+        Args:
+            app: the application.
+            policy: the Content-Security-Policy of the responses.
+            unavailable: the text of a response 502, if a server does not respond.
+            script: a script that runs in the page before its own scripts.
         """
         self._policy, self._unavailable = policy, unavailable
         self._head = f"<head><script>{script}</script>".encode() if script else b"<head>"
@@ -59,7 +62,7 @@ class RerunProxy:
     async def forward_data(
         self, request: web.Request, port: int, path: str, host: str = LOOPBACK
     ) -> web.StreamResponse:
-        """Respond to a call by gRPC-web that only reads; the response may have no end."""
+        """Respond to a gRPC-web call that only reads; the response may be endless."""
         if path not in _READS:
             raise web.HTTPForbidden(text="The view is for looking: nothing is written into it.\n")
         if request.content_type != GRPC_WEB:
@@ -102,7 +105,7 @@ class RerunProxy:
         except (aiohttp.ClientError, ConnectionError):
             if not answer.prepared:
                 raise web.HTTPBadGateway(text=f"{self._unavailable}\n") from None
-            # One of both ends has left in the middle: so ends this connection, too.
+            # One end has closed the connection in the middle, so close the other, too.
             if request.transport is not None:
                 request.transport.close()
         return answer
@@ -110,7 +113,7 @@ class RerunProxy:
     async def _copy(
         self, response: aiohttp.ClientResponse, request: web.Request, answer: web.StreamResponse
     ) -> None:
-        """Respond as a server of Rerun does, piece by piece as it comes."""
+        """Stream the response of one of Rerun's servers."""
         answer.set_status(response.status, response.reason)
         for name, value in response.headers.items():
             if name.lower().startswith("grpc-") or name.lower() in _HEADERS:
@@ -118,7 +121,7 @@ class RerunProxy:
         answer.headers["Content-Security-Policy"] = self._policy
         html = b""
         if response.content_type == "text/html":
-            # The policy does not keep a browser from connecting ahead to foreign hosts.
+            # The policy does not keep a browser from preconnecting to foreign hosts.
             html = _FOREIGN_LINK.sub(b"", await response.read()).replace(b"<head>", self._head, 1)
             answer.headers["Content-Length"] = answer.headers["rerun-final-length"] = str(len(html))
         await answer.prepare(request)
@@ -140,7 +143,7 @@ class RerunProxy:
         )
 
     async def _close(self, _: web.Application) -> None:
-        """End what is being forwarded: a recording has no end, and a browser may not read on."""
+        """End all forwarding: recordings are endless, and browsers may have stopped reading."""
         for response, request in self._streams.items():
             response.close()
             if request.transport is not None:
@@ -150,16 +153,16 @@ class RerunProxy:
 
 
 async def _relay(source: aiohttp.StreamReader, answer: web.StreamResponse) -> None:
-    """Pass messages on as the viewer takes them, and read them as they come."""
+    """Read messages as they come, and pass them on as the viewer takes them."""
     backlog = Backlog()
     reading = asyncio.ensure_future(_read(source, backlog))
     try:
         while message := await backlog.get():
             await answer.write(message)
-        await reading  # raises what ended it
+        await reading  # raises the error that ended it
     finally:
         reading.cancel()
-        await asyncio.gather(reading, return_exceptions=True)  # else its error is logged
+        await asyncio.gather(reading, return_exceptions=True)  # otherwise its error would be logged
 
 
 async def _read(source: aiohttp.StreamReader, backlog: Backlog) -> None:
@@ -172,13 +175,19 @@ async def _read(source: aiohttp.StreamReader, backlog: Backlog) -> None:
 
 def data_url(host: str) -> str:
     """Return the ``url=`` parameter of a page that gets its data from ``host``, a Host header."""
-    # Without a port, Rerun's page would take its own server's.
+    # Without a port, Rerun's page would use its own server's.
     full = host if re.search(r":\d+$", host) else f"{host}:80"
     return f"url={quote(f'rerun+http://{full}/proxy', safe=':/[]')}"
 
 
 def page_app(page: int, options: str, data: tuple[str, int]) -> web.Application:
-    """Serve Rerun's page (a port of 127.0.0.1) and its data, from an address and port."""
+    """Return an application that serves Rerun's page and its data.
+
+    Args:
+        page: the port of Rerun's page on 127.0.0.1.
+        options: the options in the page's address.
+        data: the address and port of Rerun's data server.
+    """
     app = web.Application(middlewares=[guard(LOOPBACK)])
     policy = f"{content_policy()}; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
     unavailable = "Rerun's server does not answer; it is being restarted"

@@ -1,8 +1,8 @@
-"""Access to the steering page's server: its address, and the checks of requests.
+"""Controls access to the steering page's server: its address, and checks of requests.
 
-A request needs a Host of this server, an Origin of its own pages, and the token where one is set. A
-program on this computer may omit the Origin, which browsers always send with a WebSocket: it could
-drive the robot through ROS anyway. If a token is set, it needs that, too.
+A request needs a Host of this server, an Origin of its own pages, and the token if one is set.
+Browsers always send the Origin with a WebSocket. A program on this computer may omit it, since it
+could drive the robot through ROS anyway, but it needs the token if one is set.
 
 The robot's view is a frame without cookies and with an opaque origin, "null". Its requests have a
 key in their path instead.
@@ -21,9 +21,9 @@ _OTHER_NAMES = {"127.0.0.1": "localhost", "localhost": "127.0.0.1"}
 
 
 def other_site(host: str) -> str:
-    """Return ``host`` (a Host header) with the other name of loopback, "" if it has none.
+    """Return ``host`` (a Host header) with the other name of loopback; "" if it has none.
 
-    To a browser that is another site, and what it shows of one site runs in another process.
+    To a browser that is another site, which runs in another process.
     """
     name, colon, port = host.lower().partition(":")
     return f"{_OTHER_NAMES[name]}{colon}{port}" if name in _OTHER_NAMES else ""
@@ -44,7 +44,7 @@ class Access:
 
     @property
     def cookie_name(self) -> str:
-        """The cookie's name; with the port, as all servers of a host receive its cookies."""
+        """The cookie's name, with the port, since all servers on a host receive its cookies."""
         return f"onebot_steering_{self.port}"
 
     @property
@@ -55,9 +55,13 @@ class Access:
         ).hexdigest()
 
     def refusal(self, host: str, origin: str | None, token: str | None, cookie: str | None) -> str:
-        """Return why a request with these headers, token and cookie is rejected, one sentence.
+        """Return one sentence why a request is rejected; "" if it is accepted.
 
-        It is "" if the request is accepted.
+        Args:
+            host: the Host header.
+            origin: the Origin header, if there is one.
+            token: the token in the request's address, if there is one.
+            cookie: the value of our cookie, if there is one.
         """
         if problem := refusal(self.address, host, origin, [f"http://{host}"]):
             return problem
@@ -68,13 +72,13 @@ class Access:
     def view_refusal(self, host: str, origin: str | None) -> str:
         """Return why a request with the view's key is rejected; "" if it is accepted.
 
-        Its Origin may be the view's, or that of the page that has it in a frame.
+        Its Origin may be the view's, or that of the page around it.
         """
         pages = f"http://{host}", f"http://{other_site(host)}"
         return refusal(self.address, host, origin, ["null", *pages])
 
     def is_token(self, token: str | None) -> bool:
-        """Whether ``token`` is right; takes the same time for any wrong one."""
+        """Whether ``token`` is correct, compared in constant time."""
         return bool(self.token) and token is not None and _equal(token, self.token)
 
 
@@ -87,16 +91,25 @@ def _bytes(text: str) -> bytes:
 
 
 class BindAddress(NamedTuple):
-    """Where the page is served, checked before its node is started."""
+    """The address to serve the page on, checked before its node is started."""
 
-    host: str  # the given one
-    port: int  # a free one
+    host: str  # the given host
+    port: int  # a free port
     token: str  # required in the page's address; "" for none
-    warning: str = ""  # a sentence if the port is another one than given
+    warning: str = ""  # a sentence if the port differs from the given one
 
 
 def choose_bind_address(host: str, port: int, token: str) -> BindAddress:
-    """Return a free address to serve the page on; with a token if other computers can reach it."""
+    """Return a free address to serve the page on.
+
+    Args:
+        host: the name or address to listen on.
+        port: the preferred port, replaced by a free one if it is in use; 0 for any.
+        token: the token; "" to generate one if other computers can reach the page.
+
+    Raises:
+        OneBotError: the page cannot be served there.
+    """
     with listen(host, port) as probe:
         address, free = probe.getsockname()[:2]
     if not token and not is_loopback(address):

@@ -1,8 +1,8 @@
 """Decides which of several steering pages drives the robot, and when it is stopped.
 
-The last page that starts to hold a control drives. A page that lost control, for any reason, has to
-release before it can drive again. A limit that is lowered holds at once; one that is raised, from
-the driver's next press on.
+The last page to start holding a control drives. A page that lost control, for any reason, has to
+release before it can drive again. A lowered limit applies at once, a raised limit from the driver's
+next press on.
 """
 
 import math
@@ -15,37 +15,37 @@ from onebot_bringup.steering.command_limits import Limits
 from onebot_bringup.steering.protocol import Command, Drive, Release, SetLimits, Stop
 from onebot_description.ros.message_age import boot_time
 
-COMMAND_TIMEOUT = 0.25  # s without a message from the driver until the robot is stopped
-MAX_AGE = 0.5  # s since the stamp of a command, which is the round trip, until it is too late
-ZEROS = 3  # zero commands after the last one, in case one gets lost
+COMMAND_TIMEOUT = 0.25  # s without a message from the driver after which the robot is stopped
+MAX_AGE = 0.5  # s since a command's stamp (the round trip) after which it is too late
+ZEROS = 3  # zero commands published after the last command, in case one gets lost
 
 
 @dataclass
 class _Page:
-    holding: bool = False  # it holds a control: it drives, or has to release first
-    moved: bool = False  # it commanded a motion since its last release
-    late: bool = False  # its commands are too old, or come no more
+    holding: bool = False  # holds a control: it drives, or has to release first
+    moved: bool = False  # has commanded a motion since its last release
+    late: bool = False  # its commands are too old, or have stopped
 
 
 @dataclass(frozen=True)
 class DrivingState:
-    """A snapshot of the arbiter."""
+    """A snapshot of the arbiter's state."""
 
     driver: str | None  # the page that drives
     pages: int  # the number of open pages
-    late: frozenset[str]  # those whose connection is too slow to drive
+    late: frozenset[str]  # the pages whose connection is too slow to drive
     limits: Limits
-    command: Command  # the present command, within the limits
+    command: Command  # the current command, within the limits
 
 
 class Arbiter:
-    """Turns the messages of pages into commands; stops and new drivers are published at once.
+    """Turns the messages of pages into commands; publishes stops and new drivers at once.
 
     A server and a node may call it from different threads.
 
     Attributes:
         changed: called when pages need a new state.
-        timeouts: how often a driver was stopped because it was silent or late.
+        timeouts: how often a silent or late driver was stopped.
     """
 
     def __init__(
@@ -59,13 +59,13 @@ class Arbiter:
         """Start without pages.
 
         Args:
-            limits: of commands.
+            limits: the limits of commands.
             publish: called with each command, from any thread, one call at a time.
             lock: called likewise, with True when a page stops the robot, and with False before the
-                first motion that a page commands after it took control.
-            clock: the time, s; that of the stamps of commands.
-            woke: when this process last woke from a stop, by that clock; what was sent before that
-                does not drive.
+                first motion that a page commands after taking control.
+            clock: returns the time, s; the stamps of commands are times of this clock.
+            woke: returns when this process last woke from a stop, by that clock; commands sent
+                before that do not drive.
         """
         self._publish, self._lock_robot, self._clock, self._woke = publish, lock, clock, woke
         self._lock = threading.Lock()
@@ -74,13 +74,13 @@ class Arbiter:
         self._limits = limits
         self._pages: dict[str, _Page] = {}
         self._driver: str | None = None
-        self._latest = Command()  # the driver's, beyond limits too
-        self._moving = False  # commands are published, even if they are zero
-        self._granted = limits.range  # since the driver's press, which no raised limit widens
-        self._stamp = 0.0  # of the driver's command
-        self._deadline = 0.0  # until when it holds
-        self._zeros = 0  # left to publish
-        self._stops = 0  # presses of the stop button
+        self._latest = Command()  # the driver's, even beyond the limits
+        self._moving = False  # whether commands are published, even if they are zero
+        self._granted = limits.range  # the range at the driver's press, unless limits are lowered
+        self._stamp = 0.0  # stamp of the driver's command
+        self._deadline = 0.0  # until when that command applies
+        self._zeros = 0  # zero commands left to publish
+        self._stops = 0  # presses of the stop button so far
 
     @property
     def state(self) -> DrivingState:
@@ -92,7 +92,7 @@ class Arbiter:
             self._pages[page] = _Page()
 
     def leave(self, page: str) -> bool:
-        """Remove a page; if it drove, the robot stops. Return whether it did."""
+        """Remove a page; if it drove, stop the robot. Return whether it drove."""
         with self._update():
             drove = self._drop(page)
             self._pages.pop(page, None)
@@ -113,21 +113,21 @@ class Arbiter:
                 self._limits = replace(self._limits, chosen=message)
 
     def reject(self, page: str) -> bool:
-        """Handle an invalid message; if the page drove, the robot stops. Return whether it did."""
+        """Handle an invalid message; if the page drove, stop the robot. Return whether it drove."""
         with self._update():
             drove = self._drop(page)
             self._pages[page].holding = True
         return drove
 
     def set_limits(self, limits: Limits) -> None:
-        """Set what the robot may do; what an operator chose stays."""
+        """Set the robot's limits; the limits that an operator chose stay."""
         with self._update():
             self._limits = replace(limits, chosen=self._limits.chosen)
 
     def check_timeout(self) -> None:
-        """Stop the robot if its driver is silent or late; to be called every 50 ms.
+        """Stop the robot if its driver is silent or late; call this every 50 ms.
 
-        It drives on when its commands are in time again.
+        The driver drives on when its commands are in time again.
         """
         with self._update():
             is_late = self._clock() > self._deadline or self._stamp < self._woke()
@@ -137,13 +137,13 @@ class Arbiter:
                 self.timeouts += 1
 
     def tick(self) -> None:
-        """Publish the present command, if any; to be called at the fixed rate."""
-        self.check_timeout()  # after a stall, this may come before the timer's check
+        """Publish the current command, if any; call this at the fixed rate."""
+        self.check_timeout()  # after a stall, this may run before the timer's check
         with self._lock:
             self._publish_next()
 
     def halt(self) -> None:
-        """Take control from the driver and publish all zero commands, if the robot was driven."""
+        """Take control from the driver, and publish all zero commands if the robot was driven."""
         with self._lock:
             driven = self._moving or self._zeros > 0
             self._stop()
@@ -153,13 +153,13 @@ class Arbiter:
         self.changed()
 
     def _drive(self, page: str, message: Drive) -> None:
-        """Handle a held control; the first message in time after a release takes control."""
+        """Handle a held control; the first timely message after a release takes control."""
         sender, now = self._pages[page], self._clock()
-        # The page sent it after the server sent that stamp.
+        # The stamp is from the server, so the page sent the message after it.
         deadline = min(now + COMMAND_TIMEOUT, message.stamp + MAX_AGE)
         sender.late = now > deadline or message.stamp < self._woke()
         if sender.late:
-            return  # a command that it gave before has its own deadline
+            return  # its previous command has its own deadline
         if not sender.holding:
             sender.holding = True
             self._set_driver(page)
@@ -187,7 +187,7 @@ class Arbiter:
 
     def _set_driver(self, page: str | None) -> None:
         self._driver = page
-        for connected_page in self._pages.values():  # a late page took hold before that
+        for connected_page in self._pages.values():  # presses of late pages came earlier
             connected_page.holding |= connected_page.late
 
     def _halt(self) -> None:
@@ -195,7 +195,7 @@ class Arbiter:
 
     @contextmanager
     def _update(self) -> Iterator[None]:
-        """Publish at once what a change does to the robot, and notify pages of a new state."""
+        """Publish the effect of a change at once, and notify pages of the new state."""
         with self._lock:
             previous_state, acts = self._state(), (self._driver, self._moving, self._stops)
             yield

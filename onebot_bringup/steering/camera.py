@@ -1,7 +1,8 @@
-"""The pictures of the cameras of the robot that is steered.
+"""Receives the camera pictures of the robot that is steered.
 
-A camera may cost the robot much, so its topic is subscribed to while a page shows its picture, and
-once for a single one: what is no picture for people, such as depth, is seen by its encoding.
+A camera may be expensive for the robot, so its topic is only subscribed to while a page shows its
+picture, and once at first, since only its encoding tells whether people can look at it (depth
+images, for example, are left out).
 """
 
 import io
@@ -19,7 +20,7 @@ from onebot_bringup.steering.followed_topics import FollowedTopics, own_topics
 from onebot_description.ros.topic_subscription import TopicSubscription
 
 _IMAGE = "sensor_msgs/msg/Image"
-# Pillow's modes, as the picture is to be and as it is, of the encodings of pictures for people.
+# By encoding that people can look at: Pillow's modes of the picture to make, and of the data.
 _MODES = {
     "rgb8": ("RGB", "RGB"),
     "bgr8": ("RGB", "BGR"),
@@ -27,19 +28,19 @@ _MODES = {
     "bgra8": ("RGB", "BGRX"),
     "mono8": ("L", "L"),
 }
-_SIZE = (480, 360)  # pixels at most
-_UNUSED = 3.0  # s without a request until a camera is left
+_SIZE = (480, 360)  # maximum, pixels
+_UNUSED = 3.0  # s without a request after which a camera is unsubscribed
 
 
 def jpeg(message: ImageMessage) -> bytes | None:
-    """Return a picture as a small JPEG; None if it is none for people, such as depth."""
+    """Return a picture as a small JPEG; None if it is not for people to look at, such as depth."""
     if message.encoding not in _MODES:
         return None
     (mode, raw), size = _MODES[message.encoding], (message.width, message.height)
     try:
         picture = Image.frombytes(mode, size, bytes(message.data), "raw", raw, message.step, 1)
     except ValueError:
-        return None  # less bytes than it says
+        return None  # fewer bytes than its size needs
     picture.thumbnail(_SIZE)
     file = io.BytesIO()
     picture.save(file, "JPEG")
@@ -48,13 +49,13 @@ def jpeg(message: ImageMessage) -> bytes | None:
 
 @dataclass(eq=False)
 class _Camera:
-    """What is known of a topic.
+    """The state of a camera's topic.
 
     Attributes:
-        shows: whether its pictures are for people; None if that is not known yet.
-        used: when a picture was requested.
+        shows: whether people can look at its pictures; None if that is not known yet.
+        used: when a picture was last requested.
         newest: the last message while it is followed.
-        drawn: a message, and its JPEG.
+        drawn: cache of a message and its JPEG.
     """
 
     shows: bool | None = None
@@ -68,7 +69,7 @@ class _Camera:
 
 
 class CameraFeed:
-    """Follows the robot's cameras; all but ``picture`` in the node's thread."""
+    """Follows the robot's cameras; call all methods except ``picture`` in the node's thread."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
@@ -77,14 +78,17 @@ class CameraFeed:
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """Those with pictures for people, the shortest name first."""
+        """The topics with pictures that people can look at, the shortest name first."""
         names = [name for name, camera in self._cameras.items() if camera.shows]
         return tuple(sorted(names, key=lambda name: (name.count("/"), name)))
 
     def update(self, namespace: str, robots: Iterable[str], watched: bool) -> None:
-        """Follow publishers that come and go; to be called several times per second.
+        """Follow publishers that come and go; call this several times per second.
 
-        ``robots`` are the namespaces of other robots; ``watched``: there is a page.
+        Args:
+            namespace: the robot's namespace.
+            robots: the namespaces of other robots.
+            watched: whether there is a page.
         """
         names = own_topics(self._node, namespace, robots, {_IMAGE})
         self._cameras = {name: self._cameras.get(name) or _Camera() for name in names}
@@ -105,13 +109,16 @@ class CameraFeed:
     def _on_picture(self, name: str, data: bytes) -> None:
         camera = self._cameras.get(name)
         if camera is None:
-            return  # its publisher has gone
+            return  # its publisher is gone
         camera.newest = data
         if camera.shows is None:
             camera.shows = deserialize_message(data, ImageMessage).encoding in _MODES
 
     def picture(self, name: str) -> bytes | None:
-        """Return a camera's newest picture as JPEG, in any thread; it is followed for a while."""
+        """Return a camera's newest picture as JPEG, and follow the camera for a while.
+
+        It may be called from any thread. It returns None if there is no picture (yet).
+        """
         camera = self._cameras.get(name)
         if camera is None:
             return None

@@ -1,7 +1,7 @@
-"""The limits of commands: what an operator chose, within what the robot's controllers allow.
+"""The limits of commands: an operator's choice, within what the robot's controllers allow.
 
-A controller's limits are its parameters, named as diff_drive_controller's are. Of several
-controllers on one topic the stricter limits count: each of them gets every command.
+A controller's limits are its parameters, named like those of diff_drive_controller. If several
+controllers subscribe to one topic, the strictest limits apply, since each gets every command.
 """
 
 import dataclasses
@@ -14,19 +14,19 @@ from onebot_bringup.steering.protocol import SetLimits, Velocity
 from onebot_control.drive.speed_limiter import SpeedLimiter, SpeedLimits
 from onebot_description.ros.parameters.reader import ConfigError, read
 
-# Where no limit of the robot is known: brisk indoors, and far from what a typing error commands.
+# Limits if none of the robot is known: brisk indoors, and far from what a typing error commands.
 UNKNOWN = Velocity(2.0, 4.0)
-DEFAULT = Velocity(1.0, 2.0)  # there, until somebody chooses others
+DEFAULT = Velocity(1.0, 2.0)  # initial limits in that case
 _NONE = Velocity()
 LINEAR, ANGULAR, TIMEOUT = "linear.x", "angular.z", "cmd_vel_timeout"
 _NAMES = tuple(field.name for field in dataclasses.fields(SpeedLimits))
 NAMES = frozenset({TIMEOUT, *(f"{axis}.{name}" for axis in (LINEAR, ANGULAR) for name in _NAMES)})
-"""The parameters of a controller that matter here."""
+"""The parameters of a controller that are read here."""
 
 
 @dataclass(frozen=True)
 class Controller:
-    """What a controller's parameters say."""
+    """The limits and the timeout in a controller's parameters."""
 
     node: str  # full name
     linear: SpeedLimits = SpeedLimits()
@@ -35,9 +35,13 @@ class Controller:
 
     @classmethod
     def of(cls, node: str, values: Mapping[str, float]) -> "Controller | None":
-        """Return the controller with these parameters; None if they are no controller's.
+        """Return the controller with these parameters; None if they are not a controller's.
 
-        A limit that cannot be one, such as of the wrong sign, counts as not given.
+        An impossible limit, such as one of the wrong sign, is ignored.
+
+        Args:
+            node: the node's full name.
+            values: its parameters by name.
         """
         linear, angular = _speed_limits(LINEAR, values), _speed_limits(ANGULAR, values)
         if "max_velocity" not in linear and "max_velocity" not in angular:
@@ -64,17 +68,17 @@ def _is_possible(name: str, value: float) -> bool:
 
 @dataclass(frozen=True)
 class Bound:
-    """How fast the robot may go in one direction of motion, m/s or rad/s."""
+    """The limits of the linear or the angular speed, m/s or rad/s."""
 
     most: float  # forward, or to the left
     reverse: float  # backward, or to the right
-    initial: float  # the limit until somebody chooses another
+    initial: float  # the limit until an operator chooses another
     # The controller's full name, or the name of the page's parameter; "" if no limit is known.
     source: str = ""
 
 
 class CommandRange(NamedTuple):
-    """The commands that are allowed."""
+    """The range of allowed commands."""
 
     most: Velocity  # forward, and to the left
     reverse: Velocity  # backward, and to the right; positive
@@ -84,21 +88,21 @@ class CommandRange(NamedTuple):
         return CommandRange(self.most.at_most(other.most), self.reverse.at_most(other.reverse))
 
     def clamp(self, command: Velocity) -> Velocity:
-        """Return the fastest command in the range, on the same arc."""
+        """Return the fastest command in the range along the same arc."""
         return command.clamped(Velocity(-self.reverse.linear, -self.reverse.angular), self.most)
 
 
 @dataclass(frozen=True)
 class Limits:
-    """The limits of commands."""
+    """The limits of commands: the robot's, and those that an operator chose."""
 
     linear: Bound
     angular: Bound
-    chosen: SetLimits = SetLimits()  # an operator's
+    chosen: SetLimits = SetLimits()  # an operator's choice
 
     @property
     def in_force(self) -> Velocity:
-        """The limits of commands, forward and to the left."""
+        """The current limits of commands, forward and to the left."""
         return Velocity(
             _in_force(self.linear, self.chosen.linear), _in_force(self.angular, self.chosen.angular)
         )
@@ -115,7 +119,12 @@ def _in_force(bound: Bound, chosen: float | None) -> float:
 
 
 def limits_of(controllers: Sequence[Controller], fixed: Velocity = _NONE) -> Limits:
-    """Return the limits that all ``controllers`` set, and the page's parameters (0 for none)."""
+    """Return the strictest limits of all ``controllers`` and of the page's parameters.
+
+    Args:
+        controllers: the controllers on the command topic.
+        fixed: the page's parameters, 0 for none.
+    """
     linear = _bound([(c.node, c.linear) for c in controllers], ("max_linear", fixed.linear))
     angular = _bound([(c.node, c.angular) for c in controllers], ("max_angular", fixed.angular))
     return Limits(
@@ -144,7 +153,7 @@ def _bound(
 
 @dataclass(frozen=True)
 class Braking:
-    """How the robot comes to rest once it is commanded to; None where that is not limited."""
+    """How the robot brakes when it is commanded to stop; None if not limited."""
 
     deceleration: float | None  # m/s2
     jerk: float | None  # m/s3
@@ -152,7 +161,7 @@ class Braking:
 
 
 def braking_of(controllers: Iterable[Controller]) -> Braking | None:
-    """Return how the controller that brakes last does so; None without a controller."""
+    """Return the braking of the controller that brakes last; None without a controller."""
     limiters = [(c.timeout, SpeedLimiter(c.linear)) for c in controllers]
     if not limiters:
         return None

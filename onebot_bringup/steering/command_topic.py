@@ -1,4 +1,4 @@
-"""The topic that commands are published on, and the nodes that subscribe to it."""
+"""Publishes commands, and finds the nodes that subscribe to them."""
 
 import re
 import threading
@@ -21,7 +21,7 @@ from onebot_description.ros.topic_subscription import RCLError
 _TYPES = {"geometry_msgs/msg/Twist": Twist, "geometry_msgs/msg/TwistStamped": TwistStamped}
 _DEPTH = 10
 _CONTROLLER = re.compile(r"/\w*controller$")  # its command topic is in its namespace
-_OBSERVERS = (  # they subscribe to commands, but are certainly not robots
+_OBSERVERS = (  # nodes that subscribe to commands but are certainly not robots
     "rerun_viewer",
     "steering_viewer",
     "bag_recorder",
@@ -39,7 +39,7 @@ class CommandSubscriber:
 
     @property
     def observes(self) -> bool:
-        """Whether its name is one of nodes that only record or show commands."""
+        """Whether its name is that of a node that only records or shows commands."""
         name = self.node.rpartition("/")[2]
         return name.startswith("_") or name in _OBSERVERS
 
@@ -54,7 +54,7 @@ def command_subscribers(node: Node, topic: str) -> list[CommandSubscriber]:
 
 
 def command_topics(node: Node) -> tuple[str, ...]:
-    """Return all topics of commands, those with subscribers first."""
+    """Return all command topics, the ones with subscribers first."""
 
     def rank(name: str) -> tuple[bool, str]:
         return all(end.observes for end in command_subscribers(node, name)), name
@@ -68,7 +68,7 @@ class CommandedRobot:
     """A robot that takes commands."""
 
     topic: str  # the command topic's full name
-    name: str  # the robot's namespace; the topic where that names no robot, or several
+    name: str  # the robot's namespace; the topic if that names no robot, or several
 
 
 def commanded_robots(node: Node, topics: Iterable[str] | None = None) -> tuple[CommandedRobot, ...]:
@@ -83,12 +83,12 @@ def commanded_robots(node: Node, topics: Iterable[str] | None = None) -> tuple[C
 
 
 def namespace_of(topic: str) -> str:
-    """Return the namespace of the robot with this topic of commands; "" for none."""
+    """Return the namespace of the robot with this command topic; "" for none."""
     return _CONTROLLER.sub("", topic.rpartition("/")[0])
 
 
 def named_robots(topics: Sequence[str]) -> tuple[CommandedRobot, ...]:
-    """Return the robots with these topics of commands, by name, robot2 before robot10."""
+    """Return the robots with these command topics, sorted by name, robot2 before robot10."""
     names = [namespace_of(topic).strip("/") for topic in topics]
     robots = [
         CommandedRobot(topic, name if name and names.count(name) == 1 else topic)
@@ -98,7 +98,7 @@ def named_robots(topics: Sequence[str]) -> tuple[CommandedRobot, ...]:
 
 
 def foreign_type(node: Node, topic: str) -> str:
-    """Return the type of a topic that exists only with other types than commands; else "".
+    """Return a topic's type if it exists only with other types than commands; else "".
 
     The publisher of ``node`` itself does not count.
     """
@@ -113,20 +113,24 @@ def foreign_type(node: Node, topic: str) -> str:
 
 
 class RobotLock:
-    """The lock of a robot's commands: locked, it brakes and ignores them, whoever publishes them.
+    """The lock of a robot's commands; a locked robot brakes and ignores all commands.
 
-    ``topic`` is that of the commands; ``changed`` is called with ``locked`` when somebody else has
-    changed it.
+    Attributes:
+        locked: the last known state.
     """
 
     def __init__(self, node: Node, topic: str, changed: Callable[[bool], None]) -> None:
+        """Find the lock of the robot that takes commands on ``topic``.
+
+        ``changed`` is called with ``locked`` when another node has changed it.
+        """
         self._node, self._changed, self.topic = node, changed, topic
-        self.locked = False  # last known state
+        self.locked = False
         self._publisher = node.create_publisher(Bool, f"{topic}_lock", _DEPTH)
         self._state = node.create_subscription(Bool, f"{topic}_locked", self._on_state, LATCHED)
 
     def set(self, locked: bool) -> None:
-        """Lock it, or unlock it if it is locked; nothing happens where there is no lock."""
+        """Lock the robot, or unlock it if it is locked; nothing happens if it has no lock."""
         if (locked or self.locked) and self._publisher.get_subscription_count():
             self._publisher.publish(Bool(data=locked))
             self.locked = locked
@@ -142,7 +146,7 @@ class RobotLock:
 
 
 class CommandTopic:
-    """Publishes commands with the type that the robot subscribes to; from any thread.
+    """Publishes commands, from any thread, with the type that the robot subscribes to.
 
     A node can publish only one type on a topic, and a second type on a topic confuses other tools.
     So the publisher is created when the robot's type is known, or when a page drives.
@@ -153,16 +157,16 @@ class CommandTopic:
         self._warn = Throttled(node.get_logger().warning)
         self._lock = threading.Lock()
         self._publisher: Any = None
-        self._driven = False  # a page has driven, not only moved joints
+        self._driven = False  # whether a page has driven, not only moved joints
         self.topic = topic
         self.kind = "geometry_msgs/msg/Twist"
         self.subscribers: list[CommandSubscriber] = []  # the nodes that subscribe to the topic
-        self.others: list[str] = []  # the other nodes that publish it
+        self.others: list[str] = []  # the other nodes that publish on the topic
         self._robot_lock = RobotLock(node, topic, locked)
 
     @property
     def listeners(self) -> list[CommandSubscriber]:
-        """The subscribers, without nodes that are known to observe only."""
+        """The subscribers, without nodes that are known to only observe."""
         return [end for end in self.subscribers if not end.observes]
 
     def publish(self, velocity: Velocity) -> None:
@@ -190,7 +194,7 @@ class CommandTopic:
         self.update()
 
     def update(self, controllers: Container[str] = ()) -> None:
-        """Adapt to the type of ``controllers``, or else of all subscribers; to be called often."""
+        """Adapt to the type of ``controllers``, or else of all subscribers; call this often."""
         self.subscribers = command_subscribers(self._node, self.topic)
         self.others = self._other_publishers()
         foreign = foreign_type(self._node, self.topic)
@@ -212,7 +216,7 @@ class CommandTopic:
             self._create_publisher()
 
     def flush(self) -> None:
-        """Wait shortly until all commands are acknowledged."""
+        """Wait briefly until all commands are acknowledged."""
         publisher = self._publisher
         if publisher is not None and publisher.get_subscription_count():
             publisher.wait_for_all_acked(Duration(seconds=0.1))

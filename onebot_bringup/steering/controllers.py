@@ -1,8 +1,8 @@
-"""Which of the nodes that subscribe to commands are controllers, and their limits.
+"""Finds the controllers among the nodes that subscribe to commands, and reads their limits.
 
-Every subscriber is asked for its parameters: a node with limits of velocity is a controller, any
-other an onlooker (a recorder, a viewer, a bridge), which changes nothing. rclpy's
-AsyncParameterClient would make six clients for each subscriber, and cannot destroy them.
+Every subscriber is asked for its parameters: a node with velocity limits is a controller, any other
+node (a recorder, a viewer, a bridge) is ignored. rclpy's AsyncParameterClient is not used: it makes
+six clients for each subscriber, and cannot destroy them.
 """
 
 import time
@@ -19,7 +19,7 @@ from rclpy.qos import qos_profile_parameter_events
 
 from onebot_bringup.steering.command_limits import ANGULAR, LINEAR, NAMES, TIMEOUT, Controller
 
-_PERIOD = 5.0  # s between two requests to a node, answered or not; sooner if it announces a change
+_PERIOD = 5.0  # s between requests to a node, answered or not; less if it announces a change
 _NUMBERS = ParameterType.PARAMETER_INTEGER, ParameterType.PARAMETER_DOUBLE
 
 
@@ -27,7 +27,7 @@ class Controllers:
     """The controllers on the command topic."""
 
     def __init__(self, node: Node, changed: Callable[[], None]) -> None:
-        """Start without any; ``changed`` is called when ``known`` has changed."""
+        """Start with none; ``changed`` is called when ``known`` has changed."""
         self._node, self._changed = node, changed
         self._inquiries: dict[str, _Inquiry] = {}
         self.known: tuple[Controller, ...] = ()
@@ -40,10 +40,10 @@ class Controllers:
         return [controller.node for controller in self.known]
 
     def update(self, subscribers: Iterable[str]) -> None:
-        """Follow the nodes that subscribe to commands; to be called several times per second.
+        """Follow the nodes that subscribe to commands; call this several times per second.
 
-        The limits of controllers that have gone stay until another one is known: a robot that is
-        restarted may be there before its parameters can be read.
+        The limits of controllers that are gone stay until another one is known: a restarted robot
+        may subscribe before its parameters can be read.
         """
         names = set(subscribers)
         for name in self._inquiries.keys() - names:
@@ -52,7 +52,7 @@ class Controllers:
             try:
                 self._inquiries[name] = _Inquiry(self._node, name, self._learn)
             except InvalidServiceNameException:
-                pass  # a program that is no ROS node
+                pass  # a program that is not a ROS node
         for inquiry in self._inquiries.values():
             inquiry.poll()
         self._learn()
@@ -70,7 +70,7 @@ class Controllers:
             self._set(tuple(controllers))
 
     def _set(self, controllers: tuple[Controller, ...]) -> None:
-        # As text: a limit that is not given is NaN, which equals nothing.
+        # Compare as text, since missing limits are NaN, which never equals NaN.
         if repr(controllers) != repr(self.known):
             self.known = controllers
             self._changed()
@@ -82,14 +82,14 @@ class Controllers:
 
 
 class _Inquiry:
-    """Requests the parameters of one node, again and again."""
+    """Requests the parameters of one node periodically."""
 
     def __init__(self, node: Node, name: str, answered: Callable[[], None]) -> None:
         self._node, self._name, self._answered = node, name, answered
         self._list = node.create_client(ListParameters, f"{name}/list_parameters")
         self._get = node.create_client(GetParameters, f"{name}/get_parameters")
-        self._pending: tuple[Any, Any] | None = None  # the client, and the response to come
-        self.due = 0.0  # when they are requested again
+        self._pending: tuple[Any, Any] | None = None  # the client, and the pending response
+        self.due = 0.0  # when to request the parameters again
         self.controller: Controller | None = None
 
     def poll(self) -> None:
@@ -111,7 +111,7 @@ class _Inquiry:
         future.add_done_callback(partial(self._receive, then))
 
     def _drop(self) -> None:
-        """Forget the last request, which a node that died never answers."""
+        """Drop the last request, which a node that died never answers."""
         if self._pending is not None:
             client, future = self._pending
             client.remove_pending_request(future)
@@ -123,7 +123,7 @@ class _Inquiry:
             then(future.result())
 
     def _on_names(self, response: Any) -> None:
-        # Only those there are: rclcpp warns in the controller's log of a request for others.
+        # Request only existing ones: for others, rclcpp would warn in the controller's log.
         names = sorted(NAMES.intersection(response.result.names))
         if names:
             self._send(self._get, GetParameters.Request(names=names), partial(self._read, names))
@@ -132,7 +132,7 @@ class _Inquiry:
 
     def _read(self, names: list[str], response: Any) -> None:
         if len(names) != len(response.values):
-            return  # one of them has just been undeclared: they are requested again
+            return  # one of them has just been undeclared; they will be requested again
         numbers = {
             name: float(parameter_value_to_python(value))
             for name, value in zip(names, response.values, strict=True)

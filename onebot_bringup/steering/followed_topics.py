@@ -1,4 +1,4 @@
-"""Subscriptions to a set of topics that changes, each with the QoS that its publishers offer."""
+"""Subscribes to a changing set of topics, each with the QoS that its publishers offer."""
 
 import contextlib
 from collections.abc import Callable, Container, Iterable, Mapping
@@ -17,7 +17,7 @@ from onebot_description.ros.wire.messages import tf_arrays
 
 _STATIC = "/tf_static"
 _TF_TOPICS = dict.fromkeys(("/tf", _STATIC), "tf2_msgs/msg/TFMessage")
-_TF_DEPTH = 100  # messages; /tf has several publishers
+_TF_DEPTH = 100  # queue depth; /tf has several publishers
 
 
 def own_topics(
@@ -25,7 +25,11 @@ def own_topics(
 ) -> dict[str, str]:
     """Return the topics of some types that are published in a robot's namespace, with their types.
 
-    Those in the namespaces of other ``robots`` are not among them.
+    Args:
+        node: the node that has discovered them.
+        namespace: the robot's namespace.
+        robots: the namespaces of other robots, whose topics are left out.
+        types: the message types.
     """
     others = tuple(f"{other}/" for other in robots if other.startswith(f"{namespace}/"))
     return {
@@ -37,19 +41,29 @@ def own_topics(
 
 
 class FollowedTopics:
-    """Subscribes to topics while somebody looks."""
+    """Subscribes to topics while they are needed."""
 
     def __init__(
         self, node: Node, depth: int, subscribe: Callable[[str, str], TopicSubscription]
     ) -> None:
-        """``subscribe`` prepares the subscription to a topic, by its name and type."""
+        """Follow nothing yet.
+
+        Args:
+            node: the node that subscribes.
+            depth: the queue depth.
+            subscribe: prepares the subscription to a topic, given its name and type.
+        """
         self._node, self._depth, self._subscribe = node, depth, subscribe
         self._subscriptions: dict[tuple[str, str], TopicSubscription] = {}
 
     def update(self, topics: Mapping[str, str]) -> set[str]:
-        """Follow these topics, by name with their types; return the types of the topics let go.
+        """Follow exactly these topics; call this several times per second.
 
-        To be called several times per second: publishers come and go.
+        Args:
+            topics: message types by topic name.
+
+        Returns:
+            The types of the topics that are no longer followed.
         """
         gone = self._subscriptions.keys() - topics.items()
         for topic in gone:
@@ -59,17 +73,17 @@ class FollowedTopics:
                 self._subscriptions[name, kind] = self._subscribe(name, kind)
             offered = offers(self._node, name, [kind]).get(kind)
             if offered:
-                with contextlib.suppress(TypeConflictError):  # the page steers this topic
+                with contextlib.suppress(TypeConflictError):  # the page publishes on it
                     qos = compatible_qos(offered, self._depth)
                     self._subscriptions[name, kind].update(kind, qos)
         return {kind for _, kind in gone}
 
 
 class FollowedTransforms:
-    """Subscribes to TF while somebody needs it.
+    """Subscribes to TF while it is needed.
 
     Attributes:
-        tree: the frames received; a new one after each pause.
+        tree: the frames received; a new tree after each pause.
     """
 
     def __init__(self, node: Node) -> None:
@@ -77,13 +91,13 @@ class FollowedTransforms:
         self._topics = FollowedTopics(node, _TF_DEPTH, self._subscription)
 
     def update(self, needed: bool) -> None:
-        """Follow TF if it is ``needed``; to be called several times per second."""
+        """Follow TF if it is ``needed``; call this several times per second."""
         if self._topics.update(_TF_TOPICS if needed else {}):
             self.tree = FrameTree()
 
     def _subscription(self, name: str, _: str) -> TopicSubscription:
         def received(_: str, data: bytes) -> None:
-            with contextlib.suppress(ValueError):  # other nodes report it
+            with contextlib.suppress(ValueError):  # other nodes report a bad message
                 self.tree.add(tf_arrays(data), static=name == _STATIC)
 
         return TopicSubscription(self._node, name, received, lambda _: TFMessage)

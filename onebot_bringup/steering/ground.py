@@ -1,7 +1,7 @@
-"""What the page's map shows: the robot, its scans and the map (nav_msgs/OccupancyGrid), in a frame.
+"""The data of the page's map: the robot, its scans and the map (nav_msgs/OccupancyGrid).
 
-That frame is ``map`` where the robot's odometry is below one, or else the root of its tree. Nothing
-is subscribed while no page looks.
+They are shown in the frame ``map`` if the robot's odometry is below it, or else in the root of its
+tree. Nothing is subscribed to while no page shows the map.
 """
 
 import io
@@ -29,31 +29,31 @@ from onebot_description.ros.wire.messages import OdometrySample
 
 _MAP = "map"  # the name of the topic, and of the frame
 _GRID, _SCAN = "nav_msgs/msg/OccupancyGrid", "sensor_msgs/msg/LaserScan"
-_DEPTH = 100  # messages
-_KNOWN = np.arange(256) <= 100  # a cell's byte is a share of 100, or unknown
+_DEPTH = 100  # queue depth
+_KNOWN = np.arange(256) <= 100  # by a cell's byte: a percentage; other values are unknown
 _SHADES = np.where(_KNOWN, 255 - np.arange(256) * 255 // 100, 0).astype(np.uint8)
 _ALPHA = (_KNOWN * 255).astype(np.uint8).tobytes()
-_UNUSED = 3.0  # s without a request until it unsubscribes
+_UNUSED = 3.0  # s without a request after which it unsubscribes
 _OLD = 5.0  # s after which a scan is no longer shown
-_SETTLING = 0.8  # s for the first transforms to come
+_SETTLING = 0.8  # s to wait for the first transforms
 
 
 @dataclass(frozen=True)
 class PublishedMap:
-    """A map."""
+    """A map that was received."""
 
     message: OccupancyGrid
-    version: str = field(default_factory=lambda: secrets.token_hex(4))  # another one for each
+    version: str = field(default_factory=lambda: secrets.token_hex(4))  # differs between maps
 
     @property
     def is_whole(self) -> bool:
-        """Whether it has as many cells as it says."""
+        """Whether it has as many cells as its size says."""
         info = self.message.info
         cells = info.width * info.height
         return bool(0 < cells == len(self.message.data) and 0.0 < info.resolution < math.inf)
 
     def picture(self) -> bytes:
-        """Return it as PNG, a pixel a cell: free is white, occupied black, unknown transparent."""
+        """Return a PNG with a pixel per cell: free white, occupied black, unknown transparent."""
         info = self.message.info
         cells = np.frombuffer(self.message.data, np.uint8).reshape(info.height, info.width)
         picture = Image.fromarray(cells[::-1], "P")
@@ -64,20 +64,24 @@ class PublishedMap:
 
 
 class Ground:
-    """Subscribes to what the map shows while pages look; all in the node's thread."""
+    """Subscribes to the map's data while pages show it; call it only in the node's thread."""
 
     def __init__(self, node: Node, odometry: OdometryTopic) -> None:
         self._node, self._odometry = node, odometry
         self._topics = FollowedTopics(node, _DEPTH, self._subscription)
         self._transforms = FollowedTransforms(node)
-        self._used = self._since = -math.inf  # the last request, and the first one of its row
+        self._used = self._since = -math.inf  # the last request, and the first since the last pause
         self.grid: PublishedMap | None = None
         self._scans: dict[str, tuple[float, LaserScan]] = {}  # when each was received, by topic
 
     def update(self, namespace: str, robots: Iterable[str]) -> None:
         """Follow publishers of the robot's map, or of the common map, and of its scans.
 
-        To be called several times per second; ``robots`` are the namespaces of other robots.
+        Call this several times per second.
+
+        Args:
+            namespace: the robot's namespace.
+            robots: the namespaces of other robots.
         """
         topics: dict[str, str] = {}
         if time.monotonic() < self._used + _UNUSED:
@@ -105,10 +109,10 @@ class Ground:
         self.grid = grid if grid.is_whole else None
 
     def fields(self, frame: str = "") -> dict[str, Any]:
-        """Return what a page shows in ``frame``, "" for the map's (see above).
+        """Return what a page shows in ``frame``; "" for the usual one (see the module).
 
-        Poses and sizes are in m and rad, None where they are not known. It is empty at first:
-        without the transforms, the frame would be another one.
+        Poses and sizes are in m and rad, None if unknown. The result is empty at first: before the
+        transforms have come, the frame could be a wrong one.
         """
         now = time.monotonic()
         if now > self._used + _UNUSED:
@@ -131,7 +135,7 @@ class Ground:
         }
 
     def _scan_points(self, frame: str) -> list[list[float]]:
-        """Return what the scans hit, x and y each, where their sensors were then."""
+        """Return the points that the scans hit, x and y, by their sensors' poses at that time."""
         points = []
         for when, scan in self._scans.values():
             header = scan.header
@@ -163,7 +167,7 @@ class Ground:
         return {"version": grid.version, **pose, **size} if pose is not None else None
 
     def _pose(self, frame: str, of: str, transform: Transform) -> dict[str, float] | None:
-        """A pose in the frame ``of``, as one in ``frame``; None if it is not known."""
+        """Transform a pose in the frame ``of`` to ``frame``; None if that is not possible."""
         of = of.removeprefix("/")
         if of != frame:
             try:

@@ -1,8 +1,8 @@
-"""The joints of the robot that is steered, and the controllers that move them by trajectories.
+"""Moves the joints of the robot that is steered, by trajectories to their controllers.
 
-Each command is a short trajectory that ends at rest, so that joints stop by themselves when none
-follows. It begins at the stamp of the controller's own state, so the controller itself refuses one
-that was held up on its way, and no clocks are compared.
+Each command is a short trajectory that ends at rest, so that joints stop by themselves when no
+further one follows. It begins at the stamp of the controller's own state, so that the controller
+itself rejects a delayed one, and no clocks are compared.
 """
 
 import math
@@ -26,10 +26,10 @@ from onebot_description.ros.wire.messages import deserialize_message
 
 _STATE = "control_msgs/msg/JointTrajectoryControllerState"
 _STATE_TOPIC, _COMMAND_TOPIC = "controller_state", "joint_trajectory"
-_LOCK = "controller_manager/cmd_vel"  # of a robot that stands, whose topic of commands is none
+_LOCK = "controller_manager/cmd_vel"  # prefix of the lock of a standing robot, without commands
 _DEPTH = 10
-_LIVE = 0.15  # s since the last state, until its joints are not moved
-_OLD = 1.0  # s, until its positions are not shown
+_LIVE = 0.15  # s since the last state after which joints are not moved
+_OLD = 1.0  # s since the last state after which positions are not shown
 
 Joints = Mapping[str, SteeredJoint]
 
@@ -41,11 +41,11 @@ class JointCommands:
     """
 
     def __init__(self, node: Node, locked: Callable[[bool], None]) -> None:
-        """``locked`` is called when somebody else has changed the lock; see ``RobotLock``."""
+        """Follow nothing yet; ``locked`` is called when another node has changed the lock."""
         self._node, self._locked = node, locked
         self._topics = FollowedTopics(node, 1, self._subscription)
         self._lock = threading.Lock()
-        self._controllers: dict[str, _JointController] = {}  # by the topic of their state
+        self._controllers: dict[str, _JointController] = {}  # by the topic of the state
         self._description: Description | None = None
         self._joints: Joints = {}
         self._robot_lock: RobotLock | None = None
@@ -57,13 +57,13 @@ class JointCommands:
         description: Description | None,
         watched: bool,
     ) -> None:
-        """Follow the robot's controllers of joints; to be called several times per second.
+        """Follow the robot's joint controllers; call this several times per second.
 
         Args:
-            namespace: of the robot.
+            namespace: the robot's namespace.
             robots: the namespaces of other robots.
-            description: of the robot, if it is known.
-            watched: there is a page.
+            description: the robot's description, if it is known.
+            watched: whether there is a page.
         """
         if description is not self._description:
             joints = description.moving_joints if description is not None else ()
@@ -76,7 +76,7 @@ class JointCommands:
         self._update_lock(f"{namespace}/{_LOCK}")
 
     def publish(self, velocities: Mapping[str, float]) -> None:
-        """Move joints at these velocities, rad/s or m/s by name; others that moved stop."""
+        """Move joints at these velocities, rad/s or m/s by name; stop others that moved."""
         with self._lock:
             for controller in self._controllers.values():
                 controller.move(velocities, self._joints)
@@ -86,15 +86,15 @@ class JointCommands:
         return self._robot_lock is not None and self._robot_lock.locked
 
     def lock(self, locked: bool) -> None:
-        """Lock or unlock a robot that stands; see ``RobotLock.set``."""
+        """Lock or unlock a standing robot; see ``RobotLock.set``."""
         with self._lock:
             if self._robot_lock is not None:
                 self._robot_lock.set(locked)
 
     def fields(self) -> list[dict[str, Any]]:
-        """Return the joints for the page's state: names, units, positions and greatest speeds.
+        """Return the joints for the page's state: names, units, positions and maximum speeds.
 
-        A position is None if it is not known now.
+        A position is None if it is currently unknown.
         """
         with self._lock:
             positions = {
@@ -139,15 +139,15 @@ class JointCommands:
 
 
 class _JointController:
-    """A joint_trajectory_controller."""
+    """A joint_trajectory_controller and the state of its joints."""
 
     def __init__(self, node: Node, prefix: str) -> None:
-        """``prefix`` begins the names of its topics."""
+        """Prepare its publisher; the names of its topics begin with ``prefix``."""
         self._node, self._data = node, (b"", -math.inf)
         self._publisher = node.create_publisher(JointTrajectory, prefix + _COMMAND_TOPIC, _DEPTH)
-        self._names: tuple[str, ...] = ()  # of its joints, as pages were shown them
-        self.stopping = 0  # commands to stop that are left to publish
-        self._stop: JointTrajectory | None = None  # the one that is repeated
+        self._names: tuple[str, ...] = ()  # its joints, in the order that pages show
+        self.stopping = 0  # stop commands left to publish
+        self._stop: JointTrajectory | None = None  # the stop command that is repeated
 
     def receive(self, _: str, data: bytes) -> None:
         self._data = data, boot_time()
@@ -156,7 +156,7 @@ class _JointController:
         self._node.destroy_publisher(self._publisher)
 
     def positions(self) -> dict[str, float | None]:
-        """Return the measured positions of its joints; None for those not known now."""
+        """Return the measured positions of its joints; None for currently unknown ones."""
         found = self._state(_OLD)
         if found is None:
             return dict.fromkeys(self._names)
@@ -166,7 +166,7 @@ class _JointController:
         return {name: place if math.isfinite(place) else None for name, place in positions}
 
     def move(self, velocities: Mapping[str, float], joints: Joints) -> None:
-        """Move its joints among these at their velocities, and stop the others if it moved any."""
+        """Move its joints that are among these, and stop the others if it moved any."""
         moves = any(name in joints and velocities.get(name) for name in self._names)
         if not (moves or self.stopping):
             return
@@ -174,13 +174,13 @@ class _JointController:
         message = None if moves else self._stop
         if message is None and (found := self._state(_LIVE)) is not None:
             message = _trajectory(*found, velocities, joints)
-        # A stop is repeated as it is: a state from before it would have the joints go on.
+        # Repeat a stop unchanged: one from an older state would let the joints go on.
         self._stop = None if moves else message
-        if message is not None:  # else what it was sent before ends at rest
+        if message is not None:  # otherwise, the previous trajectory ends at rest
             self._publisher.publish(message)
 
     def _state(self, most: float) -> tuple[Any, float] | None:
-        """Return its latest state and the age of that, s; None if it is above ``most``."""
+        """Return its latest state and the state's age, s; None if older than ``most``."""
         data, received = self._data
         age = boot_time() - received
         if age > most:
@@ -194,9 +194,9 @@ class _JointController:
 def _trajectory(
     state: Any, age: float, velocities: Mapping[str, float], joints: Joints
 ) -> JointTrajectory | None:
-    """Return the trajectory of joints at velocities, from the reference of a controller's state.
+    """Return a trajectory that moves joints at velocities, from a controller's reference state.
 
-    Returns None if the reference is none.
+    It is None if the reference is invalid.
     """
     names, reference = list(state.joint_names), state.reference
     rates = reference.velocities or [0.0] * len(names)

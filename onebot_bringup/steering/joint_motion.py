@@ -1,4 +1,4 @@
-"""How a joint moves at a commanded velocity: by a short motion at a time, which ends at rest."""
+"""Moves a joint at a commanded velocity by repeated short motions, each of which ends at rest."""
 
 import math
 from typing import NamedTuple
@@ -6,21 +6,21 @@ from typing import NamedTuple
 from onebot_control.drive.speed_limiter import clamp
 from onebot_description.description.description import Joint
 
-STEP = 0.1  # s to reach a velocity, then to keep it, then to come to rest
-_FASTEST = {"rad": 1.0, "m": 0.2}  # rad/s, m/s; where the description allows more
+STEP = 0.1  # s to reach a velocity, to keep it, and to come to rest, each
+_FASTEST = {"rad": 1.0, "m": 0.2}  # speed limit, rad/s and m/s, if the description allows more
 
 
 class SteeredJoint(NamedTuple):
-    """A joint that pages move."""
+    """A joint that pages can move."""
 
-    unit: str = "rad"  # of positions; "m" of a prismatic joint
-    most: float = 0.0  # its greatest speed, unit/s; 0: it is not moved
+    unit: str = "rad"  # unit of positions; "m" for a prismatic joint
+    most: float = 0.0  # maximum speed, unit/s; 0: it is not moved
     lower: float = -math.inf
     upper: float = math.inf
 
     @classmethod
     def of(cls, joint: Joint) -> "SteeredJoint":
-        """Return a joint of a description; one whose limits are missing is not moved."""
+        """Return a joint of a description; it is not moved if limits are missing."""
         unit = "m" if joint.kind == "prismatic" else "rad"
         if joint.kind == "continuous":
             lower, upper = -math.inf, math.inf
@@ -35,7 +35,7 @@ class SteeredJoint(NamedTuple):
 class ShortMotion(NamedTuple):
     """Positions of a joint at three times, ``STEP`` apart, and its velocity at the first two.
 
-    At the third it is at rest.
+    At the third time it is at rest.
     """
 
     reached: float
@@ -47,21 +47,21 @@ class ShortMotion(NamedTuple):
 def short_motion(
     joint: SteeredJoint, position: float, velocity: float, wanted: float, age: float
 ) -> ShortMotion:
-    """Return how a joint goes on, from now, that was seen at a position and a velocity.
+    """Return the next motion of a joint from its last known position and velocity.
 
-    The velocity changes evenly to the one that is wanted, or to the one with which the joint comes
-    to rest at its limit. It goes no farther beyond a limit than it was seen.
+    The velocity changes linearly to the wanted one, or to one with which the joint comes to rest at
+    its limit. A joint beyond a limit goes no farther.
 
     Args:
-        joint: with its limits.
-        position: in its unit.
-        velocity: in its unit/s; it has kept it since then.
-        wanted: the velocity that is commanded.
-        age: s since then.
+        joint: the joint, with its limits.
+        position: its last known position, in its unit.
+        velocity: its velocity since then, unit/s.
+        wanted: the commanded velocity, unit/s.
+        age: time since then, s.
     """
     lower, upper = min(joint.lower, position), max(joint.upper, position)
-    stop = position + velocity * (age + STEP / 2.0)  # where it comes to rest if none is wanted
-    time = 2.0 * STEP  # what another velocity adds to that is so long its way
+    stop = position + velocity * (age + STEP / 2.0)  # where it comes to rest with wanted = 0
+    time = 2.0 * STEP  # the distance that another velocity adds to that, per unit/s
     slowest, fastest = min(0.0, (lower - stop) / time), max(0.0, (upper - stop) / time)
     new = clamp(clamp(wanted, -joint.most, joint.most), slowest, fastest)
     reached = stop + new * STEP / 2.0

@@ -1,7 +1,8 @@
-"""How far the robot that is steered can go until it meets what its sensors see.
+"""Computes how far the steered robot can go until it meets an obstacle that its sensors see.
 
-Each LaserScan and Range counts, where /tf has its frame, and in the direction that the robot is
-driven. The ground is no obstacle: a cliff sensor sees it all the time, a tilted scanner far away.
+Every LaserScan and Range whose frame is on /tf is used, in the direction in which the robot is
+driven. The ground is not an obstacle: a cliff sensor sees it all the time, a tilted scanner at a
+distance.
 """
 
 import math
@@ -33,15 +34,15 @@ _TYPES = {
     "std_msgs/msg/String": String,
 }
 _SCAN, _RANGE, _STRING = _TYPES
-_CONE_RAYS = 9  # across the cone of a Range
-_OLD = 1.0  # s after which a scan counts no more
-_STANDING = 0.01  # m/s; slower is no direction
-_ROUGHNESS, _TILT = 0.03, 0.03  # m, rad: the ground, and the robot on it, are not quite level
+_CONE_RAYS = 9  # number of rays across the cone of a Range
+_OLD = 1.0  # s after which a scan is ignored
+_STANDING = 0.01  # m/s; below this speed there is no direction
+_ROUGHNESS, _TILT = 0.03, 0.03  # m, rad: tolerance, as ground and robot are not quite level
 _HEADROOM = 0.1  # m
 
 
 class Readings(NamedTuple):
-    """What a sensor measured along its rays that met something."""
+    """A sensor's measurements along the rays that hit something."""
 
     directions: Floats  # (N, 3), of length 1 in the sensor's frame
     ranges: Floats  # (N,), m
@@ -56,9 +57,9 @@ class Readings(NamedTuple):
 
     @classmethod
     def of_range(cls, message: Range) -> "Readings":
-        """Return readings across the cone: the one that was measured may be on any of its rays.
+        """Return readings on rays across the cone, since the object may be on any of them.
 
-        A detector of one fixed distance reports -inf for something within it (REP-117).
+        A detector of one fixed distance reports -inf for an object within it (REP-117).
         """
         met = message.range if message.range != -math.inf else message.max_range
         if not message.min_range <= met <= message.max_range:
@@ -67,7 +68,7 @@ class Readings(NamedTuple):
         return cls._level(np.linspace(-half, half, _CONE_RAYS), np.full(_CONE_RAYS, met))
 
     def points(self, sensor: Floats) -> Floats:
-        """Return where a sensor at a pose (4, 4) has hit something, (N, 3) in m."""
+        """Return the points (N, 3), m, that a sensor at a pose (4, 4) has hit."""
         points: Floats = self.ranges[:, None] * self.directions @ sensor[:3, :3].T + sensor[:3, 3]
         return points
 
@@ -77,9 +78,9 @@ class Readings(NamedTuple):
 
 
 class Footprint(NamedTuple):
-    """A robot as its description has it, in the frame of its root link."""
+    """The box around a robot with its joints as in the description, in the root link's frame."""
 
-    low: Floats  # (3,): a box around it, m
+    low: Floats  # (3,): lower corner of the box, m
     high: Floats
     links: tuple[str, ...]  # the first is the root
 
@@ -102,14 +103,14 @@ class Footprint(NamedTuple):
         return cls(low, high, (robot.roots[0], *robot.link_names))
 
     def root_frame(self, base: str) -> str:
-        """Return the frame of the root link; ``base``, of some link, has the prefix of all."""
+        """Return the frame of the root link, with the same prefix as ``base``, a link's frame."""
         link = max((name for name in self.links if base.endswith(name)), key=len, default=base)
         return base.removesuffix(link) + self.links[0]
 
     def points(self, readings: Readings, sensor: Floats) -> Floats:
-        """Return what a sensor at a pose (4, 4) sees beside the robot, x and y (N, 2) in m.
+        """Return the obstacles, x and y (N, 2) in m, that a sensor at a pose (4, 4) sees.
 
-        What is above the robot, and the ground, does not count.
+        Things above the robot, and the ground, do not count.
         """
         points = readings.points(sensor)
         directions = readings.directions @ sensor[:3, :3].T
@@ -121,12 +122,12 @@ class Footprint(NamedTuple):
         return seen
 
     def clearance(self, points: Floats, linear: float, angular: float) -> float:
-        """Return how far the robot can go, in m, until it meets a point; infinite without one.
+        """Return how far the robot can go along its arc until it meets a point, m; or infinity.
 
         Args:
             points: (N, 2), x and y in m.
-            linear: m/s, not 0; the robot goes on along its arc.
-            angular: rad/s.
+            linear: the linear velocity, m/s, not 0.
+            angular: the angular velocity, rad/s.
         """
         ahead = math.copysign(1.0, linear)
         x, y = ahead * points[:, 0], points[:, 1]
@@ -143,7 +144,7 @@ class Footprint(NamedTuple):
 
 
 def described(urdf: str) -> Description | None:
-    """Return the robot of a URDF; None if it is none."""
+    """Parse a robot's URDF; return None if it is invalid."""
     try:
         robot = parse_description(urdf, "robot_description")
         robot.require_tree()
@@ -162,17 +163,23 @@ class Obstacles:
     def __init__(
         self, node: Node, odometry: OdometryTopic, command: Callable[[], Velocity]
     ) -> None:
-        """``command`` returns the present one; while it is zero, the odometry has the direction."""
+        """Follow nothing yet.
+
+        Args:
+            node: the node that subscribes.
+            odometry: gives the direction while the command is zero.
+            command: returns the current command.
+        """
         self._node, self._odometry, self._command = node, odometry, command
         self._topics = FollowedTopics(node, 1, self._subscription)
         self._transforms = FollowedTransforms(node)
         self._footprint: Footprint | None = None
         self.robot: Description | None = None
-        self._seen: dict[str, tuple[float, str, Readings]] = {}  # when, and the frame; by the topic
+        self._seen: dict[str, tuple[float, str, Readings]] = {}  # time, frame and readings by topic
 
     @property
     def clearance(self) -> float | None:
-        """How far the robot can go until it meets something, m; None: nothing known."""
+        """How far the robot can go until it meets an obstacle, m; None if none is known."""
         footprint, odometry = self._footprint, self._odometry.sample
         velocity = self._velocity()
         if footprint is None or odometry is None or abs(velocity.linear) < _STANDING:
@@ -193,9 +200,12 @@ class Obstacles:
         return Velocity(float(odometry.linear[0]), float(odometry.angular[2]))
 
     def update(self, namespace: str, robots: Iterable[str], watched: bool) -> None:
-        """Follow publishers that come and go; to be called several times per second.
+        """Follow publishers that come and go; call this several times per second.
 
-        ``robots`` are the namespaces of other robots; ``watched``: there is a page.
+        Args:
+            namespace: the robot's namespace.
+            robots: the namespaces of other robots.
+            watched: whether there is a page.
         """
         sensors = own_topics(self._node, namespace, robots, {_SCAN, _RANGE}) if watched else {}
         description = {f"{namespace}/robot_description": _STRING} if watched else {}

@@ -1,4 +1,4 @@
-"""The odometry of the robot that is steered."""
+"""Finds and subscribes to the odometry of the robot that is steered."""
 
 import math
 import time
@@ -23,10 +23,13 @@ def choose_odometry(
     controllers: Collection[str],
     subscribers: Collection[str],
 ) -> str:
-    """Return the topic with the robot's odometry; "" if it is not certain which that is.
+    """Return the topic with the robot's odometry; "" if it cannot be determined.
 
-    ``publishers`` has the nodes that publish each topic of odometry, ``controllers`` the nodes that
-    are known to be the robot's, ``subscribers`` all nodes that subscribe to the topic ``commands``.
+    Args:
+        publishers: for each odometry topic, the nodes that publish it.
+        commands: the command topic.
+        controllers: the nodes known to be the robot's controllers.
+        subscribers: all nodes that subscribe to the command topic.
     """
 
     def of(nodes: Collection[str]) -> str:
@@ -52,7 +55,10 @@ class OdometryTopic:
     def update(
         self, commands: str, controllers: Collection[str], subscribers: Collection[str]
     ) -> None:
-        """Follow the robot, see ``choose_odometry``; to be called several times per second."""
+        """Follow the robot's odometry; call this several times per second.
+
+        See ``choose_odometry`` for the arguments.
+        """
         topic = self._fixed or choose_odometry(
             self._publishers(), commands, controllers, subscribers
         )
@@ -72,7 +78,7 @@ class OdometryTopic:
     def fields(self) -> dict[str, Any] | None:
         """Return the latest odometry for the page's state: m, rad, m/s, rad/s, and its age in s.
 
-        None if there is none, if it cannot be decoded, or if its numbers are not finite.
+        It is None if there is none, if it cannot be decoded, or if its numbers are not finite.
         """
         data, sample = self._data, self.sample
         if data is None or sample is None:

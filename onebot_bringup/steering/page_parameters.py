@@ -1,4 +1,4 @@
-"""The parameters of steering_page, which ``onebot steer`` and the bringups have as arguments."""
+"""The parameters of steering_page, which are also arguments of ``onebot steer`` and bringups."""
 
 from dataclasses import dataclass
 from typing import Any

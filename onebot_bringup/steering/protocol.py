@@ -1,9 +1,9 @@
 """The messages between a steering page and its server: JSON in WebSocket text frames.
 
-A page sends those of ``MESSAGES``, each with its name as ``type``. The server sends ``welcome``
-(the page's ``id``, the ``rate`` of commands in Hz, ``stamp``), ``state`` ten times a second (see
-``SteeringServer``), and ``error`` (``message``, one sentence; ``about``, the type of the refused
-message; ``field``, the wrong one of its fields).
+A page sends the messages in ``MESSAGES``, each with its name as ``type``. The server sends
+``welcome`` (the page's ``id``, the ``rate`` of commands in Hz, ``stamp``), ``state`` ten times a
+second (see ``SteeringServer``), and ``error`` (``message``, one sentence; ``about``, the type of
+the rejected message; ``field``, its invalid field).
 """
 
 import json
@@ -15,7 +15,7 @@ from typing import Any
 
 from onebot_description.errors import OneBotError
 
-MAX_LENGTH = 1024  # characters, ten times the longest message of a page
+MAX_LENGTH = 1024  # characters, ten times the longest message that a page sends
 _TOPIC = re.compile(r"(~/|/)?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
 _LONGEST_TOPIC = 200  # characters; DDS has a limit of 255
 
@@ -25,32 +25,32 @@ class ProtocolError(OneBotError):
 
     def __init__(self, problem: str, field: str | None = None) -> None:
         super().__init__(problem)
-        self.field = field  # the wrong one
+        self.field = field  # the invalid field
         self.about: str | None = None  # the type of the message, if it has one
 
 
 @dataclass(frozen=True)
 class Velocity:
-    """A velocity: ``linear`` in m/s forward, ``angular`` in rad/s to the left (REP-103)."""
+    """A planar velocity: ``linear`` in m/s forward, ``angular`` in rad/s to the left (REP-103)."""
 
     linear: float = 0.0
     angular: float = 0.0
 
     def at_most(self, other: "Velocity") -> "Velocity":
-        """Return the lower of both speeds, for limits."""
+        """Return the lower linear and the lower angular speed of two limits."""
         return Velocity(min(self.linear, other.linear), min(self.angular, other.angular))
 
     def clamped(self, least: "Velocity", most: "Velocity") -> "Velocity":
         """Return the fastest velocity between ``least`` and ``most`` along the same arc.
 
-        One factor scales both speeds. Clamping each on its own would change the radius: a robot
+        One factor scales both speeds. Clamping each separately would change the radius: a robot
         that cannot turn as commanded would leave its arc to the outside, at full speed.
         """
         linear = min(max(self.linear, least.linear), most.linear)
         angular = min(max(self.angular, least.angular), most.angular)
         shares = _share(linear, self.linear), _share(angular, self.angular)
         share = min(shares)
-        # A speed at its limit is that limit exactly, without the rounding of a product.
+        # Clip, so that a speed at its limit is exact, without rounding errors of the product.
         return Velocity(
             linear if shares[0] == share else self.linear * share,
             angular if shares[1] == share else self.angular * share,
@@ -63,25 +63,25 @@ def _share(clamped: float, speed: float) -> float:
 
 @dataclass(frozen=True)
 class Command:
-    """How the robot is to move."""
+    """A commanded motion of the robot."""
 
     velocity: Velocity = Velocity()
-    # Of joints by name, rad/s or m/s; what is not among them is to be at rest.
+    # Velocities of joints by name, rad/s or m/s; other joints should be at rest.
     joints: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Drive:
-    """A control is held; sent repeatedly, even if nothing changes: the robot stops after a timeout.
+    """A control is held; sent repeatedly, since the robot stops after a timeout.
 
-    The stamp is that of the newest state (or welcome): the server's own clock comes back to it, so
-    it knows how old a command is at most without comparing clocks.
+    The stamp is that of the newest state (or welcome). As it comes from the server's own clock, the
+    server knows the maximum age of a command without comparing clocks.
     """
 
     linear: float  # m/s
     angular: float  # rad/s
     stamp: float  # s, by the server's boot_time(); ms in the message
-    joints: Mapping[str, float]  # rad/s or m/s, those that are not at rest
+    joints: Mapping[str, float]  # velocities of moving joints by name, rad/s or m/s
 
     @property
     def command(self) -> Command:
@@ -115,11 +115,11 @@ class SetLimits:
 
 Message = Drive | Release | Stop | ChooseTopic | SetLimits
 Check = Callable[[str, Any], Any]
-"""Returns the value of a field, by its name and what JSON has; raises a ProtocolError."""
+"""Converts the JSON value of a field, given its name first; raises a ProtocolError."""
 
 
 def number(name: str, value: Any) -> float:
-    """Check a finite number."""
+    """Check that a field is a finite number, and return it."""
     if isinstance(value, bool) or not isinstance(value, float):
         raise ProtocolError(f"{name} must be a number", name)
     if not math.isfinite(value):
@@ -139,7 +139,7 @@ def _limit(name: str, value: Any) -> float | None:
 
 
 def text(name: str, value: Any) -> str:
-    """Check a text that is not empty."""
+    """Check that a field is a non-empty text, and return it."""
     if not isinstance(value, str) or not value:
         raise ProtocolError(f"{name} must be a text", name)
     return value
@@ -168,11 +168,15 @@ MESSAGES: Mapping[str, tuple[type[Message], Mapping[str, Check]]] = {
     "topic": (ChooseTopic, {"topic": _topic}),
     "limits": (SetLimits, {"linear": _limit, "angular": _limit}),
 }
-"""The messages of a page, with their fields."""
+"""The messages that a page may send, with the checks of their fields."""
 
 
 def parse(data: str) -> Message:
-    """Return the message that a page sent, or raise a ProtocolError."""
+    """Parse a message of a page.
+
+    Raises:
+        ProtocolError: it is invalid.
+    """
     fields = _json_object(data, MAX_LENGTH)
     kind = fields.pop("type", None)
     if not isinstance(kind, str) or kind not in MESSAGES:
@@ -188,7 +192,17 @@ def parse(data: str) -> Message:
 def read_request(
     what: str, data: str, checks: Mapping[str, Check], most: int = MAX_LENGTH
 ) -> dict[str, Any]:
-    """Return the fields of a JSON object of ``most`` characters, or raise a ProtocolError."""
+    """Parse a JSON object and check its fields.
+
+    Args:
+        what: what it is called in errors.
+        data: the JSON text.
+        checks: the check of each field.
+        most: the maximum number of characters.
+
+    Raises:
+        ProtocolError: it is invalid.
+    """
     return _checked(what, _json_object(data, most), checks)
 
 
@@ -214,5 +228,9 @@ def _json_object(data: str, most: int) -> dict[str, Any]:
 
 
 def message_text(kind: str, **fields: Any) -> str:
-    """Return a message of the server; a number in it that is not finite raises a ValueError."""
+    """Return the JSON text of a message of the server.
+
+    Raises:
+        ValueError: a number in it is not finite.
+    """
     return json.dumps({"type": kind, **fields}, allow_nan=False)

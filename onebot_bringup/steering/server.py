@@ -22,9 +22,9 @@ from onebot_description.ros.node import Throttled
 
 STATIC = Path(__file__).parent / "static"
 STATE_PERIOD = 0.1  # s
-_MIN_PERIOD = 0.02  # s between two states, even if more changes
+_MIN_PERIOD = 0.02  # s between two states, even if more has changed
 _HEARTBEAT = 5.0  # s between two pings; a page that does not respond counts as closed
-_MAX_MESSAGE = 1 << 16  # bytes; beyond it the connection is closed
+_MAX_MESSAGE = 1 << 16  # bytes; a longer message closes the connection
 _STOPPED = "; it drove, so the robot is stopped"
 _HEADERS = {
     "X-Content-Type-Options": "nosniff",
@@ -36,15 +36,15 @@ _HEADERS = {
 
 @dataclass
 class ServerContext:
-    """What the server needs of the node."""
+    """The parts of the node that the server needs."""
 
     arbiter: Arbiter
     access: Access
     view: ViewProxy
     tools: ToolRequests
-    robot: Callable[[], Mapping[str, Any]]  # the part of a page's state that the node provides
-    # Called with the name of a page and of the topic that it chose; ``show_topic_error`` of the
-    # server replies to that page if the topic cannot be used.
+    robot: Callable[[], Mapping[str, Any]]  # returns the node's part of a page's state
+    # Called with the names of a page and of the topic that it chose; if the topic cannot be used,
+    # reply to the page with the server's ``show_topic_error``.
     choose_topic: Callable[[str, str], None]
     logger: RcutilsLogger
     rate: float  # commands per second, Hz
@@ -53,20 +53,20 @@ class ServerContext:
 @dataclass(eq=False)
 class _Page:
     socket: web.WebSocketResponse
-    host: str  # this server, as the browser names it
+    host: str  # the name by which the browser addresses this server
     name: str = field(default_factory=lambda: secrets.token_hex(4))
-    received: int = 0  # messages
+    received: int = 0  # number of messages
     changed: asyncio.Event = field(default_factory=asyncio.Event)
-    topic_error: str = ""  # why its last choice of a topic was refused; yet to be sent
+    topic_error: str = ""  # unsent reason why its last choice of a topic was rejected
 
 
 class SteeringServer:
-    """The aiohttp application."""
+    """The aiohttp application with the page, its WebSocket and the robot's view."""
 
     def __init__(self, context: ServerContext) -> None:
         self._context = context
         self._pages: list[_Page] = []
-        self._rejected = 0  # messages
+        self._rejected = 0  # number of messages
         self._warn = Throttled(context.logger.warning)
         self.app = web.Application(middlewares=[self._guard], client_max_size=_MAX_MESSAGE)
         self.app.on_response_prepare.append(self._add_headers)
@@ -83,12 +83,17 @@ class SteeringServer:
         context.tools.add_to(self.app)
 
     def notify(self) -> None:
-        """Send all pages the state now; to be called in the server's thread."""
+        """Send the state to all pages now; call this in the server's thread."""
         for page in self._pages:
             page.changed.set()
 
     def show_topic_error(self, name: str, sentence: str) -> None:
-        """Send one page why its topic cannot be used; to be called in the server's thread."""
+        """Tell one page why its topic cannot be used; call this in the server's thread.
+
+        Args:
+            name: the page.
+            sentence: the reason.
+        """
         for page in self._pages:
             if page.name == name:
                 page.topic_error = sentence
@@ -113,12 +118,12 @@ class SteeringServer:
         for name, value in {**_HEADERS, **_policy(request, answer.status)}.items():
             answer.headers.setdefault(name, value)
         if answer.status < 400 and access.is_token(request.query.get("token")):
-            # As a header: aiohttp has already written its cookies when this is called.
+            # Set it as a header, since aiohttp has already written its cookies at this point.
             cookie = f"{access.cookie_name}={access.cookie}; Path=/; HttpOnly; SameSite=Strict"
             answer.headers.add("Set-Cookie", cookie)
 
     async def _file(self, request: web.Request) -> web.Response:
-        # Not a FileResponse: that logs a traceback where its connection is closed meanwhile.
+        # A FileResponse would log a traceback if its connection is closed meanwhile.
         name = request.match_info.get("path", "index.html")
         if name not in self._files:
             raise web.HTTPNotFound(text="There is no such page.\n")
@@ -145,7 +150,7 @@ class SteeringServer:
         return socket
 
     async def _receive(self, page: _Page) -> str:
-        """Handle a page's messages; return why its connection was lost, "" if it was closed."""
+        """Handle a page's messages; return why its connection was lost, or "" if it was closed."""
         while True:
             message = await page.socket.receive()
             if message.type in (WSMsgType.TEXT, WSMsgType.BINARY):
@@ -194,7 +199,7 @@ class SteeringServer:
             self._context.logger.info(f"a page was closed{_STOPPED * drove}")
 
     async def _send_states(self, page: _Page) -> None:
-        """Send one page the state, ten times a second and whenever something changes."""
+        """Send the state to one page, ten times a second and whenever something changes."""
         send = page.socket.send_str
         try:
             rate = self._context.rate
@@ -213,15 +218,15 @@ class SteeringServer:
                 except asyncio.TimeoutError:
                     pass
         except ConnectionError:
-            pass  # the page was closed; the reader ends, too
+            pass  # the page was closed, so the reader ends, too
 
     def _state(self, page: _Page) -> dict[str, Any]:
         driving, view = self._context.arbiter.state, self._context.view.view
         limits = driving.limits
         return {
             "stamp": _stamp(),
-            "received": page.received,  # messages of this page
-            "late": page.name in driving.late,  # its commands are too old to drive by
+            "received": page.received,  # number of messages from this page
+            "late": page.name in driving.late,  # whether its commands are too old to drive
             "driver": driving.driver,  # the name of the page that drives
             "you": driving.driver == page.name,
             "pages": driving.pages,
@@ -240,12 +245,12 @@ class SteeringServer:
 
 
 def _stamp() -> int:
-    """The present time, ms: a page that knows it sends its next message later."""
+    """Return the current time, ms, which a page returns in its next messages."""
     return int(boot_time() * 1000.0)
 
 
 def _policy(request: web.Request, status: int) -> dict[str, str]:
-    # Some browsers do not count ws: as a part of 'self'. The guard has checked the host's form.
+    # Some browsers do not include ws: in 'self'. The guard has already validated the host.
     socket = f" ws://{request.host}" if status < 400 else ""
     other_host = other_site(request.host) if status < 400 else ""
     view = f" http://{other_host}" if other_host else ""

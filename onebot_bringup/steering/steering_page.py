@@ -1,39 +1,39 @@
 #!/usr/bin/env python3
-"""A page in the browser to drive a robot from, with its 3D view: like rqt_robot_steering.
+"""Serves a page in the browser to drive a robot from, with its 3D view, like rqt_robot_steering.
 
 The robot stops as soon as no control is held. Stop also locks it, so that it ignores other nodes'
 commands, too, until a page drives again. If this node dies, the robot's controller stops
-it after its cmd_vel_timeout. Joints that a joint_trajectory_controller moves have a slider each;
-they are sent trajectories of 0.3 s, which end at rest.
+the robot after its cmd_vel_timeout. Joints that a joint_trajectory_controller moves have a slider
+each; they are sent trajectories of 0.3 s, which end at rest.
 
 Publishes:
     the parameter topic (geometry_msgs/Twist or TwistStamped, as the robot subscribes, reliable,
         depth 10): linear.x in m/s and angular.z in rad/s, at ``rate`` while a control is held; then
         three zero commands, and nothing more, so that other nodes can drive.
-    the same with _lock at its end (std_msgs/Bool): true while a page stops the robot, false before
-        a page drives a locked one; likewise controller_manager/cmd_vel_lock, where it is.
+    the same topic with the suffix _lock (std_msgs/Bool): true while a page stops the robot, false
+        before a page drives a locked one; likewise controller_manager/cmd_vel_lock, if it exists.
     joint_trajectory (trajectory_msgs/JointTrajectory) of each joint_trajectory_controller in the
         robot's namespace: at ``rate`` while a slider of its joints is held, then three to stop.
     goal_pose (geometry_msgs/PoseStamped), initialpose (PoseWithCovarianceStamped), clicked_point
         (PointStamped), in the namespace of the robot that is steered: the page's tools.
-    page_cameras (std_msgs/String, latched), of the viewer: see there.
+    page_cameras (std_msgs/String, latched) of the viewer: see rerun_viewer.
 
 Subscribes:
-    the parameter topic with _locked at its end (std_msgs/Bool, latched): whether the robot is;
-        likewise controller_manager/cmd_vel_locked.
+    the parameter topic with the suffix _locked (std_msgs/Bool, latched): whether the robot is
+        locked; likewise controller_manager/cmd_vel_locked.
     controller_state (control_msgs/JointTrajectoryControllerState) of each
         joint_trajectory_controller in the robot's namespace: while there is a page.
     odometry (nav_msgs/Odometry): see odom_topic.
     the parameter viewer_page (std_msgs/String, latched): the address of rerun_viewer's page.
-    displays (std_msgs/String, latched), of the same node: the topics that are shown in the view.
+    displays (std_msgs/String, latched) of the same node: the topics that the view shows.
     /tf, /tf_static, map (nav_msgs/OccupancyGrid), each LaserScan in the robot's namespace: while a
         page shows its map.
     robot_description (std_msgs/String), the first LaserScan in the robot's namespace: while there
-        is a page. Each Image there: while a page shows it, and once to see if it is for people.
+        is a page. Each Image there: while a page shows it, and once to read its encoding.
     /parameter_events (rcl_interfaces/ParameterEvent): changes of the controller's limits.
 
 Calls:
-    list_parameters and get_parameters of the nodes that subscribe to commands: those that have
+    list_parameters and get_parameters of the nodes that subscribe to commands: nodes with velocity
         limits are the robot's controllers.
     the parameter services of the viewer, and of the node whose parameters a page shows.
 """
@@ -96,7 +96,7 @@ _TOPICS = ("topic", "odom_topic", "viewer_page")  # parameters that are names of
 
 
 class SteeringParameters(PageParameters):
-    """The parameters as the node has them."""
+    """The node's parameters with full topic names."""
 
     @classmethod
     def of(cls, node: Node) -> "SteeringParameters":
@@ -130,12 +130,12 @@ class SteeringPage(Node):
         self._braking: Braking | None = None
         self._topics: tuple[str, ...] = ()
         self._robots: tuple[CommandedRobot, ...] = ()
-        self._choices: dict[str, str] = {}  # the topic that each page chose last
+        self._choices: dict[str, str] = {}  # the topic that each page chose last, until handled
         self._joints = JointCommands(self, self._on_lock)
         self._arbiter = Arbiter(settings.limits(()), self._command, self._lock, woke=WAKE.check)
         self._viewer = Viewer(self, settings.viewer_page, self._on_view)
         self._warn = Throttled(self.get_logger().warning)
-        self._timeouts = 0  # number of drivers' timeouts that were logged
+        self._timeouts = 0  # number of timeouts logged so far
         self._ground = Ground(self, self._odometry)
         self._cameras = CameraFeed(self)
         self._obstacles = Obstacles(
@@ -188,7 +188,7 @@ class SteeringPage(Node):
         url, self._url = self._url, ""
         if not url:
             return
-        # Not by the logger, which publishes on /rosout: the token must not get there.
+        # Do not use the logger, since it would publish the token on /rosout.
         print(f"open {url}", flush=True)
         if self._settings.open_browser:
             open_in_browser(url)
@@ -204,25 +204,25 @@ class SteeringPage(Node):
         )
 
     def _robot(self) -> Mapping[str, Any]:
-        """Return the robot's part of a page's state."""
+        """Return the node's part of a page's state."""
         commands, robot = self._commands, self._obstacles.robot
         return {
             "topic": commands.topic,
             "topic_type": commands.kind,
-            "topics": self._topics,  # choices, those with subscribers first
-            "robots": [asdict(robot) for robot in self._robots],  # choices
-            "robot_name": robot.robot_name if robot is not None else "",  # of its description
+            "topics": self._topics,  # command topics to choose from, with subscribers first
+            "robots": [asdict(robot) for robot in self._robots],  # robots to choose from
+            "robot_name": robot.robot_name if robot is not None else "",  # name in the description
             "listeners": len(commands.listeners),
             "others": commands.others,  # the other nodes that publish commands
-            # It ignores all commands until a page drives again.
+            # A locked robot ignores all commands until a page drives again.
             "locked": commands.locked or self._joints.locked,
             "joints": self._joints.fields(),
             "controllers": self._controllers.names,  # the nodes whose limits are known
             "braking": asdict(self._braking) if self._braking else None,
             "odometry": self._odometry.fields(),
-            "cameras": self._cameras.topics,  # the topics of its pictures
-            "legend": self._viewer.legend,  # of the view
-            "obstacle": self._obstacles.clearance,  # m until it meets what its sensors see
+            "cameras": self._cameras.topics,  # the topics of its cameras' pictures
+            "legend": self._viewer.legend,  # the legend of the view
+            "obstacle": self._obstacles.clearance,  # m until the robot meets an obstacle
         }
 
     def _nodes(self) -> Mapping[str, Any]:
@@ -238,7 +238,7 @@ class SteeringPage(Node):
             self._warn(
                 "timeout", "stopped: no message from the page that drives, or one that is too old"
             )
-        if self._choices:  # one at a time: a page that floods must not keep the driver unchecked
+        if self._choices:  # only one, so that a flood of choices does not delay this check
             self._choose(*self._choices.popitem())
 
     def _choose(self, page: str, name: str) -> None:
@@ -286,7 +286,7 @@ class SteeringPage(Node):
         self._joints.lock(locked)
 
     def _on_lock(self, locked: bool) -> None:
-        """Show it; a page that drove has to release and drive again to unlock it."""
+        """Show the lock; a page that drove has to release and drive again to unlock the robot."""
         if locked:
             self._arbiter.halt()
         else:

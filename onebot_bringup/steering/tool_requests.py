@@ -1,17 +1,17 @@
-"""The requests of the page's tools and panels, below /tools/: JSON over HTTP.
+"""Handles the requests of the page's tools and panels, below /tools/: JSON over HTTP.
 
     GET ground[?frame=F]: the robot, its scans and the map in a frame, see ``Ground.fields``, and
         the ``command_topic`` of that robot.
     GET map.png: the picture of that map.
-    GET camera.jpg?topic=T: the newest picture of a camera, which is subscribed to meanwhile.
+    GET camera.jpg?topic=T: the newest picture of a camera, which is then subscribed to for a while.
     POST click: publishes a click, see ``Click``; responds with ``topic`` and ``subscribers``.
     GET nodes: ``nodes`` with parameters, the robot's controllers first; the ``viewer``, "" for
-        none; and what is ``shown`` in it: ``topic``, ``type`` and ``visible`` of each.
-    GET parameters?node=N: its ``parameters``.
-    POST parameters: ``node`` and ``values``, YAML by name; responds with why each was refused.
+        none; and ``shown``, the ``topic``, ``type`` and ``visible`` of each topic in it.
+    GET parameters?node=N: the node's ``parameters``.
+    POST parameters: ``node`` and ``values``, YAML by name; responds with why each was rejected.
 
-While there is no picture, its response has no content (204). A request that fails has ``error``, a
-sentence, and a status from 400 on.
+While there is no picture, the response has no content (204). The response to a failed request has
+``error``, a sentence, and a status of at least 400.
 """
 
 import asyncio
@@ -39,10 +39,10 @@ from onebot_description.errors import OneBotError
 T = TypeVar("T")
 
 _POLL = 0.01  # s
-_TIMEOUT = 5.0  # s for the node's thread
-_DISCOVERY = 2.0  # s for those who subscribe to a click to discover its publisher
-_LONGEST = 1 << 14  # characters of a request to set parameters
-_LONGEST_VALUE = 1000  # characters; longer ones, such as a robot's description, are not edited here
+_TIMEOUT = 5.0  # s to wait for the node's thread
+_DISCOVERY = 2.0  # s for subscribers of a click to discover its publisher
+_LONGEST = 1 << 14  # maximum characters of a request to set parameters
+_LONGEST_VALUE = 1000  # characters; longer values, such as a description, cannot be edited here
 
 
 class OtherThread:
@@ -54,23 +54,23 @@ class OtherThread:
 
     @property
     def node(self) -> "OtherThread":
-        """Makes and destroys clients."""
+        """This object, which creates and destroys clients."""
         return self
 
     def create_client(self, kind: Any, name: str) -> Any:
         return self.call(lambda: self._node.create_client(kind, name))
 
     def destroy_client(self, client: Any) -> None:
-        """Destroy it, as soon as the node's thread can: nobody waits for that."""
+        """Have the node's thread destroy a client, without waiting for it."""
         executor = self._node.executor
         if executor is not None:
             executor.create_task(self._node.destroy_client, client)
 
     def call(self, action: Callable[[], T]) -> T:
-        """Return what ``action`` returns in the node's thread.
+        """Run ``action`` in the node's thread and return its result.
 
         Raises:
-            OneBotError: the node does not spin, or ends; what has not begun then never does.
+            OneBotError: the node does not spin, or ends; an action that has not begun is dropped.
         """
         done: Future[T] = Future()
         executor = self._node.executor
@@ -82,11 +82,11 @@ class OtherThread:
             cancelled = done.cancel()
         if cancelled:
             raise OneBotError("the page's node does not answer at the moment")
-        self.spin(done.done, math.inf)  # it runs
+        self.spin(done.done, math.inf)  # the action has begun
         return done.result()
 
     def spin(self, until: Callable[[], Any], timeout: float) -> Any:
-        """Wait until ``until()`` is true; the node's thread runs its callbacks."""
+        """Wait until ``until()`` is true while the node's thread runs its callbacks."""
         deadline = time.monotonic() + timeout
         while not (value := until()) and time.monotonic() < deadline:
             if self._closed.wait(_POLL):
@@ -107,7 +107,7 @@ def _run(action: Callable[[], T], done: "Future[T]") -> None:
 
 
 class ToolRequests:
-    """The routes below /tools/, to these parts of the node, in its thread."""
+    """The routes below /tools/, which call parts of the node in its thread."""
 
     def __init__(
         self,
@@ -158,7 +158,7 @@ class ToolRequests:
 
         def publish() -> Mapping[str, Any]:
             thread, click = self._thread, parse_click(data)
-            # A message before the subscribers have discovered the publisher would be lost.
+            # Subscribers that have not discovered the publisher yet would miss the message.
             reaches_all = partial(self._publishers.reaches_all, click)
             thread.spin(lambda: thread.call(reaches_all), _DISCOVERY)
             topic, subscribers = thread.call(partial(self._publishers.publish, click))
@@ -192,7 +192,7 @@ class ToolRequests:
 
 
 def _picture(data: bytes | None, kind: str) -> web.Response:
-    """Return a response; without a picture (yet) it has no content, which is no error."""
+    """Return a response with a picture, or without content if there is none (yet)."""
     return web.Response(status=204) if data is None else web.Response(body=data, content_type=kind)
 
 
@@ -212,7 +212,14 @@ def _values(name: str, value: Any) -> Mapping[str, str]:
 
 
 def parse_values(data: str) -> tuple[str, Mapping[str, str]]:
-    """Return the node and the values in YAML that a page wants to set, or raise a ProtocolError."""
+    """Parse a request to set parameters.
+
+    Returns:
+        The node, and the values in YAML by name.
+
+    Raises:
+        ProtocolError: the request is invalid.
+    """
     fields = read_request(
         "a request to set parameters", data, {"node": text, "values": _values}, _LONGEST
     )
@@ -220,7 +227,7 @@ def parse_values(data: str) -> tuple[str, Mapping[str, str]]:
 
 
 def rows_of(client: ParameterClient) -> list[Mapping[str, Any]]:
-    """Return the parameters of a node as a page shows them, by name."""
+    """Return the parameters of a node as a page shows them, sorted by name."""
     names = sorted(client.names())
     pairs = zip(client.describe(names), client.values(names), strict=True)
     rows = [_row(*pair) for pair in pairs]

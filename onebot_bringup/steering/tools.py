@@ -1,4 +1,4 @@
-"""The page's tools, as RViz has them: a click on the ground becomes a message."""
+"""The page's tools, which publish a click on the ground as a message, as in RViz."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ _DEPTH = 10
 
 
 class Tool(NamedTuple):
-    """What a tool publishes."""
+    """The topic and the type that a tool publishes."""
 
     topic: str  # below the robot's namespace
     kind: Any
@@ -29,7 +29,7 @@ TOOLS: Mapping[str, Tool] = {
     "estimate": Tool("initialpose", PoseWithCovarianceStamped),
     "point": Tool("clicked_point", PointStamped),
 }
-# RViz's: 0.5 m along x and y, 15 degrees about z, one standard deviation each.
+# RViz's covariance: standard deviations of 0.5 m along x and y, and of 15 degrees about z.
 _ESTIMATE = np.zeros((6, 6))
 _ESTIMATE[0, 0] = _ESTIMATE[1, 1] = 0.5**2
 _ESTIMATE[5, 5] = (np.pi / 12.0) ** 2
@@ -37,14 +37,14 @@ _ESTIMATE[5, 5] = (np.pi / 12.0) ** 2
 
 @dataclass(frozen=True)
 class Click:
-    """A place on the ground that a page sent."""
+    """A click on the ground that a page sent."""
 
     tool: str  # one of TOOLS
     frame: str
     x: float  # m
     y: float  # m
-    yaw: float  # rad; a point has none
-    command_topic: str  # the robot that it is for
+    yaw: float  # rad; not used for a point
+    command_topic: str  # identifies the robot that it is for
 
 
 def _tool(name: str, value: Any) -> str:
@@ -59,7 +59,11 @@ _FIELDS = {
 
 
 def parse_click(data: str) -> Click:
-    """Return the click that a page sent, or raise a ProtocolError."""
+    """Parse a click that a page sent.
+
+    Raises:
+        ProtocolError: it is invalid.
+    """
     return Click(**read_request("a click", data, _FIELDS))
 
 
@@ -84,10 +88,10 @@ class ToolPublishers:
 
     def __init__(self, node: Node, commands: CommandTopic) -> None:
         self._node, self._commands = node, commands
-        self._publishers: dict[str, Any] = {}  # key: full name
+        self._publishers: dict[str, Any] = {}  # by full topic name
 
     def prepare(self) -> None:
-        """Have publishers before the first click: subscribers take a moment to discover one."""
+        """Create the publishers before the first click, since discovery takes a moment."""
         topics = {self._topic(tool): tool.kind for tool in TOOLS.values()}
         for topic in self._publishers.keys() - topics.keys():
             self._node.destroy_publisher(self._publishers.pop(topic))
@@ -95,10 +99,10 @@ class ToolPublishers:
             try:
                 self._publishers[topic] = self._node.create_publisher(topics[topic], topic, _DEPTH)
             except RCLError:
-                pass  # another type in this process; reported when it is clicked
+                pass  # this process uses another type; reported on a click
 
     def reaches_all(self, click: Click) -> bool:
-        """Whether all who subscribe to a click's topic have discovered its publisher."""
+        """Whether all subscribers of a click's topic have discovered its publisher."""
         topic, publisher = self._publisher(click)
         return bool(publisher.get_subscription_count() >= self._node.count_subscribers(topic))
 
@@ -106,7 +110,7 @@ class ToolPublishers:
         """Publish a click; return the topic's full name and the number of its subscribers.
 
         Raises:
-            OneBotError: it is for another robot, or the topic has another type.
+            OneBotError: the click is for another robot, or the topic has another type.
         """
         topic, publisher = self._publisher(click)
         publisher.publish(message_of(click, self._node.get_clock().now().to_msg()))

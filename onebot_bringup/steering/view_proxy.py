@@ -1,14 +1,14 @@
-"""The robot's view, and its proxy: Rerun's page and its data on the steering page's port.
+"""Serves the robot's view, Rerun's page and its data, through a proxy on the steering page's port.
 
-The view is slow where a browser draws without a graphics card, and must not stall the steering
-page. So it is a sandboxed frame: with an opaque origin, which Chromium gives a process of its own.
-On loopback it has the other of the names 127.0.0.1 and localhost, too: that is another site, to
-which other browsers give a process of its own.
+The view is slow if a browser draws without a graphics card, and must not stall the steering page.
+So it is a sandboxed frame with an opaque origin, which Chromium runs in a separate process. On
+loopback its address also has the other of the names 127.0.0.1 and localhost: that makes it another
+site, which other browsers run in a separate process, too.
 
-Such a frame has no cookies. All that it requests is below a path with a random key, which only the
-steering page gets; ``static/view_frame.js`` runs in it and sends Rerun's requests for data there,
-which Rerun makes to ``/rerun.sdk_comms.v1alpha1.MessageProxyService/...`` of the host and port of
-its page's ``url=`` parameter.
+Such a frame has no cookies. All its requests are below a path with a random key, which only the
+steering page gets. Rerun requests data from
+``/rerun.sdk_comms.v1alpha1.MessageProxyService/...`` on the host and port in its page's ``url=``
+parameter; ``static/view_frame.js`` runs in the frame and redirects these requests to that path.
 """
 
 import hmac
@@ -40,15 +40,15 @@ _PAGE = re.compile(r"http://127\.0\.0\.1:(\d{1,5})/\?(\S+)")
 class View:
     """The address of a viewer's page on this computer."""
 
-    port: int  # the page's and its data's, on 127.0.0.1
-    options: tuple[str, ...] = ()  # the parameters of the page's address beside url=
-    # Required in the path of the view's requests. Each viewer has its own: when it changes, a page
-    # loads the view again.
+    port: int  # the port of the page and its data on 127.0.0.1
+    options: tuple[str, ...] = ()  # the parameters of the page's address besides url=
+    # Required in the path of the view's requests. Each viewer has its own key: when it changes, a
+    # page reloads the view.
     key: str = field(default_factory=lambda: secrets.token_urlsafe(16))
 
     @classmethod
     def parse(cls, address: str) -> "View | None":
-        """Parse the message of rerun_viewer's ~/page; None if it is no page on this computer."""
+        """Parse a message of rerun_viewer's ~/page; None if the page is not on this computer."""
         page = _PAGE.fullmatch(address)
         if page is None or not 0 < int(page[1]) < 65536:
             return None
@@ -56,7 +56,7 @@ class View:
         return cls(int(page[1]), tuple(word for word in words if not word.startswith("url=")))
 
     def addresses(self, host: str) -> list[str]:
-        """Return where the view is, the best first, for a page that the browser has at ``host``."""
+        """Return the view's addresses, the best first, for a page opened at ``host``."""
         return [self._address(name, host) for name in (other_site(host), host) if name]
 
     def _address(self, host: str, page: str) -> str:
@@ -65,14 +65,14 @@ class View:
 
 
 class Viewer:
-    """The robot's viewer, as a node publishes it.
+    """Follows the node that shows the robot.
 
     Attributes:
-        view: where its page is; None without one.
+        view: the address of its page; None if there is none.
     """
 
     def __init__(self, node: Node, page_topic: str, changed: Callable[[], None]) -> None:
-        """Follow its ~/page and ~/displays; ``changed`` is called when ``view`` may have."""
+        """Follow its ~/page and ~/displays; ``changed`` is called if ``view`` may have changed."""
         self._node, self._topic, self._changed = node, page_topic, changed
         self._warn = Throttled(node.get_logger().warning)
         self._name = page_topic.rpartition("/")[0]
@@ -85,20 +85,20 @@ class Viewer:
         node.create_subscription(String, f"{self._name}/displays", self._on_displays, LATCHED)
 
     def update(self) -> None:
-        """Notice that it has gone; to be called several times per second."""
+        """Notice if the viewer is gone; call this several times per second."""
         if self.view is not None and not self._node.count_publishers(self._topic):
             self.view = None
             self._changed()
 
     def publish_cameras(self, topics: Sequence[str]) -> None:
-        """Publish whose pictures the page shows, so that the view in it leaves them out."""
+        """Publish which cameras' pictures the page shows, so that the view leaves them out."""
         cameras = json.dumps({"cameras": topics})
         if cameras != self._published_cameras:
             self._published_cameras = cameras
             self._cameras.publish(String(data=cameras))
 
     def fields(self) -> Mapping[str, Any]:
-        """Return its name, "" for none, and the topics that it shows."""
+        """Return the viewer's name, "" for none, and the topics that it shows."""
         if self.view is None:
             return {"viewer": "", "shown": []}
         return {"viewer": self._name, "shown": self._shown}
@@ -119,7 +119,7 @@ class Viewer:
 
 
 def shown_topics(data: str) -> list[Mapping[str, Any]]:
-    """Return the topics of a viewer's ~/displays; none for a text that is no such message."""
+    """Parse the topics in a viewer's ~/displays; empty if the message is invalid."""
     try:
         return [
             {"topic": str(row["topic"]), "type": str(row["type"]), "visible": bool(row["visible"])}
@@ -130,7 +130,7 @@ def shown_topics(data: str) -> list[Mapping[str, Any]]:
 
 
 def legend_of(data: str) -> list[Mapping[str, str]]:
-    """Return the legend of a viewer's ~/displays; none for a text that is no such message."""
+    """Parse the legend in a viewer's ~/displays; empty if the message is invalid."""
     try:
         return [
             {
@@ -163,7 +163,7 @@ class ViewProxy:
         app.router.add_get("/view/{key}/{path:.*}", self._page)
 
     def has_key(self, request: web.Request) -> bool:
-        """Whether the key in the request's path is the one of the view."""
+        """Whether the request's path has the view's key."""
         key = request.match_info.get("key", "").encode(errors="surrogatepass")
         return self.view is not None and hmac.compare_digest(key, self.view.key.encode())
 
@@ -182,14 +182,14 @@ class ViewProxy:
         return web.Response(status=204, headers=headers)
 
     async def _add_headers(self, request: web.Request, answer: web.StreamResponse) -> None:
-        """Let the frame read the response, and only the steering page have the frame."""
+        """Let the frame read the response, and only the steering page embed the frame."""
         if not self.has_key(request):
             return
         other_host = other_site(request.host)
         pages = f"'self' http://{other_host}" if other_host else "'self'"
         answer.headers.add("Content-Security-Policy", f"frame-ancestors {pages}")
         answer.headers["Cross-Origin-Resource-Policy"] = "cross-origin"
-        # The guard has checked the origin.
+        # The guard has already checked the origin.
         answer.headers["Access-Control-Allow-Origin"] = request.headers.get("Origin", "null")
         answer.headers["Access-Control-Expose-Headers"] = "*"
 

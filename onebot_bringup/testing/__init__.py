@@ -1,1 +1,1 @@
-"""What tests of robots use: the pytest plugin, and ROS domains of their own."""
+"""Tools for tests of robots: the pytest plugin, and separate ROS domains."""

@@ -1,4 +1,4 @@
-"""ROS domains that nothing else on this machine has."""
+"""Provides ROS domains that nothing else on this computer uses."""
 
 import os
 import random
@@ -10,16 +10,16 @@ from unittest.mock import patch
 from onebot_description.errors import OneBotError
 from onebot_description.ros.shared_memory import remove_broken_ports
 
-# Beyond 101 the ports of a domain (RTPS 2.2, section 9.6.1.1) meet those that Linux hands out.
+# From 102 on, a domain's ports (RTPS 2.2, section 9.6.1.1) overlap with Linux's ephemeral ports.
 _DOMAINS = range(1, 101)
-_FIRST_PORT, _PORTS = 7400, 250  # of multicast discovery, in domain 0; and for each domain
-# From its first port: multicast discovery, which a node on loopback may lack, and ten participants.
+_FIRST_PORT, _PORTS = 7400, 250  # domain 0's first port, and the number of ports per domain
+# Offsets from a domain's first port: multicast discovery, unless on loopback, and ten participants.
 _OFFSETS = (0, *range(10, 30, 2))
 
 
 @contextmanager
 def claimed_domain() -> Iterator[int]:
-    """A domain that no other test or benchmark has, though several run at once, nor a robot.
+    """Yield a domain that no robot and no other test or benchmark running now uses.
 
     Raises:
         OneBotError: all are in use.
@@ -27,7 +27,7 @@ def claimed_domain() -> Iterator[int]:
     for domain in random.sample(_DOMAINS, len(_DOMAINS)):
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as claim:
             try:
-                # A name in the abstract namespace goes when its process does, however it ends.
+                # A name in the abstract namespace disappears with its process, however it ends.
                 claim.bind(f"\0onebot-test-domain-{domain}")
                 for offset in _OFFSETS:
                     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
@@ -41,15 +41,15 @@ def claimed_domain() -> Iterator[int]:
 
 @contextmanager
 def used_domain() -> Iterator[int]:
-    """Set ROS_DOMAIN_ID to a domain that nobody else has, with discovery kept on this computer.
+    """Set ROS_DOMAIN_ID to an unused domain, with discovery restricted to this computer.
 
-    The environment is as before afterwards.
+    The environment is restored afterwards.
     """
     remove_broken_ports()
     with claimed_domain() as domain, patch.dict(os.environ):
         os.environ["ROS_DOMAIN_ID"] = str(domain)
         os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-        # What a node in this process has set would hold for the next one, too.
+        # Otherwise settings by a node in this process would also apply to the next one.
         for name in ("ROS_LOCALHOST_ONLY", "FASTRTPS_DEFAULT_PROFILES_FILE"):
             os.environ.pop(name, None)
         yield domain

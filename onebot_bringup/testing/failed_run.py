@@ -32,16 +32,19 @@ from onebot_description.ros.wire.messages import time_message, transforms_messag
 if TYPE_CHECKING:
     import rerun as rr
 
-# A topic, the name of its type, and a message.
+# A topic, its type's name, and a message.
 Published = tuple[str, str, bytes]
 
 
 def show_failed_run(simulation: Simulation, base: Path) -> list[Path]:
-    """Write what a simulation has kept, and return the files: .rrd, and .png if it can be drawn.
+    """Write the kept end of a simulation to files.
 
     Args:
-        simulation: which ``keep`` was called of.
-        base: of the files' names, without an ending; those that exist are replaced.
+        simulation: the simulation, whose ``keep`` was called.
+        base: the path of the files without a suffix; existing files are replaced.
+
+    Returns:
+        The files: .rrd, and .png if it can be drawn.
 
     Raises:
         OneBotError: it cannot be recorded.
@@ -87,7 +90,7 @@ def _record(simulation: Simulation, stream: "rr.RecordingStream") -> None:
 
 
 class _ShownRobot:
-    """A robot's messages, as its nodes would publish them."""
+    """Makes a robot's messages as its nodes would publish them."""
 
     def __init__(self, name: str, robot: SimulatedRobot) -> None:
         self._prefix = f"{name}/" if name else ""
@@ -96,7 +99,7 @@ class _ShownRobot:
         self._model = RobotModel.from_description(self._description)
 
     def standing(self, stamp: int) -> list[Published]:
-        """Return its description, and the transforms of joints that do not move."""
+        """Return its description, and the transforms of its fixed joints."""
         fixed = self._model.fixed
         return [
             _text(self.names.topic(ROBOT_DESCRIPTION), self._description),
@@ -106,7 +109,13 @@ class _ShownRobot:
     def moving(
         self, stamp: int, pose: Transform, positions: Mapping[str, float]
     ) -> list[Published]:
-        """Return where it is, by the pose of its root link, and its joints' positions."""
+        """Return the messages of its pose and its joints' positions.
+
+        Args:
+            stamp: the time, nanoseconds.
+            pose: the pose of its root link.
+            positions: joint positions by name, rad or m.
+        """
         moving = self._model.moving
         message = JointState(name=[*positions], position=[*positions.values()])
         message.header.stamp = time_message(stamp)

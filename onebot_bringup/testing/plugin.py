@@ -1,8 +1,8 @@
-"""The pytest plugin: robots for the tests of others, as fixtures. Nothing happens without them.
+"""The pytest plugin: fixtures with robots for the users' tests.
 
 ``simulation`` makes a ``Simulation``, ``ros_simulation`` one with nodes in step, and ``bringup``
-starts a bringup as processes. Each test has a ROS domain of its own, ``ros_domain``, so that
-``pytest -n 8`` never crosses. All is closed after the test.
+starts a bringup as processes. Each test has its own ROS domain, ``ros_domain``, so that parallel
+tests (``pytest -n 8``) never interfere. Everything is closed after the test.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 _MADE = pytest.StashKey["list[Simulation]"]()
 _DOMAIN = pytest.StashKey[int]()
-_KEPT, _KEPT_RATE = 60.0, 20.0  # simulated s of a failed test that are shown, and Hz
-_FOLDER = "failed_tests"  # below the folder of pytest's settings
+_KEPT, _KEPT_RATE = 60.0, 20.0  # how much of a failed test is shown: simulated s, and Hz
+_FOLDER = "failed_tests"  # in pytest's root folder
 
 
 @pytest.fixture
@@ -44,7 +44,7 @@ def simulation(request: pytest.FixtureRequest) -> Iterator[Callable[..., Simulat
 
 @pytest.fixture
 def ros_domain(request: pytest.FixtureRequest) -> Iterator[int]:
-    """Set ROS_DOMAIN_ID to a domain that no other test and no robot of this computer has."""
+    """Set ROS_DOMAIN_ID to a domain that no other test or robot on this computer uses."""
     from onebot_bringup.testing.domains import used_domain
 
     with used_domain() as domain:
@@ -58,9 +58,9 @@ def ros_simulation(
 ) -> Iterator[Callable[..., Lockstep]]:
     """Return a function that makes simulations with ROS nodes in step.
 
-    Its arguments are those of ``Simulation``; it returns the ``Lockstep``, whose ``simulation`` it
-    is. rclpy is initialized then: nodes are made after it, and destroyed with it. It is called once
-    in a test: several robots are in one simulation.
+    Its arguments are those of ``Simulation``; it returns the ``Lockstep`` that has the simulation.
+    It also initializes rclpy: nodes are created after it, and destroyed with it. Call it once per
+    test, since several robots are in one simulation.
     """
     from onebot_description.errors import OneBotError
 
@@ -82,8 +82,8 @@ def bringup(ros_domain: int) -> Iterator[Callable[..., RunningBringup]]:
     """Return a function that starts a bringup in real time, and returns when its robots are up.
 
     Its arguments are words of the command line, such as ``"world:=maze"`` for ``onebot_bringup``;
-    ``command="mrm_bringup"`` starts another one. There is no viewer unless a word says so. It ends
-    with the test, and also if pytest is killed.
+    ``command="mrm_bringup"`` starts another bringup. There is no viewer unless a word asks for it.
+    The bringup ends with the test, and also if pytest is killed.
     """
     from onebot_bringup.testing.running import RunningBringup
 
@@ -97,7 +97,7 @@ def bringup(ros_domain: int) -> Iterator[Callable[..., RunningBringup]]:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
-    """Add to the report of a failed test how to have the same run again, and where it ended."""
+    """Add to the report of a failed test how to repeat the same run, and how it ended."""
     report = yield
     if report.when == "call" and report.failed:  # type: ignore[attr-defined]
         made = item.stash.get(_MADE, [])
@@ -111,12 +111,12 @@ def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
 
 
 def _shown(item: pytest.Item, simulation: Simulation, number: int) -> list[str]:
-    """Write what a simulation of a failed test did last; return where, in lines of its report."""
+    """Write the end of a failed test's simulation to files; return lines for its report."""
     from onebot_bringup.testing.failed_run import show_failed_run
 
     name = re.sub(r"[^\w.-]+", "_", item.nodeid.replace(".py::", "-"))
     base = item.config.rootpath / _FOLDER / (f"{name}-{number + 1}" if number else name)
     try:
         return [f"the end of it: {file}" for file in show_failed_run(simulation, base)]
-    except Exception as error:  # the failure of the test is what counts
+    except Exception as error:  # the failure of the test is more important
         return [f"the end of it cannot be shown: {error}"]

@@ -1,4 +1,4 @@
-"""A bringup that a test has started."""
+"""Runs a bringup for a test."""
 
 import os
 import signal
@@ -20,26 +20,26 @@ _MODULES = {
     "onebot_bringup": "onebot_bringup.launch.onebot_bringup",
     "mrm_bringup": "mrm_description.launch.mrm_bringup",
 }
-_START = 60.0  # s until the robot is up
-_STOP = 30.0  # s; the launcher itself kills what has not ended after 4 s
+_START = 60.0  # s for the robot to be up
+_STOP = 30.0  # s; the launcher itself kills nodes that have not ended after 4 s
 _POLL = 0.02  # s
 
 
 class RunningBringup:
-    """A bringup in processes of its own: real time, real discovery.
+    """A bringup in separate processes, with real time and real discovery.
 
     It ends with the ``with`` block, and also if this process is killed.
     """
 
     def __init__(self, command: str, words: Sequence[str]) -> None:
-        """Start it, and wait until its robots publish joint states.
+        """Start the bringup, and wait until its robots publish joint states.
 
         Args:
             command: "onebot_bringup" or "mrm_bringup".
             words: its arguments, such as "world:=maze".
 
         Raises:
-            OneBotError: it ended, or it was not up after a minute; with what it printed.
+            OneBotError: it ended, or was not up after a minute; the message has its output.
         """
         self._folder = TemporaryDirectory(prefix="onebot-test-")
         self._log = Path(self._folder.name) / "output"
@@ -63,11 +63,11 @@ class RunningBringup:
 
     @property
     def output(self) -> str:
-        """All that it has printed so far."""
+        """Everything it has printed so far."""
         return self._log.read_text()
 
     def stop(self) -> int:
-        """Press Ctrl-C, and wait for the end; return the exit code."""
+        """Stop the bringup as by Ctrl-C, and wait for its end; return the exit code."""
         if self._process.poll() is None:
             signal_group(self._process.pid, signal.SIGINT)
         try:
@@ -87,7 +87,7 @@ class RunningBringup:
     ) -> None:
         self.stop()
         if self._log.exists():
-            print(self.output)  # pytest shows it where the test has failed
+            print(self.output)  # pytest shows it if the test has failed
         self._folder.cleanup()
 
     def _await_robots(self) -> None:
@@ -98,7 +98,7 @@ class RunningBringup:
 
         context = rclpy.Context()
         with patch.dict(os.environ):
-            configure_discovery()  # as the robots have it: neither waits for the other
+            configure_discovery()  # the same settings as the robots'
             rclpy.init(args=[], context=context)
         node = rclpy.create_node("bringup_test", context=context)
         executor = SingleThreadedExecutor(context=context)

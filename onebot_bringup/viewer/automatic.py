@@ -1,4 +1,4 @@
-"""Chooses which of the available topics to show, beside the topics that the view names."""
+"""Chooses which of the available topics to show, in addition to those that the view names."""
 
 from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -11,14 +11,14 @@ from onebot_description.errors import OneBotError, listing
 if TYPE_CHECKING:
     from onebot_bringup.viewer.stage import Stage
 
-# Topics that are shown by themselves: more are a wall of curves, and a page that cannot keep up.
+# Most topics shown automatically: with more, there are too many curves and the page falls behind.
 MOST_SHOWN, MOST_HEAVY = 40, 6
-_LISTED = 5  # topics
+_LISTED = 5  # topics named in a message
 
 MESSAGE_DISPLAYS: Mapping[str, type[Drawing[Any]]] = {
     name: drawing for drawing in MESSAGE_DRAWINGS for name in drawing.message_types
 }
-"""What draws each message type."""
+"""The drawing class of each message type."""
 
 
 class OfferedTopic(NamedTuple):
@@ -30,25 +30,25 @@ class OfferedTopic(NamedTuple):
 
 
 class TopicSelection:
-    """Keeps the choice of topics."""
+    """Chooses the topics to show, and remembers the choice."""
 
     def __init__(self, stage: "Stage") -> None:
         self.offered: tuple[OfferedTopic, ...] = ()
         self.stage = stage
 
     def choose(self, published: Mapping[str, str], drawn_otherwise: Collection[str]) -> list[str]:
-        """Choose topics; a topic that is shown stays, whatever else is published later.
+        """Choose the topics to show; a topic once shown stays, whatever is published later.
 
         Args:
-            published: the type of each by its full name.
-            drawn_otherwise: topics not shown by themselves, since the view draws them, as a trail.
+            published: message types by full topic names.
+            drawn_otherwise: topics that the view already draws, such as trails.
 
         Returns:
-            What cannot be shown, a sentence each.
+            One sentence per thing that cannot be shown.
         """
         topics, problems = self._readable(published)
         view, resolve = self.stage.view, self.stage.resolve
-        kept = {display.topic for display in self.offered if display.visible}
+        kept = {offer.topic for offer in self.offered if offer.visible}
         hidden, named = set(map(resolve, view.hidden)), set(map(resolve, view.shown))
         visible, crowded = set[str](), list[str]()
         room = {False: MOST_SHOWN, True: MOST_HEAVY}
@@ -77,7 +77,7 @@ class TopicSelection:
         return problems
 
     def _readable(self, published: Mapping[str, str]) -> tuple[dict[str, str], list[str]]:
-        """Return the topics whose type has a display, and a definition that can be read."""
+        """Return the topics whose type has a display and a readable definition, and problems."""
         readable, bad = {}, {}
         for topic, kind in published.items():
             if kind in MESSAGE_DISPLAYS and kind not in bad:
@@ -90,9 +90,9 @@ class TopicSelection:
         return readable, list(bad.values())
 
     def of(self, drawing: type[Drawing[Any]]) -> dict[str, str]:
-        """Return the topics that are to be drawn so, with their types."""
+        """Return the topics that ``drawing`` draws, with their types."""
         return {
-            display.topic: display.type
-            for display in self.offered
-            if display.visible and display.type in drawing.message_types
+            offer.topic: offer.type
+            for offer in self.offered
+            if offer.visible and offer.type in drawing.message_types
         }

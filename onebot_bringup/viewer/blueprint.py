@@ -1,4 +1,4 @@
-"""The viewer's blueprint: the robot on its grid, the displays' views beside it, quiet panels."""
+"""The viewer's blueprint: the robot on its grid, other views beside it, panels collapsed."""
 
 from collections.abc import Collection, Container, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -33,19 +33,19 @@ from onebot_bringup.viewer.view_config import (
 )
 
 ROBOT_VIEW = "Robot"
-_BESIDE = "Plots and pictures"  # a tab
+_BESIDE = "Plots and pictures"  # name of a tab
 _ROBOT_VIEW_ID = UUID("6f0b5f0e-3c1d-4a52-9a75-0b6c5d9a2e11")
-_IN_A_COLUMN = 4  # views, one above the other; more are in two columns
+_IN_A_COLUMN = 4  # most views in a single column; more are laid out in two
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Layout:
-    """All that a blueprint is made of; another one is sent when this changes.
+    """Everything that a blueprint depends on; a new one is sent when this changes.
 
-    Colours and lengths of what is drawn are not in it: they change without another blueprint,
-    which would turn the camera back to where the view has it.
+    Colours and lengths are not part of it: they change without a new blueprint, which would reset
+    the camera.
     """
 
     grid: GridSettings
@@ -56,7 +56,7 @@ class Layout:
     fixed_frame: str
     complete: bool  # transforms lead to every link
     robots: tuple[str, ...]  # namespaces of the robots whose description is known
-    tabs: bool = False  # the robots have all of the room; what is beside them is in a tab
+    tabs: bool = False  # the robots fill the viewer; the other views are in a tab
 
     @classmethod
     def of(
@@ -67,24 +67,24 @@ class Layout:
         complete: bool,
         robots: Iterable[ShownRobot],
     ) -> "Layout":
-        """Return the layout for a view, and the robots as they are now."""
+        """Return the layout for a view and the current robots."""
         settings = view.grid, view.background, view.camera, view.panels
         names = tuple(str(robot.names) for robot in robots if robot.description is not None)
         return cls(*settings, tuple(parts), fixed_frame, complete, names)
 
     def without_plots(self) -> "Layout":
-        """Return the layout with nothing beside the robot."""
+        """Return the layout without the views beside the robot."""
         return replace(self, parts=tuple(replace(part, views=(), wide=()) for part in self.parts))
 
     def in_page(self, cameras: Collection[str]) -> "Layout":
-        """Return the layout for a page that has little room, and shows these topics' pictures."""
+        """Return the layout for a page with little room that shows these cameras itself."""
         pictures = {topic_entity(ImageDrawing.key, topic) for topic in cameras}
         parts = tuple(_without(part, pictures) for part in self.parts)
         return replace(self, parts=parts, tabs=True)
 
 
 class BlueprintSender:
-    """Sends a blueprint that fits the robots, and another one only when it has to change."""
+    """Sends a blueprint that fits the robots, and a new one only when the layout changes."""
 
     def __init__(
         self,
@@ -97,8 +97,8 @@ class BlueprintSender:
 
         Args:
             recording: where to send.
-            robots: what it has to fit; their contexts get the lengths that fit them.
-            from_start: the viewer plays from the beginning, in place of following the end.
+            robots: the robots to fit; ``update`` sets their fitting and axes lengths.
+            from_start: play from the beginning instead of following the latest data.
         """
         self._recording = recording
         self._robots = robots
@@ -106,17 +106,17 @@ class BlueprintSender:
         self._sent: Layout | None = None
 
     def update(self, layout: Layout, *, send: bool = True) -> None:
-        """Make the blueprint anew if the layout has changed.
+        """Make a new blueprint if the layout has changed.
 
-        Never otherwise: it would undo what the user has arranged and turned meanwhile.
+        It is not sent otherwise, since that would undo what the user has rearranged.
 
         Args:
-            layout: of now.
-            send: to the viewer; else only the robot's size is found out.
+            layout: the current layout.
+            send: send it to the viewer; False only measures the robots.
         """
         sent = self._sent
         if sent and sent.complete and _same_frames(layout, sent):
-            layout = replace(layout, complete=True)  # once it was
+            layout = replace(layout, complete=True)  # once complete, it stays so
         if layout == sent:
             return
         self._sent = layout
@@ -140,7 +140,7 @@ class BlueprintSender:
             size = diagonal(bounds)
         camera, follow = layout.camera, self._followed(layout.camera.follow)
         if len(self._robots) > 1 and camera.follow and follow is None:
-            camera = CameraSettings()  # made to look at one robot alone
+            camera = CameraSettings()  # the view's camera was set up for a single robot
         camera = replace(camera, eye=camera.eye or eye, target=camera.target or target)
         spacing = layout.grid.spacing or (1.0 if bounds is None or size > 1.0 else 0.1)
         grid = replace(layout.grid, spacing=spacing)
@@ -148,7 +148,7 @@ class BlueprintSender:
         return make_blueprint(layout, follow, self._from_start)
 
     def _fitted(self, shown: ShownRobot, fixed_frame: str) -> Floats | None:
-        """Return the box around a robot, and note the lengths that fit it."""
+        """Return the box around a robot, and store the lengths that fit it."""
         robot = shown.description
         if robot is None:
             return None
@@ -165,7 +165,7 @@ class BlueprintSender:
         return bounds
 
     def _followed(self, wanted: str) -> str | None:
-        """The entity that moves with a link, which is named by its frame among several robots."""
+        """Return the entity that moves with a link; among several robots, links go by frame."""
         for candidate in self._robots:
             robot = candidate.description
             for link in robot.link_names if wanted and robot is not None else ():
@@ -198,7 +198,7 @@ def make_blueprint(
     if layout.tabs:
         robot = rrb.Tabs(robot, *columns) if columns else robot
     elif columns:
-        # Several robots have a tab each, and one is drawn.
+        # With several robots, each has a tab, and only one of them is drawn.
         beside = rrb.Tabs(*columns) if len(columns) > 1 else columns[0]
         shares = [3, 2 if isinstance(beside, rrb.Grid) else 1]
         robot = rrb.Horizontal(robot, beside, column_shares=shares)
@@ -206,7 +206,7 @@ def make_blueprint(
 
 
 def _columns(layout: Layout) -> list[rrb.Container]:
-    """Return the views beside the robots' own, those of each robot in a container."""
+    """Return the views beside the robots' own, one container per robot."""
     columns: list[rrb.Container] = []
     for robot, of_robot in groupby(layout.parts, key=lambda part: part.robot):
         views = [view.view() for part in of_robot for view in part.views]
@@ -252,14 +252,14 @@ def _robot_view(layout: Layout, follow: str | None) -> rrb.Spatial3DView:
         ),
         **optional,
     )
-    # Rerun moves the eye close to an entity that a view begins to follow. By its id the view of a
-    # new layout is the one before, which follows it already.
+    # Rerun moves the eye close to an entity when a view begins to follow it. With the same id, the
+    # view of a new layout counts as the previous view, which already follows the entity.
     view.id = _ROBOT_VIEW_ID
     return view
 
 
 def _contents(parts: Iterable[LayoutPart]) -> list[str]:
-    """Everything, but nothing that an earlier view had and this one has not."""
+    """Return the query of the robots' view: everything except the parts' hidden entities."""
     parts = list(parts)
     hidden = [f"- /{entity}/**" for part in parts for entity in part.hidden]
     return ["+ /**", *hidden, *(f"+ /{entity}/**" for part in parts for entity in part.shown)]

@@ -1,7 +1,7 @@
-"""Entities' paths, and columns for Rerun's ``send_columns``: arrays without its makers' checks.
+"""Entity paths, and columns for Rerun's ``send_columns``, made without the checks of its types.
 
 One ``send_columns`` costs about as much for fifty messages as one ``rr.log`` for a single joint.
-Times are those of the messages, on the timeline ``ros_time``.
+Times are the messages', on the timeline ``ros_time``.
 """
 
 import math
@@ -16,38 +16,38 @@ from numpy.typing import NDArray
 
 TIMELINE = "ros_time"
 
-_MANY = 65_536  # bytes: copying them takes longer than letting go of Python's memory
+_MANY = 65_536  # bytes above which copying costs more than releasing Python's memory
 _STAMPS = pa.timestamp("ns")
 
 
 def entity_path(*names: str) -> str:
-    """Return the path of an entity, of any names."""
+    """Return the path of an entity from its parts, which may contain any characters."""
     return rr.new_entity_path(list(names)).lstrip("/")
 
 
 class ReadyColumn(rr.ComponentColumn):
-    """A column whose Arrow array is made, and can be sent many times."""
+    """A column with a finished Arrow array, which can be sent many times."""
 
     def __init__(self, descriptor: Any, array: pa.Array) -> None:
         self._descriptor = descriptor
         self._array = array
 
     def component_descriptor(self) -> Any:
-        """What the column is."""
+        """Return the descriptor of the column's component."""
         return self._descriptor
 
     def as_arrow_array(self) -> pa.Array:
-        """A list a row."""
+        """Return the array, one list per row."""
         return self._array
 
 
 def ready(columns: rr.ComponentColumnList) -> Sequence[ReadyColumn]:
-    """Return columns that need no more work when they are sent again."""
+    """Convert columns to ones that need no more work when they are sent again."""
     return [ReadyColumn(item.component_descriptor(), item.as_arrow_array()) for item in columns]
 
 
 class ColumnMaker:
-    """Makes columns of numbers of one component."""
+    """Makes columns of one numeric component."""
 
     def __init__(self, sample: rr.ComponentColumnList) -> None:
         [column] = ready(sample)
@@ -64,15 +64,15 @@ class ColumnMaker:
 
         Args:
             values: all numbers, row by row.
-            each: components a row, of as many numbers as the component has.
+            each: instances of the component per row.
         """
         array = self._numbers(values)
         return self._in_rows(array, len(array) // self._width // each, each)
 
     def row(self, values: NDArray[Any]) -> ReadyColumn:
-        """Return a column of one row of numbers, of any number of components.
+        """Return a column of one row with any number of instances.
 
-        Many numbers are not copied: nobody may write to them from now on.
+        Large arrays are not copied: do not write to ``values`` afterwards.
         """
         if values.nbytes > _MANY and self._dtype == values.dtype and _is_ready(values):
             array = pa.Array.from_buffers(
@@ -85,7 +85,7 @@ class ColumnMaker:
     def _numbers(self, values: NDArray[Any]) -> pa.Array:
         if self._dtype == values.dtype:
             return _array(self._number, values, self._dtype)
-        with np.errstate(over="ignore"):  # too much for 32 bits: infinite
+        with np.errstate(over="ignore"):  # too large for float32: infinite
             return _array(self._number, values, self._dtype)
 
     def _in_rows(self, array: pa.Array, rows: int, each: int) -> ReadyColumn:
@@ -98,7 +98,7 @@ class ColumnMaker:
 
 
 class BytesMaker:
-    """Makes columns of a component that is bytes; they are not copied."""
+    """Makes columns of a component that holds bytes, without copying them."""
 
     def __init__(self, sample: rr.ComponentColumnList) -> None:
         [column] = ready(sample)
@@ -106,7 +106,7 @@ class BytesMaker:
         self._rows = column.as_arrow_array().type
 
     def row(self, data: NDArray[np.uint8]) -> ReadyColumn:
-        """Return a column of one row of bytes, which nobody may write to from now on."""
+        """Return a column of one row of bytes; do not write to ``data`` afterwards."""
         kind = self._rows.value_type
         items = pa.Array.from_buffers(kind.value_type, len(data), [None, pa.py_buffer(data)])
         bytes_ = pa.Array.from_buffers(kind, 1, [None, _offsets(1, len(data))], children=[items])
@@ -115,7 +115,7 @@ class BytesMaker:
 
 
 def one_row(archetype: "rr.AsComponents | ReadyColumn") -> Sequence[ReadyColumn]:
-    """Return an archetype as columns of one row; a column that is made already stays."""
+    """Return an archetype as columns of one row; a ReadyColumn is passed through."""
     if isinstance(archetype, ReadyColumn):
         return [archetype]
     return [_one_row(batch) for batch in archetype.as_component_batches()]
@@ -132,7 +132,7 @@ def _one_row(batch: Any) -> ReadyColumn:
 def joinable(
     rows: Sequence[tuple[int, Sequence[ReadyColumn]]],
 ) -> list[list[tuple[int, Sequence[ReadyColumn]]]]:
-    """Split consecutive rows into runs of the same columns, none of them large."""
+    """Group consecutive rows of the same columns; a large row is a group of its own."""
     if len(rows) == 1:
         return [[*rows]]
     groups: list[list[tuple[int, Sequence[ReadyColumn]]]] = []
@@ -151,7 +151,7 @@ def joinable(
 
 
 def joined(rows: Sequence[Sequence[ReadyColumn]]) -> Sequence[ReadyColumn]:
-    """Return rows of the same columns as columns of several rows."""
+    """Join rows of the same columns into columns of several rows."""
     if len(rows) == 1:
         return rows[0]
     return [
@@ -164,30 +164,30 @@ def joined(rows: Sequence[Sequence[ReadyColumn]]) -> Sequence[ReadyColumn]:
 
 
 class StampColumn:
-    """A column of times (``rr.TimeColumn`` is another)."""
+    """A column of times, like ``rr.TimeColumn`` but without its checks."""
 
     def __init__(self, timeline: str, stamps_ns: NDArray[np.int64]) -> None:
         self._timeline = timeline
         self._array = _array(_STAMPS, stamps_ns, np.dtype(np.int64))
 
     def timeline_name(self) -> str:
-        """Of the timeline."""
+        """Return the name of the timeline."""
         return self._timeline
 
     def as_arrow_array(self) -> pa.Array:
-        """A time a row."""
+        """Return the array, one time per row."""
         return self._array
 
 
 def _is_ready(values: NDArray[Any]) -> bool:
-    """Whether numbers lie side by side, and where Arrow wants them."""
+    """Whether the numbers are contiguous and aligned as Arrow wants them."""
     return bool(values.flags.c_contiguous and values.ctypes.data % 8 == 0)
 
 
 def empty(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
-    """Return an array to be filled with what is logged, in memory that Arrow uses again.
+    """Return an uninitialized array for data to be logged, in memory that Arrow reuses.
 
-    New memory from the system, as large arrays get it, takes longer than to fill it.
+    For large arrays, getting new memory from the system takes longer than filling it.
     """
     array: NDArray[Any] = np.frombuffer(
         pa.allocate_buffer(math.prod(shape) * np.dtype(dtype).itemsize), dtype
@@ -196,8 +196,8 @@ def empty(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
 
 
 def _array(kind: pa.DataType, values: NDArray[Any], dtype: np.dtype[Any]) -> pa.Array:
-    # The memory is Arrow's own: Rerun's threads let go of Python's only with the interpreter's
-    # lock, for which they and we would wait in turn.
+    # The memory is Arrow's own: Rerun's threads can release Python's only while they hold the
+    # interpreter lock, for which they and we would wait in turn.
     memory = pa.allocate_buffer(values.size * dtype.itemsize)
     np.frombuffer(memory, dtype).reshape(values.shape)[...] = values
     return pa.Array.from_buffers(kind, values.size, [None, memory])
@@ -205,10 +205,10 @@ def _array(kind: pa.DataType, values: NDArray[Any], dtype: np.dtype[Any]) -> pa.
 
 @lru_cache(maxsize=64)
 def _offsets(rows: int, each: int) -> pa.Buffer:
-    """Where rows of so many components each begin."""
+    """Return the offsets at which rows of ``each`` instances begin."""
     return pa.array(np.arange(rows + 1, dtype=np.int32) * np.int32(each)).buffers()[1]
 
 
 def time_column(stamps_ns: NDArray[np.int64]) -> StampColumn:
-    """Return nanoseconds as times on our timeline."""
+    """Return stamps, nanoseconds, as a column of times on our timeline."""
     return StampColumn(TIMELINE, stamps_ns)

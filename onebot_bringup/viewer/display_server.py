@@ -1,4 +1,4 @@
-"""Where the robot can be seen: the recording, and the page or the window that shows it."""
+"""Opens the recording, and the page or window that shows it."""
 
 import ctypes
 import fcntl
@@ -33,18 +33,18 @@ from onebot_bringup.serving.ports import (
 )
 from onebot_description.errors import OneBotError
 
-# Rerun's own program as a child process that can never outlive us, whatever ends us.
+# Rerun's own program, run as a child process that never outlives us, however we end.
 
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
-# What Rerun writes as it crashes, with some lines before, before a trace and where to report bugs.
+# Rerun's crash message with a few lines before it; a trace and a request for a bug report follow.
 _CRASH = re.compile(r"(?:(?!.*XDG_RUNTIME_DIR).*\n+){0,8}.*(?:panicked at|caught a signal).*")
 _LIBC = ctypes.CDLL(None)  # looked up before any fork, because the child may not allocate much
 
 
 def program() -> Path:
-    """Return the Rerun program itself.
+    """Return the path of the Rerun program itself.
 
-    Not the ``rerun`` script: that is a Python shim, and killing it would leave the program behind.
+    The ``rerun`` script is a Python shim: killing it would leave the program running.
     """
     path = Path(rerun_cli.__file__).parent / "rerun"
     if not path.is_file():
@@ -53,18 +53,18 @@ def program() -> Path:
 
 
 class ScratchFolder:
-    """A temporary folder for Rerun's program, which leaves behind what it puts there.
+    """A temporary folder for Rerun's program, which does not remove its temporary files.
 
-    It is locked by this process. If that is killed, the next folder's process removes it.
+    This process locks it. If the process is killed, the next one to make such a folder removes it.
 
     Attributes:
-        path: where it is.
+        path: the folder.
     """
 
     _PREFIX = "onebot-rerun-"
 
     def __init__(self) -> None:
-        """Make it, and remove those of processes that are gone."""
+        """Make the folder, and remove folders of processes that are gone."""
         for left in Path(tempfile.gettempdir()).glob(f"{self._PREFIX}*"):
             lock = _locked(left)
             if lock is not None:
@@ -81,7 +81,7 @@ class ScratchFolder:
         self._locked.callback(os.close, lock)
 
     def remove(self) -> None:
-        """Remove it with all that is in it."""
+        """Remove the folder with its content."""
         self._folder.cleanup()
         self._locked.close()
 
@@ -104,9 +104,9 @@ class Child:
     """A running Rerun program."""
 
     def __init__(self, arguments: Sequence[str], environment: dict[str, str] | None = None) -> None:
-        """Start it; all its sockets belong to 127.0.0.1, and it dies with this process.
+        """Start the program; it listens on 127.0.0.1 only, and dies with this process.
 
-        Call it from the main thread: Linux delivers the death signal when the *thread* that
+        Call this from the main thread: Linux delivers the death signal when the *thread* that
         started the child ends.
         """
         self._output: IO[bytes] = tempfile.TemporaryFile()
@@ -127,16 +127,16 @@ class Child:
 
     @property
     def pid(self) -> int:
-        """Its process id."""
+        """The process id."""
         return self._process.pid
 
     @property
     def running(self) -> bool:
-        """False once it has ended."""
+        """False once the program has ended."""
         return self._process.poll() is None
 
     def last_words(self) -> str:
-        """Return the last line it wrote, or why it crashed; or else its exit code."""
+        """Return the last line of its output or its crash message, or else its exit code."""
         output = self.output().strip()
         crash = _CRASH.search(output)
         if crash is not None:
@@ -144,12 +144,12 @@ class Child:
         return output.rpartition("\n")[2].strip() or f"exit code {self._process.poll()}"
 
     def output(self) -> str:
-        """Return all it wrote."""
+        """Return everything the program has written."""
         self._output.seek(0)
         return self._output.read().decode(errors="replace")
 
     def stop(self, patience: float = 1.5) -> None:
-        """Ask it to end, and make it after ``patience`` seconds."""
+        """Ask the program to end, and kill it after ``patience`` seconds."""
         if self.running:
             self._process.terminate()
             try:
@@ -164,7 +164,7 @@ class Child:
 def _die_with(parent: int) -> Callable[[], None]:
     def arrange() -> None:
         _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-        if os.getppid() != parent:  # it died before we asked
+        if os.getppid() != parent:  # the parent died before the call above
             os._exit(1)
 
     return arrange
@@ -174,19 +174,19 @@ def _die_with(parent: int) -> Callable[[], None]:
 
 
 class WebPage:
-    """Rerun's page, hosted on loopback: Rerun's server, and a proxy that keeps it private.
+    """Rerun's page on loopback: Rerun's server, and a proxy that keeps it private.
 
     Attributes:
-        port: where it listens, on 127.0.0.1.
-        url: what to open in a browser.
-        address: the page and its options, with the address of the recording for native viewers.
+        port: its port on 127.0.0.1.
+        url: the address to open in a browser.
+        address: the page with its options and the recording's address for native viewers.
     """
 
     def __init__(self, port: int, recording_uri: str, data: tuple[str, int]) -> None:
         """Start hosting.
 
         Args:
-            port: wanted port, another one is taken if it is in use (0: any).
+            port: the preferred port, replaced by a free one if it is in use; 0 for any.
             recording_uri: where native viewers connect.
             data: address and port of the recording's server.
         """
@@ -197,7 +197,7 @@ class WebPage:
         listener = listen(LOOPBACK, port, "web_port")
         self._backend = free_port(0)
         self._child = self._start()
-        # persist=0: it shows this robot's view, not one remembered from another robot.
+        # persist=0: show this robot's view, not one that the browser remembers of another robot.
         options = "hide_welcome_screen&theme=dark&persist=0&notebook=1"
         self.port = int(listener.getsockname()[1])
         self.url = f"http://{LOOPBACK}:{self.port}"
@@ -214,11 +214,11 @@ class WebPage:
 
     @property
     def running(self) -> bool:
-        """False if its process has ended."""
+        """False if the server's process has ended."""
         return self._child.running
 
     def restart(self) -> str:
-        """Host the page again after it died, at the same address; returns why it died."""
+        """Host the page again at the same address after its server died; return why it died."""
         reason = self._child.last_words()
         self._child.stop()
         self._child = self._start()
@@ -245,7 +245,7 @@ def native_window(recording_uri: str) -> Child:
     return Child(["--port", port, "--hide-welcome-screen", "--connect", recording_uri])
 
 
-# The recording: served on loopback, written to a file, or both.
+# The recording, which is served on loopback, written to a file, or both.
 
 _PIPE_SIZE = 1 << 20  # bytes; the largest that any user may have
 
@@ -253,13 +253,12 @@ _PIPE_SIZE = 1 << 20  # bytes; the largest that any user may have
 class RecordingFile:
     """A ``.rrd`` file that Rerun writes through a pipe, so that a full disk never stops Rerun.
 
-    Rerun itself reports no reason when it cannot write a file, and a flush at that moment never
-    returns, which stops all that is served. Here the pipe is read on to its end, whatever becomes
-    of the file.
+    When Rerun itself cannot write a file, it gives no reason, and a flush never returns, which
+    stops the server too. Here the pipe is read to its end, whatever happens to the file.
     """
 
     def __init__(self, path: Path) -> None:
-        """Open it, replacing what was there."""
+        """Open the file, replacing an existing one."""
         self._path = path
         self._file = _open_recording_file(path)
         self._error: OSError | None = None
@@ -271,9 +270,9 @@ class RecordingFile:
 
     @contextmanager
     def sink(self) -> Iterator[rr.FileSink]:
-        """Give what Rerun writes to; a recording must open it before this ends."""
+        """Yield the sink that Rerun writes to; a recording must open it within the context."""
         try:
-            # A footer would keep a record of every chunk in memory: nothing for a run of days.
+            # A footer would keep a record of every chunk in memory, too much for a run of days.
             yield rr.FileSink(f"/proc/self/fd/{self._target}", write_footer=False)
         finally:
             os.close(self._target)  # the pipe ends with the recording
@@ -298,11 +297,11 @@ class RecordingFile:
             raise OneBotError(f"save:={self._path}: {self._error.strerror}")
 
     def close(self) -> None:
-        """Write the rest of a recording that has ended; as ``check``."""
+        """Write the rest of a recording that has ended; raises as ``check`` does."""
         self._thread.join()
         try:
             self._file.close()
-        except OSError as error:  # such as of a file on another host
+        except OSError as error:  # a network file system may report errors only on close
             self._error = self._error or error
         self.check()
 
@@ -318,7 +317,7 @@ def _open_recording_file(path: Path) -> FileIO:
         raise OneBotError(f"save:={path}: {error.strerror}") from error
 
 
-# Saved blueprints (.rbl) belong to an application: never change it, or they are no longer found.
+# Saved blueprints (.rbl) belong to this application id: if it changes, Rerun no longer finds them.
 APPLICATION = "onebot"
 
 
@@ -329,16 +328,16 @@ class Recording:
     stream: rr.RecordingStream
     file: RecordingFile | None
     port: int | None = None  # on 127.0.0.1, for native viewers; None if nothing is served
-    server: tuple[str, int] = ("", 0)  # address and port of Rerun's server, which that leads to
-    gate: GrpcGate | None = None  # listens on the port
+    server: tuple[str, int] = ("", 0)  # address and port of Rerun's server, behind the gate
+    gate: GrpcGate | None = None  # listens on ``port``
 
     @property
     def uri(self) -> str:
-        """Where native viewers connect."""
+        """The address that native viewers connect to."""
         return f"rerun+http://{LOOPBACK}:{self.port}/proxy"
 
     def close(self) -> None:
-        """Write out everything and end the server; as ``RecordingFile.check``."""
+        """Write out everything and end the server; raises as ``RecordingFile.check`` does."""
         if self.gate is not None:
             self.gate.stop()
         self.stream.disconnect()
@@ -352,10 +351,11 @@ def open_recording(
     """Open a recording that is served on 127.0.0.1:``port``, written to ``save``, or both.
 
     Args:
-        port: wanted port, another one is taken if it is in use (0: any); None serves nothing.
+        port: the preferred port, replaced by a free one if it is in use; 0 for any, None to serve
+            nothing.
         save: a ``.rrd`` file, replaced if it exists.
-        memory_limit: what the server keeps for viewers that join later, such as "256MB"; beyond
-            it, the oldest moving data is dropped, but nothing static.
+        memory_limit: how much the server keeps for viewers that join later, such as "256MB";
+            beyond it the oldest data is dropped, except static data.
     """
     if port is None and save is None:
         raise OneBotError("nothing to log to: serve the recording or save it")
@@ -384,17 +384,17 @@ _REMIND_AFTER = 5.0  # seconds
 
 
 class Log(Protocol):
-    """Where messages to the user go; an rclpy logger is one."""
+    """A logger of messages to the user, such as an rclpy logger."""
 
     def info(self, message: str, /) -> object: ...
     def warning(self, message: str, /) -> object: ...
 
 
 class DisplayServer:
-    """An open recording and what shows it, until ``close``.
+    """An open recording and its page or window, until ``close``.
 
     Attributes:
-        stream: where to log.
+        stream: the stream to log to.
     """
 
     def __init__(
@@ -409,7 +409,7 @@ class DisplayServer:
         embedded: bool = False,
         log: Log,
     ) -> None:
-        """Open the recording, then what shows it; call it from the main thread."""
+        """Open the recording, then its page or window; call this from the main thread."""
         self._log = log
         self._open_browser, self._embedded = open_browser, embedded
         self._page: WebPage | None = None
@@ -439,13 +439,13 @@ class DisplayServer:
 
     @property
     def page_address(self) -> str:
-        """The page's whole address, once it can be opened; "" before, or if there is no page."""
+        """The page's full address once it can be opened; "" before that or without a page."""
         return self._page.address if self._page is not None and self._announced else ""
 
     def watch(self) -> None:
-        """Announce the page once it is up, host it anew if it dies; say if a window was closed.
+        """Announce the page once it is up, restart it if it dies, report a closed window.
 
-        Call it some times a second, from the main thread.
+        Call this a few times a second, from the main thread.
 
         Raises:
             OneBotError: the file cannot be written, and there is nothing else to show.
@@ -487,7 +487,7 @@ class DisplayServer:
             self._log.info(f"waiting for the page's server on port {page.port}")
 
     def close(self) -> None:
-        """End what shows the recording, then write it out; as ``RecordingFile.check``."""
+        """Close the page or window, write out the recording; raises as ``RecordingFile.check``."""
         for process in (self._page, self._window):
             if process is not None:
                 process.stop()

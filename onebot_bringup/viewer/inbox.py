@@ -1,7 +1,7 @@
-"""The inbox: messages wait here until they are decoded together and passed to the displays.
+"""The inbox: queues messages until they are decoded in batches and passed to the displays.
 
-A message is shown at the time of its stamp (``Stamps``). Where more comes than can be drawn, old
-messages are dropped (``LoadLimit``).
+A message is shown at the time of its stamp (``Stamps``). If more messages come than can be drawn,
+old ones are dropped (``LoadLimit``).
 """
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -22,7 +22,7 @@ T = TypeVar("T")
 Report = Callable[[Exception], object]
 
 OTHER_CLOCK_NS = 10_000_000_000  # times further apart than this come from different clocks
-WARN_AFTER = 3.0  # seconds that a link, a frame or a transform may be missing without a warning
+WARN_AFTER = 3.0  # seconds before a missing link, frame or transform is reported
 _TF = "tf2_msgs/msg/TFMessage"
 
 
@@ -33,18 +33,23 @@ _TF = "tf2_msgs/msg/TFMessage"
 class MessageType(Generic[T]):
     """A message type, and a decoder for batches of its messages."""
 
-    name: str  # as ROS has it, such as "nav_msgs/msg/Odometry"
-    # Messages in the order they came, and a function for the error of a bad message -> their
-    # results; None is a bad message's. Displays that use the same object share its results.
+    name: str  # full name, such as "nav_msgs/msg/Odometry"
+    # Decodes messages, in the order they came; calls its second argument with the error of a bad
+    # message, whose result is None. Displays that use the same object share its results.
     decode: Callable[[Sequence[bytes], Report], Sequence[T | None]]
-    stamp_ns: Callable[[T], int]  # the header's, nanoseconds; 0 for none
-    # Stamps are about the time of sending; false for types that are latched for long, as plans.
+    stamp_ns: Callable[[T], int]  # returns the header's stamp, nanoseconds; 0 for none
+    # Stamps are close to the sending time; False for types that are latched for long, such as plans
     live: bool = True
 
 
 @lru_cache(maxsize=256)
 def message_type(name: str, definition: str, live: bool = True) -> "MessageType[Any]":
-    """Return a type whose messages are decoded by its definition, see ``Schema``.
+    """Return a message type whose messages are decoded by its definition; see ``Schema``.
+
+    Args:
+        name: the type's name, such as "nav_msgs/msg/Odometry".
+        definition: the text of its definition, with the definitions of the types in it.
+        live: see ``MessageType``.
 
     Raises:
         ValueError: the definition cannot be read.
@@ -53,7 +58,7 @@ def message_type(name: str, definition: str, live: bool = True) -> "MessageType[
 
 
 def known_type(name: str) -> "MessageType[Any]":
-    """Return a type whose definition is here, whatever is installed or recorded."""
+    """Return a message type with our own copy of its definition, whatever is installed."""
     return _read_by(name, known_schema(name))
 
 
@@ -62,7 +67,7 @@ def _read_by(name: str, schema: Schema, live: bool = True) -> "MessageType[Any]"
 
 
 def _stamp_of(schema: Schema) -> Callable[[Any], int]:
-    """Return what reads the stamp of a message: of its header, or its own."""
+    """Return a function that reads a message's stamp: its header's, or its own."""
     fields = schema.numeric_fields()
     if "header.stamp.nanosec" in fields:
         return lambda message: nanoseconds(message.header.stamp)
@@ -72,7 +77,7 @@ def _stamp_of(schema: Schema) -> Callable[[Any], int]:
 
 
 def one_by_one(read: Callable[[bytes], T]) -> Callable[[Sequence[bytes], Report], list[T | None]]:
-    """Return the ``decode`` of a type whose messages ``read`` decodes, or raises BAD_MESSAGE."""
+    """Return a batch ``decode`` from ``read``, which decodes one message or raises BAD_MESSAGE."""
 
     def decode(messages: Sequence[bytes], report: Report) -> list[T | None]:
         results: list[T | None] = []
@@ -96,21 +101,21 @@ DESCRIPTION: MessageType[str] = MessageType(
 
 @dataclass(frozen=True)
 class WantedTopic:
-    """A topic to subscribe."""
+    """A topic to subscribe to, and how."""
 
     name: str  # relative, so that the robot's namespace applies, or absolute
-    types: tuple[MessageType[Any], ...]  # the topic may have any of them
-    reliable: bool = False  # else best effort, which matches every publisher
+    types: tuple[MessageType[Any], ...]  # accepted types
+    reliable: bool = False  # False: best effort, which matches every publisher
     latched: bool = False  # durability transient_local, which implies reliable
-    optional: bool = False  # subscribed only once it is published, if nothing else is shown of it
-    as_published: bool = False  # reliable if all publishers are: large messages need it
-    depth: int = 100  # messages that wait in DDS; of latched topics also publishers
+    optional: bool = False  # subscribe once it is published, unless another type of it is shown
+    as_published: bool = False  # reliable if all publishers are, which large messages need
+    depth: int = 100  # messages queued in DDS; for latched topics also the number of publishers
 
     def merged(self, other: "WantedTopic | None") -> "WantedTopic":
-        """Return one subscription for two displays, of the types that both take.
+        """Return one subscription for two displays, with the types that both accept.
 
         Raises:
-            ValueError: there is no such type.
+            ValueError: they have no type in common.
         """
         if other is None:
             return self
@@ -132,7 +137,7 @@ class WantedTopic:
         )
 
 
-# A topic by its full name, the display that takes it (none for a description), and how it wants it.
+# A topic's full name, the display that takes it (None for a description), and how to subscribe.
 Taker: TypeAlias = "tuple[str, Display[Any] | None, WantedTopic]"
 
 
@@ -140,20 +145,20 @@ Taker: TypeAlias = "tuple[str, Display[Any] | None, WantedTopic]"
 
 
 class Inbox:
-    """Keeps messages until the displays that take them are due."""
+    """Queues messages until the displays that take them are due."""
 
     def __init__(self, report: Callable[[str, Exception], object]) -> None:
-        """Keep nothing yet; ``report`` is called with the topic and the error of a bad message."""
-        self.topics: Mapping[str, WantedTopic] = {}  # subscriptions by full names
+        """Start empty; ``report`` is called with the topic and the error of a bad message."""
+        self.topics: Mapping[str, WantedTopic] = {}  # subscriptions by full topic names
         self.stamps = Stamps()
         self.report = report
         self._queues: dict[tuple[str, str], _Queue] = {}
 
     def set_takers(self, takers: Iterable[Taker]) -> list[str]:
-        """Make a queue for each topic and type; what waits of these is kept.
+        """Make a queue for each topic and type; messages already queued for them are kept.
 
         Returns:
-            What cannot be subscribed, a sentence each.
+            One sentence per topic that cannot be subscribed.
         """
         queues: dict[tuple[str, str], _Queue] = {}
         topics: dict[str, WantedTopic] = {}
@@ -167,7 +172,7 @@ class Inbox:
                 continue
             for kind in topic.types:
                 queue = queues.setdefault((name, kind.name), _Queue())
-                # Several items of a display may be of one topic.
+                # A display may have several items on one topic.
                 if display is not None and (display, topic.name, kind) not in queue.takers:
                     queue.takers.append((display, topic.name, kind))
         for (name, kind_name), queue in queues.items():
@@ -181,15 +186,15 @@ class Inbox:
         return problems
 
     def wants(self, topic: str, type_name: str) -> bool:
-        """Whether messages of a topic (its full name) of this type are taken."""
+        """Whether any display takes messages of this topic (its full name) and type."""
         return (topic, type_name) in self._queues
 
     def take(self, topic: str, type_name: str, data: bytes, time_ns: int) -> None:
-        """Keep a message, unless no display wants it.
+        """Queue a message, unless no display wants it.
 
         Args:
             topic: its full name.
-            type_name: as ROS has it, such as "nav_msgs/msg/Odometry".
+            type_name: its type's full name, such as "nav_msgs/msg/Odometry".
             data: the serialized message.
             time_ns: when it was received, nanoseconds.
         """
@@ -198,7 +203,7 @@ class Inbox:
             queue.append(data, time_ns)
 
     def deliver(self, displays: "Collection[Display[Any]]") -> None:
-        """Decode the messages of these displays, and pass them on."""
+        """Decode the messages queued for these displays, and pass them on."""
         due = set(displays)
         for (topic, _), queue in self._queues.items():
             if not queue.messages or due.isdisjoint(display for display, *_ in queue.takers):
@@ -214,7 +219,7 @@ class Inbox:
                 display.add(name, kind, admitted)
 
     def descriptions(self, topic: str) -> Sequence[tuple[int, str]]:
-        """Return the descriptions that have come on a topic, with their times, and keep none."""
+        """Remove and return the descriptions queued for a topic, with their times."""
         return self._decoded(topic, DESCRIPTION, *self._queues[topic, DESCRIPTION.name].empty())
 
     def _decoded(
@@ -230,14 +235,15 @@ class Inbox:
 
 @dataclass
 class _Queue:
-    """Messages of one topic and type that wait to be decoded, and who takes them."""
+    """The queued messages of one topic and type, and the displays that take them."""
 
     messages: list[bytes] = field(default_factory=list)
     times: list[int] = field(default_factory=list)
-    # A display, the topic as it names it, and how it wants messages decoded.
+    # A display, its name for the topic, and the type that decodes its messages.
     takers: "list[tuple[Display[Any], str, MessageType[Any]]]" = field(default_factory=list)
-    limits: "list[LoadLimit]" = field(default_factory=list)  # if each taker has one:
-    most: int = 0  # messages that wait then; of more, the oldest are dropped
+    # Set if each taker has a limit; more than ``most`` messages then drop the oldest.
+    limits: "list[LoadLimit]" = field(default_factory=list)
+    most: int = 0
 
     def append(self, data: bytes, time_ns: int) -> None:
         self.messages.append(data)
@@ -248,7 +254,7 @@ class _Queue:
                 limit.dropped += 1
 
     def empty(self) -> tuple[list[bytes], list[int]]:
-        """Return the messages and when each was received, and keep none."""
+        """Remove and return the messages and their receive times."""
         waiting = self.messages, self.times
         self.messages, self.times = [], []
         return waiting
@@ -260,21 +266,28 @@ class _Queue:
 class Stamps:
     """Chooses the time at which a message is shown: its stamp, or without one the receive time.
 
-    Messages without a stamp get the receive time, shifted to simulated time if the stamps of /tf,
-    or before there is any those of others, differ from it by more than 10 s. So do those from the
-    future: a message that is stamped years ahead would hold the viewer at that time.
+    The receive time is shifted to simulated time if the stamps of /tf (before any /tf: of other
+    topics) differ from it by more than 10 s. Messages from the future also get the receive time: a
+    message stamped years ahead would pin the viewer to that time.
     """
 
     def __init__(self) -> None:
         self.warnings: dict[str, str] = {}  # warnings of a wrong clock, by topic
-        self._shift = 0  # ns, from the receive time to the time of the stamps
+        self._shift = 0  # ns, from receive times to stamps
         self._has_tf = False
         self._other_since: dict[str, int] = {}  # ns, by the topics whose clock differs
 
     def display_time(
         self, stamp_ns: int, time_ns: int, topic: str = "", kind: MessageType[Any] | None = None
     ) -> int:
-        """Return the time, nanoseconds, of a message with a stamp (0: none), received at a time."""
+        """Return the time at which to show a message, nanoseconds.
+
+        Args:
+            stamp_ns: its stamp, nanoseconds; 0 for none.
+            time_ns: when it was received, nanoseconds.
+            topic: its full name.
+            kind: its type.
+        """
         if SYSTEM_TIME_NS < time_ns < stamp_ns - OTHER_CLOCK_NS:
             ahead = f"{(stamp_ns - time_ns) * 1e-9:.0f} s ahead of their receive time"
             self.warnings.setdefault("", f"stamps {ahead} are ignored: is a clock wrong?")
@@ -286,7 +299,7 @@ class Stamps:
         return stamp_ns
 
     def _compare(self, shift: int, time_ns: int, topic: str, *, is_tf: bool) -> None:
-        """Set the shift, or compare another with it."""
+        """Set the shift, or compare a topic's shift with it and warn if they differ."""
         if is_tf or not self._has_tf:
             self._has_tf = is_tf
             self._shift = shift if abs(shift) > OTHER_CLOCK_NS else 0
@@ -301,35 +314,40 @@ class Stamps:
 
 # --- load -----------------------------------------------------------------------------------------
 
-# How much of its time the viewer may spend on one display, and seconds that it may save up.
+# Share of its time that the viewer may spend on one display, and the most seconds it can save up.
 _SHARE, _SAVED = 0.25, 0.5
-_FADING, _FEW = 0.7, 0.1  # weight of earlier messages with each call, and the least
-_BYTES_PER_SECOND = 400e6  # Rerun copies, encodes and sends so many in its own threads
+_FADING, _FEW = 0.7, 0.1  # decay of earlier messages' weight per call, and the least weight
+_BYTES_PER_SECOND = 400e6  # rate at which Rerun copies, encodes and sends in its own threads
 
 
 class LoadLimit:
-    """Drops old messages of a display whose topics bring more than can be shown.
+    """Drops old messages of a display if more come than can be shown.
 
-    The display has so many seconds of each second; what a message takes is measured.
+    The display gets a share of each second; the time per message is measured.
     """
 
     def __init__(self) -> None:
         self._left = _SAVED  # seconds
-        self._seconds = self._messages = 0.0  # recent messages, and the time that they took
+        self._seconds = self._messages = 0.0  # the time that recent messages took, and their number
         self._at: float | None = None
         self._bytes = 0
         self._count = 0
-        self.dropped = 0  # messages, in all
+        self.dropped = 0  # messages dropped so far
 
     def ready(self, now: float) -> bool:
-        """Whether there is time for a message at ``now``, seconds."""
+        """Whether there is time to draw a message at ``now``, seconds."""
         if self._at is not None:
             self._left = min(_SAVED, self._left + _SHARE * max(0.0, now - self._at))
         self._at = now
         return self._left > 0.0
 
     def admit(self, messages: Sequence[T], sizes: Iterable[int]) -> Sequence[T]:
-        """Return the newest messages that there is time to draw, at least one."""
+        """Return the newest messages, as many as there is time to draw but at least one.
+
+        Args:
+            messages: the messages that have come, oldest first.
+            sizes: their sizes, bytes.
+        """
         cost = self._seconds / self._messages if self._messages else 0.0
         most = max(1, int(self._left / cost)) if cost else len(messages)
         self.dropped += max(0, len(messages) - most)
@@ -339,9 +357,9 @@ class LoadLimit:
         return admitted
 
     def spent(self, seconds: float) -> None:
-        """Take the time that the messages admitted have taken, or those of a moment ago.
+        """Record the time that admitted messages took, seconds.
 
-        Some wait for a transform.
+        It may come from messages admitted earlier, since some wait for a transform.
         """
         seconds += self._bytes / _BYTES_PER_SECOND
         self._left -= seconds

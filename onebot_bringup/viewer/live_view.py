@@ -1,4 +1,4 @@
-"""The view of a running viewer: its parameters and its file, whichever of them changes."""
+"""Keeps the view of a running viewer up to date with its parameters and its file."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -29,10 +29,10 @@ _SAVE_TO = "save_view_to"
 
 
 class LiveView:
-    """Keeps the node's parameters and its view equal; a mistake is logged, and changes nothing.
+    """Keeps the node's parameters and its view equal; logs mistakes, which change nothing.
 
     Attributes:
-        source: has the view.
+        source: the view and where it comes from.
     """
 
     def __init__(
@@ -45,13 +45,13 @@ class LiveView:
         """Declare the settings as parameters, with the view's values where none are given.
 
         Args:
-            node: whose parameters they are; it also serves ``~/save_view``.
+            node: the node that gets the parameters and serves ``~/save_view``.
             own: the node's other parameters, with ``view`` and ``save_view_to``.
             apply: called after each change of the view.
-            use_blueprint: called with the file of a layout that was edited.
+            use_blueprint: called with a layout file that was edited.
 
         Raises:
-            OneBotError: there is no such view, or a parameter has a value that it cannot have.
+            OneBotError: there is no such view, or a parameter has an invalid value.
         """
         self._node, self._own, self._log = node, own, node.get_logger()
         self._apply, self._use_blueprint = apply, use_blueprint
@@ -126,7 +126,7 @@ class LiveView:
     # --- files ----------------------------------------------------------------------------------
 
     def poll(self) -> None:
-        """Apply what was edited; call it now and then."""
+        """Apply edits of the view's files; call this periodically."""
         saved, removed = self.source.poll()
         for file in removed:
             self._log.warning(f"{file} was removed: keeping the view shown so far")
@@ -148,7 +148,7 @@ class LiveView:
             self._refused.discard(file)
 
     def set_robot(self, robot: str) -> None:
-        """Use the view of the robot's description, unless the user has given another one."""
+        """Use the view in the robot's description package, unless the user has given another."""
         try:
             if self.source.set_robot(robot):
                 self._changed(f"its view is {self.source.file or 'the usual one'}")

@@ -1,4 +1,4 @@
-"""A robot in a notebook: drawn inline as in the viewer, with a slider for each joint. No ROS here.
+"""Shows a robot in a notebook: as in the viewer, with a slider per joint, without a running ROS.
 
 robot = NotebookRobot(load_description("robot.urdf.xacro"))
 robot  # the last line of a cell shows it
@@ -36,19 +36,19 @@ class NotebookRobot:
     """A robot in a cell's output; its sliders and ``move`` move the joints.
 
     Attributes:
-        model: its kinematics.
-        recording: what the viewer shows; more can be logged into it, in the frames of the links.
-        sliders: by the names of the joints that do not mimic another.
+        model: the robot's kinematics.
+        recording: what the viewer shows; you can log more into it, in the frames of the links.
+        sliders: one per joint that does not mimic another, by joint name.
     """
 
     def __init__(self, description: Description, *, height: int = 480) -> None:
         """Draw the robot with its joints at 0, or mid-range where 0 is out of range.
 
-        What cannot be drawn is warned of, and marked by a box.
+        Shapes that cannot be drawn are reported in warnings and marked by a box.
 
         Args:
             description: the robot.
-            height: of the viewer, pixels.
+            height: height of the viewer, pixels.
 
         Raises:
             OneBotError: its links are not one tree, or Rerun's part for notebooks is missing.
@@ -73,7 +73,7 @@ class NotebookRobot:
 
     @property
     def positions(self) -> dict[str, float]:
-        """Of all joints that move, rad or m."""
+        """Positions of all movable joints by name, rad or m."""
         return dict(zip(self.model.joints, self._positions.tolist(), strict=True))
 
     @property
@@ -81,15 +81,19 @@ class NotebookRobot:
         return self.model.positions({name: slider.value for name, slider in self.sliders.items()})
 
     def move(self, positions: Mapping[str, float]) -> None:
-        """Move joints to positions in rad or m; the others stay.
+        """Move joints; the others stay where they are.
+
+        Args:
+            positions: target positions by joint name, rad or m.
 
         Raises:
-            OneBotError: no such joint moves, it follows another one, or a limit is exceeded.
+            OneBotError: there is no such movable joint, it mimics another one, or a limit is
+                exceeded.
         """
         self.model.pose(positions)
         for name, position in positions.items():
             slider = self.sliders[name]
-            # A joint without limits goes farther than its slider did.
+            # A joint without limits may go beyond the range of its slider.
             slider.min, slider.max = min(slider.min, position), max(slider.max, position)
             slider.value = position
 
@@ -98,7 +102,7 @@ class NotebookRobot:
         display(VBox(list(self.sliders.values()), layout=_SLIDERS))
 
     def _draw(self, _: object = None) -> None:
-        """Place the links whose joints have moved."""
+        """Log the poses of the links whose joints have moved."""
         moving = self.model.moving
         poses = moving.transforms(self._positions)
         for row in np.flatnonzero((poses != self._drawn).any(axis=1)).tolist():
@@ -120,7 +124,7 @@ class NotebookRobot:
         )
 
     def _blueprint(self) -> rrb.Blueprint:
-        """Return the robot's view alone, framed as in the viewer."""
+        """Return a blueprint with only the robot's view, framed as in the viewer."""
         bounds = posed_bounds(self._description, self.model, self._positions)
         eye, target = (None, None) if bounds is None else fitting_eye(bounds)
         small = bounds is not None and diagonal(bounds) <= 1.0
@@ -156,12 +160,12 @@ def _slider(joint: Joint, position: float) -> FloatSlider:
 
 
 def _inline_viewer(recording: rr.RecordingStream, height: int) -> "Viewer":
-    """Return Rerun's viewer for a cell; unless the environment says otherwise, it is served here.
+    """Return Rerun's viewer for a cell; it is served locally unless the environment overrides it.
 
     Raises:
         OneBotError: Rerun's part for notebooks is not installed.
     """
-    os.environ.setdefault("RERUN_NOTEBOOK_ASSET", "serve-local")  # not from the internet
+    os.environ.setdefault("RERUN_NOTEBOOK_ASSET", "serve-local")  # not loaded from the internet
     from rerun.notebook import HAS_NOTEBOOK, Viewer
 
     if not HAS_NOTEBOOK:

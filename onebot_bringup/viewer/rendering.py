@@ -1,4 +1,4 @@
-"""A picture of a recording, drawn without any display: what the viewer would show, as a PNG."""
+"""Draws a picture (PNG) of a recording as the viewer would show it, without any display."""
 
 import copy
 import io
@@ -42,35 +42,35 @@ PATIENCE = 60.0  # seconds
 _REPORT_AFTER = 2.0  # seconds
 _PAUSE = 0.05  # seconds
 Progress = Callable[[str], None]
-# A view may report an error for a moment, while its data come in; a lasting error belongs to the
-# picture. It has to outlast both, so that neither a slow nor a quick machine ends it early.
+# A view may briefly report an error while its data comes in, but a lasting error is part of the
+# picture. An error is lasting only after both of these, which suits slow and fast machines.
 _LASTING = 5.0  # seconds
 _POLLS = 20
-# A file that cannot be loaded leaves no trace but in the log; time for it to get there.
+# A file that cannot be loaded leaves a trace only in the log; this is the time to wait for it.
 _LOST = 1.0  # seconds
 # The window's frame, above the viewer itself, is empty when the top panel is hidden (pixels).
 _TITLE_BAR = 37
-# What surrounds a view that fills the window: less than this, and cut off evenly (pixels).
+# Most pixels, in x and y, of the margins around a view that fills the window; they are cut off.
 _AROUND = (12, 76)
-_ALIKE = 3  # pictures in a row that make a still one
+_ALIKE = 3  # equal pictures in a row after which the picture counts as still
 
 
 @dataclass(frozen=True)
 class Framing:
-    """How to frame a picture."""
+    """What a picture shows, and from where."""
 
-    dashboard: bool = True  # the whole layout with its plots; False: the robot alone
-    eye: Triple | None = None  # eye, m in the fixed frame; None: as in the layout
-    target: Triple | None = None  # point in the middle of the picture
+    dashboard: bool = True  # the whole layout with its plots; False: only the robot
+    eye: Triple | None = None  # position of the eye, m in the fixed frame; None: as in the layout
+    target: Triple | None = None  # the point in the middle of the picture, likewise
 
     @property
     def as_it_is(self) -> bool:
-        """The layout is shown as it is."""
+        """Whether the layout is shown unchanged."""
         return self == Framing()
 
     @property
     def of_robot(self) -> bool:
-        """It takes a view of the robot."""
+        """Whether a view of the robot is needed."""
         return not self.dashboard or self.eye is not None or self.target is not None
 
 
@@ -83,17 +83,17 @@ def render(
     framing: Framing | None = None,
     progress: Progress = print,
 ) -> None:
-    """Draw a recording at its end into ``png``, with the layout saved in it.
+    """Draw the end of a recording into ``png``, with the layout saved in it.
 
-    The picture is there as a whole or not at all: one of that name is replaced at the end.
+    The file is written only once the picture is complete, and then replaces an existing one.
 
     Args:
         source: the recording's file.
         png: the picture to write.
-        width: pixels.
-        height: pixels.
-        framing: what is in the picture; None for the whole layout as it is.
-        progress: called with what it waits for, when that takes over two seconds.
+        width: width of the picture, pixels.
+        height: height of the picture, pixels.
+        framing: what the picture shows; None for the whole layout unchanged.
+        progress: called with what is being waited for, if that takes over two seconds.
 
     Raises:
         OneBotError: there is no such recording, nothing to draw with, or nothing in 3D.
@@ -103,12 +103,12 @@ def render(
     framing = framing or Framing()
     around = (0, _TITLE_BAR) if framing.dashboard else _AROUND
     window = width + around[0], height + around[1]
-    # Absolute: a name that begins with a dash would be an option.
+    # The path is absolute, since a name that begins with a dash would be read as an option.
     with headless_viewer(str(source.absolute()), *window, progress) as client:
         freeze(client)
         view = _frame(client, framing)
         shot = Image.open(io.BytesIO(still(client, progress, view)))
-    # The title bar's height is in logical points, one pixel each without a display.
+    # The title bar's height is in logical points; without a display, a point is one pixel.
     left, top = (0, _TITLE_BAR) if view is None else _margins(shot, width, height)
     data = io.BytesIO()
     shot.crop((left, top, left + width, top + height)).save(data, "PNG")
@@ -119,7 +119,7 @@ def render(
 
 
 def _frame(client: ViewerClient, framing: Framing) -> str | None:
-    """Arrange the viewer; return the view that is the picture, None for all of them."""
+    """Arrange the viewer; return the id of the view to draw, or None for all of them."""
     if framing.as_it_is:
         return None
     state = client.get_state()
@@ -132,7 +132,7 @@ def _frame(client: ViewerClient, framing: Framing) -> str | None:
 
 
 def _margins(shot: Image.Image, width: int, height: int) -> tuple[int, int]:
-    """What to leave out at the left and at the top, so that the middle stays the middle."""
+    """Return the pixels to crop at the left and at the top, so that the centre stays the centre."""
     spare = shot.width - width, shot.height - height
     if min(spare) < 0:
         raise OneBotError(
@@ -142,7 +142,13 @@ def _margins(shot: Image.Image, width: int, height: int) -> tuple[int, int]:
 
 
 def still(client: ViewerClient, progress: Progress = print, view: str | None = None) -> bytes:
-    """Return a PNG of the window, or of one view, once three in a row are equal and complete."""
+    """Return a PNG of the window, or of ``view``, once three in a row are equal and complete.
+
+    Args:
+        client: the viewer to draw.
+        progress: called with what is being waited for, if that takes over two seconds.
+        view: a view's id; None for the whole window.
+    """
     shots: deque[bytes] = deque(maxlen=_ALIKE)
 
     def is_still() -> bool:
@@ -155,7 +161,7 @@ def still(client: ViewerClient, progress: Progress = print, view: str | None = N
 
 
 def _wait(done: Callable[[], T], progress: Progress, what: Callable[[], str]) -> T:
-    """Return ``done()`` once it is true, or after a minute; report ``what()`` it waits for."""
+    """Return ``done()`` once it is true, or after a minute; report ``what()`` is waited for."""
     start = reported = time.monotonic()
     while True:
         value, now = done(), time.monotonic()
@@ -180,10 +186,13 @@ _PANELS = {
 
 
 def robot_view_id(views: Mapping[str, tuple[str, str]]) -> str:
-    """Return the view that shows the robot in space, of the class and name of each view, by its id.
+    """Return the id of the view that shows the robot in 3D.
+
+    Args:
+        views: the class and name of each view, by its id.
 
     Raises:
-        OneBotError: none of them shows anything in space.
+        OneBotError: no view is in 3D.
     """
     in_space = [identity for identity, (kind, _) in views.items() if kind == "3D"]
     named = [identity for identity in in_space if views[identity][1] == ROBOT_VIEW]
@@ -195,7 +204,13 @@ def robot_view_id(views: Mapping[str, tuple[str, str]]) -> str:
 
 
 def framed(layout: LayoutValues, view: str, framing: Framing) -> dict[str, Any]:
-    """Return the viewer's ``layout`` as ``framing`` wants it; ``view`` is the robot's, by id."""
+    """Return the viewer's ``layout``, changed as ``framing`` says.
+
+    Args:
+        layout: the viewer's layout, by entity paths of the blueprint.
+        view: the id of the robot's view.
+        framing: what the picture shows.
+    """
     changed = copy.deepcopy(dict(layout))
     for path, archetype in _PANELS.items():
         if not framing.dashboard:
@@ -204,7 +219,7 @@ def framed(layout: LayoutValues, view: str, framing: Framing) -> dict[str, Any]:
         _entry(changed, "/viewport", "ViewportBlueprint")["maximized"] = view
     if framing.eye is not None or framing.target is not None:
         controls = _entry(changed, f"/view/{view}/EyeControls3D", "EyeControls3D")
-        # To follow something would move the eye away from the place that was given.
+        # Following an entity would move the eye away from the given position.
         controls.pop("tracking_entity", None)
         controls.setdefault("kind", "Orbital")
         if framing.eye is not None:
@@ -228,11 +243,17 @@ def headless_viewer(
 ) -> Iterator[ViewerClient]:
     """Show ``source`` (a file or a server's address) in a viewer without a window.
 
+    Args:
+        source: the file or address.
+        width: width of the window, pixels.
+        height: height of the window, pixels.
+        progress: called with what is being waited for, if that takes over two seconds.
+
     Yields:
-        Its client, once everything has been loaded and is shown without an error.
+        The viewer's client, once everything is loaded and shown, except for lasting errors.
 
     Raises:
-        OneBotError: there is nothing to draw with, or nothing is shown in a minute.
+        OneBotError: there is no graphics adapter, or nothing is shown within a minute.
     """
     if not hasattr(ViewerClient, "get_state"):
         raise OneBotError(TOO_OLD)
@@ -242,7 +263,7 @@ def headless_viewer(
         ["--headless", "--port", str(port), "--window-size", size, "--hide-welcome-screen", source],
         {
             "RUST_LOG": "error",  # a warning of the software renderer would pop up in the picture
-            # Without Vulkan it would try OpenGL, which needs a display, and crash.
+            # Without Vulkan, the viewer would try OpenGL, which needs a display, and crash.
             "WGPU_BACKEND": os.environ.get("WGPU_BACKEND", "vulkan"),
         },
     )
@@ -257,7 +278,7 @@ def headless_viewer(
 
 
 def renderer_problem() -> str:
-    """Return why this computer cannot draw pictures; "" if it can. It draws an empty one."""
+    """Draw an empty picture; return why this computer cannot, or "" if it can."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "nothing.rrd")
         stream = rr.RecordingStream("onebot_renderer")
@@ -278,7 +299,7 @@ def is_complete(state: ViewerState) -> bool:
 
 
 def freeze(client: ViewerClient) -> None:
-    """Stop at the end of what is there now, whatever comes in or plays on."""
+    """Pause the viewer at the current end of the data, so that new data changes nothing."""
     timeline = _timeline(client)
     if timeline is not None:
         name, end, kind = timeline
@@ -286,7 +307,7 @@ def freeze(client: ViewerClient) -> None:
 
 
 def _timeline(client: ViewerClient) -> tuple[str, int, str] | None:
-    """The active timeline, its end and its kind; None if there is none."""
+    """Return the active timeline, its end and its kind; None if there is none."""
     state = client.get_state()
     for recording in state.recordings:
         if recording.store_id != state.active_recording:
@@ -298,7 +319,7 @@ def _timeline(client: ViewerClient) -> tuple[str, int, str] | None:
 
 
 def _moment(kind: str, end: int) -> dict[str, Any]:
-    """The end of a timeline, exactly, as ``set_time`` takes it; nanoseconds unless a sequence."""
+    """Return the exact end of a timeline as arguments of ``set_time``."""
     if kind == "timestamp":
         return {"timestamp": np.datetime64(end, "ns")}
     if kind == "duration":
@@ -313,10 +334,17 @@ def _ask(
     doing: str = "is busy",
     passing: tuple[type[Exception], ...] = (OSError,),
 ) -> T:
-    """Return what a call to the viewer returns; call again where the viewer was too slow.
+    """Call the viewer until it answers, and return its answer.
 
-    It raises one of ``passing`` then (a TimeoutError is an OSError), while the viewer is ``doing``
-    something. A viewer that has ended, or does not answer within a minute, is an OneBotError.
+    Args:
+        call: the call.
+        child: the viewer's process.
+        progress: called with ``doing``, if the answer takes over two seconds.
+        doing: what the viewer does meanwhile.
+        passing: errors after which to call again (a TimeoutError is an OSError).
+
+    Raises:
+        OneBotError: the viewer has ended, or has not answered within a minute.
     """
     answer = in_background(call)
 
@@ -339,7 +367,7 @@ def _ask(
 
 
 class _PatientClient:
-    """A viewer's client that asks again where a busy machine was too slow to answer in time."""
+    """A viewer's client that retries calls if a busy machine was too slow to answer."""
 
     def __init__(self, client: ViewerClient, child: Child, progress: Progress) -> None:
         self._client, self._child, self._progress = client, child, progress
@@ -352,7 +380,7 @@ class _PatientClient:
 
 
 def _load(client: ViewerClient, source: str, progress: Progress) -> None:
-    """Wait until the viewer shows its views, loaded and without errors, or with lasting ones."""
+    """Wait until the viewer's views are loaded and shown, without errors or with lasting ones."""
     start = since = time.monotonic()
     state, errors, polls = client.get_state(), list[str](), 0
 
@@ -368,7 +396,7 @@ def _load(client: ViewerClient, source: str, progress: Progress) -> None:
 
     if not _wait(is_shown, progress, lambda: _unfinished(state)) and not state.views:
         raise OneBotError(f"nothing was shown within {PATIENCE:.0f} s: {_unfinished(state)}")
-    if _reports(state):  # a user would see them, too
+    if _reports(state):  # a user of the viewer would see them, too
         progress(f"the picture shows an error: {_unfinished(state)}")
 
 

@@ -1,29 +1,29 @@
 #!/usr/bin/env python3
-"""Shows robots in Rerun, in the place of RViz: in a browser, a window or a recording.
+"""Shows robots in Rerun instead of RViz: in a browser, a window or a recording.
 
 Subscribes, in the namespace of each robot:
     robot_description (std_msgs/String, latched): the URDF; a new one replaces the old live.
     joint_states (sensor_msgs/JointState): plotted.
-    what the displays of the view name (nav_msgs/Odometry, geometry_msgs/Twist, TwistStamped, ...).
-    every topic of a type that has a display (nav_msgs/Path, ...), up to some: see automatic, hidden
-        and shown.
+    topics that the view names (nav_msgs/Odometry, geometry_msgs/Twist, TwistStamped, ...).
+    every topic of a type that has a display (nav_msgs/Path, ...), up to a limit: see the parameters
+        automatic, hidden and shown.
     /tf, /tf_static (tf2_msgs/TFMessage): the transforms of all frames; nothing is computed here.
-    /world_description (std_msgs/String, latched): the URDF of what stands around the robots.
+    /world_description (std_msgs/String, latched): the URDF of the robots' surroundings.
     ~/page_cameras (std_msgs/String, latched): in JSON, the topics of pictures (cameras) that a page
-        around the view shows; the view leaves them out, and has its plots in a tab.
+        around the view shows itself; the view leaves them out, and has its plots in a tab.
 
 Publishes:
-    ~/page (std_msgs/String, latched): the page's address, once it is up; it names the recording's
-        server, too, so that another page can show the robot.
-    ~/displays (std_msgs/String, latched): in JSON, the topics that could be shown: the topic, its
-        type, and whether it is visible. Parameters hidden and shown change that. And a legend: the
-        kind, name and colour of each trail and covariance.
+    ~/page (std_msgs/String, latched): the page's address, once it is up; it also names the
+        recording's server, so that another page can show the robot.
+    ~/displays (std_msgs/String, latched): in JSON, the topics that could be shown, with their type
+        and whether they are visible (the parameters hidden and shown change that); and a legend
+        with the kind, name and colour of each trail and covariance.
 
 Serves:
-    ~/save_view (std_srvs/Trigger): writes the settings of now into the view file.
+    ~/save_view (std_srvs/Trigger): writes the current settings into the view file.
 
-Its parameters are ``ViewerParameters``, which are read at the start, and each setting of the view
-(``ViewConfig``) under its name there, such as axes.visible, which can be changed while it runs.
+Its parameters are ``ViewerParameters``, which are read at the start, and the settings of the view
+(``ViewConfig``), such as axes.visible, which can be changed while it runs.
 """
 
 if __name__ == "__main__":  # first: the imports take a second
@@ -55,8 +55,8 @@ from onebot_description.ros.node import (
 )
 from onebot_description.ros.parameters.reader import declare, read
 
-_LISTED = 3  # robots, in a message
-TICK_PERIOD = 0.05  # seconds; one call into Rerun carries what came in meanwhile
+_LISTED = 3  # robots named in a message
+TICK_PERIOD = 0.05  # seconds; one call into Rerun logs all messages that came meanwhile
 POLL_PERIOD = 0.25  # seconds
 
 
@@ -102,7 +102,7 @@ class RerunViewer(Node):
         self._feed = ViewFeed(self, self._view)
         self._page_cameras = PageCameras(self)
         self._update_feed()
-        # Not ROS time: it may stop or run fast.
+        # ROS time will not do here: it may stop or run fast.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(TICK_PERIOD, self._tick, clock=steady)
         self.create_timer(POLL_PERIOD, self._poll, clock=steady)
@@ -112,7 +112,7 @@ class RerunViewer(Node):
         for warning in self._feed.tick():
             self.get_logger().warning(warning)
         robots = self._view.robots
-        new: dict[int, list[str]] = {}  # namespaces by description, which a fleet may share
+        new: dict[int, list[str]] = {}  # namespaces by id of the description, which may be shared
         for space, robot in robots.items():
             if robot is not self._robots.get(space):
                 new.setdefault(id(robot), []).append(space)
@@ -131,7 +131,7 @@ class RerunViewer(Node):
         self._update_feed()
 
     def _update_feed(self) -> None:
-        """Show the topics that are published now, and publish which are shown."""
+        """Update the subscriptions to what is published now, and publish which topics are shown."""
         for problem in self._feed.update():
             self._warn(problem, problem, every=60.0)
         offered = [topic._asdict() for topic in self._view.offered]
@@ -154,7 +154,7 @@ class RerunViewer(Node):
         self._live_view.poll()
 
     def _report(self, topic: str, error: Exception) -> None:
-        """A bad message must not end the viewer."""
+        """Report a bad message, which must not end the viewer."""
         if isinstance(error, OneBotError):
             kept = bool(self._robots)
             goes_on = "keeping the robot shown so far" if kept else "still waiting for a robot"
@@ -178,7 +178,7 @@ class RerunViewer(Node):
 
 
 class PageCameras:
-    """Follows whose pictures are shown by the page that the view is a part of."""
+    """Follows which cameras' pictures the page around the view shows itself."""
 
     def __init__(self, node: Node) -> None:
         self._node, self._topics = node, frozenset[str]()
@@ -191,13 +191,13 @@ class PageCameras:
 
     @property
     def topics(self) -> frozenset[str] | None:
-        """Topics of pictures; None without a page."""
+        """The topics of the pictures; None without a page."""
         name = self._subscription.topic_name
         return self._topics if self._node.count_publishers(name) else None
 
 
 def camera_topics(data: str) -> frozenset[str]:
-    """Return the topics of ~/page_cameras; none for a text that is no such message."""
+    """Parse the topics in a message of ~/page_cameras; empty if it is invalid."""
     try:
         return frozenset(str(topic) for topic in json.loads(data)["cameras"])
     except (ValueError, LookupError, TypeError, RecursionError):

@@ -1,4 +1,4 @@
-"""How large a robot is: the box around its shapes, and what camera and axes fit it."""
+"""Measures a robot: the box around its shapes, and the camera and axes that fit it."""
 
 from collections.abc import Mapping
 
@@ -46,14 +46,14 @@ def link_corners(link: Link, marker: float) -> Floats | None:
     """Return the corners (N, 3) of the boxes around the visuals, metres; None without any.
 
     Args:
-        link: has the visuals.
-        marker: the size of the box in place of a visual that cannot be drawn, m.
+        link: the link.
+        marker: edge of the box that replaces a visual that cannot be drawn, m.
     """
     clouds = []
     for geometry in link.visuals:
         try:
             clouds.append(corners(geometry))
-        except OneBotError:  # reported when it was drawn
+        except OneBotError:  # was reported when the visual was drawn
             clouds.append(geometry.origin.xyz + marker * np.array([[-0.5] * 3, [0.5] * 3]))
     return np.concatenate(clouds) if clouds else None
 
@@ -71,7 +71,7 @@ def diagonal(bounds: Floats) -> float:
 def robot_size(description: Description) -> float:
     """Return the diagonal of the box around a robot whose joints are at 0, metres.
 
-    It is 0 without shapes, and where the links are no tree, whose places only TF knows.
+    It is 0 without shapes, and if the links are not one tree: then only TF knows their poses.
     """
     try:
         model = RobotModel.from_description(description)
@@ -82,7 +82,13 @@ def robot_size(description: Description) -> float:
 
 
 def posed_bounds(description: Description, model: RobotModel, positions: Floats) -> Floats | None:
-    """Return the (2, 3) box around a robot at positions (M,), metres, in its root link's frame."""
+    """Return the (2, 3) box around a robot, metres, in its root link's frame; None without shapes.
+
+    Args:
+        description: the robot.
+        model: its kinematics.
+        positions: (M,) joint positions, rad or m.
+    """
     link_poses = model.link_poses(positions)
     poses = np.tile(np.eye(4), (len(link_poses), 1, 1))
     poses[:, :3, 3], poses[:, :3, :3] = link_poses[:, :3], to_matrix(link_poses[:, 3:])
@@ -90,11 +96,11 @@ def posed_bounds(description: Description, model: RobotModel, positions: Floats)
 
 
 def fitting_eye(bounds: Floats) -> tuple[Triple, Triple]:
-    """Return eye and target, metres, from which the whole box is seen, from front left above."""
+    """Return eye and target, metres, that show the whole (2, 3) box from the front left, above."""
     center = bounds.mean(axis=0)
     radius = max(diagonal(bounds) / 2, 0.01)
     direction = np.array([1.0, 0.75, 0.65])
-    # A field of view of about 55 degrees; a bit of air around the robot.
+    # The factor fits a field of view of about 55 degrees, with some space around the robot.
     eye = center + direction / np.linalg.norm(direction) * radius * 2.6
     return _vector(eye), _vector(center)
 
@@ -104,22 +110,22 @@ def _vector(values: Floats) -> Triple:
     return x, y, z
 
 
-_SHORTEST = 0.05  # share of a robot's size: axes of a hundred links are seen, too
-_OF_LINK = 0.75  # share of a link's size
+_SHORTEST = 0.05  # share of the robot's size, so that the axes of a hundred links are visible, too
+_OF_LINK = 0.75  # share of a link's size that its axes have
 
 
 def fitting_length(size: float, links: int) -> float:
-    """Return how long axes should be for a robot of ``size`` (its diagonal), both in metres.
+    """Return a suitable length of axes for a robot of ``size`` (its diagonal), both in metres.
 
-    Long enough to come out of a few big links, short enough for many small ones.
+    The axes are long enough to stick out of a few big links, short enough for many small ones.
     """
     return round(size * max(0.55 / links**0.7, _SHORTEST), 3) if links else 0.0
 
 
 def axes_lengths(robot: Description) -> dict[str, float]:
-    """Return how long the axes of each link may be so that they do not hide it, metres.
+    """Return the longest axes, metres, that do not hide a link, by link name.
 
-    In proportion to its visuals; those of a link without any are as those of its parent.
+    They are in proportion to the link's visuals; a link without any has its parent's length.
     """
     parents = {joint.child: joint.parent for joint in robot.joints}
     marker = marker_size(robot)

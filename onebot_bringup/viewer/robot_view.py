@@ -1,7 +1,7 @@
-"""Displays robots from their incoming messages, live or recorded, in a Rerun recording.
+"""Displays robots in a Rerun recording from their messages, live or recorded.
 
-A message goes through once: from the inbox, where it waits and is decoded, to a display, which
-draws it on the stage; what is drawn is laid out in a blueprint.
+A message is queued and decoded in the inbox, then a display draws it on the stage. The blueprint
+lays out what is drawn.
 """
 
 import time
@@ -35,14 +35,14 @@ from onebot_description.ros.wire.interface_text import full_definition
 
 # Seconds to wait for all links' frames before laying out without them.
 _PATIENCE = 1.0
-_MOST_WARNINGS = 100  # sentences about one description
+_MOST_WARNINGS = 100  # per description
 _LONGEST_WARNING = 1000  # characters
 
 ReportBad = Callable[[str, Exception], object]
 
 
 class RobotView:
-    """Everything between the topics and the recording; it waits for nothing and never blocks."""
+    """Turns messages of topics into a recording; never waits or blocks."""
 
     def __init__(
         self,
@@ -64,24 +64,23 @@ class RobotView:
         Args:
             recording: where to log.
             view: what is shown, and how.
-            blueprint: a ``.rbl`` file, saved in the viewer, that replaces ours.
-            robots: those to show; of several each has its entities below its namespace.
+            blueprint: a ``.rbl`` file, saved in the viewer, that replaces our blueprint.
+            robots: the robots to show; if there are several, each logs below its namespace.
             resolve: returns the full name of a topic that the view names.
-            clock: seconds.
-            report: called with the topic and the error of a bad message; by default it is raised.
-            from_start: the viewer plays from the beginning, in place of following the end.
+            clock: returns the time, seconds.
+            report: called with the topic and the error of a bad message; the default raises it.
+            from_start: play from the beginning instead of following the latest data.
             plots: show the view's plots; useless for a snapshot of a single instant.
-            definitions: returns the definition of a message type that is offered; raises
-                OneBotError.
-            live: messages come as they are published: of a flood, old ones are dropped, and a
-                description may still come.
+            definitions: returns the definition of a message type, or raises an OneBotError.
+            live: messages come as they are published, so old ones may be dropped and a description
+                may still come.
 
         Raises:
-            OneBotError: two displays want a topic, each as another type.
+            OneBotError: two displays want the same topic with different types.
         """
         self.inbox = Inbox(report or _raise)
         self.wants = self.inbox.wants
-        self.take = self.inbox.take  # a message, which a ``tick`` that follows shows
+        self.take = self.inbox.take  # queues a message, which a later ``tick`` shows
         self.stage = stage = Stage(
             recording,
             view or ViewConfig(),
@@ -91,7 +90,7 @@ class RobotView:
             definitions=definitions,
         )
         self._live, self._plots = live, plots
-        self._changed = clock()  # when the robot or the view did
+        self._changed = clock()  # when the robot or the view changed
         self._warnings = WarningFilter(clock)
         self._published: Mapping[str, str] = {}
         self._laid_out_ns = 0
@@ -99,7 +98,7 @@ class RobotView:
         self._selection = TopicSelection(stage)
         self._blueprint = BlueprintSender(recording, stage.robots, from_start=from_start)
         self._own_blueprint = True
-        # Topics whose pictures are shown by a page that the view is a part of; None without one.
+        # Topics whose pictures the page around the view shows itself; None without a page.
         self.page_cameras: Collection[str] | None = None
         self._tf = TfDisplay(stage)
         stage.message_displays = [MessageDisplay(stage, draws) for draws in MESSAGE_DRAWINGS]
@@ -130,17 +129,17 @@ class RobotView:
 
     @property
     def topics(self) -> Mapping[str, WantedTopic]:
-        """What to subscribe now, by full names; another view may want others."""
+        """The topics to subscribe to now, by full names; ``set_view`` may change them."""
         return self.inbox.topics
 
     @property
     def offered(self) -> Sequence[OfferedTopic]:
-        """The topics that could be shown, by full names, and whether they are."""
+        """The topics that could be shown, and whether they are."""
         return self._selection.offered
 
     @property
     def legend(self) -> list[LegendEntry]:
-        """What a legend has to explain; once for robots that are drawn alike."""
+        """The entries of a legend, without duplicates for robots that are drawn alike."""
         entries = (
             entry
             for robot in self.stage.robots
@@ -150,13 +149,13 @@ class RobotView:
         return list(dict.fromkeys(entries))
 
     def offer(self, topics: Mapping[str, str]) -> list[str]:
-        """Show the topics, of all that exist now, that have a display and are not hidden.
+        """Show those of the existing topics that have a display and are not hidden.
 
         Args:
-            topics: the type of each by its full name.
+            topics: message types by full topic names.
 
         Returns:
-            What cannot be shown, a sentence each.
+            One sentence per thing that cannot be shown.
         """
         if topics == self._published:
             return []
@@ -164,7 +163,7 @@ class RobotView:
         return self._select()
 
     def _select(self) -> list[str]:
-        """Offer the topics that are to be shown; where that changes them, subscribe anew."""
+        """Choose the topics to show and offer them to the displays; update the subscriptions."""
         drawn = {
             name
             for name, display, _ in self._takers(of_messages=False)
@@ -184,13 +183,13 @@ class RobotView:
         return problems + (self.inbox.set_takers(self._takers()) if changed else [])
 
     def _takers(self, *, of_messages: bool = True) -> Iterable[Taker]:
-        """Yield the topics that the view names, that every robot has, and that have a display."""
+        """Yield all topics to subscribe to: the displays', of every robot, and the descriptions."""
         for number, robot in enumerate(self.stage.robots):
             name = robot.names.description
             yield robot.full_name(name), None, WantedTopic(name, (DESCRIPTION,), latched=True)
             for display in robot.displays if number else [self._tf, *robot.displays]:
                 for topic in display.topics():
-                    # An absolute name is no robot's own: the first robot's displays draw it.
+                    # An absolute name belongs to no robot: the first robot's displays draw it.
                     if not number or not topic.name.startswith("/"):
                         yield robot.full_name(topic.name), display, topic
         world = self.stage.world
@@ -205,15 +204,15 @@ class RobotView:
     # --- time -----------------------------------------------------------------------------------
 
     def tick(self, now_ns: int) -> list[str]:
-        """Log what was taken and set the view up; call it some 20 times a second.
+        """Log the queued messages and lay out the view; call this about 20 times a second.
 
         Args:
             now_ns: the time, nanoseconds.
 
         Returns:
-            What the user should know now, a sentence each.
+            New messages for the user, one sentence each.
         """
-        # A time that goes on while simulated time stands still.
+        # This time goes on while simulated time stands still.
         steady_ns = int(self.stage.clock() * 1e9) if self._live else now_ns
         warnings = self._set_descriptions()
         self.stage.now_ns = self.inbox.stamps.display_time(0, now_ns)
@@ -227,7 +226,7 @@ class RobotView:
         return warnings + self._late()
 
     def finish(self) -> list[str]:
-        """Log all that is still kept back, before the recording is closed."""
+        """Log everything that is still queued, before the recording is closed."""
         warnings = self._set_descriptions()
         self.stage.transform_timeout_ns = 0
         self._flush(self._active)
@@ -237,7 +236,7 @@ class RobotView:
 
     @property
     def _active(self) -> Sequence[Display[Any]]:
-        """The displays, without the many for message types that no topic has."""
+        """The displays, without those for message types that no topic has."""
         return [
             display
             for display in self._displays
@@ -245,7 +244,7 @@ class RobotView:
         ]
 
     def _flush(self, displays: Collection[Display[Any]]) -> None:
-        """Decode and log the messages for these displays; measure the time that takes."""
+        """Decode and log the messages for these displays; measure how long that takes."""
         self.inbox.deliver(displays)
         for display in displays:
             began = time.perf_counter()
@@ -254,13 +253,13 @@ class RobotView:
                 display.limit.spent(time.perf_counter() - began)
 
     def _apply(self, displays: Iterable[Display[Any]]) -> None:
-        """Draw by the settings of the view from now on."""
+        """Use the view's settings from now on."""
         for display in displays:
             display.flush()
             display.apply(self.stage.view.of(display))
 
     def _late(self) -> list[str]:
-        """Return what has not come in all the time, and cannot be shown, a sentence each."""
+        """Return a sentence per thing that is overdue or cannot be shown."""
         stage = self.stage
         late = [*self.inbox.stamps.warnings.values()]
         for display in self._active:
@@ -281,19 +280,19 @@ class RobotView:
 
     @property
     def robots(self) -> dict[str, Description]:
-        """The robots shown now, by their namespaces."""
+        """The descriptions of the robots shown now, by their namespaces."""
         return self.stage.descriptions
 
     @property
     def robot(self) -> Description | None:
-        """The robot shown now, or the first of them."""
+        """The description of the first robot shown now; None if there is none."""
         return next(iter(self.robots.values()), None)
 
     def set_view(self, view: ViewConfig) -> list[str]:
-        """Show other things, or the same in another way.
+        """Replace the view.
 
         Returns:
-            What in it does not fit the robot or the other topics, a sentence each.
+            One sentence per setting that does not fit the robot or the other topics.
         """
         self.inbox.deliver(self._displays)
         previous_view, self.stage.view = self.stage.view, view
@@ -305,12 +304,12 @@ class RobotView:
         return problems + self.stage.wrong_names()
 
     def use_blueprint(self, blueprint: Path) -> None:
-        """Arrange the viewer as a ``.rbl`` file that was saved in it."""
+        """Arrange the viewer by a ``.rbl`` file that was saved in it."""
         self._own_blueprint = False
         self.stage.recording.log_file_from_path(blueprint)
 
     def _set_descriptions(self) -> list[str]:
-        """Show the robots of the descriptions that have come, each in place of the one before."""
+        """Show the descriptions that have come, each in place of the robot's previous one."""
         warnings = []
         for robot in (*self.stage.robots, self.stage.world):
             topic = robot.full_name(robot.names.description)
@@ -323,7 +322,7 @@ class RobotView:
 
     def _set_description(self, robot: ShownRobot, urdf: str) -> list[str]:
         stage, previous = self.stage, self.robot
-        # Of several robots that are alike the first is parsed, and warned of.
+        # If several robots are alike, only the first one's description is parsed and warned about.
         twins = (twin for twin in stage.robots if twin is not robot and twin.urdf == urdf)
         alike = next((twin.description for twin in twins), None)
         warnings = robot.set_description(urdf, alike)
@@ -342,7 +341,7 @@ class RobotView:
         return warnings + stage.wrong_names()
 
     def _lay_out(self) -> None:
-        """Send the blueprint once all frames are known, or do not come."""
+        """Send the blueprint once all frames are known or have been waited for."""
         stage = self.stage
         if self.robot is None:
             complete = False
@@ -364,7 +363,7 @@ class RobotView:
 
 
 class WarningFilter:
-    """Passes each warning once per description; warns now and then while there is none."""
+    """Passes each warning once per description; reminds the user while there is none."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
@@ -373,13 +372,13 @@ class WarningFilter:
         self._next_hint = 2.0
 
     def forget(self) -> None:
-        """Pass everything again where it is still true."""
+        """Let every warning pass again, if it still applies."""
         self._passed.clear()
 
     def once(self, sentences: Iterable[str]) -> list[str]:
-        """Return the new ones of ``sentences``, cut if long; none after very many.
+        """Return the new ones of ``sentences``, truncated if long; none after very many.
 
-        They may name what others publish.
+        They may quote long names that other nodes publish.
         """
         short = (sentence[:_LONGEST_WARNING] for sentence in sentences)
         new = [sentence for sentence in short if sentence not in self._passed]
@@ -388,7 +387,7 @@ class WarningFilter:
         return new
 
     def waiting(self) -> list[str]:
-        """Return, from time to time, that the description is waited for."""
+        """Return, from time to time, a sentence that the description is still awaited."""
         waited = self._clock() - self._started
         if waited < self._next_hint:
             return []

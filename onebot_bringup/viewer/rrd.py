@@ -1,4 +1,4 @@
-"""Rerun's recordings as files (.rrd): checked, and written of what a viewer's page serves."""
+"""Checks Rerun's recording files (.rrd), and saves the recording that a viewer's page serves."""
 
 import http.client
 import time
@@ -22,13 +22,17 @@ from onebot_description.errors import OneBotError
 from onebot_description.ros.parameters.bounded_yaml import open_regular
 
 _STARTS = (b"RRF", b"RRIO")  # any version of Rerun writes one of them
-_FILE_HEAD = 12  # bytes: what it is, its version and options
-_NOTHING = 200  # bytes of a file in which no message is whole
+_FILE_HEAD = 12  # bytes: magic number, version and options
+_NOTHING = 200  # bytes; a shorter file has no complete message
 _PROPERTIES = "/__properties"  # the recording's name and start
 
 
 def check_rrd(rrd: Path) -> None:
-    """Raise an OneBotError if the file does not begin as Rerun's recordings do."""
+    """Check that a file begins as Rerun's recordings do.
+
+    Raises:
+        OneBotError: it does not, or it is missing or empty.
+    """
     try:
         with open_regular(rrd) as file:
             start = file.read(4)
@@ -46,13 +50,13 @@ def check_rrd(rrd: Path) -> None:
 
 
 def has_content(rrd: Path) -> bool | None:
-    """Return whether there is something to draw in a recording.
+    """Return whether a recording contains anything to draw.
 
-    Little of the file is read: its frames' sizes, and the data up to the first that can be drawn.
+    Little of the file is read: frame sizes, and data up to the first that can be drawn.
 
     Returns:
-        None where that is not known: it was cut short, is still being written, or is of a version
-        of Rerun that is read otherwise.
+        None if unknown: the file was cut short, is still being written, or has another format
+        version.
     """
     from rerun.chunk import RrdReader  # slower to import
 
@@ -77,11 +81,11 @@ _LARGE = 1 << 14  # bytes: pictures, clouds and maps, of which only the newest i
 
 
 def save_served(port: int, rrd: Path) -> None:
-    """Write the recording that a page serves, as it is now, into a file.
+    """Save the recording that a page serves now.
 
     Args:
-        port: the page's, on 127.0.0.1.
-        rrd: the file.
+        port: the page's port on 127.0.0.1.
+        rrd: the file to write.
 
     Raises:
         OneBotError: the page does not respond.
@@ -102,7 +106,7 @@ def save_served(port: int, rrd: Path) -> None:
 
 
 def _served(port: int) -> Iterator[bytes]:
-    """Yield the messages of a page, until a layout and data of now have come, or nothing comes."""
+    """Yield the messages of a page until the layout and current data have come, or none comes."""
     now_ns, deadline = time.time_ns(), time.monotonic() + _PATIENCE
     laid_out = False
     connection = http.client.HTTPConnection(LOOPBACK, port, timeout=_PATIENCE)
@@ -117,7 +121,7 @@ def _served(port: int) -> Iterator[bytes]:
             head = response.read(HEAD)
             message = head + response.read(length(head))
             if len(message) <= HEAD or head[0]:
-                return  # the server has ended
+                return  # the server has closed the stream
             yield message
             laid_out = laid_out or content(message)[0] == LAYOUT
             if laid_out and logged_ns(message) > now_ns:
@@ -129,7 +133,7 @@ def _served(port: int) -> Iterator[bytes]:
 
 
 def _file_head() -> bytes:
-    """Return what Rerun's files of this version begin with."""
+    """Return the bytes that files of this version of Rerun begin with."""
     import rerun as rr  # slower to import
 
     stream = rr.RecordingStream("onebot_head")

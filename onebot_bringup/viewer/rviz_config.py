@@ -1,7 +1,7 @@
 """Reads RViz's own files (.rviz) as views: fixed frame, displays, topics, colours and camera.
 
-RViz's properties have the names of our settings, written as titles with units: "Size (m)" is
-``size``. Where a display's words or values differ, ``_SPECIAL`` has them.
+Most of RViz's property names are our settings' names written as titles with units: "Size (m)" is
+``size``. ``_SPECIAL`` translates the displays whose words or values differ.
 """
 
 import math
@@ -24,23 +24,23 @@ _MOST_LISTED = 12
 _UNIT = re.compile(r"\s*\([^)]*\)$")
 _COLOR = re.compile(r"\s*(\d+)\s*;\s*(\d+)\s*;\s*(\d+)\s*")
 _KEYS = {display.key: display for display in MESSAGE_DISPLAYS.values()}
-# RViz's displays whose class is not our key in title case.
+# Our keys of RViz's displays whose class is not simply that key in title case.
 _CLASSES = {"marker_array": "marker", "compressed_image": "image", "camera": "image"}
 
 Properties = Mapping[str, Any]
 
 
 class RvizConfig:
-    """What an RViz file asks for, as far as there is a counterpart.
+    """The settings of an RViz file that have a counterpart here.
 
     Attributes:
         values: settings of a view, by dotted names.
-        ignored: displays that have none, and values that a setting cannot have. Not properties:
-            RViz writes all of a display, those too that nobody has changed.
+        ignored: displays without a counterpart, and values that a setting cannot have. Properties
+            are not listed, since RViz writes them all, even if nobody has changed them.
     """
 
     def __init__(self, content: Properties) -> None:
-        """Take the file's content; raise a ValueError if it is no RViz file."""
+        """Translate the file's content; raise a ValueError if it is not an RViz file."""
         manager = content.get("Visualization Manager")
         if not isinstance(manager, Mapping):
             raise ValueError('it has no "Visualization Manager"')
@@ -56,7 +56,7 @@ class RvizConfig:
         self._look(_mapping(_mapping(manager.get("Views")).get("Current")))
 
     def view(self) -> ViewConfig:
-        """Return the view; a value that a setting cannot have is left out, and is ``ignored``."""
+        """Return the view; values that a setting cannot have are left out and ``ignored``."""
         view = read(ViewConfig, {"automatic": False})
         fixed = defaults(ViewConfig)
         looks: dict[str, Any] = {}
@@ -100,22 +100,22 @@ class RvizConfig:
             self.values[f"{prefix}.hidden_namespaces"] = hidden
         fields = _fields(key)
         for name, value in _flat(display):
-            if name in fields and value != "":  # RViz may not have chosen a transformer yet
+            if name in fields and value != "":  # a transformer is empty until RViz has chosen one
                 self.values[f"{prefix}.{name}"] = _color(value) or value
         if "size" in fields and display.get("Style") == "Points":
-            self.values[f"{prefix}.size"] = 0.0  # metres: RViz has pixels, too
+            self.values[f"{prefix}.size"] = 0.0  # ours is in metres; RViz's may be in pixels
 
     # --- the camera -----------------------------------------------------------------------------
 
     def _look(self, view: Properties) -> None:
-        """Take the current view: an orbit, a top-down view, or one from a place."""
+        """Translate the current view: an orbit, a top-down view, or one from a position."""
         frame = str(view.get("Target Frame") or "")
         if frame not in ("", "<Fixed Frame>", self.values["fixed_frame"]):
             self.values["camera.follow"] = frame
         kind = str(view.get("Class", "")).rpartition("/")[2]
         if kind == "TopDownOrtho":
             x, y = _number(view.get("X")), _number(view.get("Y"))
-            # Pixels a metre; of a window of some 800 pixels.
+            # RViz's scale is pixels per metre; assume a window of 800 pixels.
             height = 800.0 / max(_number(view.get("Scale"), 50.0), 1e-3)
             self.values |= {"camera.eye": [x, y - 1e-3, height], "camera.target": [x, y, 0.0]}
         elif "Distance" in view:
@@ -132,10 +132,14 @@ class RvizConfig:
 
 
 def load_rviz(path: Path, notice: Callable[[str], object]) -> ViewConfig:
-    """Read an RViz file as a view; ``notice`` gets what has no counterpart here.
+    """Read an RViz file as a view.
+
+    Args:
+        path: the file.
+        notice: called with a sentence about what has no counterpart here.
 
     Raises:
-        OneBotError: there is no such file, or it is none of RViz's.
+        OneBotError: there is no such file, or it is not an RViz file.
     """
     try:
         content = bounded_yaml.load(bounded_yaml.read_text(path))
@@ -159,7 +163,7 @@ def _with_looks(view: ViewConfig, looks: ViewConfig, keys: Iterable[str]) -> Vie
 
 
 def _displays(found: Any) -> Iterator[Properties]:
-    """Yield the displays, those in groups too."""
+    """Yield the displays, including those in groups."""
     for display in found if isinstance(found, list) else ():
         if not isinstance(display, Mapping):
             continue
@@ -170,13 +174,13 @@ def _displays(found: Any) -> Iterator[Properties]:
 
 
 def _topic(display: Properties) -> str:
-    """The topic, of ROS 2's form or of ROS 1's."""
+    """Return the display's topic, from the property of ROS 2 or of ROS 1."""
     topic = display.get("Topic", display.get("Image Topic", display.get("Marker Topic", "")))
     return str(topic.get("Value", "") if isinstance(topic, Mapping) else topic or "")
 
 
 def _qos(topic: Properties, prefix: str) -> dict[str, Any]:
-    """The QoS of a topic. Durability and history need none: a latched topic is received as such."""
+    """Return a topic's QoS settings, without durability and history, which are automatic here."""
     settings: dict[str, Any] = {}
     reliability = _snake(topic.get("Reliability Policy", ""))
     if reliability in ("reliable", "best_effort"):
@@ -187,12 +191,12 @@ def _qos(topic: Properties, prefix: str) -> dict[str, Any]:
 
 
 def _flat(properties: Properties) -> Iterator[tuple[str, Any]]:
-    """Yield each property by our kind of name; a group's by its own names, with its switch."""
+    """Yield each property under our kind of name, including those in groups."""
     for name, value in properties.items():
         if isinstance(value, Mapping):
             if "Value" in value:
                 yield _snake(name), value["Value"]
-            # A covariance has colours of its own.
+            # The colours in a covariance's group are not the display's.
             if name not in ("Covariance", "Namespaces") and not name.endswith("Topic"):
                 yield from _flat(value)
         else:
@@ -205,7 +209,7 @@ def _fields(key: str) -> set[str]:
 
 
 def _snake(name: str) -> str:
-    """``PointCloud2`` and ``Size (m)`` as ``point_cloud2`` and ``size``."""
+    """Turn ``PointCloud2`` into ``point_cloud2``, and ``Size (m)`` into ``size``."""
     words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", _UNIT.sub("", str(name)))
     return words.replace(" ", "_").replace("-", "_").lower()
 
@@ -232,12 +236,12 @@ def _vector(value: Any) -> list[float]:
 
 
 def _direction(pitch: float, yaw: float) -> tuple[float, float, float]:
-    """A unit vector; RViz's orbit has its eye up by ``pitch`` and around by ``yaw``, radians."""
+    """Return the unit vector towards the eye of RViz's orbit, for its pitch and yaw in radians."""
     flat = math.cos(pitch)
     return flat * math.cos(yaw), flat * math.sin(yaw), math.sin(pitch)
 
 
-# --- displays that are not of a message type ------------------------------------------------------
+# --- displays without a message type --------------------------------------------------------------
 
 
 def _grid(display: Properties) -> dict[str, Any]:

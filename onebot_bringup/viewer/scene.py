@@ -1,9 +1,9 @@
-"""The robot in a Rerun recording: its shapes, each in the TF frame of its link.
+"""Draws a robot in a Rerun recording: its shapes, each in the TF frame of its link.
 
-Entities: ``robot/visual/<link>/<n>`` and ``robot/collision/<link>/<n>`` (a subtree of its own, so
-that one click shows or hides it). A shape that cannot be drawn is marked by a wireframe box at its
-origin, ``.../<n>/missing``. All are static: a viewer that joins late, or opens the file later, has
-them. Where a frame is comes from /tf only.
+Entities are ``robot/visual/<link>/<n>`` and ``robot/collision/<link>/<n>`` (separate subtrees, so
+that one click shows or hides each). A shape that cannot be drawn is marked by a wireframe box at
+its origin, ``.../<n>/missing``. All are static, so viewers that join late have them, too. Poses of
+frames come from /tf only.
 """
 
 import math
@@ -24,14 +24,14 @@ Bytes = tuple[int, int, int, int]  # sRGB and alpha
 VISUAL_ENTITY = "robot/visual"
 COLLISION_ENTITY = "robot/collision"
 
-# RViz paints what has no colour red (its "RVIZ/ShadedRed"), so that it is noticed.
+# As in RViz ("RVIZ/ShadedRed"), shapes without a colour are red, so that they are noticed.
 DEFAULT_COLOR: Bytes = (255, 0, 0, 255)
 COLLISION_COLOR: Bytes = (255, 170, 0, 110)
-# Of the box in place of a shape that cannot be drawn: a colour that few robots have.
+# Colour of the box that replaces a shape that cannot be drawn; few robots have this colour.
 MISSING_COLOR: Bytes = (255, 0, 255, 255)
 _MISSING = "missing"
-_MOST_REASONS = 10  # why shapes are missing, that are named
-_MISSING_SIZE = 0.1  # m, where the robot gives no measure
+_MOST_REASONS = 10  # reasons named for missing shapes
+_MISSING_SIZE = 0.1  # m, if the size of the robot is unknown
 
 
 class Scene:
@@ -43,7 +43,7 @@ class Scene:
         self._recording = recording
         self._prefix = frame_prefix
         self._root = root.split("/") if root else []
-        self._drawn: dict[str, object] = {}  # entity to what lies on it, to log only changes
+        self._drawn: dict[str, object] = {}  # content by entity, to log only changes
 
     def visual_of(self, link: str) -> str | None:
         """Return the entity of the first visual of ``link``; None if it has none."""
@@ -51,7 +51,11 @@ class Scene:
         return min((path for path in self._drawn if path.startswith(start)), default=None)
 
     def set_robot(self, robot: Description) -> list[str]:
-        """Show ``robot`` and nothing else; what did not change is left alone."""
+        """Show ``robot`` in place of the previous one; log only what has changed.
+
+        Returns:
+            A sentence per reason why shapes are not drawn.
+        """
         warnings = [f"{text}; not drawn" for link in robot.links for text in link.left_out]
         entities: set[str] = set()
         failures: dict[str, list[str]] = {}  # reason to links
@@ -78,7 +82,7 @@ class Scene:
         return [*condensed(warnings), *_not_drawn(failures)]
 
     def _draw(self, path: str, link: str, geometry: Geometry, color: Bytes | None) -> None:
-        """Draw ``geometry`` in its own colour, or else all of it in ``color``."""
+        """Draw ``geometry`` in its file's own colours, or else in ``color``."""
         from onebot_bringup.viewer.shapes import file_state, load_shape  # imports trimesh
 
         what = (link, geometry, file_state(geometry.shape))
@@ -121,16 +125,16 @@ class Scene:
         self._drawn[path] = what
 
     def _erase(self, path: str, home: str) -> None:
-        """Empty an entity. Static data cannot be cleared by rr.Clear, only be overwritten.
+        """Empty an entity; rr.Clear does not clear static data, so it is overwritten.
 
-        The entity moves to the frame ``home``: one whose frame is gone would be reported forever.
+        The entity moves to the frame ``home``: otherwise Rerun would report its missing frame.
         """
         kind = rr.Boxes3D if path.endswith(f"/{_MISSING}") else rr.Asset3D
         self._recording.log(path, rr.CoordinateFrame(home), kind.cleared(), static=True)
 
 
 def marker_size(robot: Description) -> float:
-    """Return the edge, m, of the box that replaces a missing mesh: in proportion to the links."""
+    """Return the edge, m, of the box that replaces a missing mesh, in proportion to the links."""
     lengths = [math.hypot(*joint.origin.xyz) for joint in robot.joints]
     offsets = [length for length in lengths if length > 0]
     return statistics.median(offsets) / 2 if offsets else _MISSING_SIZE
@@ -154,7 +158,7 @@ def _quaternion(geometry: Geometry) -> rr.Quaternion:
 
 
 def _bytes(color: Rgba | None) -> Bytes:
-    """The bytes that reach the screen: URDF colours are shown as they are, as RViz does."""
+    """Return a URDF colour as bytes; they reach the screen unchanged, as in RViz."""
     if color is None:
         return DEFAULT_COLOR
     red, green, blue, alpha = (round(255 * min(max(value, 0.0), 1.0)) for value in color)

@@ -1,4 +1,4 @@
-"""What the settings of a view may be: rules that several displays share.
+"""Rules for the values of a view's settings, shared by several displays.
 
 A setting is a parameter (see ``onebot_description.ros.parameters.reader``): an entry of a view file
 and a ROS parameter of the viewer, such as ``axes.visible``.
@@ -16,28 +16,28 @@ Rules = Mapping[str, Any]  # keyword arguments of ``parameter``
 
 length: Rules = {"at_least": 0.0}
 fraction: Rules = {"at_least": 0.0, "at_most": 1.0}
-height: Rules = {}  # up, or down if negative
+height: Rules = {}  # any number; negative is down
 vector: Rules = {"write": "three metres, such as [3.0, -3.0, 2.0]"}
 color: Rules = {"at_least": 0, "at_most": 255, "write": "three bytes, such as [48, 48, 48]"}
 name_list: Rules = {"write": "a list of names, such as [odom, base_link]"}
-# Relative, so that a namespace applies; absolute only where it is written so.
+# A relative name, so that a namespace applies, or an absolute one.
 _TOPIC = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
 topic: Rules = {"pattern": _TOPIC, "write": "a topic, such as velocity_controller/odom"}
 topic_list: Rules = {"pattern": _TOPIC, "write": "a list of topics, such as [plan]"}
 
 
 def one_of(*choices: str) -> Rules:
-    """Return the rules of a word."""
+    """Return the rules of a setting that is one of some words."""
     return {"choices": choices}
 
 
 def setting(default: Any, description: str, rules: Rules | None = None) -> Any:
-    """Return a dataclass field.
+    """Return a dataclass field for a setting.
 
     Args:
-        default: its value where none is given; REQUIRED if one must be.
+        default: its default value; REQUIRED if the user must give one.
         description: what it does, with its unit.
-        rules: what it may be; by default a number is at least 0.
+        rules: what its value may be; by default numbers must be at least 0.
     """
     usual = length if type(default) in (int, float) else {}
     return parameter(default, description, **(usual if rules is None else rules))
@@ -45,6 +45,6 @@ def setting(default: Any, description: str, rules: Rules | None = None) -> Any:
 
 @dataclass(frozen=True)
 class FrameSettings:
-    """The setting of a view that is a launch argument, too."""
+    """The setting of a view that is also a launch argument."""
 
     fixed_frame: str = setting("", "the frame that stands still; empty: the root of the TF tree")

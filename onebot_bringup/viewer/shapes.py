@@ -1,13 +1,13 @@
-"""Shapes as RViz shows them: loaded by yourdfpy, written as GLB, which every Rerun viewer reads.
+"""Converts shapes to GLB, which every Rerun viewer reads, so that they look as in RViz.
 
-yourdfpy makes a trimesh scene of each shape (see ``meshes``). What RViz shows and yourdfpy
-leaves out is added here:
+yourdfpy makes a trimesh scene of each shape (see ``meshes``). This module adds what RViz shows and
+yourdfpy leaves out:
 
-- capsules, and spheres and cylinders that are round at any size on the screen
+- capsules, and spheres and cylinders that look round at any size on the screen
 - round faces and sharp edges where a file has no normals
-- which files have colours of their own, and these in glTF's linear light
+- whether a file has its own colours, converted to glTF's linear light
 
-yourdfpy and trimesh take a second to import: modules import this one where a shape is drawn.
+yourdfpy and trimesh take a second to import, so modules import this one only to draw a shape.
 """
 
 import functools
@@ -33,8 +33,8 @@ from onebot_description.errors import OneBotError
 
 _CYLINDER_SECTIONS = 72
 _SPHERE_SUBDIVISIONS = 4
-_SMALLEST = 1e-6  # radius of a sphere, m; of one without size trimesh makes NaN
-# Above this many faces sharp edges are not searched for (it takes seconds); shading is then flat.
+_SMALLEST = 1e-6  # smallest radius of a sphere, m; for radius 0 trimesh makes NaN
+# Meshes with more faces are shaded flat, since finding their sharp edges would take seconds.
 _MOST_FACES_TO_SMOOTH = 200_000
 
 
@@ -43,11 +43,11 @@ class ShapeAsset(NamedTuple):
 
     glb: bytes  # binary glTF
     bounds: NDArray[np.float64]  # (2, 3), least and greatest corner, m
-    colored: bool  # it has colours of its own, which override the URDF's, as in RViz
+    colored: bool  # has its own colours, which override the URDF's, as in RViz
 
 
 class FileState(NamedTuple):
-    """A mesh file as it was when it was looked at: the same URDF may mean a new mesh."""
+    """A mesh file's state when it was read; it may change while the URDF stays the same."""
 
     path: Path
     modified: int  # ns
@@ -55,7 +55,11 @@ class FileState(NamedTuple):
 
 
 def file_state(shape: Shape) -> FileState | None:
-    """Return the file of a mesh, None for other shapes; raise an OneBotError if it is not there."""
+    """Return the state of a mesh's file; None for other shapes.
+
+    Raises:
+        OneBotError: there is no such file.
+    """
     if not isinstance(shape, Mesh):
         return None
     if shape.path is None:
@@ -68,10 +72,10 @@ def file_state(shape: Shape) -> FileState | None:
 
 
 def load_shape(shape: Shape) -> ShapeAsset:
-    """Return a shape for Rerun; the last 256 are remembered until their files change.
+    """Return a shape for Rerun; the last 256 are cached until their files change.
 
     Raises:
-        OneBotError: its mesh cannot be read, or holds no surface.
+        OneBotError: its mesh cannot be read, or has no surface.
     """
     return _load(shape, file_state(shape))
 
@@ -89,7 +93,7 @@ def _load(shape: Shape, file: FileState | None) -> ShapeAsset:
     if shape.scale != (1.0, 1.0, 1.0):
         scene = scene.scaled(np.array(shape.scale))
     elif suffix == ".glb":
-        # As it is: trimesh does not know all that a glTF may hold.
+        # Pass the file through unchanged: trimesh does not know everything that a glTF may hold.
         return ShapeAsset(path.read_bytes(), np.asarray(scene.bounds, float), True)
     colored = has_colors(path, scene)
     if _lacks_normals(path, suffix):
@@ -100,10 +104,10 @@ def _load(shape: Shape, file: FileState | None) -> ShapeAsset:
 def _asset(scene: trimesh.Scene, colored: bool, *, linear: bool = False) -> ShapeAsset:
     for part in scene.geometry.values():
         if isinstance(part, trimesh.Trimesh):
-            # Colours of vertices, as Blender writes them into Collada, would become an attribute
-            # "_color", and Rerun shows nothing of a glTF with attributes that it does not know.
+            # Vertex colours, such as Blender writes into Collada, would become an attribute
+            # "_color", and Rerun shows nothing of a glTF with unknown attributes.
             part.vertex_attributes.clear()
-    # glTF's colours are linear light, the other formats' are sRGB.
+    # glTF's colours are in linear light, the other formats' in sRGB.
     adjust = None if linear else _adjust_colors
     glb = scene.export(file_type="glb", include_normals=True, tree_postprocessor=adjust)
     return ShapeAsset(bytes(glb), np.asarray(scene.bounds, float), colored)
@@ -111,7 +115,7 @@ def _asset(scene: trimesh.Scene, colored: bool, *, linear: bool = False) -> Shap
 
 def _scene(shape: Box | Capsule | Cylinder | Sphere) -> trimesh.Scene:
     if isinstance(shape, Capsule):
-        # Centred, and its height counts without the ends, as in URDF.
+        # As in URDF, it is centred, and its height does not include the ends.
         size = {"radius": shape.radius, "height": shape.length}
         return trimesh.Scene(trimesh.creation.capsule(**size, count=(48, 48)))
     scene = geometry_scene(_geometry(shape))
@@ -134,7 +138,7 @@ def _geometry(shape: Box | Cylinder | Sphere) -> yourdfpy.Geometry:
 
 
 def _with_normals(scene: trimesh.Scene) -> trimesh.Scene:
-    """Give what has no normals at its corners round faces and sharp edges."""
+    """Give meshes without vertex normals round faces and sharp edges."""
     shaded = trimesh.Scene()
     for part in scene.dump():
         few = len(part.faces) <= _MOST_FACES_TO_SMOOTH
@@ -147,7 +151,7 @@ def _is_textured(mesh: trimesh.Trimesh) -> bool:
 
 
 def _lacks_normals(path: Path, suffix: str) -> bool:
-    if suffix == ".stl":  # it has one a face only
+    if suffix == ".stl":  # it has only one normal per face
         return True
     pattern = {".obj": rb"^vn\s", ".dae": rb"semantic=[\"']NORMAL"}.get(suffix)
     return pattern is not None and not re.search(pattern, path.read_bytes(), re.MULTILINE)
@@ -160,7 +164,7 @@ def _shade(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     smooth: trimesh.Trimesh = trimesh.graph.smooth_shade(joined, angle=np.radians(30.0))
     if mesh.visual.kind == "texture":
         smooth.visual = trimesh.visual.TextureVisuals(material=mesh.visual.material)
-    elif mesh.visual.defined:  # the split has reordered corners and faces
+    elif mesh.visual.defined:  # the split has reordered vertices and faces
         return _flat(mesh)
     return smooth
 
@@ -179,9 +183,9 @@ def _flat(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
 
 
 def _adjust_colors(tree: dict[str, Any]) -> None:
-    """Turn the sRGB colours of ``tree`` (glTF) into linear light (IEC 61966-2-1).
+    """Convert the sRGB colours of ``tree`` (glTF) to linear light (IEC 61966-2-1).
 
-    What nobody could see becomes opaque: exporters do not agree on which end of Collada's
+    Invisible materials become opaque: exporters do not agree on which end of Collada's
     transparency is the clear one.
     """
     for material in tree.get("materials", ()):

@@ -1,4 +1,4 @@
-"""One of the robots of a view: its names, its description, and what is drawn of it."""
+"""A robot of a view: its names, its description, its frames and its part of the layout."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -16,17 +16,17 @@ if TYPE_CHECKING:
 
 ROBOT_DESCRIPTION = "robot_description"
 WORLD_DESCRIPTION = "/world_description"
-MOST_PLOTTED = 5  # robots, unless they are chosen: there is no room for more tabs
+MOST_PLOTTED = 5  # robots plotted by default: there is no room for more tabs
 
 
 @dataclass(frozen=True)
 class RobotToShow:
-    """Which robot to show: how its topics and its frames are named."""
+    """Names the topics and frames of a robot to show."""
 
-    namespace: str = ""  # its topics begin with it; "" for none before those that the view names
+    namespace: str = ""  # put before the view's relative topics; "" to leave them as they are
     frame_prefix: str = ""  # put before link names to get their frames
     description: str = ROBOT_DESCRIPTION  # the topic of its URDF
-    plotted: bool = True  # its curves are shown, too
+    plotted: bool = True  # whether its curves are shown
 
     def topic(self, name: str) -> str:
         """Return the name of a topic of the robot; an absolute name stays as it is."""
@@ -35,7 +35,7 @@ class RobotToShow:
 
     @property
     def entity(self) -> str:
-        """The entity below which it is logged, where there are several."""
+        """The entity below which the robot is logged if there are several."""
         return self.namespace.strip("/")
 
     def __str__(self) -> str:
@@ -43,20 +43,20 @@ class RobotToShow:
 
 
 class ShownRobot:
-    """A robot on a stage, from its description on."""
+    """A robot on a stage, before and after its description is known."""
 
     def __init__(self, stage: "Stage", names: RobotToShow, root: str) -> None:
-        """Show nothing yet. ``root`` is the entity above all of it; "" for the only robot."""
+        """Show nothing yet; ``root`` is the entity above the robot's; "" for the only robot."""
         self.stage, self.names, self.root = stage, names, root
         self.scene = Scene(stage.recording, names.frame_prefix, root)
         self._missing: list[str] = []
-        self._missing_of: tuple[object, ...] = ()  # the robot, frame and tree that it is for
+        self._missing_of: tuple[object, ...] = ()  # robot, frame and tree that ``_missing`` is for
         self.displays: list[Display[Any]] = []
         self.description: Description | None = None
         self.urdf = ""  # the text of the description
-        self.fitting_length = 0.0  # axes and arcs, metres, by the robot's size; 0: not known yet
+        self.fitting_length = 0.0  # length of axes and arcs that suits the robot, m; 0: unknown
         self.axes_lengths: Mapping[str, float] = {}  # metres, keyed by frames of links
-        self.joint_colors: dict[str, Color] = {}  # every joint with a state so far
+        self.joint_colors: dict[str, Color] = {}  # joints that have had a state so far
         self.joint_positions: dict[str, float] = {}  # rad or m, for displays that ask for them
 
     def frame_of(self, link: str) -> str:
@@ -69,12 +69,12 @@ class ShownRobot:
 
     @property
     def home(self) -> str:
-        """A frame that exists: the root link's."""
+        """The root link's frame, which exists."""
         return "" if self.description is None else self.frame_of(self.description.root_link)
 
     @property
     def clouds_of_scans(self) -> set[str]:
-        """Full names of the clouds that lidars publish of what is in their scan."""
+        """Full topic names of the clouds in which lidars publish the same data as in scans."""
         sensors = () if self.description is None else self.description.sensors
         return {
             self.full_name(sensor.topics["points"])
@@ -83,12 +83,17 @@ class ShownRobot:
         }
 
     def set_description(self, urdf: str, description: Description | None = None) -> list[str]:
-        """Show the robot of this text, in place of the one before.
+        """Show the robot of a URDF in place of the previous one.
 
-        Its description is parsed where it is not given. Returns what could not be drawn.
+        Args:
+            urdf: the text of the URDF.
+            description: the parsed URDF; None to parse it here.
+
+        Returns:
+            One sentence per thing that could not be drawn.
 
         Raises:
-            OneBotError: the text is wrong.
+            OneBotError: the URDF is invalid.
         """
         robot = description or parse_description(urdf, self.names.description.strip("/"))
         warnings = self.scene.set_robot(robot)
@@ -101,14 +106,14 @@ class ShownRobot:
 
     @property
     def top_frame(self) -> str:
-        """The frame above its root link; "" without a description."""
+        """The topmost frame above the root link; "" without a description."""
         return self.stage.frames.top(self.home) if self.home else ""
 
     def known_as(self, wanted: str) -> str:
-        """Return the name by which a frame is known, also with the prefix; "" if it is not.
+        """Return the name of a known frame, with or without the prefix; "" if neither is known.
 
-        Another robot's frame may have the name without the prefix. The frame that is connected with
-        this robot counts; if both are, the name without the prefix.
+        Another robot's frame may have the name without the prefix, so a frame that is connected
+        with this robot is preferred; if both are, the name without the prefix.
         """
         if not wanted or self.description is None:
             return ""
@@ -121,7 +126,7 @@ class ShownRobot:
         return next(iter(connected + names), "")
 
     def fixed_frame(self, wanted: str) -> str:
-        """Return the frame to show it in: ``wanted``, or else the one above its root."""
+        """Return the frame to show the robot in: ``wanted`` if known, or else the topmost frame."""
         return self.known_as(wanted) or self.top_frame
 
     def missing(self, fixed_frame: str) -> list[str]:
@@ -137,13 +142,13 @@ class ShownRobot:
         return self._missing
 
     def is_complete(self, wanted: str) -> bool:
-        """Whether its links are known, and each has a transform to this frame ("": any)."""
+        """Whether the robot is known and each link has a transform to ``wanted`` ("": to any)."""
         if self.description is None or (wanted and not self.known_as(wanted)):
             return False
         return not self.missing(self.fixed_frame(wanted))
 
     def late(self, wanted: str) -> list[str]:
-        """Return the links without a transform, and a missing fixed frame, a sentence each."""
+        """Return a sentence each on links without a transform and on a missing fixed frame."""
         if self.description is None:
             return []
         warnings, fixed_frame = [], self.fixed_frame(wanted)
@@ -164,7 +169,7 @@ class ShownRobot:
         return self.scene.visual_of(link) or axes_entity(self.frame_of(link))
 
     def layout(self, *, collision: bool) -> list[LayoutPart]:
-        """Return its part of the layout; ``collision`` shows its collision shapes."""
+        """Return the robot's part of the layout; ``collision`` shows its collision shapes."""
         shapes = LayoutPart(visible=((below(self.root, COLLISION_ENTITY), collision),))
         parts = [shapes, *(display.layout() for display in self.displays)]
         return [replace(part, robot=self.root) for part in parts] if self.root else parts

@@ -1,4 +1,4 @@
-"""The stage: what all displays share. The robots, the TF tree, the fixed frame and the time."""
+"""The stage, which all displays share: the robots, the TF tree, the fixed frame and the time."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     from onebot_bringup.viewer.displays.drawing import MessageDisplay
 
 _TRANSFORM_TIMEOUT_NS = 200_000_000
-_LISTED = 5  # names of robots
+_LISTED = 5  # robots named in a message
 
 
 class Stage:
-    """Where displays draw."""
+    """What all displays draw on: a recording, the robots in it and their frames."""
 
     def __init__(
         self,
@@ -37,7 +37,7 @@ class Stage:
         clock: Callable[[], float] = time.monotonic,
         definitions: Callable[[str], str] = full_definition,
     ) -> None:
-        """Set the stage for robots whose descriptions follow; arguments are ``RobotView``'s."""
+        """Prepare for robots whose descriptions follow; see ``RobotView`` for the arguments."""
         self.recording = recording
         self.view = view
         self.resolve = resolve
@@ -49,19 +49,19 @@ class Stage:
         self.robots = [
             ShownRobot(self, names, "" if self.alone else names.entity) for names in robots
         ]
-        # What stands around the robots.
+        # The things that stand around the robots.
         self.world = ShownRobot(self, RobotToShow(description=WORLD_DESCRIPTION), "world")
         self.message_displays: Sequence[MessageDisplay] = ()
-        self.now_ns = 0  # on the timeline, nanoseconds
-        self.transform_timeout_ns = _TRANSFORM_TIMEOUT_NS  # messages wait for transforms so long
+        self.now_ns = 0  # the time on the timeline, nanoseconds
+        self.transform_timeout_ns = _TRANSFORM_TIMEOUT_NS  # how long messages wait for transforms
         self.robot_size = 0.0  # the diagonal of the smallest robot, metres; 0: not known yet
 
     def message_type(self, name: str, *, live: bool = True) -> MessageType[Any]:
-        """Return a type whose messages are decoded by its definition.
+        """Return a message type whose messages are decoded by its definition.
 
         Raises:
             OneBotError: there is no definition of it.
-            ValueError: it cannot be read.
+            ValueError: the definition cannot be read.
         """
         return message_type(name, self._definitions(name), live)
 
@@ -81,7 +81,7 @@ class Stage:
             self.recording.send_columns(entity, indexes=[time_column(stamps)], columns=columns)
 
     def clear(self, entity: str, stamp_ns: int, frame: str) -> None:
-        """Remove what is drawn at an entity; without a frame it would be an error in the view."""
+        """Remove what is drawn at an entity; the view would report one without a frame."""
         self.log_rows(entity, [(stamp_ns, [rr.Clear(recursive=False)])])
         if frame:
             self.log_rows(entity, [(stamp_ns, [rr.CoordinateFrame(frame)])])
@@ -90,7 +90,7 @@ class Stage:
 
     @property
     def descriptions(self) -> dict[str, Description]:
-        """The robots shown now, by their namespaces."""
+        """The descriptions of the robots shown now, by their namespaces."""
         robots = ((str(robot.names), robot.description) for robot in self.robots)
         return {name: description for name, description in robots if description is not None}
 
@@ -101,11 +101,11 @@ class Stage:
         return namespaces[max(inside, key=len, default=next(iter(namespaces)))]
 
     def wrong_names(self) -> list[str]:
-        """Return that no robot has the link that the camera is to follow."""
+        """Return a sentence if no robot has the link that the camera should follow."""
         follow = self.view.camera.follow
         links = {link for robot in self.descriptions.values() for link in robot.link_names}
         names = set(links)
-        for robot in () if self.alone else self.robots:  # of several, by frames
+        for robot in () if self.alone else self.robots:  # several robots' links go by frame
             names.update(map(robot.frame_of, links))
         if not links or not follow or follow in names:
             return []
@@ -113,7 +113,7 @@ class Stage:
         return [f'camera.follow: the robot has no link "{follow}"{hint}']
 
     def late(self) -> list[str]:
-        """Return which frames and descriptions are missing, a sentence each."""
+        """Return a sentence per kind of frames and descriptions that are missing."""
         frame = self.wanted_frame
         if not self.descriptions:
             fixed, frame = self.fixed_frame, self.view.fixed_frame
@@ -129,7 +129,7 @@ class Stage:
     # --- frames -----------------------------------------------------------------------------------
 
     def unknown_frame(self, wanted: str, fixed_frame: str) -> str:
-        """Return a warning that ``wanted`` has not been received, and what is shown instead."""
+        """Return a warning that ``wanted`` is unknown, and which frame is used instead."""
         hint = did_you_mean(wanted, self.frames.names, "frames received")
         return (
             f'the fixed frame "{wanted}" is not on /tf or /tf_static{hint}; '
@@ -137,19 +137,19 @@ class Stage:
         )
 
     def connected(self, frame: str) -> bool:
-        """Whether transforms lead from ``frame`` to the fixed one.
+        """Whether transforms lead from ``frame`` to the fixed frame.
 
-        An entity in a frame without would be an error in the view: it has to wait.
+        Entities in any other frame have to wait: the view would report an error.
         """
         return self.frames.top(frame) == self.frames.top(self.fixed_frame)
 
     @property
     def fixed_frame(self) -> str:
-        """The frame everything is shown in; "" before there is any.
+        """The frame in which everything is shown; "" while there is none.
 
-        The view's, also with the frame_prefix before it; while no such frame is known, the one
-        above the robot's root link, or without a robot above the frames of most messages. That
-        one, too, of several robots that each have the view's.
+        It is the view's, with or without the frame_prefix. If that is unknown, or each of several
+        robots has such a frame, it is the topmost frame above the first robot's root link, or
+        without a robot the topmost frame of most messages.
         """
         for robot in self.robots:
             if robot.description is not None:
@@ -161,9 +161,9 @@ class Stage:
 
     @property
     def frame_without_robot(self) -> str:
-        """The root of the transforms that most messages shown have, or of any; "" for none.
+        """The topmost frame of most messages shown, or else of any transform; "" for none.
 
-        Without transforms, the frame that most have.
+        Without transforms, it is the frame of most messages.
         """
         names, tops = self.frames.names, [self.frames.top(frame) for frame in self._message_frames]
         if tops:
@@ -172,7 +172,7 @@ class Stage:
 
     @property
     def _message_frames(self) -> list[str]:
-        """The frames of the messages that are shown."""
+        """The frame of each message that is shown."""
         return [
             drawing.frame
             for display in self.message_displays
@@ -182,7 +182,7 @@ class Stage:
 
     @property
     def wanted_frame(self) -> str:
-        """The frame that the view names; "" where each of several robots has one of that name."""
+        """The frame that the view names; "" if several robots have it with their own prefix."""
         view_frame = self.view.fixed_frame
         if self.alone or view_frame in self.frames.names:
             return view_frame
@@ -191,12 +191,12 @@ class Stage:
 
     @property
     def missing(self) -> list[str]:
-        """The frames of links that no transform connects with the fixed frame, the world's, too."""
+        """The frames of the robots' and the world's links not connected with the fixed frame."""
         fixed = self.fixed_frame
         return [frame for robot in (*self.robots, self.world) for frame in robot.missing(fixed)]
 
     @property
     def has_fixed_frame(self) -> bool:
-        """The frame that the view names, if any, is known."""
+        """Whether the frame that the view names is known; True if it names none."""
         wanted = self.wanted_frame
         return not wanted or any(robot.known_as(wanted) for robot in self.robots)

@@ -1,4 +1,4 @@
-"""Subscribes to the topics that a robot view needs, whatever type and QoS their publishers have."""
+"""Subscribes to the topics that a robot view needs, with the types and QoS of their publishers."""
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -19,12 +19,12 @@ from onebot_description.ros.topic_subscription import (
 )
 from onebot_description.ros.wire.cdr import HEADER
 
-# Types stamped with the time when they are sent, and the byte of the stamp in each.
+# Types stamped with the time when they are sent, and the byte offset of the stamp in each.
 _STAMPED = {
     "sensor_msgs/msg/JointState": HEADER,
     "nav_msgs/msg/Odometry": HEADER,
     "geometry_msgs/msg/TwistStamped": HEADER,
-    "tf2_msgs/msg/TFMessage": HEADER + 4,  # after the number of transforms
+    "tf2_msgs/msg/TFMessage": HEADER + 4,  # the number of transforms comes first
 }
 
 
@@ -32,7 +32,7 @@ class ViewFeed:
     """Subscribes a node to the topics that a view wants, and tells the view what is published.
 
     Attributes:
-        received: topics of which a message has come.
+        received: topics on which a message has come.
     """
 
     def __init__(self, node: Node, view: RobotView) -> None:
@@ -43,14 +43,14 @@ class ViewFeed:
         self.received: set[str] = set()
 
     def tick(self) -> list[str]:
-        """Have the view log what was received; return what the user should know, as it does."""
+        """Have the view log what was received; return its new messages for the user."""
         return self._view.tick(int(self._node.get_clock().now().nanoseconds))
 
     def update(self) -> list[str]:
-        """Follow publishers, and another view; call it now and then.
+        """Follow changes of the publishers and of the view; call this periodically.
 
         Returns:
-            What cannot be shown or subscribed, a sentence each.
+            One sentence per thing that cannot be shown or subscribed.
         """
         problems = self._view.offer(self._published())
         topics = self._view.topics
@@ -64,14 +64,14 @@ class ViewFeed:
             except TypeConflictError as error:
                 problems.append(f"the view's {error}")
             except OneBotError as error:
-                # A type that is not installed stays so; warn once if the topic is optional.
+                # A missing type will not be installed meanwhile: for optional topics, warn once.
                 if not topic.optional or str(error) not in self._reported:
                     problems.append(str(error))
                 self._reported.add(str(error))
         return problems
 
     def _published(self) -> dict[str, str]:
-        """The type of each topic that has one type and a publisher, or had one."""
+        """Return the type of each topic that has a single type and has, or had, a publisher."""
         node, offered = self._node, {item.topic for item in self._view.offered}
         return {
             name: types[0]
@@ -97,7 +97,7 @@ class ViewFeed:
         names = [kind.name for kind in topic.types]
         offered = offers(self._node, name, names)
         kind = choose_type(offered, subscription.type)
-        if len(names) == 1:  # subscribed before it is published, unless optional
+        if len(names) == 1:  # subscribe before it is published, unless optional
             early = subscription.type or not topic.optional
             kind = names[0] if early or any(offered.values()) else None
         if kind is None:

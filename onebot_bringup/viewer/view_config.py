@@ -1,4 +1,4 @@
-"""A saved view, in the place of RViz's config.rviz: a short YAML file, checked with clear errors.
+"""A saved view: a short YAML file in place of RViz's config.rviz, checked with clear errors.
 
 Example (every key may be left out; the settings of a display are below its key)::
 
@@ -88,7 +88,7 @@ class GridSettings:
 
 @dataclass(frozen=True)
 class CameraSettings:
-    """Where to look from, and at."""
+    """Where the camera is, and what it looks at."""
 
     eye: Triple | None = setting(None, "metres, in the fixed frame", vector)
     target: Triple | None = setting(None, "metres, in the fixed frame", vector)
@@ -107,9 +107,9 @@ class PanelsSettings:
 
 @dataclass(frozen=True)
 class ViewConfig(FrameSettings):
-    """How a robot is looked at: what holds for the whole view, and the settings of each display.
+    """How robots are shown: settings of the whole view, and of each display.
 
-    The settings of a display have its ``key`` as their name.
+    The settings of a display are under its ``key``.
     """
 
     grid: GridSettings = group(GridSettings)
@@ -120,7 +120,7 @@ class ViewConfig(FrameSettings):
     automatic: bool = setting(True, "show topics of all types that have a display")
     hidden: tuple[str, ...] = setting((), "topics not shown", topic_list)
     shown: tuple[str, ...] = setting((), "topics always shown", topic_list)
-    # Displays of the robots.
+    # Displays of the robots' own data.
     axes: AxesSettings = group(AxesSettings)
     joint_plot: JointPlotSettings = group(JointPlotSettings)
     joint_ranges: JointRangesSettings = group(JointRangesSettings)
@@ -128,7 +128,7 @@ class ViewConfig(FrameSettings):
     covariance: Mapping[str, CovarianceSettings] = setting({}, "covariances, by names of your own")
     speeds: SpeedsSettings = group(SpeedsSettings)
     curves: CurvesSettings = group(CurvesSettings)
-    # Displays of message types.
+    # Displays that each draw a message type.
     path: PathSettings = group(PathSettings)
     joint_trajectory: JointTrajectorySettings = group(JointTrajectorySettings)
     map: MapSettings = group(MapSettings)
@@ -153,23 +153,35 @@ class ViewConfig(FrameSettings):
 
 
 def load_view(path: Path) -> ViewConfig:
-    """Read the saved view at ``path``; a ConfigError names the file, the entry and its line."""
+    """Read the saved view at ``path``.
+
+    Raises:
+        ConfigError: it is invalid; names the file, the entry and its line.
+    """
     return parse_view(read_text(path), str(path))
 
 
 def parse_view(text: str, name: str = "view") -> ViewConfig:
-    """Read a saved view from YAML text; ``name`` is the file's, for ConfigErrors."""
+    """Parse a saved view.
+
+    Args:
+        text: the YAML text.
+        name: the file's name, for error messages.
+
+    Raises:
+        ConfigError: it is invalid.
+    """
     parameters = read_map(text, name)
     return read(ViewConfig, parameters.values, parameters.places)
 
 
 def view_text(view: ViewConfig) -> str:
-    """Return ``view`` as YAML text that ``parse_view`` reads, without what is as by default."""
+    """Return ``view`` as YAML text that ``parse_view`` reads, without settings at their default."""
     return str(yaml.dump(as_map(view), Dumper=_Dumper, sort_keys=False, default_flow_style=False))
 
 
 class _Dumper(yaml.SafeDumper):
-    """Writes maps as blocks, and lists, such as vectors and colours, on a line."""
+    """Writes maps as blocks, but lists, such as vectors and colours, on one line."""
 
     def represent_sequence(self, tag: str, sequence: Any, flow_style: Any = None) -> Any:
         return super().represent_sequence(tag, sequence, flow_style=True)
@@ -181,19 +193,22 @@ def changed_settings(before: ViewConfig, after: ViewConfig) -> dict[str, Any]:
     return {name: value for name, value in values_of(after).items() if old[name] != value}
 
 
-# --- the view that belongs to a robot: the one saved in the config/ of its description ----------
+# --- the view that belongs to a robot: saved in the config/ of its description --------------------
 
 _VIEW, _WORLD_VIEW = Path("config/view.yaml"), Path("config/world_view.yaml")
-# What a robot's name must be for a package to be named after it (REP-144); also keeps "../" out.
+# A robot's name must match this for a package to be named after it (REP-144); keeps "../" out, too.
 _NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
 
 
 def view_for(robot_name: str, *, in_world: bool = False) -> Path | None:
-    """Return the saved view of the robot, as its URDF names it; None if there is none.
+    """Return the saved view of a robot; None if there is none.
 
     It is ``config/view.yaml`` in the share folder of the package ``<robot_name>_description``,
-    found as every ROS package is, also one of the user's own workspace; in a world
-    ``config/world_view.yaml``, if there is one.
+    which may be in the user's own workspace; in a world, ``config/world_view.yaml`` if it exists.
+
+    Args:
+        robot_name: the name in the robot's URDF.
+        in_world: whether anything stands around the robot.
     """
     if not _NAME.fullmatch(robot_name):
         return None

@@ -1,4 +1,4 @@
-"""Where a view comes from: a file, what its user edits in it, and what is switched meanwhile."""
+"""Where a view comes from: a file, edits of it, and settings changed in the running viewer."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -20,12 +20,12 @@ from onebot_description.whole_file import write_whole
 
 
 class ViewSource:
-    """The view in force: the file's, with the settings that were changed since.
+    """The current view: the file's, with the settings that were changed since.
 
     Attributes:
-        view: how to look at the robot.
+        view: the current view.
         file: the view file; None if there is none.
-        blueprint_file: the ``.rbl`` file whose layout replaces the view's; None for the view's.
+        blueprint_file: the ``.rbl`` file whose layout replaces the view's; None if there is none.
     """
 
     def __init__(self, source: str, notice: Callable[[str], object] = print) -> None:
@@ -34,7 +34,7 @@ class ViewSource:
         Args:
             source: a view file (.yaml), RViz's own (.rviz), a layout saved in the viewer (.rbl),
                 "" for the view that belongs to the robot, or "none" for none.
-            notice: called with what of an RViz file is not shown.
+            notice: called with a sentence about what is not shown of an RViz file.
         """
         self._notice = notice
         self.file: Path | None = None
@@ -45,7 +45,7 @@ class ViewSource:
             self.blueprint_file = path
         else:
             self.file = path
-        # A layout arranges what the robot's own view logs.
+        # A layout only arranges what is logged for the robot's own view.
         self._of_robot = not source or self.blueprint_file is not None
         self._base = self.view = self._loaded()
         self._watch = FileWatch(self._files)
@@ -62,11 +62,14 @@ class ViewSource:
         return load_view(self.file)
 
     def set_robot(self, name: str, *, in_world: bool = False) -> bool:
-        """Use the view of the robot ``name``, unless a file was given; True if it is another one.
+        """Use the view that belongs to a robot, unless a file was given.
 
         Args:
-            name: as the robot's URDF has it.
-            in_world: something stands around the robot.
+            name: the name in the robot's URDF.
+            in_world: whether anything stands around the robot.
+
+        Returns:
+            Whether that is another view file than before.
         """
         old_file = self.file
         if self._of_robot:
@@ -82,16 +85,16 @@ class ViewSource:
         return True
 
     def poll(self) -> Changes:
-        """Return which of its files the user has saved or removed since the last call."""
+        """Return which of the files the user has saved or removed since the last call."""
         return self._watch.poll()
 
     def reload(self) -> bool:
-        """Read the view file again; True if that changes the view.
+        """Read the view file again; return whether that changes the view.
 
-        Of a setting that was changed here and in the file, the file's value counts: it is newer.
+        If a setting was changed both here and in the file, the file's value wins: it is newer.
 
         Raises:
-            OneBotError: the file is wrong; the view stays.
+            OneBotError: the file is invalid; the view stays.
         """
         old_view, base = self.view, self._loaded()
         edited = changed_settings(self._base, base)
@@ -103,11 +106,29 @@ class ViewSource:
         return view != old_view
 
     def change(self, name: str, value: Any) -> None:
-        """Change a setting until its file is read anew; raise a ConfigError if it cannot be."""
+        """Override a setting until it is changed in the file.
+
+        Args:
+            name: its dotted name, such as "axes.visible".
+            value: its new value.
+
+        Raises:
+            ConfigError: it cannot have this value.
+        """
         self.view = replaced(self.view, name, value)
 
     def save(self, to: Path | None = None) -> Path:
-        """Write the view into its file or another one, without defaults; return the file."""
+        """Save the view, without default values.
+
+        Args:
+            to: the file to write; None for the view's own.
+
+        Returns:
+            The file.
+
+        Raises:
+            OneBotError: there is no such file to write, or it cannot be written.
+        """
         target = to or self.file
         if target is None:
             raise OneBotError("this view has no file: name one with the parameter save_view_to")
@@ -124,7 +145,11 @@ class ViewSource:
 
 
 def check_blueprint_file(path: Path) -> None:
-    """Raise an OneBotError if the file is no layout saved in the viewer."""
+    """Check that a file is a layout saved in the viewer.
+
+    Raises:
+        OneBotError: it is not.
+    """
     with path.open("rb") as file:
         if file.read(3) != b"RRF":
             raise OneBotError(f"view:={path}: this is no layout saved in the viewer")

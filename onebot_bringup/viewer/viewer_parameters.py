@@ -1,4 +1,4 @@
-"""The parameters of rerun_viewer, some of which are launch arguments, too."""
+"""The parameters of rerun_viewer, some of which are also launch arguments."""
 
 import re
 from collections.abc import Callable
@@ -102,5 +102,5 @@ class ViewerParameters:
 
     @property
     def recording(self) -> Path | None:
-        """The file to write, if any."""
+        """The file to record to; None if there is none."""
         return Path(self.save).expanduser().absolute() if self.save else None

@@ -1,1 +1,1 @@
-"""What drives a robot by its wheels: controller, speed limiter, odometry. No ROS here."""
+"""Differential drive: controller, speed limiter and odometry. No ROS here."""

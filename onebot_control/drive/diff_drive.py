@@ -1,8 +1,15 @@
 """The differential-drive controller: commands in, wheel velocities and odometry out. No ROS here.
 
-controller = DiffDriveController(config, config.kinematics(geometry))
-controller.accept(linear=0.2, angular=0.0)
-wheels = controller.update(WheelStates(0.0, 0.0, 0.0, 0.0), dt=0.01)
+Example:
+    >>> from onebot_control.drive.diff_drive import DiffDriveController, WheelStates
+    >>> from onebot_control.drive.odometry import DiffDriveKinematics
+    >>> from onebot_control.parameters import ControlConfig
+    >>> kinematics = DiffDriveKinematics(separation=0.4, left_radius=0.1, right_radius=0.1)
+    >>> controller = DiffDriveController(ControlConfig.from_parameters({}), kinematics)
+    >>> controller.accept(linear=0.2, angular=0.0)
+    >>> wheels = controller.update(WheelStates(0.0, 0.0, 0.0, 0.0), dt=0.01)
+    >>> wheels.left, wheels.right  # rad/s
+    (2.0, 2.0)
 """
 
 import math
@@ -13,12 +20,12 @@ from onebot_control.drive.odometry import DiffDriveKinematics, Odometry
 from onebot_control.drive.speed_limiter import SpeedLimiter, clamp
 from onebot_control.parameters import ControlConfig
 
-_ROUNDING = 1e-9  # s that a sum of periods may be off
-_FASTEST = 1e6  # m/s or rad/s; what follows from a faster command need not be finite
+_ROUNDING = 1e-9  # s; greatest rounding error of a sum of periods
+_FASTEST = 1e6  # m/s or rad/s; faster commands are clamped, so that all results are finite
 
 
 class WheelStates(NamedTuple):
-    """Positions and velocities of the wheels: each side's mean."""
+    """Measured positions and velocities of the wheels: the mean of each side."""
 
     left_position: float  # rad
     right_position: float
@@ -27,7 +34,7 @@ class WheelStates(NamedTuple):
 
 
 class DriveCommand(NamedTuple):
-    """The wheels' velocities, and the command that they follow from."""
+    """Wheel velocities, and the limited command from which they follow."""
 
     left: float  # velocity of the left wheels, rad/s
     right: float  # velocity of the right wheels, rad/s
@@ -36,21 +43,23 @@ class DriveCommand(NamedTuple):
 
 
 class DiffDriveController:
-    """Holds the last command, lets it age, limits it, and updates the odometry.
+    """Turns velocity commands into wheel velocities, as diff_drive_controller does.
 
-    It uses durations only, no clock, so no clock can disturb it. Commands age by the durations
-    given to ``update``, ``wait`` and ``stalled``.
+    It holds the last command until that times out, limits it, and updates the odometry. It reads no
+    clock, so no jump of a clock can disturb it: commands age by the durations passed to ``update``,
+    ``wait`` and ``stalled``.
 
     Attributes:
         odometry: the robot's pose and twist by its wheels, in the time of the cycles.
-        pace: seconds of cycles in a second of the durations, over velocity_rolling_window_size of
-            them. Times it, a velocity is the change of a position by the change of its stamp.
+        pace: seconds of cycles per second that passed, over velocity_rolling_window_size
+            durations. A velocity times the pace is the change of position per change of stamp.
     """
 
     def __init__(self, config: ControlConfig, kinematics: DiffDriveKinematics) -> None:
+        """Start at rest, with odometry at zero and no command."""
         window = config.velocity_rolling_window_size
         self.odometry = Odometry(kinematics, window)
-        # Seconds of cycles, and the seconds that passed: as many, or more.
+        # Pairs: seconds of a cycle, and seconds that passed (as many, or more).
         self._passed: deque[tuple[float, float]] = deque(maxlen=window)
         self.pace = 1.0
         self._stalled = 0.0
@@ -59,11 +68,11 @@ class DiffDriveController:
         self.halt()
 
     def configure(self, config: ControlConfig, kinematics: DiffDriveKinematics) -> None:
-        """Apply other parameters; pose, command and speed stay as they are."""
+        """Apply changed parameters; pose, command and speed stay as they are."""
         feedback = self._config.open_loop, self._config.position_feedback
         self._config = config
         if (config.open_loop, config.position_feedback) != feedback:
-            # Where they were last used as feedback, the wheels are no longer.
+            # The wheels have moved since they were last used as feedback.
             self.odometry.rereference_wheels()
         self._linear_limiter = SpeedLimiter(config.linear)
         self._angular_limiter = SpeedLimiter(config.angular)
@@ -77,13 +86,13 @@ class DiffDriveController:
         """Command a velocity.
 
         Args:
-            linear: m/s, forward; above 1e6, it counts as that.
-            angular: rad/s, to the left; likewise.
-            age: seconds since it was given; None if it is not known. Neither is it below 0, by a
-                clock that is ahead of ours or ours set back. Then it is taken as new.
+            linear: forward, m/s; clamped to +-1e6.
+            angular: to the left, rad/s; clamped to +-1e6.
+            age: seconds since the command was given. None (unknown) and negative ages (the sender's
+                clock is ahead, or ours was set back) count as 0.
 
         Returns:
-            Why it is ignored; None if it is accepted.
+            Why the command is ignored; None if it is accepted.
         """
         if not (math.isfinite(linear) and math.isfinite(angular)):
             return f"not finite: linear.x {linear}, angular.z {angular}"
@@ -100,12 +109,12 @@ class DiffDriveController:
         return None
 
     def update(self, wheels: WheelStates, dt: float) -> DriveCommand:
-        """Do one control cycle, ``dt`` seconds after the last one."""
+        """Run one control cycle, ``dt`` seconds after the last one; return the command."""
         self.observe(wheels, dt)
         return self.decide(dt)
 
     def observe(self, wheels: WheelStates, dt: float) -> None:
-        """Update the odometry by the wheels, ``dt`` seconds after the last time."""
+        """Update the odometry with the wheels' state, ``dt`` seconds after the last call."""
         if self._config.open_loop:
             return
         if self._config.position_feedback:
@@ -116,7 +125,7 @@ class DiffDriveController:
             self.odometry.update_from_velocities(left, right, dt)
 
     def decide(self, dt: float) -> DriveCommand:
-        """Return the velocities for the next ``dt`` seconds, by the command and its limits."""
+        """Return the wheel velocities for the next ``dt`` seconds: the command within limits."""
         # A command's first cycle comes less than dt after it, so do not age it yet.
         self._age += 0.0 if self._fresh else dt
         self._fresh = False
@@ -129,17 +138,17 @@ class DiffDriveController:
         return DriveCommand(left, right, linear, angular)
 
     def wait(self, seconds: float) -> None:
-        """Let the command age by ``seconds`` in which there was no cycle."""
+        """Age the command by ``seconds`` without a control cycle, as in a pause."""
         self._age += seconds
         self._pass(seconds, 0.0)
 
     def stalled(self, seconds: float) -> None:
-        """As ``wait``, because this process did not run."""
+        """Age the command by ``seconds`` in which this process did not run."""
         self._age += seconds
         self._stalled += seconds
 
     def halt(self) -> None:
-        """Forget command and speed: the wheels stop, and the next command starts from rest."""
+        """Stop the wheels at once; the next command starts from rest."""
         self._reference = (0.0, 0.0)
         self._last = self._before_last = (0.0, 0.0)
         self._age = 0.0
@@ -147,12 +156,12 @@ class DiffDriveController:
 
     @property
     def timed_out(self) -> bool:
-        """Whether the last command has outlived cmd_vel_timeout."""
+        """Whether the last command is older than cmd_vel_timeout."""
         timeout = self._config.cmd_vel_timeout
         return bool(timeout) and self._age > timeout + _ROUNDING
 
     def _pass(self, seconds: float, cycle: float) -> None:
-        """Let ``seconds`` pass, which a cycle has ``cycle`` of."""
+        """Record that ``seconds`` passed, of which ``cycle`` seconds were a control cycle."""
         self._passed.append((cycle, seconds))
         if self.pace < 1.0 or cycle < seconds:
             cycles, durations = zip(*self._passed, strict=True)

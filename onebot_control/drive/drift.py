@@ -1,15 +1,15 @@
-"""Whether odometry and the truth of a simulated robot drift apart, and why that may be."""
+"""Detects that odometry and truth of a simulated robot drift apart, and says why that may be."""
 
 import math
 from collections.abc import Callable
 
 from onebot_control.poses import PlanarPose
 
-_STRETCH = 1.0  # m or rad, over which the two are compared
-_MOST = 0.1  # share of a stretch by which they may differ
-# The same for turns of robots whose wheels skid: their separation is an estimate for slow turns.
+_STRETCH = 1.0  # m or rad over which the two are compared
+_MOST = 0.1  # fraction of a stretch by which they may differ
+# The same for turns of skid-steer robots: their effective separation is an estimate for slow turns.
 _MOST_SKIDDING = 0.3
-_STILL = 1e-4  # m or rad; what moves less stands still
+_STILL = 1e-4  # m or rad per update; a robot that moves less counts as standing
 
 _SLIP = (
     "the wheels slip, unless acceleration is limited ({}.max_acceleration); another part of the "
@@ -27,24 +27,28 @@ class DriftCheck:
     """Compares odometry with the truth over a metre or a radian at a time.
 
     Attributes:
-        warning: what to log once; "" as long as they agree.
+        warning: the warning to log; "" as long as they agree.
     """
 
     def __init__(self, *, skids: bool) -> None:
+        """Start without poses; ``skids`` allows for the wheels of skid steer in turns."""
         self.warning = ""
         self._most_turn = _MOST_SKIDDING if skids else _MOST
         self.restart()
 
     def restart(self) -> None:
-        """Begin anew with the next poses, as one of them jumps."""
+        """Start a new comparison with the next poses, because one of them jumps."""
         self._last: tuple[PlanarPose, PlanarPose] | None = None
 
     def update(
         self, odometry: PlanarPose, truth: PlanarPose, obstructed: Callable[[], bool]
     ) -> None:
-        """Follow the robot, several times a second; the poses may be in any frames.
+        """Compare the motion since the last call; call it several times a second.
 
-        Where something holds the robot back (``obstructed``), wheels slip rightly.
+        Args:
+            odometry: pose by the wheels, in any fixed frame.
+            truth: true pose, in any fixed frame.
+            obstructed: returns whether something holds the robot back; then slipping is expected.
         """
         if self.warning:
             return

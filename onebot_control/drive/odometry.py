@@ -1,4 +1,4 @@
-"""Wheel odometry: where the body is, by how far its wheels have turned."""
+"""Wheel odometry of a differential drive: pose and twist from the wheels' rotation."""
 
 import math
 from array import array
@@ -11,39 +11,49 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-_LEAST = 1e-6  # m; what follows from shorter lengths need not be finite
-# z, roll and pitch are zero on flat ground by definition; their variances only keep estimators from
-# dividing by zero.
+_LEAST = 1e-6  # m; with shorter lengths, results might not be finite
+# Variance of z, roll and pitch, which are zero on flat ground by definition: it only keeps
+# estimators from dividing by zero.
 _FLAT = 1e-6
 
 
 @dataclass(frozen=True)
 class DiffDriveKinematics:
-    """How the wheels' turning and the body's motion depend on each other.
+    """Converts between wheel and body motion of a differential drive.
 
-    Two sides of wheels are on one axle; the body's frame is in the middle, x forward, y left.
+    The wheels of both sides are on one axle; the body's frame is in its middle, x forward, y left
+    (REP-103). See Siegwart and Nourbakhsh, "Introduction to Autonomous Mobile Robots", section 3.2.
     """
 
     separation: float  # distance between the left and the right wheels, m
-    left_radius: float  # left wheels', m
-    right_radius: float  # right wheels', m
+    left_radius: float  # radius of the left wheels, m
+    right_radius: float  # radius of the right wheels, m
 
     def __post_init__(self) -> None:
-        """Check that they are finite, and not too short."""
+        """Check the lengths.
+
+        Raises:
+            ValueError: a length is not finite, or too short.
+        """
         for name in ("separation", "left_radius", "right_radius"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= _LEAST):
                 raise ValueError(f"{name} must be at least {_LEAST:g} m, not {value:g} m")
 
     def wheel_velocities(self, linear: float, angular: float) -> tuple[float, float]:
-        """Return the velocities of the left and the right wheels, rad/s, for a twist."""
+        """Return the velocities of the left and right wheels, rad/s, for a body twist.
+
+        Args:
+            linear: forward, m/s.
+            angular: to the left, rad/s.
+        """
         across = angular * self.separation / 2.0
         return (linear - across) / self.left_radius, (linear + across) / self.right_radius
 
     def body_motion(self, left: float, right: float) -> tuple[float, float]:
-        """Return how far the body moves forward, m, and turns to the left, rad, by the wheels' rad.
+        """Return travel (m) and left turn (rad) of the body for wheel angles in rad.
 
-        For velocities of wheels, rad/s, these are the body's velocities.
+        For wheel velocities in rad/s, the results are the body's velocities.
         """
         way_left, way_right = left * self.left_radius, right * self.right_radius
         return (way_left + way_right) / 2.0, (way_right - way_left) / self.separation
@@ -62,11 +72,16 @@ class PoseCovariance(NamedTuple):
     def moved(
         self, dx: float, dy: float, errors: tuple[Triple, Triple], variances: tuple[float, float]
     ) -> "PoseCovariance":
-        """Return F P F' + G Q G' of a step by dx, dy, m.
+        """Propagate this covariance P over a step: return F P F' + G Q G'.
 
-        The error of the heading turns the step: F is [[1, 0, -dy], [0, 1, dx], [0, 0, 1]]. Two
-        independent errors have ``variances`` (the diagonal of Q), and act on x, y and yaw as the
-        columns of G, ``errors``.
+        Siegwart and Nourbakhsh, section 5.2.4. An error of the heading rotates the step, so F is
+        [[1, 0, -dy], [0, 1, dx], [0, 0, 1]].
+
+        Args:
+            dx: step in x, m.
+            dy: step in y, m.
+            errors: columns of G, (2, 3): how each of two independent errors acts on x, y and yaw.
+            variances: of these errors, the diagonal of Q.
         """
         xx, xy, yy, xt, yt, tt = self
         (ax, ay, at), (bx, by, bt) = errors
@@ -83,7 +98,7 @@ class PoseCovariance(NamedTuple):
         )
 
     def fill(self, values: "NDArray[np.float64]") -> None:
-        """Write into a message's covariance (36,), of x, y, z, roll, pitch and yaw."""
+        """Write it into a message's covariance: (36,), row-major, x, y, z, roll, pitch, yaw."""
         values[0], values[7], values[35] = self.xx, self.yy, self.yaw_yaw
         values[14] = values[21] = values[28] = _FLAT
         values[1] = values[6] = self.xy
@@ -95,9 +110,10 @@ _EXACT = PoseCovariance()
 
 
 class RollingMean:
-    """The mean of the last few values, or of all while there are fewer."""
+    """Mean of the last ``size`` values, or of all while there are fewer."""
 
     def __init__(self, size: int) -> None:
+        """Start without values."""
         self._size, self._values = size, array("d")
 
     def add(self, value: float) -> float:
@@ -109,34 +125,35 @@ class RollingMean:
         return sum(values) / len(values)
 
     def resized(self, size: int) -> "RollingMean":
-        """Return the same over ``size`` values, beginning with the last ones of these."""
+        """Return a mean over ``size`` values, which starts with the last values of this one."""
         mean = RollingMean(size)
         mean._values.extend(self._values[-size:])
         return mean
 
 
 class Odometry:
-    """Pose and twist of a differential drive.
+    """Integrates wheel motion to pose, twist and covariance of a differential drive.
 
-    It begins at zero with the first positions it gets, whatever they are, and uses durations only,
-    never a clock: neither wheels that begin elsewhere nor a clock set back make it jump.
+    The pose is zero at the first wheel positions, whatever they are, and no clock is read: neither
+    wheels that start elsewhere nor a clock that is set back make it jump.
 
     The covariance of the pose is propagated as in Siegwart and Nourbakhsh, "Introduction to
     Autonomous Mobile Robots", section 5.2.4: the errors of the distances by the left and the right
     wheels are independent, and their variances are proportional to the distance.
 
     Attributes:
-        x: m, in the odometry's frame.
-        y: m.
+        kinematics: converts wheel to body motion.
+        x: position in the odometry's frame, m.
+        y: position in the odometry's frame, m.
         heading: rad, not wrapped.
-        linear: velocity forward, m/s: the rolling mean, or in open loop the command.
-        angular: turning to the left, rad/s.
+        linear: forward velocity, m/s: the rolling mean, or in open loop the command.
+        angular: velocity of turning to the left, rad/s, likewise.
         covariance: of the pose.
-        noise: variances of the distances by the left and by the right wheels, m^2 a metre.
+        noise: variances of the left and right wheels' distances, m^2 per metre.
     """
 
     def __init__(self, kinematics: DiffDriveKinematics, window: int = 10) -> None:
-        """Begin at zero, with a twist averaged over ``window`` updates."""
+        """Start at zero, with a twist averaged over ``window`` updates."""
         self.kinematics, self.noise = kinematics, (0.0, 0.0)
         self._window = window
         self._wheels: tuple[float, float] | None = None
@@ -153,21 +170,21 @@ class Odometry:
     def set_pose(
         self, x: float, y: float, heading: float, covariance: PoseCovariance = _EXACT
     ) -> None:
-        """Go on from another pose, by default known exactly; the twist stays."""
+        """Continue from another pose (m, m, rad), by default known exactly; the twist stays."""
         self.x, self.y, self.heading = x, y, heading
         self.covariance = covariance
 
     def reset(self) -> None:
-        """Begin again at zero, with the wheels where they will next be."""
+        """Set pose and twist to zero; the next wheel positions are the new reference."""
         self.set_pose(0.0, 0.0, 0.0)
         self.forget_wheels()
 
     def rereference_wheels(self) -> None:
-        """Take the next wheel positions as the wheels' at the present pose; the twist goes on."""
+        """Take the next wheel positions as those of the current pose; the twist stays."""
         self._wheels = None
 
     def forget_wheels(self) -> None:
-        """Re-reference the wheel positions and begin the twist anew, e.g. after a teleport."""
+        """Re-reference the wheel positions and set the twist to zero, as after a teleport."""
         self.rereference_wheels()
         self._linear, self._angular = RollingMean(self._window), RollingMean(self._window)
         self.linear = self.angular = 0.0
@@ -179,9 +196,9 @@ class Odometry:
         self._angular = self._angular.resized(window)
 
     def update_from_positions(self, left: float, right: float, dt: float) -> None:
-        """Follow the wheels' positions (rad), ``dt`` seconds after the last call.
+        """Integrate new wheel positions (rad), ``dt`` seconds after the last call.
 
-        Unless both are finite they are ignored; the motion is covered by the next finite update.
+        Positions that are not finite are ignored; the next finite ones cover their motion.
         """
         self._since += dt
         if not (math.isfinite(left) and math.isfinite(right)):
@@ -192,12 +209,12 @@ class Odometry:
             self._follow(left - last[0], right - last[1], since)
 
     def update_from_velocities(self, left: float, right: float, dt: float) -> None:
-        """Follow the wheels' velocities (rad/s) over ``dt`` seconds, unless one is not finite."""
+        """Integrate wheel velocities (rad/s) over ``dt`` seconds, if both are finite."""
         if math.isfinite(left) and math.isfinite(right) and dt > 0.0:
             self._follow(left * dt, right * dt, dt)
 
     def update_open_loop(self, linear: float, angular: float, dt: float) -> None:
-        """Follow a command (m/s, rad/s) over ``dt`` seconds."""
+        """Integrate a command (m/s, rad/s) over ``dt`` seconds."""
         self._integrate(linear * dt, angular * dt)
         self.linear, self.angular = linear, angular
 
@@ -210,7 +227,8 @@ class Odometry:
     def _integrate(self, way: float, turn: float) -> None:
         """Move along the arc that constant wheel velocities make.
 
-        Its chord has the direction of its middle, and the length 2 r sin(turn / 2), r = way / turn.
+        The chord has the heading in the middle of the arc, and the length 2 r sin(turn / 2) with
+        r = way / turn.
         """
         half = turn / 2.0
         middle = self.heading + half
@@ -241,6 +259,6 @@ class Odometry:
         )
         variances = left * abs(way - across), right * abs(way + across)
         covariance = self.covariance.moved(dx, dy, errors, variances)
-        # Else nothing is known of the pose, and the covariance stays as it is.
+        # If it overflows, nothing is known of the pose any more, and the covariance stays.
         if math.isfinite(sum(covariance)):
             self.covariance = covariance

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 from onebot_description.ros.parameters.reader import parameter, read
 
 _UNSET = math.nan
-# The limit without which a stage does nothing, and the others of that stage.
+# By stage: the limit without which it does nothing, and its other limits.
 _NEEDED = {
     "max_velocity": ("min_velocity",),
     "max_acceleration": (
@@ -30,10 +30,11 @@ def _negative(description: str, unset: str) -> Any:
 
 @dataclass(frozen=True)
 class SpeedLimits:
-    """Limits of one direction of motion; NaN is "not given". Units: m or rad, and seconds.
+    """Velocity, acceleration and jerk limits of linear.x or angular.z, in m or rad and s.
 
-    A stage whose ``max_...`` is not given does nothing. A minimum not given is minus the maximum;
-    a deceleration not given is the acceleration of the same sign.
+    NaN is "not given". A stage whose ``max_...`` is not given does nothing. A minimum that is not
+    given is minus the maximum; a deceleration that is not given is the acceleration of the same
+    sign.
     """
 
     min_velocity: float = _negative("the fastest reverse, m/s or rad/s", "minus max_velocity")
@@ -50,7 +51,7 @@ class SpeedLimits:
     max_jerk: float = _positive("the greatest jerk, m/s3 or rad/s3")
 
     def idle(self) -> Iterator[tuple[str, str]]:
-        """Return each limit that is given but does nothing, with the ``max_...`` that it needs."""
+        """Yield each limit that is given but has no effect, with the ``max_...`` that it needs."""
         for needed, names in _NEEDED.items():
             if math.isnan(getattr(self, needed)):
                 yield from ((n, needed) for n in names if not math.isnan(getattr(self, n)))
@@ -62,10 +63,10 @@ class SpeedLimits:
 
 
 class SpeedLimiter:
-    """Keeps commands of one direction of motion within limits."""
+    """Keeps the commands of linear.x or angular.z within limits."""
 
     def __init__(self, limits: SpeedLimits) -> None:
-        """Work out what was not given.
+        """Fill in the limits that are not given.
 
         Raises:
             ConfigError: a limit has the wrong sign.
@@ -86,23 +87,23 @@ class SpeedLimiter:
 
     @property
     def deceleration(self) -> float:
-        """The greatest deceleration to rest in the direction that brakes less; NaN: not limited."""
+        """The guaranteed deceleration to rest: that of the weaker direction; NaN if unlimited."""
         if not self._limits_acceleration:
             return math.nan
         return min(-self._forward[0], self._backward[1])
 
     @property
     def braking_jerk(self) -> float:
-        """The greatest jerk that starts such a deceleration; NaN: not limited."""
+        """The jerk with which a deceleration can start in either direction; NaN if unlimited."""
         return min(-self._jerk[0], self._jerk[1]) if self._limits_jerk else math.nan
 
     def limit(self, command: float, last: float, before_last: float, dt: float) -> float:
         """Return the nearest command that is within the limits.
 
         Args:
-            command: what is wanted, m/s or rad/s.
-            last: the last limited command (never a measurement).
-            before_last: the limited command before it.
+            command: the wanted velocity, m/s or rad/s.
+            last: the last limited command (never a measurement), m/s or rad/s.
+            before_last: the limited command before that, m/s or rad/s.
             dt: seconds between two commands.
         """
         if self._limits_jerk:
@@ -116,7 +117,7 @@ class SpeedLimiter:
 
     def _limit_jerk(self, command: float, last: float, before_last: float, dt: float) -> float:
         change, last_change = command - last, last - before_last
-        # Only where it speeds up the change: a jerk towards rest must never lengthen it.
+        # Limit jerk only where it makes the change faster; it must never delay coming to rest.
         if (change - last_change) * change <= 0.0:
             return command
         lower, upper = self._jerk
@@ -134,5 +135,5 @@ def _given(value: float, otherwise: float) -> float:
 
 def clamp(value: float, lower: float, upper: float) -> float:
     """Return the number within the bounds that is nearest to ``value``."""
-    # min() and max() take twice as long.
+    # Comparisons: min() and max() would take twice as long.
     return lower if value < lower else upper if value > upper else value

@@ -1,1 +1,1 @@
-"""The ROS side of the controllers: commands, publishers, services and the loop in real time."""
+"""The ROS side of the controllers: commands, publishers, services and the real-time loop."""

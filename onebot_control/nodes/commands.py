@@ -1,4 +1,4 @@
-"""The commands of a robot, as its controller receives them: ~/cmd_vel and its lock."""
+"""Receives the velocity commands of a robot on ~/cmd_vel, and its lock."""
 
 import time
 from collections.abc import Callable
@@ -21,29 +21,29 @@ _PACKAGE = "geometry_msgs/msg/"
 _TWIST = f"{_PACKAGE}Twist"
 _TYPES = {_TWIST: Twist, f"{_PACKAGE}TwistStamped": TwistStamped}
 _USUAL = "cmd_vel"  # tutorials publish commands there
-_SETTLED = 2.0  # s after which a subscriber of that would have been discovered
+_SETTLED = 2.0  # s after which a subscriber of cmd_vel would have been discovered
 
 Warn = Callable[[str, str], None]  # key, text
 
 
 class Command(NamedTuple):
-    """A velocity, as received."""
+    """A velocity command, as received."""
 
-    linear: float  # m/s, forward
-    angular: float  # rad/s, to the left
-    stamp: int | None  # ns, of its header; None of a Twist
-    age: Age  # since it was sent
+    linear: float  # forward, m/s
+    angular: float  # to the left, rad/s
+    stamp: int | None  # of its header, ns; None for a Twist
+    age: Age  # time since it was sent
 
 
 class CommandLock:
-    """~/cmd_vel_lock, a lock as twist_mux has them, and ~/cmd_vel_locked, its state.
+    """A lock of the robot as in twist_mux: ~/cmd_vel_lock sets it, ~/cmd_vel_locked is its state.
 
-    The last message counts, whoever has sent it, and it does not expire: if the node that locked
-    dies, the robot stays locked. Where ~/cmd_vel is remapped, the lock is beside it.
+    The last message counts, whoever sent it, and does not expire: if the node that locked dies, the
+    robot stays locked. If ~/cmd_vel is remapped, both topics have the new name, too.
     """
 
     def __init__(self, node: Node, brake: Callable[[], None]) -> None:
-        """Start unlocked; ``brake`` is called when it is locked."""
+        """Start unlocked; ``brake`` is called when the robot is locked."""
         self._node, self._brake = node, brake
         self.locked = False
         commands = node.resolve_topic_name(_TOPIC)
@@ -82,7 +82,14 @@ class CommandSubscription:
         received: Callable[[Command], None],
         warn: Warn,
     ) -> None:
-        """Subscribe to "Twist" or "TwistStamped"; the choice "auto" follows the publishers."""
+        """Subscribe.
+
+        Args:
+            node: the subscriber.
+            choice: "Twist", "TwistStamped", or "auto" to follow the publishers.
+            received: called with each command.
+            warn: logs a warning, given a key and a text.
+        """
         self._node, self._received, self._warn = node, received, warn
         self._topic = node.resolve_topic_name(_TOPIC)
         self._usual = node.resolve_topic_name(_USUAL)
@@ -103,20 +110,19 @@ class CommandSubscription:
 
     @property
     def connected(self) -> bool:
-        """Whether somebody can send commands: of the type that is subscribed to."""
+        """Whether a publisher of the subscribed type is connected."""
         return self._subscription.publishers > 0
 
     def choose(self, choice: str) -> None:
-        """Change over to another choice (see the constructor); with the next ``follow``."""
+        """Change to another choice (see the constructor); the next ``follow`` completes it."""
         self._choice = choice
         if choice != "auto":
             self._change(f"{_PACKAGE}{choice}")
 
     def follow(self) -> None:
-        """Change over to the other type if only that is published.
+        """Change to the other type if only that is published; call it several times a second.
 
-        To be called several times a second. It also reports commands on a topic cmd_vel that nobody
-        subscribes to.
+        It also reports commands on a topic cmd_vel to which nobody subscribes.
         """
         self._look_for_unreceived()
         if self._subscription.type is None:

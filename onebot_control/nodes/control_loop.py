@@ -1,7 +1,7 @@
-"""The thread that runs the control cycles, and the only one that touches the robots.
+"""Runs the control cycles in a thread, which is the only one that changes the robots.
 
-A ``Pacer`` makes the cycles due on a monotonic clock; ``SystemStamps`` gives them stamps of the
-system clock that are as evenly spaced.
+``Pacer`` schedules the cycles on a monotonic clock; ``SystemStamps`` gives them equally even stamps
+of the system clock.
 """
 
 import ctypes
@@ -24,26 +24,26 @@ from onebot_description.ros.wire.cdr import NANO
 
 T = TypeVar("T")
 
-# The system clock is followed when it is this far from the cycles' own count, ns.
+# Stamps follow the system clock when it has drifted this far from them, ns.
 _DRIFT = 2_000_000
-_COMPARISONS = 10  # comparisons of clocks at the start; the most exact one counts
-_SET_BACK = NANO  # ns that the system clock goes back at least when somebody sets it
-_PATIENCE = 10.0  # s for the loop to answer
-_LONGEST_WAIT = 0.1  # s between looks whether anything was posted
-_PAUSED_WAIT = 0.01  # s at least between messages while paused on the system's time
-# Of Linux's <sys/prctl.h>.
+_COMPARISONS = 10  # comparisons of the clocks at the start; the most exact one is used
+_SET_BACK = NANO  # ns; if the system clock goes back by this much or more, somebody has set it
+_PATIENCE = 10.0  # s to wait for an answer of the loop
+_LONGEST_WAIT = 0.1  # s between checks whether anything was posted
+_PAUSED_WAIT = 0.01  # s, least time between messages while paused on system time
+# From Linux's <sys/prctl.h>.
 _PR_SET_TIMERSLACK = 29
 
 
 class Pacer:
-    """A fixed grid of deadlines on a monotonic clock.
+    """Schedules cycles at evenly spaced deadlines on a monotonic clock.
 
-    Cycles that were missed are left out, not caught up in a burst: the grid begins anew.
+    Missed cycles are left out, not caught up in a burst: the deadlines start again from now.
 
     Attributes:
-        due: monotonic time of the current cycle, s.
-        lag: seconds that the last cycle was late, if the grid had to begin anew; else 0.
-        missed: cycles that were left out for that.
+        due: monotonic time at which the current cycle is due, s.
+        lag: seconds by which the current cycle was late, if the deadlines started again; else 0.
+        missed: number of cycles that were left out then.
     """
 
     def __init__(
@@ -52,16 +52,18 @@ class Pacer:
         factor: float = 1.0,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Make the first cycle due now; see ``set``."""
+        """Make the first cycle due now; ``clock`` returns monotonic seconds. See ``set``."""
         self._clock = clock
         self.due = clock()
         self.lag, self.missed = 0.0, 0
         self.set(period, factor)
 
     def set(self, period: float, factor: float) -> None:
-        """Change the period, and the simulated seconds a second; 0 is as fast as possible.
+        """Change the pace; the next cycle is due no later than one new period from now.
 
-        The next cycle is due no later than a new period from now.
+        Args:
+            period: simulated duration of a cycle, s.
+            factor: simulated seconds per second; 0: as fast as possible.
         """
         self._interval = period / factor if factor else 0.0
         self.due = min(self.due, self._clock() + self._interval)
@@ -72,9 +74,11 @@ class Pacer:
         return max(0.0, self.due - self._clock())
 
     def next(self, wait: Callable[[float], object]) -> None:
-        """Wait for the next cycle.
+        """Wait until the next cycle is due.
 
-        ``wait`` gets the seconds; it may return early, to stop, or where the pace has changed.
+        Args:
+            wait: called with the seconds to wait; it may return early, when the loop stops or the
+                pace has changed.
         """
         self.due += self._interval
         self.lag, self.missed = 0.0, 0
@@ -85,20 +89,21 @@ class Pacer:
             return
         if now < self.due:
             wait(self.due - now)
-            now = self._clock()  # much later, if the process was stopped meanwhile
+            now = self._clock()  # may be much later, if the process was stopped meanwhile
         if 0.0 < self._interval <= now - self.due:
             self.lag, self.due = now - self.due, now
             self.missed = int(self.lag / self._interval)
 
 
 class SystemStamps:
-    """Stamps of the system clock for cycles on a monotonic one, as evenly spaced as the cycles.
+    """Converts due times on the monotonic clock to stamps of the system clock.
 
-    Reading the system clock in each cycle would put the jitter of waking up into every velocity
-    that somebody computes from stamps. It is followed when it is set or has drifted, though.
+    The stamps are as evenly spaced as the cycles. Reading the system clock in each cycle would put
+    the jitter of waking up into every velocity that somebody computes from stamps. When the system
+    clock is set or has drifted, the stamps follow it.
 
-    Stamps do not go back, unless the system clock is set back by a second or more: where the system
-    clock goes back by less, they advance at half speed until it has caught up.
+    Stamps do not go back, unless the system clock is set back by a second or more: when it goes
+    back by less, they advance at half speed until it has caught up.
     """
 
     def __init__(
@@ -125,9 +130,9 @@ class SystemStamps:
         return stamp
 
     def _compare(self) -> tuple[int, int]:
-        """Return how far the system clock is ahead of the monotonic one, and the error's bound, ns.
+        """Return how far the system clock is ahead of the monotonic one, and its uncertainty, ns.
 
-        On a busy machine the thread may be off the processor for long between two readings.
+        On a busy machine, the thread may be preempted for long between two readings.
         """
         start = self._monotonic()
         system = self._system()
@@ -136,15 +141,15 @@ class SystemStamps:
 
 
 class ControlLoop:
-    """Drives the robots of a world at a fixed pace in a thread of its own.
+    """Runs the control cycles of a world's robots at a fixed pace, in a thread of its own.
 
-    Other threads pass it functions to call between two cycles, so that there is nothing to lock.
+    Other threads post functions, which the loop calls between two cycles, so no locks are needed.
 
     Attributes:
-        fleet: the robots; for other threads to read, not to change.
-        simulated: whether stamps are simulated time, else the system's.
-        paused: whether simulated time is stopped.
-        wake: when the process last woke from a stop; the robots brake then.
+        fleet: the robots; other threads may read, but not change them.
+        simulated: whether stamps are simulated time; otherwise they are system time.
+        paused: whether simulated time is paused.
+        wake: detects when the process wakes from a stop; the robots brake then.
     """
 
     def __init__(
@@ -159,11 +164,18 @@ class ControlLoop:
         missing: Callable[[], str] = lambda: "",
         failed: Callable[[BaseException], None] = lambda error: None,
     ) -> None:
-        """Get ready; ``start`` starts.
+        """Prepare; ``start`` starts the thread.
 
-        ``publish`` is called in each cycle with the robots' states and their stamp in ns, before
-        the robots move on; ``failed`` with the error that ends the loop. A step waits in
-        ``measured`` until all measurements are published, and until ``missing`` returns "".
+        Args:
+            fleet: the robots.
+            publish: called in each cycle with the robots' states and the stamp, ns, before the
+                robots move.
+            simulated: whether stamps are simulated time.
+            meter: measures the pace.
+            wake: detects when the process wakes from a stop.
+            measured: waits until all measurements of a step are published.
+            missing: returns what a step still has to wait for; "" for nothing.
+            failed: called with the error that ends the loop.
         """
         self.fleet, self.simulated, self.paused = fleet, simulated, False
         self._publish, self._failed = publish, failed
@@ -171,7 +183,7 @@ class ControlLoop:
         self._meter, self.wake = meter or PaceMeter(), wake
         self._inbox: SimpleQueue[Callable[[], Any]] = SimpleQueue()
         self._stopped = False
-        # Held as long as the loop runs: waiting for a lock is much cheaper than for an Event.
+        # Held while the loop runs: waiting for a lock is much cheaper than for an Event.
         self._running = threading.Lock()
         self._running.acquire()
         self._thread = threading.Thread(target=self._run, name="control", daemon=True)
@@ -187,25 +199,27 @@ class ControlLoop:
         self._thread.start()
 
     def stop(self) -> None:
-        """End the loop after the cycle it is in, and wait for that."""
+        """End the loop after its current cycle, and wait for the end."""
         if not self._stopped:
             self._stopped = True
             self._running.release()
-            self.post(lambda: None)  # for what waits for the inbox
+            self.post(lambda: None)  # wakes a wait for the inbox
         if self._thread.is_alive():
             self._thread.join(_PATIENCE)
 
     def post(self, function: Callable[[], Any]) -> None:
-        """Have ``function`` called before the next cycle."""
+        """Call ``function`` in the loop's thread, before the next cycle."""
         self._inbox.put(function)
 
     def call(self, function: Callable[[], T], patience: float | None = _PATIENCE) -> T:
-        """Have ``function`` called before the next cycle; return what it returns.
+        """Call ``function`` in the loop's thread, before the next cycle; return its result.
 
-        ``patience``: s to wait for that; None: as long as the loop lives.
+        Args:
+            function: to call.
+            patience: seconds to wait for the result; None: as long as the loop runs.
 
         Raises:
-            OneBotError: it raised that, or the loop has ended.
+            OneBotError: the function raised it, or the loop does not answer.
         """
         answer = futures.Future[T]()
 
@@ -230,7 +244,7 @@ class ControlLoop:
 
     @property
     def left(self) -> float:
-        """Seconds of the system's time until what is called now takes effect."""
+        """Seconds of system time until what is called now takes effect."""
         return self._pacer.left
 
     def set_factor(self, factor: float) -> None:
@@ -240,15 +254,17 @@ class ControlLoop:
             self._meter.set(self._pacer.due, factor)
 
     def pause(self, paused: bool) -> None:
-        """Stop simulated time, or let it go on (call it by ``call``)."""
+        """Pause or resume simulated time (call it by ``call``)."""
         self.paused = paused
 
     def step(self, cycles: int = 1) -> None:
-        """Do cycles although paused (call it by ``call``); their measurements are published then.
+        """Run cycles of a paused simulation (call it by ``call``).
+
+        When it returns, all measurements of these cycles are published.
 
         Raises:
-            OneBotError: it is not paused, it was resumed or stopped meanwhile, or what it waits for
-                did not come.
+            OneBotError: the loop is not paused, was resumed or stopped meanwhile, or what a step
+                waits for did not come.
         """
         if not self.paused:
             raise OneBotError("step is for a paused simulation; pause it first")
@@ -262,10 +278,10 @@ class ControlLoop:
         self._wait_for_missing()
 
     def _wait_for_missing(self) -> None:
-        """Call what is posted until nothing is missing.
+        """Call posted functions until nothing is missing.
 
         Raises:
-            OneBotError: something is after the ``step_timeout``; the text names it.
+            OneBotError: something is still missing after ``step_timeout``; the text names it.
         """
         if not (text := self._missing()):
             return
@@ -294,7 +310,7 @@ class ControlLoop:
                 elif not self.simulated:
                     self._publish_paused()
                 self._pacer.next(self._wait)
-                if self._pacer.lag and not self.simulated:  # else it has not passed
+                if self._pacer.lag and not self.simulated:  # in simulated time, no time was lost
                     for robot in self.fleet.robots:
                         robot.controller.stalled(self._pacer.lag)
                 if paused:
@@ -307,7 +323,7 @@ class ControlLoop:
             self.fleet.close()
 
     def _publish_paused(self) -> None:
-        """Publish although paused: the system's time goes on, for transforms of now, too."""
+        """Publish while paused: system time continues, and transforms have to be current."""
         for robot in self.fleet.robots:
             robot.controller.wait(robot.period)
         self._publish([robot.snapshot() for robot in self.fleet.robots], self.now_ns())
@@ -326,7 +342,7 @@ class ControlLoop:
             self._inbox.get()()
 
     def _call_next(self, timeout: float) -> None:
-        """Call what was posted first, or is within ``timeout``, s."""
+        """Call the next posted function; wait for one at most ``timeout`` s."""
         try:
             function = self._inbox.get(timeout=timeout)
         except Empty:
@@ -344,7 +360,7 @@ class ControlLoop:
         self._sleep(seconds)
 
     def _wait_paused(self, seconds: float) -> None:
-        """Wait, and call at once what is posted: a step takes no longer than its cycle."""
+        """Wait, but call posted functions at once, so that a step takes only its cycle's time."""
         end = time.monotonic() + seconds
         while self.paused and not self._stopped and (left := end - time.monotonic()) > 0.0:
             self._call_next(left)
@@ -357,9 +373,9 @@ class ControlLoop:
 
 
 def wake_exactly() -> None:
-    """Have the calling thread's waits end on time, not up to 50 us later as Linux's usually do.
+    """Make waits of the calling thread end on time; by default, Linux may end them 50 us late.
 
-    Elsewhere, and where it is not allowed, nothing happens.
+    On other systems, and where it is not allowed, it does nothing.
     """
     if sys.platform == "linux":
         one_ns = ctypes.c_ulong(1)  # 0 would be the default again

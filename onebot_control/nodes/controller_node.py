@@ -1,6 +1,6 @@
-"""What the ROS interfaces of all controllers of joints have in common: parameters and goals.
+"""The common base of the ROS interfaces of joint controllers: parameters and goals.
 
-What changes the robot is done in the control thread, between two cycles.
+Everything that changes the robot is called in the control thread, between two cycles.
 """
 
 from abc import ABC, abstractmethod
@@ -27,20 +27,20 @@ from onebot_description.ros.parameters.values import plain
 from onebot_description.ros.wire.interfaces import load_interface
 
 ANY_PUBLISHER = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""Of a subscription that takes any publisher, as SystemDefaultsQoS does with Fast DDS."""
+"""QoS of a subscription that matches any publisher, as SystemDefaultsQoS with Fast DDS."""
 
 MOST_PROBLEMS = 5
-"""Those of one goal that are logged."""
+"""Greatest number of problems of one goal that are logged."""
 
-_IGNORED_EVERY = 1.0  # s between two log messages that a message of the topic is ignored
-# s for a client to ask for a result, as rclcpp has it; rclpy's default is 900. It is no whole
-# number of cycles: after exactly this time rcl's timer fires, but a result expires only later, and
-# until simulated time goes on, an executor would find the timer ready again and again.
+_IGNORED_EVERY = 1.0  # s between two log messages about ignored messages
+# Seconds that a result is kept for its client, as in rclcpp; rclpy's default is 900. It is not a
+# whole number of cycles: rcl's timer fires after exactly this time, but a result expires only
+# later. While simulated time stands at that moment, an executor would find the timer ready forever.
 _RESULT_KEPT = 10.0000005
 
 
 class GoalFollower(JointFollower, Protocol):
-    """What moves joints by goals of an action.
+    """A JointFollower that moves joints to the goals of an action.
 
     Attributes:
         active: the handle of the goal; None if there is none.
@@ -49,7 +49,7 @@ class GoalFollower(JointFollower, Protocol):
     active: object | None
 
     def cancel(self) -> None:
-        """Give the goal up, and stop."""
+        """Cancel the goal, and stop."""
 
 
 F = TypeVar("F", bound=JointFollower)
@@ -58,13 +58,13 @@ G = TypeVar("G")  # a goal, as the follower takes it
 
 
 class ControllerNode(Generic[F]):
-    """The ROS interface of a controller of joints.
+    """The ROS interface of one joint controller.
 
-    Its callbacks run in the thread that spins the node; what they change of the robot, they change
-    in the control thread. ``publish`` and ``finish`` are called there.
+    Its callbacks run in the thread that spins the node, and change the robot in the control thread
+    only. ``publish`` and ``finish`` are called in the control thread.
 
     Attributes:
-        node: of the controller.
+        node: the controller's node.
     """
 
     def __init__(
@@ -76,15 +76,15 @@ class ControllerNode(Generic[F]):
         refused: Callable[[], str],
         clock: Clock,
     ) -> None:
-        """Offer the parameters; the kinds of controllers offer topics, actions and services.
+        """Declare the parameters; subclasses add topics, actions and services.
 
         Args:
-            node: of the controller's name.
+            node: the node, with the controller's name.
             controller: with the parameters of the files.
-            robot: returns the robot.
-            loop: calls what changes the robot.
-            refused: why nothing is commanded now; "" if it may be.
-            clock: of timers.
+            robot: returns the current robot.
+            loop: the control loop, which calls everything that changes the robot.
+            refused: returns why commands are refused now; "" if they are not.
+            clock: of the timers.
         """
         self.node, self._controller, self._robot, self._loop = node, controller, robot, loop
         self._refused, self._clock = refused, clock
@@ -108,10 +108,10 @@ class ControllerNode(Generic[F]):
         self._stamp = stamp
 
     def finish(self, outcome: Outcome) -> None:
-        """Note how a goal ended."""
+        """Take notice of how a goal ended."""
 
     def _fault(self, action: Callable[[], object]) -> str:
-        """Do something in the control thread; return why that failed, "" if it did not."""
+        """Run ``action`` in the control thread; return why it failed, or ""."""
         try:
             self._loop.call(action)
         except OneBotError as error:
@@ -148,7 +148,7 @@ class ControllerNode(Generic[F]):
 
 
 def first_lines(lines: Sequence[str]) -> str:
-    """Return a few of many lines, and how many more there are."""
+    """Join the first few lines; add how many more there are."""
     more = [f"and {len(lines) - MOST_PROBLEMS} more"] if lines[MOST_PROBLEMS:] else []
     return "\n".join([*lines[:MOST_PROBLEMS], *more])
 
@@ -160,7 +160,7 @@ class _Action(ActionServer):
         """Do nothing: the goal is followed already."""
 
     def finish(self, goal_handle: Any, end: Callable[[Any], Any]) -> None:
-        """Have ``end`` set the state of a goal, and return its result, soon."""
+        """End a goal soon: ``end`` sets its state and returns its result."""
         super().notify_execute(goal_handle, end)
 
 
@@ -200,7 +200,7 @@ class GoalNode(ControllerNode[A], ABC, Generic[A, G]):
 
     @abstractmethod
     def _goal(self, request: Any) -> G:
-        """Return a goal as the follower takes it; that may take long."""
+        """Convert a request to a goal for the follower; it may take long."""
 
     @abstractmethod
     def _problems(self, goal: G) -> list[str]:
@@ -208,24 +208,24 @@ class GoalNode(ControllerNode[A], ABC, Generic[A, G]):
 
     @abstractmethod
     def _follow(self, goal: G, handle: Any) -> Outcome | None:
-        """Have a goal followed; return the outcome of what it preempts; in the control thread."""
+        """Follow a goal; return the outcome of the goal it preempts. Runs in the control thread."""
 
     @abstractmethod
     def _feedback(self) -> Any:
-        """Return the feedback."""
+        """Return the feedback message."""
 
     @abstractmethod
     def _result(self, ended: Outcome | Cancelled) -> Any:
-        """Return the result of a goal that has just ended; in the control thread."""
+        """Return the result of a goal that has just ended. Runs in the control thread."""
 
     # In the control thread ---------------------------------------------------------------------
 
     def finish(self, outcome: Outcome | Cancelled) -> None:
-        """Note how a goal ended; its client is sent it soon."""
+        """Take notice of how a goal ended; its client gets the result soon."""
         self._ended.append((outcome, self._result(outcome)))
 
     def _start(self, arm: A, goal: G, handle: Any) -> None:
-        """Have a goal followed that ``arm`` can follow."""
+        """Follow a goal that was checked for ``arm``."""
         if arm is not self._arm:
             raise OneBotError("the robot was reset, or its description changed, just now")
         if refused := self._refused():
@@ -234,21 +234,21 @@ class GoalNode(ControllerNode[A], ABC, Generic[A, G]):
             self.finish(preempted)
 
     def _cancel(self, handle: Any) -> None:
-        """Stop a goal, unless it has just ended: then its client is sent how."""
+        """Cancel a goal, unless it has just ended: then its client gets that result."""
         if self._arm.active is handle:
             self._arm.cancel()
             self.finish(Cancelled(handle))
 
     # Goals -------------------------------------------------------------------------------------
 
-    # They are checked in the node's thread: for many points it takes longer than a control cycle.
+    # Goals are checked in the node's thread: many points take longer than a control cycle.
 
     def _refusal(self, goal: G) -> str:
-        """Return why a goal cannot be followed now, "" if it can."""
+        """Return why a goal cannot be followed now; "" if it can."""
         return self._refused() or first_lines(self._problems(goal))
 
     def _begin(self, goal: G, handle: Any = None) -> str:
-        """Have a goal followed; return why it is not, "" if it is."""
+        """Start following a goal; return why that is refused; "" if it is not."""
         arm = self._arm
         return self._refusal(goal) or self._fault(lambda: self._start(arm, goal, handle))
 
@@ -269,16 +269,17 @@ class GoalNode(ControllerNode[A], ABC, Generic[A, G]):
             self._active = handle
 
     def _on_cancel(self, handle: Any) -> CancelResponse:
-        """Accept it always: where a client cancels all goals, rclpy skips the one after a refusal.
+        """Cancel a goal, and always accept.
 
-        A goal that has just ended gets the result of that.
+        When a client cancels all goals, rclpy skips the goal after a refused one. A goal that has
+        just ended keeps its own result.
         """
         if fault := self._fault(lambda: self._cancel(handle)):
             self.node.get_logger().error(f"goal not stopped: {fault}")
         return CancelResponse.ACCEPT
 
     def _monitor(self) -> None:
-        """Send feedback, and the results of what has ended."""
+        """Send feedback, and the results of goals that have ended."""
         while self._ended:
             self._end(*self._ended.popleft())
         if (handle := self._active) is not None:
@@ -295,7 +296,7 @@ class GoalNode(ControllerNode[A], ABC, Generic[A, G]):
 
     def _log(self, outcome: Outcome) -> None:
         text = f"{outcome.text}: {outcome.detail}" if outcome.detail else outcome.text
-        if outcome.code == SUCCESSFUL:  # rclpy allows a line of code one severity only
+        if outcome.code == SUCCESSFUL:  # rclpy allows only one severity per line of code
             self.node.get_logger().info(text)
         else:
             self.node.get_logger().warning(text)

@@ -66,7 +66,7 @@ _LOCKED_EVERY = 60.0  # s between two warnings that a command is ignored because
 
 GetLoop = Callable[[], ControlLoop | None]  # None as long as there is no robot
 
-# Of the world, not of a robot: its parameters, one value for all.
+# Parameters of the world, with one value for all robots.
 _OF_THE_WORLD = ("update_rate", "real_time_factor", "use_sim_time", "world", "paused")
 
 
@@ -77,13 +77,14 @@ class Driving:
     them are the world's, and so is real_time_factor: set for one, it is set for all.
 
     Attributes:
-        nodes: of the robots.
-        loop: what drives them; None as long as a robot is not known.
+        nodes: one for each robot.
+        robots: the ROS interface of each robot.
+        loop: the control loop; None until every robot is known.
         simulated: whether stamps are simulated time.
-        factor: the real_time_factor of all.
-        scene: what stands around the robots.
+        factor: the real_time_factor of all robots.
+        scene: what stands around the robots; None on bare ground.
         seed: of the sensors' noise.
-        sensing: measures with their sensors, as long as there is a loop.
+        sensing: measures with the robots' sensors; None until there is a loop.
     """
 
     def __init__(
@@ -95,12 +96,12 @@ class Driving:
         simulated: bool,
         seed: int = 0,
     ) -> None:
-        """Offer the topics, parameters and services; ``start`` or ``describe`` has to follow.
+        """Offer topics, parameters and services; afterwards call ``start``, or use ``described``.
 
         Args:
-            nodes: velocity_controller, in the namespace of each robot.
-            settings: of each node.
-            scene: what stands around the robots.
+            nodes: the node of each robot, in the robot's namespace.
+            settings: the parameters of each node.
+            scene: what stands around the robots; None on bare ground.
             simulated: whether stamps are simulated time.
             seed: of the sensors' noise.
         """
@@ -126,19 +127,22 @@ class Driving:
     def described(
         cls, nodes: Sequence[Node], file: str | None, arguments: Sequence[RosArguments]
     ) -> "Driving":
-        """Return one that drives in real time as soon as all descriptions are known.
+        """Return a Driving that starts in real time as soon as all descriptions are known.
 
         Args:
-            nodes: velocity_controller, in the namespace of each robot.
+            nodes: the node of each robot, in the robot's namespace.
             file: URDF or xacro file; None to use each node's parameter or topic.
-            arguments: of each node.
+            arguments: the ROS arguments of each node.
+
+        Raises:
+            OneBotError: a parameter, the world or a given description cannot be used.
         """
         settings = list(map(ControlParameters, nodes, arguments))
         scene = load_scene(settings[0].config.world)
         driving = cls(nodes, settings, scene, simulated=_is_simulated(nodes, settings))
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         nodes[0].create_timer(_POLL_PERIOD, driving.poll, clock=steady)
-        # Start last, when all members exist: ``stop`` may be called at any time from here on.
+        # Last, when all attributes exist: from here on, ``stop`` may be called at any time.
         for robot in driving.robots:
             robot.describe(file)
         return driving
@@ -155,7 +159,7 @@ class Driving:
             self.sensing.stop()
 
     def start_described(self) -> None:
-        """Start the control loop, if all robots are described."""
+        """Start the control loop if all robots are described."""
         members = [robot.member() for robot in self.robots if robot.description is not None]
         if len(members) < len(self.robots):
             return
@@ -165,7 +169,7 @@ class Driving:
         fleet = Fleet.of(members, scene=self.scene)
         warn = self._node.get_logger().warning
         sensors = Sensors(self.scene, fleet.rate, fleet.world.settings.gravity)
-        # Only in real time measurements are dropped.
+        # Measurements are dropped only in real time.
         sensing = SensingThread(
             sensors, warn, self._fail, lambda: self.simulated and self.factor != 1.0
         )
@@ -180,7 +184,7 @@ class Driving:
         )
         # Exclude long-lived objects from garbage collection.
         gc.freeze()
-        steady = Clock(clock_type=ClockType.STEADY_TIME)  # a paused simulation has results, too
+        steady = Clock(clock_type=ClockType.STEADY_TIME)  # sends results while paused, too
         self.start(loop, sensing, steady)
         if arms := self.arm_nodes:
             self._arms_thread = NodeThread(arms, "arms", self._fail)
@@ -194,13 +198,16 @@ class Driving:
 
     @property
     def arm_nodes(self) -> list[Node]:
-        """The nodes of all controllers of joints; whoever starts the loop spins them."""
+        """The nodes of all joint controllers; whoever starts the loop has to spin them."""
         return [arm.node for robot in self.robots for arm in robot.arms.values()]
 
     def start(self, loop: ControlLoop, sensing: Sensing, clock: Clock | None = None) -> None:
-        """Start a loop that moves the robots; all are described.
+        """Start a loop that moves the robots, all of which are described.
 
-        ``clock``: of the actions' feedback; None: each node's own.
+        Args:
+            loop: the control loop.
+            sensing: measures with the robots' sensors.
+            clock: of the actions' timers; None for each node's own clock.
         """
         fleet = loop.fleet
         for robot, driven in zip(self.robots, fleet.robots, strict=True):
@@ -221,13 +228,13 @@ class Driving:
         self.loop.start()
 
     def set_factor(self, factor: float) -> None:
-        """Have real_time_factor be the same for all robots."""
+        """Set real_time_factor of all robots."""
         self.factor = factor
         for robot in self.robots:
             robot.set_factor(factor)
 
     def restart(self) -> None:
-        """Begin again, as at the start, in the control thread; simulated time, too."""
+        """Go back to the start, including simulated time; call it in the control thread."""
         assert self.loop is not None and self.sensing is not None
         self.loop.fleet.restart()
         self.sensing.restart(self.seed)
@@ -236,11 +243,16 @@ class Driving:
             robot.asked = robot.answered = 0
 
     def _missing(self) -> str:
-        """Return what a step has to wait for, as a sentence that goes on; "" if it is nothing."""
+        """Return what a step has to wait for, as the beginning of a sentence; "" for nothing."""
         return next(filter(None, (robot.missing() for robot in self.robots)), "")
 
     def publish(self, snapshots: Sequence[Snapshot], stamp: int) -> None:
-        """Publish the robots' states in a control cycle, at a stamp in ns, and have them sense."""
+        """Publish the robots' states in a control cycle, and make due measurements.
+
+        Args:
+            snapshots: of the robots.
+            stamp: of the cycle, ns.
+        """
         sensing, world = self.sensing, self.loop.fleet.world if self.loop else None
         assert sensing is not None and world is not None
         sensed = sensing.due(snapshots[0].tick)
@@ -255,7 +267,7 @@ class Driving:
         sensing.take(stamp, snapshots, world.scene.poses if world.scene else ())
 
     def poll(self) -> None:
-        """Look who publishes commands and localizes; to be called several times a second."""
+        """Look for publishers of commands and localizers; call it several times a second."""
         if self._failure is not None:
             raise self._failure
         for robot in self.robots:
@@ -267,7 +279,7 @@ class Driving:
             self._follow_localizers()
 
     def _follow_localizers(self) -> None:
-        """Leave the parents of odom to other nodes that publish any."""
+        """Stop publishing the parent of odom while another node does."""
         robots = {
             robot.publishing.odom_frame: robot
             for robot in self.robots
@@ -284,7 +296,7 @@ class Driving:
                 robots[transform.child].receive_transform(transform, now)
         changes = [robot.follow_localizer(self._transforms.nodes, now) for robot in self.robots]
         if any(changes):
-            self._transforms.close()  # latched transforms of others are received again
+            self._transforms.close()  # subscribe again, to receive latched transforms of others
 
     def _fail(self, error: BaseException) -> None:
         self._failure = error
@@ -317,8 +329,8 @@ class Driving:
 
 
 def controller_nodes() -> Mapping[type[JointController[Any]], "type[ControllerNode[Any]]"]:
-    """Return the ROS interface of each kind of controller of joints."""
-    # Actions take 0.1 s to import, and most robots have no joints but wheels.
+    """Return the class of the ROS interface for each kind of joint controller."""
+    # Imported late: actions take 0.1 s, and most robots have only wheels.
     from onebot_control.nodes.forward_commands import ForwardCommands
     from onebot_control.nodes.gripper_actions import GripperActions
     from onebot_control.nodes.joint_trajectories import JointTrajectories
@@ -331,9 +343,10 @@ def controller_nodes() -> Mapping[type[JointController[Any]], "type[ControllerNo
 
 
 class NodeLog(logging.Handler):
-    """Passes what the simulation logs, which knows no ROS, to a node's logger."""
+    """A logging handler that passes the simulation's warnings to a node's logger."""
 
     def __init__(self, node: Node) -> None:
+        """Pass on warnings and errors."""
         super().__init__(logging.WARNING)
         self._logger = node.get_logger()
 
@@ -342,10 +355,10 @@ class NodeLog(logging.Handler):
 
 
 def _is_simulated(nodes: Sequence[Node], settings: Sequence[ControlParameters]) -> bool:
-    """Return whether the world's time is simulated.
+    """Return whether the world runs on simulated time.
 
     Raises:
-        ConfigError: the nodes differ in what is the world's.
+        ConfigError: the nodes differ in a parameter of the world.
     """
     for name in _OF_THE_WORLD:
         first, *other_values = [node.get_parameter(name).value for node in nodes]
@@ -363,7 +376,7 @@ def _full_name(node: Node) -> str:
 
 
 def _moved_text(fleet: Fleet) -> str:
-    """Return what is moved, for the log."""
+    """Return a line for the log about the robots and joints that are moved."""
     if len(fleet.robots) > 1:
         return f"driving {len(fleet.robots)} robots in one world"
     robot, parts = fleet.robots[0], []
@@ -381,19 +394,19 @@ class RobotDriving:
     """The ROS interface of one robot: its node's topics, parameters and services.
 
     Attributes:
-        description: of the robot; None as long as it is not known.
-        publishing: what is published of it.
-        commands: its ~/cmd_vel; None of a robot that stands.
-        arms: its controllers of joints, by name.
-        lock: of these commands.
-        sensors: what it senses with.
-        awaited: topics of sensors whose messages a command has to answer, before a step goes on.
+        description: of the robot; None until it is known.
+        publishing: publishes its state.
+        commands: the subscription to ~/cmd_vel; None for a robot that stands.
+        arms: ROS interfaces of its joint controllers, by name.
+        lock: this robot's ~/cmd_vel_lock.
+        sensors: its simulated sensors.
+        awaited: sensor topics whose messages a command has to answer before a step ends.
         asked: stamp of the newest such message, ns.
         answered: stamp of the newest command, ns.
     """
 
     def __init__(self, driving: Driving, row: int, node: Node, settings: ControlParameters) -> None:
-        """Subscribe, and offer the services; ``row`` is the robot's in its fleet."""
+        """Subscribe, and offer the services; ``row`` is the robot's index in its fleet."""
         self._driving, self._row, self._node, self._settings = driving, row, node, settings
         self.description: Description | None = None
         self._warn = Throttled(node.get_logger().warning)
@@ -406,7 +419,7 @@ class RobotDriving:
         self.answered = 0
         self._await(settings.config)
         choice = settings.config.cmd_vel_type
-        # Before the commands: of an unlock and a command at once it is received first.
+        # Created before the commands: an unlock sent with a command is then received first.
         self.lock = CommandLock(node, self._brake)
         self.commands: CommandSubscription | None = None
         if not stands:
@@ -419,7 +432,7 @@ class RobotDriving:
         node.add_post_set_parameters_callback(self._apply)
 
     def describe(self, file: str | None) -> None:
-        """Drive the robot whose description is given, or wait for one on the topic."""
+        """Use the description of a file or the parameter, or wait for the topic."""
         text = self._settings.values["robot_description"]
         if file:
             self._start(load_description(file))
@@ -429,7 +442,7 @@ class RobotDriving:
             DescriptionTopic(self._node, self._on_description, lambda: self.description is not None)
 
     def member(self) -> Member:
-        """Return the robot as the world gets it."""
+        """Return the robot as a member of the fleet."""
         assert self.description is not None
         name = "" if len(self._driving.nodes) == 1 else _full_name(self._node)
         settings = self._settings
@@ -443,8 +456,8 @@ class RobotDriving:
         )
 
     def control_joints(self, robot: DrivenRobot, loop: ControlLoop, clock: Clock | None) -> None:
-        """Offer topics, action and service of each controller of joints, on a node of its name."""
-        robot.finished.clear()  # the goals of earlier nodes, whose clients have gone
+        """Create the node of each joint controller, with its topics, action and service."""
+        robot.finished.clear()  # goals of earlier nodes, whose clients have gone
         kinds = controller_nodes() if robot.controllers else {}
         for name, controller in robot.controllers.items():
             node = Node(name, context=self._node.context, namespace=self._node.get_namespace())
@@ -458,7 +471,7 @@ class RobotDriving:
             )
 
     def publish_arms(self, stamp: int) -> None:
-        """Publish the state of the controllers of joints, and pass on what has ended."""
+        """Publish the state of the joint controllers, and pass on goals that have ended."""
         assert self._driving.loop is not None
         robot = self._driving.loop.fleet.robots[self._row]
         for arm in self.arms.values():
@@ -475,7 +488,7 @@ class RobotDriving:
         All robots must be described.
 
         Raises:
-            ConfigError: two frames have one name, or the frame of a scene would change.
+            ConfigError: two frames share a name, or the frame of a scene would change.
         """
         other_frames = {
             _full_name(robot._node): robot._frames()
@@ -507,7 +520,7 @@ class RobotDriving:
 
     @property
     def warnings(self) -> list[str]:
-        """What is surprising about the description and the parameters."""
+        """Warnings about the description and the parameters."""
         assert self.description is not None
         # robot_state_publisher has logged the notices of its description.
         notices = self.description.notices if self.description.files else ()
@@ -518,10 +531,10 @@ class RobotDriving:
         self.awaited, self.asked = frozenset(names), 0
 
     def missing(self) -> str:
-        """Return what a step of the simulation has to wait for; "" if it is nothing.
+        """Return what a step of the simulation has to wait for; "" for nothing.
 
         Raises:
-            OneBotError: it would wait for a topic that no sensor has.
+            OneBotError: step_topics names a topic that no sensor publishes.
         """
         for topic in sorted(self.awaited):
             if not (publisher := self.sensors.publisher(topic)):
@@ -549,16 +562,18 @@ class RobotDriving:
             self._warn(text, text, every=math.inf)
 
     def receive_transform(self, transform: FramesTransform, now: int) -> None:
-        """Note who is odom's parent by a transform on TF; ``now`` in ns, by a steady clock."""
+        """Pass a transform of odom on TF to the localizer check; ``now`` in ns, steady clock."""
         publishing = self.publishing
         if self._localizer.odom != publishing.odom_frame:
             self._localizer = Localizer(publishing.odom_frame)
         self._localizer.receive(transform, publishing.truths, now)
 
     def follow_localizer(self, nodes: Set[str], now: int) -> bool:
-        """Stop or resume the truth on TF; return whether it was resumed.
+        """Stop or resume publishing the truth on TF; return whether it was resumed.
 
-        ``nodes`` are the other nodes that publish TF.
+        Args:
+            nodes: the other nodes that publish TF.
+            now: ns, by a steady clock.
         """
         localizer, publishing = self._localizer, self.publishing
         parent = localizer.parent
@@ -582,7 +597,7 @@ class RobotDriving:
             self._node.set_parameters([Parameter("real_time_factor", value=factor)])
 
     def _start(self, description: Description) -> None:
-        """Drive by a first description."""
+        """Use the first description; start if all robots have one."""
         self.description = description
         try:
             self._driving.start_described()
@@ -620,24 +635,24 @@ class RobotDriving:
             self.sense(self._driving.sensing, driven)
 
     def _check_joints(self, robot: DrivenRobot, description: Description) -> None:
-        """Raise OneBotError if a controller of joints would have none of another description."""
+        """Raise OneBotError if a joint controller would have no joint in another description."""
         wheels = wheels_of(description, robot.config) if robot.wheels else None
         for name, controller in robot.controllers.items():
             if not joints_of(controller, description, wheels):
                 raise OneBotError(f"{name} would have no joint to move; restart the node")
 
     def channels(self, config: ControlConfig) -> list[Channel]:
-        """Return the sensors of the description and of the file that ``config`` names."""
+        """Return the sensors of the description and of the parameter ``sensors``."""
         assert self.description is not None
         return self.sensors.update(self._row, self.description, config)
 
     def sense(self, sensing: Sensing, robot: DrivenRobot, channels: Sequence[Channel] = ()) -> None:
-        """Sense by these ``channels``; call it in the control thread, or before it starts."""
+        """Use these sensors; call it in the control thread, or before that starts."""
         sensed = SensedRobot(robot.description, robot.joints, robot.held)
         sensing.enter(self._row, sensed, channels)
 
     def _sense_again(self) -> None:
-        """Apply what has changed of the sensors."""
+        """Apply changes of the sensors."""
         loop, sensing = self._driving.loop, self._driving.sensing
         if loop is None or sensing is None:
             return
@@ -658,7 +673,7 @@ class RobotDriving:
             if command.linear or command.angular:
                 self._warn("locked", f"~/cmd_vel is ignored: {self.lock}", every=_LOCKED_EVERY)
             return
-        # From here on it ages by a clock that nobody sets.
+        # From here on, age it by a clock that nobody can set.
         given = now - command.age.least
         if command.stamp and not loop.simulated:
             given = now - (time.time_ns() - command.stamp) / NANO
@@ -699,7 +714,7 @@ class RobotDriving:
         return SetParametersResult(successful=True)
 
     def _check_effect(self, config: ControlConfig) -> None:
-        """Refuse changes of what is on TF that would change nothing there.
+        """Refuse changes of TF parameters that would have no effect.
 
         Raises:
             ConfigError: with the reason.
@@ -730,11 +745,11 @@ class RobotDriving:
         if self.commands is not None and config.cmd_vel_type != previous_config.cmd_vel_type:
             self.commands.choose(config.cmd_vel_type)
         if loop is not None:
-            # Of many robots that follow one, waiting for a cycle each would take long.
+            # When many robots follow one, do not wait for a cycle each.
             follows = config == replace(previous_config, real_time_factor=self._driving.factor)
             try:
                 (loop.post if follows else loop.call)(lambda: self._configure(loop, config))
-            except OneBotError as error:  # here it would end the process
+            except OneBotError as error:  # raised from this callback, it would end the process
                 self._refuse("parameters", f"parameters not applied, {_GOES_ON}: {error}")
         if config.real_time_factor != self._driving.factor:
             self._driving.set_factor(config.real_time_factor)
@@ -749,23 +764,35 @@ class RobotDriving:
 
 
 def _age(loop: ControlLoop, command: Command, given: float) -> float | None:
-    """Return the age of a command as it takes effect: it may have waited since it came."""
+    """Return the age of a command, s, when it takes effect; None if it is not known.
+
+    It includes the time that the command waits in this process.
+    """
     if loop.simulated:
         return (loop.now_ns() - command.stamp) / NANO if command.stamp else None
     return boot_time() - given + (loop.left if command.stamp else 0.0)
 
 
 class Requests:
-    """Puts a robot and its odometry somewhere else, and stops its world.
+    """Topics and services that move a robot and its odometry, and pause its world.
 
-    The topics ~/teleport and ~/set_odometry and the services ~/reset and ~/reset_odometry are the
-    robot's, the services ~/pause and ~/step are its world's. A robot without odometry (its
-    ``odom_frame`` is None) has no ~/set_odometry and ~/reset_odometry.
+    The topics ~/teleport and ~/set_odometry and the services ~/reset and ~/reset_odometry apply to
+    the robot, the services ~/pause and ~/step to its world.
     """
 
     def __init__(
         self, node: Node, loop: GetLoop, row: int, odom_frame: Callable[[], str] | None, warn: Warn
     ) -> None:
+        """Subscribe, and offer the services.
+
+        Args:
+            node: of the robot.
+            loop: returns the control loop, if there is one.
+            row: index of the robot in its fleet.
+            odom_frame: returns the frame of the odometry; None for a robot without odometry, which
+                has no ~/set_odometry and ~/reset_odometry.
+            warn: logs a warning, given a key and a text.
+        """
         self._loop, self._row = loop, row
         self._odom_frame, self._warn = odom_frame or (lambda: ""), warn
         topics = [("teleport", self._teleport), ("set_odometry", self._place_odometry)]
@@ -838,7 +865,7 @@ class Requests:
 
 
 def planar_pose(message: PoseStamped) -> PlanarPose:
-    """Return a pose as seen from above; NaN where its quaternion is not of unit length."""
+    """Return a pose seen from above; yaw is NaN if the quaternion is not of unit length."""
     p, q = message.pose.position, message.pose.orientation
     norm = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w
     yaw = yaw_of(q.x, q.y, q.z, q.w) if 0.98 < norm < 1.02 else math.nan

@@ -11,10 +11,10 @@ from onebot_control.trajectories.forwarding import PositionForwarder
 
 
 class ForwardCommands(ControllerNode[PositionForwarder]):
-    """The ROS interface of a controller that forwards positions to joints."""
+    """The ROS interface of a controller that forwards positions to joints: ~/commands."""
 
     def __init__(self, *arguments: Any) -> None:
-        """Offer topic and parameters; see ``ControllerNode``."""
+        """Subscribe to the topic, and declare parameters; see ``ControllerNode``."""
         super().__init__(*arguments)
         self.node.create_subscription(
             Float64MultiArray, "~/commands", self._on_commands, ANY_PUBLISHER
@@ -29,7 +29,7 @@ class ForwardCommands(ControllerNode[PositionForwarder]):
             self._loop.post(lambda: self._command(arm, positions))
 
     def _command(self, arm: PositionForwarder, positions: Sequence[float]) -> None:
-        """Command positions that have no problems, in the control thread."""
+        """Command checked positions; runs in the control thread."""
         if refused := self._refused():
             self._error("locked", f"~/commands is ignored: {refused}")
         else:

@@ -12,7 +12,7 @@ from onebot_description.ros.wire.messages import time_message
 
 
 class GripperActions(GoalNode[GripperFollower, Sequence[float]]):
-    """The ROS interface of a controller that moves the joint of a gripper."""
+    """The ROS interface of a controller that moves a gripper's joint: the action ~/gripper_cmd."""
 
     action = "control_msgs/action/ParallelGripperCommand", "~/gripper_cmd"
 
@@ -33,7 +33,7 @@ class GripperActions(GoalNode[GripperFollower, Sequence[float]]):
         return self._type.Result(state=self._state(), stalled=arm.stalled, reached_goal=arm.reached)
 
     def _state(self) -> JointState:
-        """Return what is measured of the joint, rad and Nm or m and N."""
+        """Return the measured state of the joint, in rad and Nm, or m and N."""
         positions, velocities, efforts = self._robot().states(self._controller.name)
         state = JointState(
             name=list(self._arm.names), position=positions, velocity=velocities, effort=efforts

@@ -35,7 +35,7 @@ from onebot_description.ros.wire.cdr import NANO, nanoseconds
 from onebot_description.ros.wire.interfaces import load_interface
 from onebot_description.ros.wire.messages import time_message
 
-# As SystemDefaultsQoS is with Fast DDS: the state is latched.
+# As joint_trajectory_controller's SystemDefaultsQoS with Fast DDS: the state is latched.
 _LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 # As joint_trajectory_controller has it with Fast DDS; only latched publishers match it.
@@ -49,7 +49,10 @@ _Goal = tuple[TrajectoryGoal, TolerancesGiven | None]  # without tolerances: of 
 
 
 class JointTrajectories(GoalNode[TrajectoryFollower, _Goal]):
-    """The ROS interface of a controller that moves joints by trajectories."""
+    """The ROS interface of a controller that moves joints along trajectories.
+
+    ``onebot_control.joint_trajectory_controller`` lists its topics, action and service.
+    """
 
     action = "control_msgs/action/FollowJointTrajectory", "~/follow_joint_trajectory"
 
@@ -128,7 +131,7 @@ class JointTrajectories(GoalNode[TrajectoryFollower, _Goal]):
         measured: JointTrajectoryPoint,
         error: JointTrajectoryPoint,
     ) -> None:
-        """Fill what ~/controller_state and the feedback have in common."""
+        """Fill the fields that ~/controller_state and the feedback have in common."""
         arm = self._arm
         _fill(desired, *arm.desired)
         _fill(measured, arm.measured.positions, arm.measured.velocities)
@@ -172,7 +175,7 @@ class JointTrajectories(GoalNode[TrajectoryFollower, _Goal]):
     def _configured(self, parameters: Sequence[Parameter] = ()) -> TrajectoryController:
         joints = self._controller.joints
         values = {**self._values, **self._changed(parameters), "joints": joints}
-        # What has its default is left out: another description may have other joints.
+        # Leave out defaults of single joints: another description may have other joints.
         values = {n: v for n, v in values.items() if v or not _is_of_joints(n)}
         joint_constraints(values, self._arm.names)
         return TrajectoryController(self._controller.name, values)

@@ -1,7 +1,7 @@
-"""Whether another node localizes the robots: publishes a parent of odom on TF (REP-105).
+"""Detects whether another node localizes the robots: publishes a parent of odom on TF (REP-105).
 
-Each frame has one parent in TF. Where a localizer such as AMCL or slam_toolbox publishes that of
-odom, the simulation's truth is not on TF as well.
+A frame has only one parent in TF. If a localizer such as AMCL or slam_toolbox publishes the parent
+of odom, the simulation does not publish the true one.
 """
 
 import re
@@ -20,14 +20,14 @@ from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.messages import BAD_MESSAGE, tf_arrays
 
 _TOPICS = {"/tf": DurabilityPolicy.VOLATILE, "/tf_static": DurabilityPolicy.TRANSIENT_LOCAL}
-_DEPTH = 100  # messages between two polls; of more, the last: localizers repeat theirs
-_POLL_NODES = NANO  # ns between two polls of who publishes TF
-_KNOWN = 3 * NANO  # ns in which the name of a node is discovered, after its messages
+_DEPTH = 100  # messages kept between two polls; if some are lost, localizers repeat theirs
+_POLL_NODES = NANO  # ns between two looks for the publishers of TF
+_KNOWN = 3 * NANO  # ns within which a node's name is discovered after its messages
 _SILENT = 10 * NANO  # ns; as long as tf2 keeps a transform
 
 
 class FramesTransform(NamedTuple):
-    """A transform on TF, of ``child`` in ``parent``."""
+    """A transform on TF: the pose of ``child`` in ``parent``."""
 
     parent: str
     child: str
@@ -36,19 +36,20 @@ class FramesTransform(NamedTuple):
 
 
 class TransformsOf:
-    """Finds the transforms of some child frames in messages of TF."""
+    """Finds the transforms of given child frames in serialized TF messages."""
 
     def __init__(self, children: Iterable[str]) -> None:
+        """Compile a search for the names of the ``children``."""
         self.children = frozenset(children)
-        # In CDR the child's name follows the parent's, a NUL, up to three bytes of padding, and its
-        # length in four. What has odom as the parent, as most messages have, is not parsed.
+        # In CDR, the child's name follows the parent's name, a NUL, up to three bytes of padding,
+        # and four bytes of length. Most messages have odom as the parent only; they are not parsed.
         common = commonprefix([name[::-1] for name in self.children])[::-1]
         self._end = common.encode() + b"\0"
         any_name = b"|".join(re.escape(name.encode()) for name in self.children)
         self._child = re.compile(rb"[^\0]\0.{4,7}/?(?:" + any_name + rb")\0", re.DOTALL)
 
     def find(self, data: bytes) -> Iterator[FramesTransform]:
-        """Return those in ``data``, a TFMessage in CDR; none if it is no such message."""
+        """Yield these transforms from a TFMessage in CDR; none if ``data`` is not a TFMessage."""
         if self._end not in data or not self._child.search(data):
             return
         try:
@@ -66,34 +67,39 @@ class TransformsOf:
 
 
 class Localizer:
-    """Whether another node publishes a parent of one odometry frame.
+    """Tracks whether another node publishes a parent of one odometry frame.
 
     Attributes:
         odom: the odometry frame.
-        parent: the frame in which another node has it; "" for none.
+        parent: the parent that another node publishes; "" for none.
     """
 
     def __init__(self, odom: str) -> None:
+        """Start without a parent."""
         self.odom, self.parent = odom, ""
-        self._nodes: set[str] = set()  # they published TF when it was last received
+        self._nodes: set[str] = set()  # nodes that published TF when the parent was last received
         self._received_ns = self._alive_ns = 0
 
     def receive(
         self, transform: FramesTransform, truths: Collection[FramesTransform], now: int
     ) -> None:
-        """Note the parent that a ``transform`` of ``odom`` has, unless it is our own.
+        """Remember the parent in a transform of ``odom``, unless the transform is our own.
 
-        ``truths`` are those that this process has published lately; ``now`` in ns, by a steady
-        clock.
+        Args:
+            transform: as received.
+            truths: transforms that this process has published lately.
+            now: ns, by a steady clock.
         """
         if transform not in truths:
             self.parent, self._nodes = transform.parent, set()
             self._received_ns = self._alive_ns = now
 
     def expire(self, nodes: Set[str], now: int) -> None:
-        """Forget the parent if it comes no more, and a node that may have published it is gone.
+        """Forget the parent if a node that may have published it has been gone for 10 s.
 
-        ``nodes`` are the other nodes that publish TF now.
+        Args:
+            nodes: the other nodes that publish TF now.
+            now: ns, by a steady clock.
         """
         if now - self._received_ns < _KNOWN:
             self._nodes |= nodes
@@ -104,20 +110,25 @@ class Localizer:
 
 
 class TransformTap:
-    """Takes what others publish on /tf and /tf_static; polled.
+    """Polls what other nodes publish on /tf and /tf_static.
 
-    An executor would wake up for each message: all transforms of all robots come here.
+    It is polled because an executor would wake up for each transform of all robots.
     """
 
     def __init__(self, node: Node) -> None:
+        """Prepare to subscribe as ``node``; the first ``poll`` does."""
         self._node, self._polled_ns = node, -_POLL_NODES
         self._subscriptions: list[Any] = []
         self.nodes: frozenset[str] = frozenset()  # the other nodes that publish there
 
     def poll(self, own: Sequence[Node], now: int) -> Iterator[bytes]:
-        """Take the messages received since the last poll; ``own`` nodes' publishers do not count.
+        """Yield the messages received since the last poll, serialized.
 
         There is no subscription while no other node publishes.
+
+        Args:
+            own: nodes whose publishers do not count.
+            now: ns, by a steady clock.
         """
         if now - self._polled_ns >= _POLL_NODES:
             self._polled_ns, self.nodes = now, self._other_publishers(own)
@@ -136,7 +147,7 @@ class TransformTap:
         self._subscriptions, self._polled_ns = [], -_POLL_NODES
 
     def _subscribed(self, topic: str, durability: DurabilityPolicy) -> Any:
-        # Not one of the node's: its executor knows nothing of it.
+        # Created without the node, so that its executor does not wait for it.
         latched = durability is DurabilityPolicy.TRANSIENT_LOCAL
         reliability = ReliabilityPolicy.RELIABLE if latched else ReliabilityPolicy.BEST_EFFORT
         qos = QoSProfile(depth=_DEPTH, durability=durability, reliability=reliability)

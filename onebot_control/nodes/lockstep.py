@@ -1,4 +1,4 @@
-"""ROS nodes of this process in step with a Simulation: what they do does not depend on its speed.
+"""Runs ROS nodes of this process in step with a Simulation, whatever its speed.
 
 In each control cycle the robots' topics and transforms are published, as ``velocity_controller``
 publishes them and by the same code, with /clock and the measurements that are due. Then the nodes'
@@ -36,30 +36,36 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-_POLLS = 10.0  # a simulated second, of who publishes commands and localizes
-_QUIET = 2  # times that nothing is ready to run; the first time a message may be on its way
-_WAIT = 0.005  # s between looks whether topics are connected
+_POLLS = 10.0  # Hz, in simulated time, of polls for publishers of commands and localizers
+_QUIET = 2  # passes without a ready callback; after the first, a message may be on its way
+_WAIT = 0.005  # s between checks whether topics are connected
 _SIMULATED = ["--ros-args", "-p", "use_sim_time:=true"]
-_PATIENCE = 10.0  # s for topics to be connected
+_PATIENCE = 10.0  # s to wait for topics to be connected
 
 
 class Lockstep:
-    """Nodes in step with a simulation; made by ``Simulation.ros``.
+    """Runs nodes in step with a simulation; ``Simulation.ros`` creates it.
 
-    Nodes by callbacks and by timers on simulated time behave in the same way each time. Nothing is
-    guaranteed of timers on the wall's time, of threads and of executors of their own.
+    Nodes that work by callbacks and by timers on simulated time behave identically in each run.
+    Nothing is guaranteed for timers on wall time, and for threads or executors of their own.
 
     Attributes:
-        simulation: in which they are.
+        simulation: the simulation that the nodes are in step with.
     """
 
     def __init__(self, simulation: "Simulation", domain_id: int | None = None) -> None:
-        """Put the simulation's robots on their topics.
+        """Create the nodes of the simulation's robots.
 
-        Unless rclpy's default context is initialized, it is now, with use_sim_time for all nodes.
+        rclpy's default context is initialized, with use_sim_time for all nodes, unless it is
+        already.
+
+        Args:
+            simulation: with the robots.
+            domain_id: the ROS domain; None for ROS_DOMAIN_ID.
         """
         self.simulation = simulation
-        # A context of its own: in one, a topic cannot have two types, as ~/cmd_vel may have.
+        # The robots' nodes have a context of their own: in one context, a topic cannot have two
+        # types, as ~/cmd_vel may have.
         self._context = Context()
         self._owns_default = not rclpy.ok()
         with patch.dict(os.environ):
@@ -114,15 +120,15 @@ class Lockstep:
     def add(self, *nodes: Node, timeout: float = _PATIENCE) -> None:
         """Put nodes in step, and wait until they are connected with the robots' topics.
 
-        They are destroyed with this.
+        ``close`` destroys them.
 
         Args:
-            nodes: of rclpy's default context; with timers, use_sim_time has to be true.
-            timeout: s of the wall's time.
+            nodes: of rclpy's default context; for timers, use_sim_time has to be true.
+            timeout: wall time to wait, s.
 
         Raises:
-            OneBotError: a topic of theirs that a robot has was not connected in time; its type or
-                its QoS is another one.
+            OneBotError: a topic that both a node and a robot have was not connected in time,
+                because their types or QoS differ.
         """
         for node in nodes:
             self._executor.add_node(node)
@@ -139,14 +145,14 @@ class Lockstep:
         self._warn_of_silent_topics(nodes)
 
     def publish(self, snapshots: Sequence[Snapshot], stamp: int) -> None:
-        """Do the part of a control cycle in which the nodes act; ``Simulation.run`` calls it."""
+        """Publish a control cycle, and run the nodes' callbacks; ``Simulation.run`` calls it."""
         self._driving.publish(snapshots, stamp)
         if self._poll_due.due():
             self._driving.poll()
         self.settle()
 
     def settle(self) -> None:
-        """Run callbacks until there is nothing to do; what one raises is raised."""
+        """Run callbacks until none is ready; an exception in a callback is raised here."""
         quiet = 0
         while quiet < _QUIET:
             # Without a timeout it runs all that is ready.
@@ -156,7 +162,7 @@ class Lockstep:
             quiet = 0 if any(ran) else quiet + 1
 
     def close(self) -> None:
-        """Destroy the nodes; the simulation goes on without ROS."""
+        """Destroy the nodes; the simulation continues without ROS."""
         self.simulation._ros = None
         self._executor.shutdown()
         self._arms.shutdown()
@@ -183,7 +189,7 @@ class Lockstep:
         return [*self._nodes, *self._arm_nodes]
 
     def _difference(self, topic: str) -> str:
-        """Return why a node and a robot do not find each other on a topic."""
+        """Return why a node and a robot are not connected on a topic."""
         ours, theirs = (
             {
                 type_name(each.msg_type)
@@ -198,7 +204,7 @@ class Lockstep:
         return f"the node has {listing(theirs)}, the robot {listing(ours)}"
 
     def _warn_of_silent_topics(self, nodes: Sequence[Node]) -> None:
-        """Log the subscriptions of nodes that nobody publishes to, with the robots' like topic."""
+        """Log subscriptions without publishers, with the robots' most similar topic."""
         robots = [each.topic_name for node in self._robot_nodes for each in node.publishers]
         for node in nodes:
             for topic in sorted({each.topic_name for each in node.subscriptions}):
@@ -207,7 +213,7 @@ class Lockstep:
                     node.get_logger().warning(f"nobody publishes {topic}{hint}")
 
     def _unconnected(self) -> Iterator[str]:
-        """Yield the topics on which a node and a robot have not found each other, both of them."""
+        """Yield the topics on which a node and a robot are not yet connected in both directions."""
         pair = self._robot_nodes, self._added
         for some, others in (pair, pair[::-1]):
             publishers = {each.topic_name: each for node in some for each in node.publishers}
@@ -236,40 +242,41 @@ def _run_one(executor: SingleThreadedExecutor) -> bool:
 
 
 class SteppedLoop(ControlLoop):
-    """A control loop whose cycles ``Simulation.run`` does: nothing waits, there is no thread."""
+    """A control loop without a thread, whose cycles ``Simulation.run`` runs."""
 
     def __init__(self, fleet: Fleet, publish: Callable[[Sequence[Snapshot], int], None]) -> None:
+        """See ``ControlLoop``."""
         super().__init__(fleet, publish, simulated=True, wake=WakeDetector(lambda: 0.0))
 
     def start(self) -> None:
-        """Do nothing: ``Simulation.run`` does the cycles."""
+        """Do nothing: ``Simulation.run`` runs the cycles."""
 
     def stop(self) -> None:
-        """Do nothing: the world is the simulation's."""
+        """Do nothing: the simulation owns the world."""
 
     def post(self, function: Callable[[], object]) -> None:
-        """Call ``function`` now, which is between two cycles."""
+        """Call ``function`` now: it is between two cycles."""
         function()
 
     def call(self, function: Callable[[], T], patience: float | None = None) -> T:
-        """Call ``function`` now, which is between two cycles."""
+        """Call ``function`` now: it is between two cycles."""
         return function()
 
     @property
     def left(self) -> float:
-        """Nothing is left: what is called takes effect in the next cycle."""
+        """0 s: what is called takes effect in the next cycle."""
         return 0.0
 
     def set_factor(self, factor: float) -> None:
-        """Ignore the pace: a simulation is as fast as it can be."""
+        """Ignore the pace: a Simulation always runs as fast as possible."""
 
     def pause(self, paused: bool) -> None:
-        """Refuse to, as ``step`` does."""
+        """Refuse to pause, as ``step`` refuses to step."""
         if paused:
             self.step()
 
     def step(self, cycles: int = 1) -> None:
-        """Refuse.
+        """Refuse to step.
 
         Raises:
             OneBotError: always.

@@ -1,6 +1,7 @@
-"""The topics that velocity_controller publishes in each control cycle.
+"""Publishes the topics of velocity_controller in each control cycle.
 
-The messages are made once and filled anew each cycle: rclpy has read them when ``publish`` returns.
+The messages are created once and filled again in each cycle, because rclpy has read them when
+``publish`` returns.
 """
 
 from collections import deque
@@ -34,7 +35,7 @@ from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.messages import time_message, transforms_message
 
 _DEPTH = 10  # ROS's system default
-_KEPT = 200  # transforms of the truth
+_KEPT = 200  # number of published true transforms that are remembered
 _TWO_CLOCKS = (
     "time jumps between two simulations. Start one apart from the other with domain_id:=N, or one "
     "of them in real time without /clock: use_sim_time:=false and real_time_factor 1.0"
@@ -42,11 +43,11 @@ _TWO_CLOCKS = (
 
 
 class Frames(NamedTuple):
-    """The frames of a robot: the two that its odometry connects, and its links'."""
+    """The names of a robot's frames, with prefix."""
 
-    world: str  # "" if there is none
-    odom: str
-    base: str
+    world: str  # frame of true poses; "" if there is none
+    odom: str  # parent of the odometry's transform; "" without odometry
+    base: str  # child of the odometry's transform, or root link
     links: frozenset[str]
 
     @classmethod
@@ -61,8 +62,12 @@ class Frames(NamedTuple):
     ) -> "Frames":
         """Return the frames of a robot.
 
-        ``in_scene``: something is around it; ``stands``: it has no odometry, and its root link may
-        be the world.
+        Args:
+            config: its parameters.
+            description: the robot.
+            namespace: of its node.
+            in_scene: whether there is a scene around it.
+            stands: whether it has no odometry; then its root link may be the world's frame.
         """
 
         def name(frame: str) -> str:
@@ -79,9 +84,13 @@ class Frames(NamedTuple):
     def problems(
         self, others: Mapping[str, "Frames"], scene: Description | None = None
     ) -> Iterator[Problem]:
-        """Report names that two frames have, of any robot or of a scene: each has one parent in TF.
+        """Report names that two frames share, because in TF each frame has one parent.
 
         The root link of a scene may be the world's frame itself.
+
+        Args:
+            others: frames of the other robots, by node.
+            scene: the scene around the robots.
         """
         owners, worlds = dict.fromkeys(self.links - {self.base}, "a link of the robot"), {}
         for name, frames in others.items():
@@ -109,16 +118,17 @@ class Frames(NamedTuple):
 
 
 class Publishers:
-    """Turns a robot's snapshots into messages. Used by the control thread only.
+    """Publishes a robot's snapshots. Only the control thread uses it.
 
     Attributes:
-        world_frame: the frame of the truth; "" for none.
-        localized: another node publishes a parent of odom, so that the truth is not on TF.
-        truths: what was published of it lately.
+        world_frame: frame of true poses; "" for none.
+        odom_frame: frame of the odometry.
+        localized: whether another node publishes a parent of odom, so that the truth is not on TF.
+        truths: true transforms that were published lately.
     """
 
     def __init__(self, node: Node, *, clock: bool, stands: bool = False) -> None:
-        """Announce the topics; a robot that ``stands`` has no odometry."""
+        """Create the publishers; ``clock``: also of /clock; ``stands``: there is no odometry."""
         self._node, self._namespace, self._stands = node, node.get_namespace(), stands
         self._joint_states = node.create_publisher(JointState, "joint_states", _DEPTH)
         self._tf_static = node.create_publisher(TFMessage, "/tf_static", LATCHED)
@@ -136,9 +146,9 @@ class Publishers:
             OnlyPublisher(node, "/clock", _TWO_CLOCKS, own=True)
 
     def use(self, robot: DrivenRobot) -> None:
-        """Publish this robot from now on, with its parameters as they are now."""
+        """Publish this robot from now on, with its current parameters."""
         self._robot, config = robot, robot.config
-        self._in_scene = robot.plant.world.scene is not None  # a scene stops and tilts the robot
+        self._in_scene = robot.plant.world.scene is not None  # there, odom drifts from the truth
         frames = Frames.of(
             config,
             robot.description,
@@ -148,7 +158,7 @@ class Publishers:
         )
         self.world_frame, odom, base, _ = frames
         self.odom_frame = odom
-        self._stamp = Time()  # one for all messages of a cycle
+        self._stamp = Time()  # shared by all messages of a cycle
         self._clock_message = Clock(clock=self._stamp)
         self._constant = any(config.pose_covariance_diagonal)
         self._odom_message = self._odometry(odom, base)
@@ -168,17 +178,17 @@ class Publishers:
             (self._joint_message, robot.broadcaster.frame_id),
         ):
             message.header.frame_id, message.header.stamp = frame, self._stamp
-        self._placed_frame = base if self._stands else odom  # which the truth has in the world
+        self._placed_frame = base if self._stands else odom  # child of world_frame
         self._advertise(config.publish_limited_velocity and not self._stands)
         self._due = Divider(config.publish_rate, config.update_rate)
 
     @property
     def publishes_truth(self) -> bool:
-        """Whether the truth is on TF by the parameters."""
+        """Whether the parameters ask for the truth on TF."""
         return bool(self.world_frame) and self._robot.config.ground_truth_tf
 
     def _advertise(self, limited: bool) -> None:
-        """Have a topic for the limited command, or none."""
+        """Create or destroy the publisher of the limited command."""
         if limited and self._limited is None:
             self._limited = self._node.create_publisher(TwistStamped, "~/cmd_vel_out", _DEPTH)
         elif not limited and self._limited is not None:
@@ -191,7 +201,13 @@ class Publishers:
         return message
 
     def publish(self, snapshot: Snapshot, stamp_ns: int, *, sensed: bool = False) -> None:
-        """Publish all that is due; ``sensed``: a sensor is, and needs transforms of this time."""
+        """Publish everything that is due.
+
+        Args:
+            snapshot: state of the robot.
+            stamp_ns: of the cycle, ns.
+            sensed: a sensor measures in this cycle, and needs transforms of this time.
+        """
         robot = self._robot
         self._stamp.sec, self._stamp.nanosec = divmod(stamp_ns, NANO)
         if self._clock is not None:
@@ -236,11 +252,10 @@ class Publishers:
         self._truth.publish(self._truth_message)
 
     def _publish_origin(self, snapshot: Snapshot, stamp_ns: int) -> None:
-        """Publish where the odometry's zero is in the world, or the base of a robot that stands.
+        """Publish the static pose of odom, or of a standing robot's base, in the world.
 
-        It is published if it has changed, or is withdrawn.
-
-        A message without transforms takes the place of the last one: late subscribers get that.
+        It is published only when it changes. To withdraw it, a message without transforms replaces
+        the last one for late subscribers.
         """
         origin: tuple[str, str, Transform] | None = None
         if self._placed_frame and self.publishes_truth and not self.localized:
@@ -260,9 +275,9 @@ class Publishers:
         self._tf_static.publish(message)
 
     def _publish_true_origin(self, snapshot: Snapshot, stamp_ns: int) -> None:
-        """Publish where the odometry's zero is for the robot to be where it really is.
+        """Publish the pose of odom in the world with which the robot is at its true pose.
 
-        At a wall wheels slip, and a ramp tilts the robot: neither is in its odometry.
+        Wheels slip at a wall, and a ramp tilts the robot; odometry shows neither.
         """
         origin = compose(snapshot.pose, inverse(snapshot.odometry.transform))
         _fill_transform(self._origin_transform.transform, origin)
@@ -272,13 +287,20 @@ class Publishers:
 
 
 class ScenePublisher:
-    """Publishes what stands around the robots of a world, once for all of them.
+    """Publishes the scene around the robots of a world, once for all robots.
 
-    The frames of its links are their names; the root link's may be the world's frame itself.
+    The frames are named like the links; the root link may be the world's frame itself.
     """
 
     def __init__(self, node: Node, scene: SceneBodies, world_frame: str, rate: Divider) -> None:
-        """Announce the topics, and publish the description; ``rate`` is the rate of /tf, Hz."""
+        """Create the publishers, and publish the description.
+
+        Args:
+            node: the publisher.
+            scene: the bodies of the scene.
+            world_frame: parent of all frames.
+            rate: picks the cycles in which /tf is due.
+        """
         self._scene, self._world, self._rate = scene, world_frame, rate
         self._tf = node.create_publisher(TFMessage, "/tf", _DEPTH)
         self._tf_static = node.create_publisher(TFMessage, "/tf_static", LATCHED)
@@ -306,7 +328,7 @@ class ScenePublisher:
 
 
 def scene_transforms(description: Description, world_frame: str, stamp_ns: int) -> TFMessage:
-    """Return the transforms of what stands still in a world, below its frame."""
+    """Return the transforms of a scene's fixed links, below ``world_frame``."""
     joints = JointArrays.of([joint for joint in description.joints if joint.kind == "fixed"])
     parents, children, values = list(joints.parents), list(joints.children), joints.constant
     if description.root_link != world_frame:

@@ -1,18 +1,18 @@
-"""The real-time factor that a control loop reaches, and when to log that it has fallen."""
+"""Measures the real-time factor of a control loop, and logs when it falls and recovers."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 _SECOND = 1.0
-# Shares of the wanted factor: a second below the first one is logged, and that the pace is back
-# when all seconds for as long as _STEADY have reached the second one.
+# Fractions of the wanted factor: a second below _SLOW is logged; when every second within _STEADY
+# has reached _BACK, it is logged that the pace is back.
 _SLOW, _BACK = 0.9, 0.95
 _STEADY = 5.0  # s
 
 
 @dataclass
 class Pace:
-    """How fast simulated time passed over some seconds."""
+    """The real-time factor and missed cycles over some seconds."""
 
     seconds: float = 0.0  # real ones
     simulated: float = 0.0  # s
@@ -21,7 +21,7 @@ class Pace:
 
     @property
     def factor(self) -> float:
-        """Simulated seconds a second."""
+        """Simulated seconds per real second."""
         return self.simulated / self.seconds
 
     def add(self, seconds: float, simulated: float, missed: int) -> None:
@@ -40,10 +40,10 @@ class Pace:
 
 
 class PaceMeter:
-    """Measures the pace of a control loop.
+    """Measures the pace of a control loop, and reports it each second.
 
     Attributes:
-        wanted: simulated seconds a second; 0 is as fast as possible.
+        wanted: simulated seconds per real second; 0: as fast as possible.
     """
 
     def __init__(
@@ -51,29 +51,32 @@ class PaceMeter:
         measured: Callable[[Pace, bool], None] = lambda pace, is_slow: None,
         log: Callable[[str, bool], None] = lambda text, is_slow: None,
     ) -> None:
-        """Begin to measure; ``set`` has to follow.
+        """Prepare; call ``set`` to start measuring.
 
         Args:
-            measured: called about each second with the pace in it, and whether that is slow.
-            log: called with a line for the log, and whether the pace is slow: once when it falls,
-                and once when it is back.
+            measured: called about once a second with its pace, and whether that is slow.
+            log: called with a line to log, and whether the pace is slow: once when it falls, and
+                once when it is back.
         """
         self._measured, self._log = measured, log
         self._is_slow = False
 
     def set(self, due: float, wanted: float) -> None:
-        """Measure anew, from the cycle due at ``due`` (monotonic, s) on."""
+        """Start measuring at the cycle due at ``due`` (monotonic, s), for a wanted factor."""
         self._due, self.wanted = due, wanted
         self._second, self._steady = Pace(), Pace()
 
     def skip(self, due: float) -> None:
-        """Leave out the time until ``due``: simulated time was stopped on purpose."""
+        """Leave out the time until ``due`` (monotonic, s): simulated time was paused."""
         self._due = due
 
     def cycle(self, due: float, simulated: float, missed: int) -> None:
-        """Count a cycle of ``simulated`` s, after which ``missed`` ones were left out.
+        """Count a control cycle.
 
-        ``due`` is when the next one is.
+        Args:
+            due: when the next cycle is due, monotonic, s.
+            simulated: simulated duration of the cycle, s.
+            missed: number of cycles that were left out after it.
         """
         seconds, self._due = due - self._due, due
         self._second.add(seconds, simulated, missed)

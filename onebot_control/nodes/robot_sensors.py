@@ -1,4 +1,4 @@
-"""The topics of sensors, and who decides which sensors a robot has: its URDF and a file."""
+"""The topics of a robot's sensors, which its URDF and an optional file define."""
 
 import struct
 from array import array
@@ -60,12 +60,12 @@ class SensorPublisher:
     def __init__(
         self, sensor: Sensor, frame: str, rate: float, publishers: Mapping[str, Publisher]
     ) -> None:
-        """Publish.
+        """Prepare to publish.
 
         Args:
-            sensor: of the description.
-            frame: of the messages.
-            rate: of the measurements, Hz.
+            sensor: its description.
+            frame: frame_id of the messages.
+            rate: measurements per second, Hz.
             publishers: by output.
         """
         self._sensor, self._frame, self._rate = sensor, frame, rate
@@ -88,7 +88,7 @@ class SensorPublisher:
             return frozenset()
 
     def publish(self, stamp: int, outputs: Mapping[str, Any]) -> None:
-        """Publish arrays by output; see ``Outlet``."""
+        """Publish the outputs of one measurement; see ``Outlet``."""
         header = Header(stamp=time_message(stamp), frame_id=self._frame)
         for output, values in outputs.items():
             message = _MESSAGES[output][1](self, values)
@@ -177,7 +177,7 @@ class SensorPublisher:
         kinds = points.dtype.fields
         assert kinds is not None
         fields = [
-            # Colours are packed into a float, as PCL has them.
+            # Colours are packed into a float, as in PCL.
             PointField(name=name, offset=kind[1], datatype=_FIELDS.get(kind[0], 7), count=1)
             for name, kind in kinds.items()
         ]
@@ -192,7 +192,7 @@ class SensorPublisher:
         )
 
 
-# By output, the type of its messages and what makes them of arrays.
+# By output: the message type, and the method that converts arrays to it.
 _MESSAGES: Mapping[str, tuple[type, Callable[[SensorPublisher, Any], Any]]] = {
     "scan": (LaserScan, SensorPublisher._scan),
     "range": (Range, SensorPublisher._range),
@@ -207,7 +207,7 @@ _MESSAGES: Mapping[str, tuple[type, Callable[[SensorPublisher, Any], Any]]] = {
 
 
 def _ready(message: Any, values: Any) -> Any:
-    """Return what to publish: of a PointCloud the bytes, as its points are objects in Python."""
+    """Return the message; a PointCloud as bytes, because its points would be Python objects."""
     if not isinstance(message, PointCloud):
         return message
     points = met(values)[0]
@@ -219,13 +219,13 @@ def _ready(message: Any, values: Any) -> Any:
 
 
 class RobotSensors:
-    """The sensors of one robot: from its description, and from a file that may change."""
+    """Keeps the sensors of one robot up to date: from its description, and from a watched file."""
 
     def __init__(self, node: Node, changed: Callable[[], None], seed: int = 0) -> None:
         """Begin without sensors.
 
         Args:
-            node: of the robot.
+            node: the robot's, which publishes.
             changed: called when the file was edited.
             seed: of the noise.
         """
@@ -237,30 +237,30 @@ class RobotSensors:
 
     @property
     def topics(self) -> list[str]:
-        """The topics, absolute."""
+        """Names of all sensor topics, absolute."""
         return sorted({each.topic_name for each in self._publishers.values()})
 
     def publisher(self, topic: str) -> Publisher | None:
-        """Return the publisher of a topic; None without one."""
+        """Return the publisher of a topic; None if there is none."""
         return next((p for p in self._publishers.values() if p.topic_name == topic), None)
 
     def poll(self) -> None:
-        """Look whether the file was edited; to be called several times a second."""
+        """Check whether the file was edited; call it several times a second."""
         if any(self._watch.poll()):
             self._changed()
 
     def update(self, row: int, description: Description, config: ControlConfig) -> list[Channel]:
-        """Return the robot's sensors with their topics.
+        """Read the sensors, update the publishers, and return a channel for each sensor.
 
-        Where a block has a fault, the last good one stays.
+        A sensor whose block has a fault stays as it was.
 
         Args:
-            row: of the robot in its fleet.
+            row: index of the robot in its fleet.
             description: of the robot.
             config: its parameters.
 
         Raises:
-            OneBotError: a file that was not in use cannot be used.
+            OneBotError: a newly named file cannot be used.
         """
         self._follow(config.sensors, description)
         warn = self._node.get_logger().warning
@@ -296,7 +296,7 @@ class RobotSensors:
         return channels
 
     def _follow(self, file: str, description: Description) -> None:
-        """Read the file, as it is now."""
+        """Read the file again, or stop watching if ``file`` is ""."""
         if not file:
             self._file, self._read, self._watch = "", _NO_FILE, FileWatch(())
             return
@@ -316,7 +316,7 @@ class RobotSensors:
         self._file, self._read = file, result
 
     def _announce(self) -> None:
-        """Have a publisher for each topic, and no other ones."""
+        """Create publishers for new topics, and destroy those no longer needed."""
         keys = {
             (_MESSAGES[output][0], topic)
             for sensor in self._sensors
@@ -333,7 +333,7 @@ class RobotSensors:
         space = self._node.get_namespace().strip("/")
         names = {}
         for output, topic in sensor.topics.items():
-            name = topic.removeprefix(f"{space}/")  # some robots have their namespace in it
+            name = topic.removeprefix(f"{space}/")  # some robots write their namespace into it
             names[output] = (
                 topic if topic.startswith("/") else f"/{space}/{name}".replace("//", "/")
             )
@@ -343,7 +343,7 @@ class RobotSensors:
 def _usable(
     sensors: Sequence[Sensor], cycles: float, warn: Callable[[str], object]
 ) -> Iterator[Sensor]:
-    """Yield the sensors that can be simulated together; warn of the others."""
+    """Yield the sensors that can be simulated; warn of the others."""
     used: list[Sensor] = []
     for sensor in sensors:
         shared = [topic for other in used for topic in clashes(other.topics, sensor.topics)]
@@ -354,7 +354,7 @@ def _usable(
         else:
             if sensor.rate > cycles:
                 rates = f"{sensor.rate:g} Hz is more than update_rate, {cycles:g} Hz"
-                warn(f'sensor "{sensor.name}": {rates}, as often as which it is published')
+                warn(f'sensor "{sensor.name}": {rates}, so it is published at {cycles:g} Hz')
             used.append(sensor)
             yield sensor
             continue

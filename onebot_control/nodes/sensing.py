@@ -1,4 +1,4 @@
-"""Measures when a sensor is due and somebody subscribes to it: at once, or in a thread."""
+"""Measures when a sensor is due and somebody subscribes to it, at once or in a thread."""
 
 import threading
 import time
@@ -13,18 +13,18 @@ from onebot_control.sensing.instruments import Frame, Instrument, Sensors
 from onebot_control.sensing.surroundings import SensedRobot
 from onebot_description.description.description import Camera, Imu, Lidar
 
-# Measurements of a sensor that may wait, in the order in which those of a robot are made.
+# How many measurements of a sensor may wait; also the order in which a robot's sensors measure.
 _WAITING = {Imu: 50, Lidar: 4, Camera: 1}
-_FIRST_REPORT, _REPORT = 10.0, 60.0  # s between reports of dropped measurements
-_ENOUGH = 0.95  # share of the measurements due; a smaller one is reported
-_PATIENCE = 10.0  # s for the thread to end
+_FIRST_REPORT, _REPORT = 10.0, 60.0  # s until the first, and between later reports of drops
+_ENOUGH = 0.95  # if a smaller fraction of the due measurements is made, it is reported
+_PATIENCE = 10.0  # s to wait for the end of the thread
 
 
 class Outlet(Protocol):
-    """Where measurements go.
+    """Publishes the measurements of one sensor.
 
     Attributes:
-        topics: by output.
+        topics: the topic of each output.
     """
 
     @property
@@ -32,26 +32,26 @@ class Outlet(Protocol):
         """The topic of each output."""
 
     def wanted(self) -> frozenset[str]:
-        """Return the outputs that somebody wants: keys of ``Sensor.topics``."""
+        """Return the outputs that somebody subscribes to, keys of ``Sensor.topics``."""
 
     def publish(self, stamp: int, outputs: Mapping[str, Any]) -> None:
-        """Publish arrays by output, measured at ``stamp``, ns."""
+        """Publish the outputs of one measurement, with ``stamp`` in ns."""
 
 
 class Channel:
-    """A sensor, and where its measurements go.
+    """A sensor with its topics, and counts of its measurements.
 
     Attributes:
-        instrument: the sensor.
-        outlet: takes the measurements.
+        instrument: measures.
+        outlet: publishes the measurements.
         divider: picks the control cycles in which it is due.
-        given: measurements that the control thread has asked for.
-        done: those that were made.
-        dropped: those that were not asked for, although somebody subscribes to them.
+        given: number of measurements that the control thread has requested.
+        done: number of those that were made.
+        dropped: number of due measurements that were dropped, although somebody subscribes.
     """
 
     def __init__(self, instrument: Instrument, outlet: Outlet, cycles: float) -> None:
-        """Measure at ``cycles`` control cycles a second."""
+        """Measure at the instrument's rate; there are ``cycles`` control cycles per second."""
         self.instrument, self.outlet = instrument, outlet
         self.divider = Divider(instrument.rate, cycles)
         self.given = self.done = self.dropped = 0
@@ -59,11 +59,11 @@ class Channel:
 
     @property
     def busy(self) -> bool:
-        """Whether no more measurements may wait."""
+        """Whether as many measurements as possible are waiting."""
         return self.given - self.done > _WAITING[type(self.instrument.sensor.model)]
 
     def warning(self, now: float) -> str:
-        """Return what to warn of at a time, s: once a minute, if too few measurements were made."""
+        """Return a warning if too few measurements were made, at most once a minute; else ""."""
         self._next_report = self._next_report or now + _FIRST_REPORT
         if now < self._next_report:
             return ""
@@ -78,32 +78,32 @@ class Channel:
 
 
 class Sensing:
-    """Measures what is due, at once.
+    """Makes due measurements at once, in the control cycle.
 
-    ``due``, ``take`` and ``enter`` are for the control cycle.
+    ``due``, ``take`` and ``enter`` are called by the control thread.
     """
 
     def __init__(self, sensors: Sensors) -> None:
-        """Get ready; ``start`` has to follow."""
+        """Prepare; call ``start`` afterwards."""
         self._sensors = sensors
         self._channels: dict[int, list[Channel]] = {}
         self._due: list[tuple[Channel, frozenset[str]]] = []
         self._last: Sequence[Snapshot] | None = None
 
     def start(self) -> None:
-        """Start to measure.
+        """Start measuring.
 
-        The surroundings of robots with sensors are built here: reading meshes would hold up the
-        loop.
+        If there are sensors, the surroundings are built here, because reading meshes later would
+        delay the loop.
         """
         if any(self._channels.values()):
             self._sensors.prepare()
 
     def stop(self) -> None:
-        """End."""
+        """Stop measuring."""
 
     def restart(self, seed: int) -> None:
-        """Begin again, as at the start, with noise by a seed."""
+        """Start again from the beginning, with noise of this seed."""
         self.flush()
         self._last = None
         self._sensors.restart()
@@ -113,7 +113,7 @@ class Sensing:
                 channel.instrument.reseed(seed)
 
     def flush(self) -> None:
-        """Wait until all that was taken is measured and published."""
+        """Wait until all requested measurements are published."""
 
     def asked(self, row: int) -> frozenset[str]:
         """Return the topics on which a robot's measurements are due in this control cycle."""
@@ -125,7 +125,13 @@ class Sensing:
         )
 
     def enter(self, row: int, robot: SensedRobot, channels: Sequence[Channel]) -> None:
-        """Sense by these ``channels`` of the robot of ``row`` from now on."""
+        """Use these sensors of a robot from now on.
+
+        Args:
+            row: index of the robot in its fleet.
+            robot: as sensors see it.
+            channels: its sensors.
+        """
         self._sensors.enter(row, robot)
         order = list(_WAITING)
         self._channels[row] = sorted(
@@ -133,9 +139,9 @@ class Sensing:
         )
 
     def due(self, tick: int) -> frozenset[int]:
-        """Return the rows of the robots of which measurements are due in a control cycle."""
+        """Find the measurements due in a control cycle; return the rows of their robots."""
         self._due = []
-        if self._last is None or self._last[0].tick != tick:  # else simulated time stands still
+        if self._last is None or self._last[0].tick != tick:  # else simulated time is paused
             for channels in self._channels.values():
                 for channel in channels:
                     if channel.divider.due() and (topics := channel.outlet.wanted()):
@@ -143,7 +149,13 @@ class Sensing:
         return frozenset(channel.instrument.row for channel, _ in self._due)
 
     def take(self, stamp: int, snapshots: Sequence[Snapshot], boxes: Sequence[Transform]) -> None:
-        """Have what is due measured at a stamp, ns; ``boxes`` are poses of what can be pushed."""
+        """Make, or queue, every measurement due in this cycle.
+
+        Args:
+            stamp: of the cycle, ns.
+            snapshots: of the robots.
+            boxes: poses of movable boxes in the world.
+        """
         frame = self._sensors.frame(stamp, snapshots, self._last, boxes)
         for channel, topics in self._due:
             self._measure(channel, topics, frame)
@@ -155,10 +167,10 @@ class Sensing:
 
 
 class SensingThread(Sensing):
-    """Measures in a thread, for which the control cycle does not wait.
+    """Makes measurements in a thread, so that the control cycle does not wait for them.
 
-    What is due while a sensor still has enough to do is dropped, the newest first; unless it is
-    patient: then the cycle waits, and nothing is dropped.
+    While too many measurements of a sensor are waiting, new ones are dropped; if ``patient`` is
+    true, the control cycle waits instead, and nothing is dropped.
     """
 
     def __init__(
@@ -168,7 +180,14 @@ class SensingThread(Sensing):
         failed: Callable[[BaseException], None],
         patient: Callable[[], bool] = lambda: False,
     ) -> None:
-        """Get ready; ``start`` starts the thread, and ``failed`` gets the error that ends it."""
+        """Prepare; ``start`` starts the thread.
+
+        Args:
+            sensors: robots and surroundings.
+            warn: logs a warning.
+            failed: called with the error that ends the thread.
+            patient: returns whether the control cycle waits instead of dropping measurements.
+        """
         super().__init__(sensors)
         self._warn, self._failed, self._patient = warn, failed, patient
         self._jobs: SimpleQueue[tuple[Channel, frozenset[str], Frame] | None] = SimpleQueue()
@@ -177,19 +196,19 @@ class SensingThread(Sensing):
         self._thread = threading.Thread(target=self._run, name="sensing", daemon=True)
 
     def start(self) -> None:
-        """Start to measure; see ``Sensing``."""
+        """Start the thread; see ``Sensing``."""
         super().start()
         self._thread.start()
 
     def stop(self) -> None:
-        """End the thread after what it is measuring."""
+        """End the thread after its current measurement."""
         self._end()
         self._jobs.put(None)
         if self._thread.is_alive():
             self._thread.join(_PATIENCE)
 
     def flush(self) -> None:
-        """Wait for the thread."""
+        """Wait until the thread has published all requested measurements."""
         channels = [channel for channels in self._channels.values() for channel in channels]
         self._wait(lambda: all(channel.done == channel.given for channel in channels))
 

@@ -1,4 +1,4 @@
-"""The services of simulation_interfaces: other processes step, pause and reset the simulation."""
+"""The services of simulation_interfaces, to step, pause and reset the simulation."""
 
 from collections.abc import Callable
 from typing import Any
@@ -14,9 +14,9 @@ _PATIENCE = 10.0  # s for the control loop to answer
 
 
 class SimulationServices:
-    """A node of a world, with its services, in a thread of their own.
+    """The node ``simulation`` of a world, with its services, in a thread of its own.
 
-    So a step may wait for commands, which the robots' nodes receive meanwhile.
+    The thread lets a step wait for commands, which the robots' nodes receive meanwhile.
     """
 
     def __init__(
@@ -29,13 +29,14 @@ class SimulationServices:
         """Offer the services.
 
         Args:
-            beside: a robot's node; of a single robot it is in the same namespace, else in "/".
-            loop: of the world.
-            restart: begins again, as at the start; it is called in the control thread.
-            failed: is called with an error that ends the thread.
+            beside: a robot's node; with a single robot, the new node is in the same namespace,
+                otherwise in "/".
+            loop: the control loop of the world.
+            restart: goes back to the start; it is called in the control thread.
+            failed: is called with the error that ends the thread.
         """
         self._loop, self._restart = loop, restart
-        self._reset_paused = False  # and nothing was done since
+        self._reset_paused = False  # whether it is paused at the start: state STOPPED
         self._node = Node(
             "simulation",
             context=beside.context,
@@ -65,7 +66,7 @@ class SimulationServices:
     def _do(
         self, answer: Any, action: Callable[[], object], patience: float | None = _PATIENCE
     ) -> Any:
-        """Do something in the control thread; return the answer with how it ended."""
+        """Run ``action`` in the control thread; return the answer with its result."""
         answer.result.result = self._result.OK
         try:
             self._loop.call(action, patience)

@@ -7,19 +7,21 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.task import Future
 
+from onebot_description.ros.node import spin_until
+
 _PATIENCE = 10.0  # s for the thread to end
 
 
 class NodeThread:
-    """Spins nodes of one context in a thread of its own, from now on.
+    """A thread that spins nodes of one context.
 
-    Not by an EventsExecutor: in a second thread of a process that one serves nothing.
+    It uses no EventsExecutor: in a second thread of a process, that one runs no callbacks.
     """
 
     def __init__(
         self, nodes: Iterable[Node], name: str, failed: Callable[[BaseException], None]
     ) -> None:
-        """Start the thread ``name``; ``failed`` is called with an error that ends it."""
+        """Start the thread ``name``; ``failed`` is called with the error that ends it."""
         self._nodes, self._failed = list(nodes), failed
         self._executor = SingleThreadedExecutor(context=self._nodes[0].context)
         for node in self._nodes:
@@ -35,7 +37,7 @@ class NodeThread:
 
     def _run(self) -> None:
         try:
-            self._executor.spin_until_future_complete(self._ended)
+            spin_until(self._ended, self._executor)
         except ExternalShutdownException:
             pass
         except BaseException as error:

@@ -1,10 +1,16 @@
-"""Robots on flat ground in PyBullet, without ROS: wheel velocities in, motion out.
+"""Physics of robots on level ground in PyBullet, without ROS: joint velocities in, motion out.
 
-with World([RobotSpawn(description, ("left_wheel_joint", "right_wheel_joint"))]) as world:
-    [robot] = world.robots
-    robot.turn([3.0, 3.0])
-    world.step(1.0)
-    print(robot.base_pose().translation)
+Example:
+    >>> from onebot_control.physics import RobotSpawn, World
+    >>> from onebot_description.description import load_description
+    >>> description = load_description("package://onebot_description/urdf/onebot.urdf.xacro")
+    >>> with World([RobotSpawn(description, ("left_wheel_joint", "right_wheel_joint"))]) as world:
+    ...     [robot] = world.robots
+    ...     robot.turn([3.0, 3.0])  # rad/s
+    ...     world.step(1.0)
+    ...     x, y, z = robot.base_pose().translation
+    >>> x > 0.1
+    True
 """
 
 from onebot_control.physics.physics_settings import Settings

@@ -1,8 +1,8 @@
-"""Rigid bodies of a robot, and the URDF of these bodies for PyBullet.
+"""Merges a robot's links to rigid bodies, and writes the URDF of these bodies for PyBullet.
 
-PyBullet gives a link without ``<inertial>`` a mass of 1 kg, computes fixed joints like moving ones,
-and includes that kilogram when it merges links. Here the masses of links connected by fixed
-joints are added up as written, and each rigid body becomes one link.
+PyBullet gives a link without ``<inertial>`` a mass of 1 kg, even when it merges links, and
+simulates fixed joints like moving ones. Here the masses of links that fixed joints connect are
+added up as written, and each rigid body becomes one link.
 """
 
 import math
@@ -34,35 +34,35 @@ from onebot_description.model import quaternions
 Floats = NDArray[np.float64]
 
 HUB = "hub"  # prefix of the names of hubs and of their joints
-_HUB = 0.01  # share of a skidding wheel's mass that its hub has
-_ROUNDING = 0.01  # tolerance of moments of inertia, which are written with few digits
-# rad or m beyond a joint's limit, where PyBullet stops it: at the limit itself the stop would take
-# a share of the load that a motor holds there.
+_HUB = 0.01  # mass of a skidding wheel's hub, as a fraction of the wheel's
+_ROUNDING = 0.01  # relative tolerance of moments of inertia, which are written with few digits
+# rad or m beyond a joint's limit at which PyBullet stops it: at the limit itself, the stop would
+# take part of the load that a motor holds there.
 _STOP = 1e-4
-_REPAIRED = 0.25  # share by which a moment of inertia may be too great, as Panda's link4 has it
+_REPAIRED = 0.25  # a moment of inertia too great by up to this fraction is lowered (Panda's link4)
 
 
 @dataclass(frozen=True)
 class SkidAxle(Joint):
-    """The joint of a wheel that skids, on a hub that can slide along the axle.
+    """The joint of a skidding wheel, on a hub that can slide along the axle, held by a motor.
 
-    A motor holds the hub. PyBullet's friction counters the sliding of a contact in each direction
-    as far as the bodies resist there. A wheel gives way where it rolls; unless it gives way
-    sideways too, friction does not oppose the sliding.
+    PyBullet's friction opposes the sliding of a contact in each direction only as far as the bodies
+    resist there. A wheel gives way in the direction in which it rolls; unless it gives way sideways
+    too, friction would not oppose the actual sliding.
     """
 
 
 @dataclass
 class Body:
-    """One rigid body, in the frame of its first link, which no fixed joint attaches."""
+    """One rigid body, in the frame of its first link, which is not fixed to any other."""
 
     link: str  # name of that link
     mass: float = 0.0  # kg
     center: Floats = field(default_factory=lambda: np.zeros(3))  # centre of mass, m
     inertia: Floats = field(default_factory=lambda: np.zeros((3, 3)))  # about it, kg m^2
-    # Each shape with its pose (4, 4) in the body, and its link.
+    # Each shape, with its pose (4, 4) in the body, and its link.
     collisions: list[tuple[Shape, Floats, Link]] = field(default_factory=list)
-    friction: float | None = None  # lateral, the minimum of its links'
+    friction: float | None = None  # lateral coefficient, the minimum of its links
 
     def add(self, link: Link, pose: Floats) -> None:
         """Add the mass and the shapes of ``link``, whose frame is at ``pose`` (4, 4)."""
@@ -80,14 +80,17 @@ class Body:
 
     @property
     def inertial(self) -> Inertial:
-        """Mass and inertia as a link has them, in the axes of the body."""
+        """Mass, centre and inertia as an Inertial, in the axes of the body."""
         x, y, z = self.center.tolist()
         return Inertial(
             Origin((x, y, z)), self.mass, tuple(self.inertia[np.triu_indices(3)].tolist())
         )
 
     def add_mass(self, mass: float, center: Floats, inertia: Floats) -> None:
-        """Add a body by the parallel axis theorem."""
+        """Add a mass (kg) with its centre (3,), m, and inertia (3, 3) about it, kg m^2.
+
+        Inertias are combined by the parallel axis theorem.
+        """
         total = self.mass + mass
         if total > 0:
             apart = center - self.center
@@ -99,10 +102,10 @@ class Body:
 
 
 def rigid_bodies(description: Description) -> dict[str, Body]:
-    """Return the bodies by the name of their first link, the root's first.
+    """Return the rigid bodies by the name of their first link, the root's first.
 
     Raises:
-        OneBotError: what of the robot cannot be simulated, a line each.
+        OneBotError: something cannot be simulated, a line for each problem.
     """
     if problems := [*_joint_problems(description), *link_problems(description)]:
         raise OneBotError("\n".join(problems))
@@ -116,7 +119,7 @@ def rigid_bodies(description: Description) -> dict[str, Body]:
 
 
 def _joint_problems(description: Description) -> Iterator[str]:
-    """Report joints that can be published, but not simulated."""
+    """Report joints that cannot be simulated, although they can be published."""
     for joint in description.joints:
         where = f'{joint.where}: joint "{joint.name}"'
         if joint.kind in ("floating", "planar"):
@@ -130,7 +133,7 @@ def _joint_problems(description: Description) -> Iterator[str]:
 
 
 def link_problems(description: Description) -> Iterator[str]:
-    """Report links that can be published, but not simulated."""
+    """Report links that cannot be simulated, although they can be published."""
     loose = frozenset(description.roots[1:])
     for link in description.links:
         where = f'{link.where}: link "{link.name}"'
@@ -143,7 +146,7 @@ def link_problems(description: Description) -> Iterator[str]:
 
 
 def link_poses(description: Description) -> dict[str, tuple[str, Floats]]:
-    """Return the first link of each link's body, and the link's pose (4, 4) in its frame."""
+    """Return for each link the first link of its rigid body, and its pose (4, 4) in that frame."""
     above = {joint.child: joint for joint in description.joints if joint.kind == "fixed"}
     poses = {}
     for link in description.link_names:
@@ -157,7 +160,7 @@ def link_poses(description: Description) -> dict[str, tuple[str, Floats]]:
 
 
 def matrix(origin: Origin) -> Floats:
-    """Homogeneous transform (4, 4) of a URDF origin."""
+    """Return the homogeneous transform (4, 4) of a URDF origin."""
     result = np.eye(4)
     if any(origin.rpy):  # Most are not rotated.
         rotation = quaternions.from_rpy(np.array(origin.rpy, float))
@@ -176,19 +179,19 @@ def physics_urdf(
 ) -> str:
     """Return URDF text of the rigid bodies, which moves like ``description``.
 
-    Links connected by fixed joints are merged, visuals and extensions removed, inertias diagonal in
-    their principal axes. Bodies and moving joints are named by their index: PyBullet crashes on
-    very long names.
+    Links connected by fixed joints are merged, visuals and extensions are removed, and inertias are
+    diagonal in their principal axes. Bodies and moving joints are named by their index, because
+    PyBullet crashes on very long names.
 
     Args:
         description: the robot.
         bodies: its rigid bodies.
         meshes: the converted file for each URI of a collision mesh.
-        fixed: the bodies stand still, whatever their masses; their meshes need not be convex.
-        fixed_base: the root's body stands still, whatever its mass.
+        fixed: whether the bodies stand still, whatever their masses, and may have concave meshes.
+        fixed_base: whether the root's body stands still, whatever its mass.
 
     Raises:
-        OneBotError: the bodies that cannot be simulated, a line each with the remedy.
+        OneBotError: bodies cannot be simulated; a line for each, with the remedy.
     """
     robot = Element("robot", name="robot")
     numbers = {link: str(number) for number, link in enumerate(bodies)}
@@ -211,7 +214,7 @@ def physics_urdf(
         if isinstance(joint, SkidAxle):
             hub = f"{HUB}{row}"
             robot.append(_link(hub, _inertial(description, bodies[joint.child], _HUB)))
-            # Without limits: the lower one is the greater.
+            # A lower limit above the upper one means no limits.
             slide = replace(joint, kind="prismatic", lower=1.0, upper=-1.0)
             robot.append(_joint(slide, hub, place, carrier, hub))
             place, carrier = np.eye(4), hub
@@ -251,7 +254,7 @@ def _numbers(values: Iterable[float]) -> str:
 
 
 def _inertial(description: Description, body: Body, share: float = 1.0) -> Element:
-    """``<inertial>`` of a ``share`` of a body."""
+    """Return the ``<inertial>`` of a ``share`` of a body."""
     moments, turn = _principal(description, body)
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = turn, body.center
@@ -261,7 +264,7 @@ def _inertial(description: Description, body: Body, share: float = 1.0) -> Eleme
 
 
 def _mass(mass: float, moments: Floats) -> Element:
-    """``<inertial>`` at the link's frame; PyBullet never moves a mass of 0."""
+    """Return an ``<inertial>`` at the link's frame; PyBullet never moves a mass of 0."""
     inertial = Element("inertial")
     SubElement(inertial, "mass", value=repr(mass))
     values = {"ixy": "0", "ixz": "0", "iyz": "0"}
@@ -271,7 +274,7 @@ def _mass(mass: float, moments: Floats) -> Element:
 
 
 def _principal(description: Description, body: Body) -> tuple[Floats, Floats]:
-    """Principal moments (3,), kg m^2, and axes (3, 3) of a body."""
+    """Return the principal moments (3,), kg m^2, and axes (3, 3) of a body."""
     where = f'{description.source}: link "{body.link}"'
     if body.mass <= 0:
         is_root = body.link == description.root_link
@@ -307,7 +310,7 @@ def _principal(description: Description, body: Body) -> tuple[Floats, Floats]:
 
 
 def _joint(joint: Joint, name: str, place: Floats, parent: str, child: str) -> Element:
-    """``joint`` at ``place`` in the body called ``parent``."""
+    """Return ``joint`` at ``place`` (4, 4) in the body named ``parent``."""
     result = Element("joint", name=name, type=joint.kind)
     SubElement(result, "parent", link=parent)
     SubElement(result, "child", link=child)
@@ -328,7 +331,7 @@ def _joint(joint: Joint, name: str, place: Floats, parent: str, child: str) -> E
 
 
 def origin_of(pose: Floats) -> Origin:
-    """URDF origin of a transform (4, 4)."""
+    """Return the URDF origin of a transform (4, 4)."""
     turn = pose[:3, :3]
     flat = math.hypot(turn[0, 0], turn[1, 0])
     if flat > 1e-9:
@@ -340,6 +343,6 @@ def origin_of(pose: Floats) -> Origin:
 
 
 def _origin(pose: Floats) -> Element:
-    """``<origin>`` of a transform (4, 4)."""
+    """Return the ``<origin>`` of a transform (4, 4)."""
     xyz, rpy = origin_of(pose)
     return Element("origin", xyz=_numbers(xyz), rpy=_numbers(rpy))

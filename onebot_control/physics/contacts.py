@@ -1,12 +1,14 @@
-"""Friction and contacts of everything that touches the ground: wheels, casters, the base, scenes.
+"""Sets friction and contacts of everything that touches the ground: wheels, casters, base, scenes.
 
-URDF does not say what a simulation needs, and PyBullet's defaults do not suit. All of it is here:
+URDF does not specify all that a simulation needs, and PyBullet's defaults are unsuitable:
 
-Wheels, driven ones and those of casters, have the friction of ``Settings``, unless the URDF has a
-<lateral_friction>. A wide or faceted driven wheel touches the ground at changing places, so that it
-rolls on a thin cylinder instead. More than two of them are soft, to share the load, and give way
-sideways; see ``SkidAxle``. Everything else that touches the ground glides, unless the URDF has a
-friction, and is lifted a little where it would carry the robot in place of the wheels.
+- Wheels, driven ones and those of casters, have the friction of ``Settings``, unless the URDF has a
+  <lateral_friction>.
+- A wide or faceted driven wheel would touch the ground at changing places, so it rolls on a thin
+  cylinder instead.
+- More than two driven wheels are soft, to share the load, and give way sideways; see ``SkidAxle``.
+- Everything else that touches the ground glides, unless the URDF has a <lateral_friction>, and is
+  lifted a little if it would carry the robot instead of the wheels.
 """
 
 import math
@@ -37,24 +39,24 @@ from onebot_description.errors import OneBotError
 if TYPE_CHECKING:
     from onebot_control.drive.wheels.tyres import Tyre
 
-_THIN = 0.006  # m; a wheel no wider touches the ground in one place
-_WIDTH = 0.004  # m, of the cylinder that replaces a wider one
-_GLIDING = 0.01  # coefficient of friction
-# Rigid casters before and behind the wheels would carry the robot alone: what is round and no
-# lower than the wheels by _LEVEL is lifted to _LIFT above the ground, m.
+_THIN = 0.006  # m; a wheel that is no wider touches the ground in one place
+_WIDTH = 0.004  # m, width of the cylinder that replaces a wider wheel
+_GLIDING = 0.01  # coefficient of friction of parts that glide
+# Rigid casters in front of and behind the wheels would carry the robot alone. Round shapes up to
+# _LEVEL (m) below the wheels are raised to _LIFT (m) above the ground.
 _LEVEL, _LIFT = 0.005, 0.0002
-# The same for meshes and boxes of a base that round shapes support. PyBullet takes a mesh's
+# The same for meshes and boxes of a base that round shapes support. PyBullet uses a mesh's
 # convex hull, which also fills the space between the wheels.
 _DEEP, _CLEAR = 0.02, 0.002
-_MARGIN = 0.001  # m by which PyBullet's convex hulls are larger than their mesh
+_MARGIN = 0.001  # m by which PyBullet's convex hulls are larger than the mesh
 
-# The solver ignores contact points of two bodies farther apart than this, m. PyBullet keeps the
-# points where a rolling wheel has touched the ground, up to four per wheel, and solves them all:
-# at 1 m/s that takes four times as long, for forces of zero.
+# The solver ignores contact points of bodies that are farther apart than this, m. PyBullet keeps up
+# to four points per wheel where a rolling wheel has touched the ground, and solves them all: at
+# 1 m/s that takes four times as long, for forces of zero.
 _TOUCHING = 1e-6
 _HOLDING = 1e6  # N, greatest force that holds the hub of a wheel on its axle
-# m by which wheels that skid yield to their load. More than three rigid wheels have no definite
-# loads, and the friction decides which of them carry the robot.
+# m by which skidding wheels yield to their load. The loads of more than three rigid wheels are
+# indeterminate, and friction would decide which of them carry the robot.
 _SAG = 1e-4
 
 
@@ -67,17 +69,21 @@ def with_contacts(
     casters: Collection[str],
     moved: Collection[str] = (),
 ) -> tuple[Link, ...]:
-    """Return the links of a robot, with the shapes and the friction that the ground touches.
+    """Return the links of a robot with collision shapes and friction that suit the simulation.
 
-    In the description the joints that are held still are fixed; ``tyres`` are those of the driven
-    joints, ``casters`` the joints of swivelling and rolling ones, ``moved`` those of arms and
-    grippers, whose links hold what they grasp.
+    Args:
+        description: the robot; joints that are held still are fixed.
+        tyres: the round shapes of the driven wheels, by joint; None if there is none.
+        casters: joints of casters, swivelling and rolling ones.
+        moved: joints of arms and grippers, whose links keep their shapes and friction.
     """
     contacts = _Contacts(description, tyres, casters, moved)
     return tuple(contacts.changed(link) for link in description.links)
 
 
 class _Contacts:
+    """Changes the links of one robot; see ``with_contacts``."""
+
     def __init__(
         self,
         robot: Description,
@@ -112,19 +118,19 @@ class _Contacts:
         return replace(link, friction=_GLIDING)
 
     def _joint_of(self, link: str) -> Joint | None:
-        """The joint that moves a link; None for the base and what is fixed to it."""
+        """Return the joint that moves a link; None for the base and what is fixed to it."""
         first, _ = self._poses[link]
         return self._joints.get(first)
 
     def _rolls_on_caster(self, joint: Joint | None) -> bool:
-        """Whether a joint is a caster's wheel, not its swivel: both it and the one above turn."""
+        """Return whether a joint is a caster's wheel: both it and its carrier are caster joints."""
         if joint is None or joint.name not in self._casters:
             return False
         carrier = self._joint_of(joint.parent)
         return carrier is not None and carrier.name in self._casters
 
     def _ground_height(self) -> float:
-        """The height on which the driven wheels roll, in the frame of the root link, m."""
+        """Return the height of the ground below the driven wheels, in the root link's frame, m."""
         heights = [-math.inf]
         for joint in self._robot.joints:
             if tyre := self._tyres.get(joint.name):
@@ -134,12 +140,12 @@ class _Contacts:
         return max(heights)
 
     def _gap(self, link: Link, geometry: Geometry) -> float:
-        """The height of a shape of the base above the ground, m."""
+        """Return the height of a shape above the ground, m."""
         pose = self._poses[link.name][1] @ matrix(geometry.origin)
         return _bottom(geometry.shape, pose) - self._ground
 
     def _wheel(self, link: Link, joint: Joint) -> Link:
-        """A link of a driven wheel, which rolls on a thin cylinder unless it is thin itself."""
+        """Return a driven wheel's link, rolling on a thin cylinder unless it is thin itself."""
         tyre, first = self._tyres[joint.name], joint.child
         shapes = [
             geometry.shape
@@ -152,7 +158,7 @@ class _Contacts:
         return replace(link, collisions=(_thin(joint, tyre),) if link.name == first else ())
 
     def _lifted(self, link: Link) -> Link:
-        """A link of the base, with shapes lifted that are about as low as the wheels."""
+        """Return a link of the base; shapes about as low as the wheels are lifted."""
         collisions, most = [], 0.0
         pose = self._poses[link.name][1]
         for geometry in link.collisions:
@@ -177,7 +183,7 @@ class _Contacts:
 
 
 def _shrunk(link: Link) -> Link:
-    """The wheel of a caster with smaller round shapes; lifted, it would roll unevenly."""
+    """Return a caster's wheel with smaller round shapes; if lifted, it would roll unevenly."""
     collisions = tuple(
         replace(geometry, shape=replace(geometry.shape, radius=geometry.shape.radius - _LIFT))
         if isinstance(geometry.shape, Sphere | Cylinder) and geometry.shape.radius > 2.0 * _LIFT
@@ -188,7 +194,7 @@ def _shrunk(link: Link) -> Link:
 
 
 def _is_round(shape: Shape) -> bool:
-    """Whether a shape can support a robot as a caster does."""
+    """Return whether a shape can support a robot as a caster does."""
     return not isinstance(shape, Mesh | Box)
 
 
@@ -197,7 +203,7 @@ def _is_thin(shape: Shape) -> bool:
 
 
 def _thin(joint: Joint, tyre: "Tyre") -> Geometry:
-    """A thin wheel on the axle of ``joint``."""
+    """Return a thin wheel on the axle of ``joint``."""
     x, y, z = joint.axis
     # A cylinder lies along z.
     rpy = (0.0, math.atan2(math.hypot(x, y), z), math.atan2(y, x))
@@ -206,7 +212,7 @@ def _thin(joint: Joint, tyre: "Tyre") -> Geometry:
 
 
 def _bottom(shape: Shape, pose: Floats) -> float:
-    """The least height of a shape at ``pose``."""
+    """Return the height of the lowest point of a shape at ``pose``."""
     up, height = pose[2, :3], float(pose[2, 3])
     if isinstance(shape, Mesh):
         corners = mesh_corners(shape) * np.array(shape.scale)
@@ -234,8 +240,18 @@ def set_contact(
 ) -> None:
     """Set the friction of a loaded body, and check that PyBullet has loaded all of its shapes.
 
-    What an arm's link that ``grasps`` holds stays where it was touched, as long as the friction
-    suffices. Friction of velocities alone lets it creep: a box in a gripper by 0.4 mm in 10 s.
+    Args:
+        client: PyBullet's index of the world.
+        robot: PyBullet's index of the robot.
+        index: PyBullet's index of the link; -1 for the root.
+        body: the rigid body that was loaded as this link.
+        description: the robot's, for error messages.
+        settings: of the physics.
+        grasps: use friction anchors, so that a grasped object stays where it was touched as long
+            as friction suffices. Without them it creeps, a box in a gripper by 0.4 mm in 10 s.
+
+    Raises:
+        OneBotError: PyBullet did not load a shape.
     """
     count = len(engine.getCollisionShapeData(robot, index, physicsClientId=client))
     if count < len(body.collisions):
@@ -254,7 +270,7 @@ def set_contact(
 
 
 def soften(client: int, robot: int, wheels: Sequence[int], mass: float, settings: Settings) -> None:
-    """Let wheels share the weight of ``mass`` as tyres do: by springs, critically damped."""
+    """Let wheels share the weight of ``mass``, kg, as tyres do: by critically damped springs."""
     for index in wheels:
         share = mass / len(wheels)
         stiffness = share * settings.gravity / _SAG

@@ -1,11 +1,14 @@
-"""A description as the simulation moves it: which joints have motors, and how heavy wheels are.
+"""Prepares a description for the simulation: which joints have motors, and how heavy wheels are.
 
-Motors of wheels without a limit get the torque at which the wheels slip. Joints that a controller
-commands by position have motors, too; what mimics such a joint follows it by a gear. Other joints
-of arms, grippers and heads are held still, but those that turn without end, if ``<ros2_control>``
-has them without a command interface: they swing freely. What mimics a wheel is carried as it stands
-at the start: its position follows the wheel's, but has no part in the physics. For friction and
-contacts see ``contacts``.
+- Wheel motors without an effort limit get the torque at which the wheels slip.
+- Joints that a controller commands by position have motors, too; joints that mimic them follow by
+  gears.
+- Other joints of arms, grippers and heads are held still, except continuous joints that
+  ``<ros2_control>`` lists without a command interface: these swing freely.
+- A joint that mimics a wheel stays where it starts in the physics; only its published position
+  follows the wheel.
+
+For friction and contacts see ``contacts``.
 """
 
 import math
@@ -26,33 +29,33 @@ from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.model import quaternions
 
 _GRAVITY = 9.81  # m/s^2
-# Least moment of inertia of a wheel, in masses of the robot at its rim: with less, the solver's
-# iterations do not reach the wheel's speed.
+# Least moment of inertia of a wheel, as a fraction of the robot's mass at the rim: with less, the
+# solver's iterations do not reach the wheel's speed.
 _LIGHTEST = 0.005
-_LEAST_TURNING = 0.2  # share of a skidding wheel's mobility due to its own turning
-# Of what a motor moves, at least, as if by its own rotor: a finger of 1 g lets a box of 50 g fall,
-# since the solver's iterations do not reach the force of its motor.
+_LEAST_TURNING = 0.2  # least fraction of a skidding wheel's mobility that is due to its own turning
+# Least inertia behind each motor, as if of its rotor: a finger of 1 g would drop a box of 50 g,
+# because the solver's iterations do not reach the force of its motor.
 _LEAST_MASS, _LEAST_MOMENT = 0.02, 1e-3  # kg, kg m^2 about the joint's axis
-_UNLIMITED = 1e5  # Nm or N, of a motor without a limit
+_UNLIMITED = 1e5  # Nm or N, effort of a motor without a limit
 
 
 class Follower(NamedTuple):
-    """A joint that mimics one that moves."""
+    """A joint that mimics a wheel or caster; only its published position moves."""
 
     name: str
-    leader: str  # a wheel's or caster's joint, or a follower before this one
+    leader: str  # joint of a wheel or caster, or an earlier follower
     multiplier: float
     offset: float  # rad or m
     lower: float  # least position, rad or m
     upper: float
 
     def at(self, position: float) -> float:
-        """Return its position while its leader is at ``position``."""
+        """Return its position, rad or m, when its leader is at ``position``."""
         return min(max(self.multiplier * position + self.offset, self.lower), self.upper)
 
 
 class Gear(NamedTuple):
-    """A joint that a gear moves with a commanded one: multiplier * position + offset."""
+    """A joint that a gear moves to multiplier * position + offset of a commanded joint."""
 
     name: str
     leader: str  # the commanded joint
@@ -61,13 +64,13 @@ class Gear(NamedTuple):
 
 
 class Drivable(NamedTuple):
-    """A description to simulate."""
+    """A description that is prepared for the simulation."""
 
     description: Description
-    held: Mapping[str, float]  # joints that it has no longer, to the position they are held at
-    followers: Sequence[Follower]  # likewise, of joints that mimic what moves; leaders first
+    held: Mapping[str, float]  # positions of joints that are fixed now, by name
+    followers: Sequence[Follower]  # fixed joints that mimic wheels or casters; leaders first
     gears: Sequence[Gear] = ()
-    starts: Mapping[str, float] = MappingProxyType({})  # of what else moves but wheels, rad or m
+    starts: Mapping[str, float] = MappingProxyType({})  # of moving joints except wheels, rad or m
 
 
 def drivable(
@@ -76,16 +79,16 @@ def drivable(
     commanded: Collection[str] = (),
     positions: Mapping[str, float] = MappingProxyType({}),
 ) -> Drivable:
-    """Return a robot as the simulation moves it.
+    """Prepare a robot for the simulation.
 
     Args:
         description: the robot.
-        wheels: that drive it; None: its base stands still.
-        commanded: joints that follow positions.
-        positions: of joints at the start, rad or m; they override those of ``<ros2_control>``.
+        wheels: its driven wheels; None if its base stands still.
+        commanded: names of joints that follow positions.
+        positions: start positions of joints, rad or m; they override those of ``<ros2_control>``.
 
     Raises:
-        OneBotError: a joint named does not move, or follows another one.
+        OneBotError: a named joint does not move, or a commanded one mimics another.
     """
     tyres = {name: wheels.tyres.of(name) for name in wheels.names} if wheels else {}
     casters = casters_of(wheels, commanded) if wheels else ()
@@ -114,10 +117,11 @@ def drivable(
 
 
 def commandable(description: Description, wheels: Wheels | None) -> list[str]:
-    """Return the joints that a controller commands which names none.
+    """Return the joints that a controller commands if its parameters name none.
 
-    Those with a position command interface in ``<ros2_control>``, or if there are none all that
-    move, but no wheels, no casters, nothing that carries them, and none that mimics another joint.
+    These are the joints with a position command interface in ``<ros2_control>`` or, if there are
+    none, all moving joints that it does not list. Wheels, casters, joints that carry them, and
+    mimic joints are left out.
     """
     interfaces = description.interfaces
     taken = _rolling(wheels) if wheels else set()
@@ -131,14 +135,14 @@ def commandable(description: Description, wheels: Wheels | None) -> list[str]:
 
 
 def _rolling(wheels: Wheels) -> set[str]:
-    """The joints of wheels and casters, and those that carry them."""
+    """Return the joints of wheels and casters, and those that carry them."""
     rolling = {*wheels.names, *casters_of(wheels)}
     chains = [chain for chain in _chains(wheels) if chain[0].name in rolling]
     return {joint.name for chain in chains for joint in chain}
 
 
 def _chains(wheels: Wheels) -> list[list[Joint]]:
-    """Each joint that moves, followed by those that move it, up to the base."""
+    """Return, for each moving joint, the joint and all moving joints above it, up to the base."""
     moving = {joint.child: joint for joint in wheels.description.moving_joints}
     chains = [[joint] for joint in moving.values()]
     for chain in chains:
@@ -148,15 +152,15 @@ def _chains(wheels: Wheels) -> list[list[Joint]]:
 
 
 class _Roles:
-    """What becomes of each joint that moves.
+    """Decides how each moving joint is simulated.
 
     Attributes:
-        held: joints that nothing moves, to positions.
+        held: positions of joints that nothing moves, by name.
         followers: joints that mimic wheels and casters; leaders first.
-        fixed: both of these, to their positions at the start.
+        fixed: start positions of both of these, by name.
         gears: joints that mimic commanded ones, by name.
-        starts: commanded joints and gears, to their positions at the start.
-        passive: joints that swing freely, to their positions at the start.
+        starts: start positions of commanded joints and gears, by name.
+        passive: start positions of joints that swing freely, by name.
     """
 
     def __init__(
@@ -202,7 +206,7 @@ class _Roles:
                 raise OneBotError(f"{where} {text}")
 
     def _place(self, joint: Joint) -> float:
-        """Decide about a joint; return its position at the start."""
+        """Decide how a joint is simulated; return its start position."""
         name, mimic = joint.name, joint.mimic
         if name in self._positions:
             return self._positions[name]
@@ -221,7 +225,7 @@ class _Roles:
     def _follow(
         self, joint: Joint, leader: str, multiplier: float, offset: float, at: float
     ) -> float:
-        """Decide about a joint that mimics one which starts ``at`` a position."""
+        """Decide how a mimic joint is simulated; ``at`` is its leader's start position."""
         name = joint.name
         if leader in self.starts and multiplier:
             self.starts[name] = multiplier * at + offset
@@ -238,13 +242,13 @@ class _Roles:
 
 
 def _within(joint: Joint, position: float) -> float:
-    """The position nearest to this one within the joint's limits."""
+    """Return ``position`` clamped to the joint's limits."""
     lower, upper = joint.range
     return min(max(position, lower), upper)
 
 
 def _report_unlimited(description: Description, motors: Collection[str]) -> None:
-    """Warn of joints that motors move, and whose ``<limit>`` has no effort or no velocity."""
+    """Warn of joints with motors whose ``<limit>`` has no effort or no velocity."""
     for limit, unlimited in (("effort", "force"), ("velocity", "speed")):
         names = [
             joint.name
@@ -262,22 +266,22 @@ def _report_unlimited(description: Description, motors: Collection[str]) -> None
 
 
 def _positioned(joint: Joint, *, is_gear: bool) -> Joint:
-    """A joint with a motor that follows positions, or with a gear, which has its leader's limits.
+    """Return a joint with a motor that follows positions, or with a gear.
 
-    Its friction is the motor's; see ``Robot``.
+    A gear keeps to its leader's limits. The motor accounts for the joint's friction; see ``Robot``.
     """
     joint = replace(
         joint, effort=joint.effort or _UNLIMITED, velocity=joint.velocity or None, mimic=None
     )
     if is_gear and joint.kind != "continuous":
-        return replace(joint, lower=1.0, upper=-1.0)  # without limits, as PyBullet has it
+        return replace(joint, lower=1.0, upper=-1.0)  # how PyBullet denotes no limits
     return joint
 
 
 def _with_rotors(rigid: Description, moved: Collection[str]) -> Sequence[Link]:
-    """Return the links, with the least inertia behind each of the ``moved`` joints.
+    """Return the links, with at least the minimum inertia behind each of the ``moved`` joints.
 
-    Links that have none at all get no more, and are reported.
+    Links without any mass get just this minimum, and are reported.
     """
     if not moved:
         return rigid.links
@@ -301,7 +305,7 @@ def _with_rotors(rigid: Description, moved: Collection[str]) -> Sequence[Link]:
 
 
 def _with_rotor(link: Link, joint: Joint, body: Body) -> Link:
-    """A link with what its whole ``body`` lacks of the least mass and moment of inertia."""
+    """Return a link with what its ``body`` lacks of the minimum mass and inertia added."""
     axis = np.array(joint.axis)
     arm = body.center - (body.center @ axis) * axis
     moment = float(axis @ body.inertia @ axis + body.mass * (arm @ arm))
@@ -318,15 +322,15 @@ def _with_rotor(link: Link, joint: Joint, body: Body) -> Link:
 
 
 def _thin_ring(axis: Floats, moment: float) -> Floats:
-    """The inertia (3, 3) of a ring with this moment about its axis: half of it across."""
+    """Return the inertia (3, 3) of a thin ring with this moment about its axis, half across it."""
     return moment / 2.0 * (np.outer(axis, axis) + np.eye(3))
 
 
 def casters_of(wheels: Wheels, commanded: Collection[str] = ()) -> Collection[str]:
-    """Return the joints of swivelling and rolling casters.
+    """Return the joints of casters: the swivelling and the rolling ones.
 
-    They turn without end, as do all joints between them and the base, and all that they carry;
-    those that are ``commanded`` are none.
+    They are continuous, as are all joints between them and the base. Driven, mimic and
+    ``commanded`` joints are not among them.
     """
     chains, bound = _chains(wheels), {*commanded}
     for chain in chains:
@@ -336,7 +340,7 @@ def casters_of(wheels: Wheels, commanded: Collection[str] = ()) -> Collection[st
 
 
 def _fixed(joint: Joint, position: float) -> Joint:
-    """A joint that is held at a position."""
+    """Return a joint fixed at a position."""
     moved = np.eye(4)
     axis = np.array(joint.axis)
     if joint.kind == "prismatic":
@@ -350,7 +354,7 @@ def _fixed(joint: Joint, position: float) -> Joint:
 
 def _motor(joint: Joint, weight: float, tyre: Tyre | None) -> Joint:
     radius = tyre.radius if tyre else 1.0
-    # A robot without any mass is refused for that when it is loaded.
+    # A robot without mass is refused later, when it is loaded.
     slipping = weight * radius or math.inf
     return replace(
         joint,
@@ -364,7 +368,7 @@ def _motor(joint: Joint, weight: float, tyre: Tyre | None) -> Joint:
 
 
 def _massive(wheels: Wheels, link: Link) -> Link:
-    """A link, with the mass of a driven wheel on the wheel's own link, and with its inertia."""
+    """Return a link; a driven wheel gets the inertia that the simulation needs."""
     first, _ = wheels.rigid[link.name]
     driven = {wheels.axles[name].joint.child: name for name in wheels.names}
     tyre = wheels.tyres.of(driven[first]) if first in driven else None
@@ -382,7 +386,7 @@ def _massive(wheels: Wheels, link: Link) -> Link:
 
 
 def _no_lighter(inertial: Inertial, joint: Joint, least: float) -> Inertial:
-    """The inertia of a wheel, about its axle not below ``least``."""
+    """Return the inertia of a wheel, with at least ``least`` kg m^2 about its axle."""
     along = matrix(inertial.origin)[:3, :3].T @ np.array(joint.axis)
     rows, columns = np.triu_indices(3)
     tensor = np.zeros((3, 3))
@@ -393,7 +397,7 @@ def _no_lighter(inertial: Inertial, joint: Joint, least: float) -> Inertial:
 
 
 def _ring(wheels: Wheels, name: str, tyre: Tyre) -> Inertial | None:
-    """The mass of a wheel, all of it on the wheel's own link; None if it has none."""
+    """Return the whole mass of a skidding wheel for the wheel's own link; None without mass."""
     joint, body = wheels.axles[name].joint, Body(name)
     for link in wheels.description.links:
         first, pose = wheels.rigid[link.name]
@@ -406,10 +410,10 @@ def _ring(wheels: Wheels, name: str, tyre: Tyre) -> Inertial | None:
 
 
 def _moment(wheels: Wheels, name: str, tyre: Tyre, mass: float) -> float:
-    """The moment of inertia of a wheel about its axle with which it skids rightly.
+    """Return a wheel's moment of inertia about its axle for isotropic skidding.
 
-    An impulse at its contact moves that as much along the robot, where the wheel turns, as across,
-    where it slides on its axle; see ``SkidAxle``.
+    With it, a push moves the wheel's contact equally along the robot, where the wheel turns, and
+    across, where it slides on its axle; see ``SkidAxle``.
     """
     robot_body = wheels.robot
     places = {
@@ -418,7 +422,7 @@ def _moment(wheels: Wheels, name: str, tyre: Tyre, mass: float) -> float:
     }
     _, y, z = places[name]
     roll, pitch, yaw = np.diag(robot_body.inertia)
-    # Across, the wheels do not turn with the robot.
+    # The wheels slide on their axles, so their mass across does not resist the robot's turning.
     yaw = max(yaw - mass * sum(place[0] ** 2 for place in places.values()), _LEAST_TURNING * yaw)
     sideways = 1.0 / mass + tyre.radius**2 / roll
     base = 1.0 / robot_body.mass + y**2 / yaw + z**2 / pitch

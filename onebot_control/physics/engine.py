@@ -1,4 +1,4 @@
-"""PyBullet as ``engine``; output of its C code on stdout is captured and logged."""
+"""Provides PyBullet as ``engine``; what its C code prints is captured and logged."""
 
 import contextlib
 import ctypes
@@ -17,7 +17,7 @@ logger = logging.getLogger("onebot_control.physics")
 # File descriptors belong to the process: two captures at once would restore each other's.
 _lock = threading.RLock()
 _LIBC = ctypes.CDLL(None)
-# Bullet's prefix of each warning: the place in its sources.
+# Bullet's prefix of each warning, which names a line of its sources.
 _ORIGIN = re.compile(r"b3(?:Warning|Error|Printf)\[[^\]]*\]:\s*")
 
 
@@ -25,11 +25,11 @@ _ORIGIN = re.compile(r"b3(?:Warning|Error|Printf)\[[^\]]*\]:\s*")
 def captured(*descriptors: int) -> Iterator[list[str]]:
     """Capture everything that the process writes to ``descriptors`` (default: 1, stdout).
 
-    The output of other threads is captured too, so the lines should be logged. Closed descriptors
-    are skipped.
+    Output of other threads is captured too, so the lines should be logged. Closed descriptors are
+    skipped.
 
     Yields:
-        A list that is filled with the written lines when the block ends, also by an exception.
+        A list, which is filled with the captured lines when the block ends, even by an exception.
     """
     lines: list[str] = []
     with _lock, _memory() as file, contextlib.ExitStack() as restoring:
@@ -56,12 +56,12 @@ def log(lines: list[str]) -> None:
 
 
 def _memory() -> BinaryIO:
-    """A file in memory."""
+    """Open a new file in memory."""
     return open(os.memfd_create("captured"), "w+b")
 
 
 def _flush() -> None:
-    """Flush the buffers of C and Python to the present descriptors."""
+    """Flush the buffers of C and Python to the current descriptors."""
     for stream in (sys.stdout, sys.stderr):
         # Under a test runner or without a terminal a stream may be None or closed.
         with contextlib.suppress(AttributeError, ValueError, OSError):
@@ -80,14 +80,14 @@ def _lines(text: str) -> list[str]:
 
 
 class _Engine:
-    """The module pybullet, imported when it is first used: that takes 0.3 s."""
+    """The module pybullet, imported at its first use, because that takes 0.3 s."""
 
     def __getattr__(self, name: str) -> Any:
         # PyBullet prints a line about itself when it is imported.
         with captured(1, 2):
             import pybullet
         value = getattr(pybullet, name)
-        setattr(self, name, value)  # the next time it is found without this call
+        setattr(self, name, value)  # cached: __getattr__ is not called for it again
         return value
 
 

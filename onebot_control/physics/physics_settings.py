@@ -8,21 +8,26 @@ from onebot_description.errors import OneBotError
 
 @dataclass(frozen=True)
 class Settings:
-    """Settings of the simulation; the defaults were determined by measurements."""
+    """Settings of the simulated physics; the defaults were determined by measurements.
 
-    # Physics steps per simulated second. A control period has to be a whole number of them, which
-    # PyBullet's default of 240 is not at 100 Hz; ``fitted`` makes it one for any control rate.
-    # 400 take twice as long. OneBot is as accurate with both; the odometry of tall robots with
-    # arms (Stretch) is within 0.04 % of the truth, with 400 within 0.02 %.
+    Attributes:
+        rate: physics steps per simulated second, Hz.
+        iterations: of the constraint solver in each step.
+        gravity: downwards, m/s^2.
+        friction: coefficient of the ground, and of links without <contact><lateral_friction> in
+            the URDF; the friction of a contact is the product of both.
+        settling: greatest simulated time for a robot to come to rest before it starts, s.
+    """
+
+    # A control period has to be a whole number of steps, which it is not with PyBullet's default of
+    # 240 Hz and 100 Hz control; ``fitted`` makes it one for any control rate. 400 Hz take twice as
+    # long. OneBot is equally accurate with both; the odometry of tall robots with arms (Stretch) is
+    # within 0.04 % of the truth, with 400 Hz within 0.02 %.
     rate: float = 200.0
-    # Of the constraint solver in each step. It never stops early, so that a robot at rest drifts by
-    # nanometres instead of millimetres.
+    # The solver never stops early, so that a robot at rest drifts by nanometres, not millimetres.
     iterations: int = 200
-    gravity: float = 9.81  # m/s^2, downwards
-    # Of the ground, and of links without <contact><lateral_friction> in the URDF; the friction of a
-    # contact is the product of both.
+    gravity: float = 9.81
     friction: float = 1.0
-    # Maximum of simulated seconds for the robot to come to rest before it starts.
     settling: float = 2.0
 
     def __post_init__(self) -> None:
@@ -38,9 +43,9 @@ class Settings:
             raise OneBotError(f"simulation: iterations must be an integer, not {self.iterations}")
 
     def fitted(self, cycles: float) -> "Settings":
-        """Return these settings for ``cycles`` control periods a second.
+        """Return these settings for ``cycles`` control periods per second.
 
-        Their rate is the least multiple of ``cycles`` that is no lower than this one.
+        The rate becomes the smallest multiple of ``cycles`` that is not below the current rate.
         """
         return replace(self, rate=cycles * math.ceil(self.rate / cycles * (1.0 - 1e-9)))
 
@@ -48,7 +53,7 @@ class Settings:
         """Return the number of physics steps in ``duration`` (s).
 
         Raises:
-            ValueError: it is not a whole number of steps, or zero.
+            ValueError: the duration is zero, or not a whole number of steps.
         """
         exact = duration * self.rate
         count = round(exact) if math.isfinite(exact) else 0

@@ -1,4 +1,4 @@
-"""The pose of a robot at rest, on level ground or in a scene: it is simulated until it rests."""
+"""Finds the pose of a robot at rest, on level ground or in a scene, by simulating it."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -28,45 +28,51 @@ from onebot_description.description import Description
 from onebot_description.description.sizes import LARGEST_ROBOT
 from onebot_description.errors import OneBotError, listing
 
-# Faster than this after the settling time, m/s and rad/s: a warning.
+# A robot that is faster than this after the settling time gets a warning, m/s and rad/s.
 _MAX_SPEED = 1e-3
-# A stable robot that is slower than this for so many seconds is at rest.
+# A stable robot is at rest if it was slower than this (m/s and rad/s) for _RESTING_TIME (s).
 _RESTING = 1e-6
 _RESTING_TIME = 0.05
 _MIN_SUPPORT = 1e-3  # m, half width of the area that supports a stable robot
 _MAX_TILT = math.radians(45.0)
 
-_IN_GROUND = 2e-3  # m that a link of a robot with a fixed base may be in the ground
+_IN_GROUND = 2e-3  # m by which a link of a robot with a fixed base may be in the ground
 
 # In a scene.
-_STEP, _FINE = 0.01, 1e-4  # m, of the search for the height above what is there
-_ABOVE = 1e-3  # m, from where the robot is let go
-_SWIVELLING = 0.02  # m/s and rad/s, of casters that still turn downhill
+_STEP, _FINE = 0.01, 1e-4  # m; steps of the search for a height at which the robot is free
+_ABOVE = 1e-3  # m; the robot is released this far above what it stands on
+_SWIVELLING = 0.02  # m/s and rad/s; allowed speed, as of casters that still turn downhill
 _AWAY = 0.1  # m that a robot may slide before it rests
 
 
 class RestPose(NamedTuple):
-    """Height and tilt of the robot at rest."""
+    """Height and tilt of a robot at rest on level ground."""
 
     height: float  # height of the root link's frame above the ground, m
     tilt: Quaternion  # rotation of that frame, x y z w, without any yaw
 
     def at(self, x: float, y: float, yaw: float) -> Transform:
-        """Pose of the root link's frame of a robot at rest at x, y (m), yaw (rad)."""
+        """Return the pose of the root link's frame for a robot at rest at x, y (m), yaw (rad)."""
         return (x, y, self.height), multiply(about_z(yaw), self.tilt)
 
 
 def settle(
     robot: LoadedRobot, spawn: RobotSpawn, starts: Sequence[float], settings: Settings
 ) -> RestPose:
-    """Let the robot come to rest on its wheels at the origin, its joints at ``starts``.
+    """Let a robot come to rest on its wheels at the origin, and return its pose.
 
-    Afterwards it is at rest there, all joints exactly at ``starts``. One with a fixed base is not
-    moved by what is below it: its base stands on the ground, or is at the origin if it is the
-    link ``world``.
+    Afterwards the robot is at rest there, with all joints exactly at ``starts``. A fixed base is
+    not moved by what is below it: it stands on the ground, or is at the origin if its root link is
+    ``world``.
+
+    Args:
+        robot: alone in its world.
+        spawn: what was loaded.
+        starts: start positions of all joints, rad or m.
+        settings: of the physics.
 
     Raises:
-        OneBotError: it does not stay on the ground or upright, or is in another unit than metres.
+        OneBotError: the robot does not stay on the ground or upright, or is not in metres.
     """
     client, description, driven = robot.client, spawn.description, spawn.driven
     if any(starts):
@@ -101,7 +107,7 @@ def settle(
 
 
 def _standing(robot: LoadedRobot, description: Description) -> RestPose:
-    """The pose of a base that stands still."""
+    """Return the pose of a fixed base, and place the robot there."""
     base = engine.getClosestPoints(
         robot.body, robot.ground, 1e9, linkIndexA=-1, physicsClientId=robot.client
     )
@@ -130,7 +136,7 @@ def _warn_of_ground(robot: LoadedRobot, description: Description) -> None:
 
 
 def _check_size(robot: LoadedRobot, description: Description, lowest: float) -> None:
-    """Refuse a robot that is in another unit than metres; ``lowest`` is where it ends, m."""
+    """Refuse a robot that is not in metres; ``lowest`` is the height of its lowest point, m."""
     if abs(lowest) > LARGEST_ROBOT:
         raise OneBotError(
             f"{description.source}: the robot would start at z = {-lowest:.4g} m; is a <collision> "
@@ -160,24 +166,25 @@ def _come_to_rest(robot: LoadedRobot, settings: Settings) -> None:
 
 
 def _base_speed(robot: LoadedRobot) -> float:
-    """The greatest speed of the base, m/s or rad/s."""
+    """Return the greatest speed of the base, m/s or rad/s."""
     linear, angular = engine.getBaseVelocity(robot.body, robot.client)
     speeds: list[float] = [*linear, *angular]
     return max(map(abs, speeds))
 
 
 def _fastest(robot: LoadedRobot) -> float:
-    """The greatest speed of the base and of the joints, m/s or rad/s."""
+    """Return the greatest speed of the base and the joints, m/s or rad/s."""
     joints = engine.getJointStates(robot.body, list(robot.joints.values()), robot.client)
     speeds: list[float] = [_base_speed(robot), *(abs(state[1]) for state in joints)]
     return max(speeds)
 
 
 def _is_stable(robot: LoadedRobot) -> bool:
-    """Whether an area supports the robot, not a point or a line on which it only balances.
+    """Return whether an area supports the robot, not a point or line on which it balances.
 
-    At rest the mean of the contact forces is below the centre of mass; their least standard
-    deviation over all horizontal directions is a measure of the width of the area.
+    At rest, the mean of the contact forces is below the centre of mass. Their smallest standard
+    deviation over all horizontal directions, from the smaller eigenvalue of their covariance,
+    measures the width of the area.
     """
     touching = engine.getContactPoints(robot.body, robot.ground, physicsClientId=robot.client)
     forces: list[Triple] = [(point[9], *point[6][:2]) for point in touching]
@@ -214,7 +221,7 @@ def _check_rest(
 
 
 def _is_upright(rotation: Quaternion) -> bool:
-    """Whether a robot of this rotation has not toppled over."""
+    """Return whether a robot with this rotation is upright, within 45 degrees."""
     x, y = rotation[:2]
     return 1 - 2 * (x * x + y * y) >= math.cos(_MAX_TILT)
 
@@ -222,12 +229,19 @@ def _is_upright(rotation: Quaternion) -> bool:
 def pose_on(
     scene: Description, spawn: RobotSpawn, settings: Settings, rest: RestPose, where: SpawnPose
 ) -> Transform:
-    """Return the pose of a robot's root link at rest on what stands still in a scene.
+    """Return the pose of a robot's root link at rest on the fixed bodies of a scene.
 
-    The robot is held level above it, let go, and has to come to rest there on its wheels.
+    The robot is released level above them, and has to come to rest there on its wheels.
+
+    Args:
+        scene: the scene's description.
+        spawn: the robot.
+        settings: of the physics.
+        rest: the robot's pose on level ground.
+        where: x, y (m) and yaw (rad).
 
     Raises:
-        OneBotError: it cannot stand there.
+        OneBotError: the robot cannot stand there.
     """
     client: int = engine.connect(engine.DIRECT)
     try:
@@ -270,7 +284,7 @@ def _lift(scene: SceneBodies, robot: LoadedRobot, pose: Transform) -> list[str]:
 
 
 def _stands(robot: LoadedRobot, driven: Sequence[str], pose: Transform, where: SpawnPose) -> bool:
-    """Whether the robot rests upright on its wheels, where it was let go."""
+    """Return whether the robot rests upright on its wheels where it was released."""
     (x, y, _), rotation = pose
     touching = engine.getContactPoints(robot.body, physicsClientId=robot.client)
     links = {point[3] for point in touching}

@@ -1,4 +1,4 @@
-"""One robot of a world: the motors of its driven joints, its state, and where it is put."""
+"""One robot of a world: its motors, its state, and placing it."""
 
 import math
 from collections.abc import Callable, Iterable, Sequence
@@ -20,16 +20,16 @@ from onebot_description.errors import OneBotError, did_you_mean
 if TYPE_CHECKING:
     from onebot_control.physics.world import World
 
-_EFFORT = 3  # column of getJointStates, after position, velocity and reaction forces
-_MOVING = 1e-4  # rad/s or m/s at which a motor has all of its joint's friction to overcome
+_EFFORT = 3  # column of the effort in getJointStates
+_MOVING = 1e-4  # rad/s or m/s from which a motor has to overcome the full friction of its joint
 
 
 class JointStates(NamedTuple):
-    """State of all joints that move, in the description's order."""
+    """State of all moving joints, in the description's order."""
 
     positions: tuple[float, ...]  # rad (never wrapped), m for prismatic joints
     velocities: tuple[float, ...]  # rad/s or m/s
-    efforts: tuple[float, ...]  # a motor's mean during the last ``step``, Nm or N; 0 without one
+    efforts: tuple[float, ...]  # mean of the motor in the last ``step``, Nm or N; 0 without motor
 
 
 class Pose(NamedTuple):
@@ -42,19 +42,23 @@ class Pose(NamedTuple):
 class Twist(NamedTuple):
     """Velocity of the root link's frame in its own axes, as in nav_msgs/Odometry."""
 
-    linear: Triple  # the frame's origin, m/s
+    linear: Triple  # of the frame's origin, m/s
     angular: Triple  # rad/s
 
 
 class MassVelocity(NamedTuple):
-    """Velocity of the root link's centre of mass in the world's axes, as PyBullet has it."""
+    """Velocity of the root link's centre of mass in the world's axes, as PyBullet returns it."""
 
     linear: Triple  # m/s
     angular: Triple  # rad/s
     centre: Triple  # the centre of mass in the root link's frame, m
 
     def twist(self, rotation: Quaternion) -> Twist:
-        """Return the velocity of the root link's frame, which has this ``rotation``."""
+        """Return the velocity of the root link's frame: v - w x c, turned into the frame's axes.
+
+        Args:
+            rotation: of the root link's frame in the world.
+        """
         back = conjugate(rotation)
         x, y, z = rotate(back, self.linear)
         turning = rotate(back, self.angular)
@@ -63,38 +67,37 @@ class MassVelocity(NamedTuple):
 
 
 class Robot:
-    """One robot of a world, which moves when the world steps.
+    """One simulated robot, which moves when its world steps.
 
-    Each driven joint has a motor that follows a velocity, each commanded one a motor that follows
-    positions, limited by the effort and the velocity of its ``<limit>``. Gears move what mimics a
-    commanded joint. All other joints turn freely, except for the friction and damping of their
-    ``<dynamics>``.
+    A motor makes each driven joint follow a velocity, and each commanded joint follow positions,
+    limited by effort and velocity of ``<limit>``. Gears move joints that mimic a commanded one. All
+    other joints turn freely, except for friction and damping of their ``<dynamics>``.
 
-    Before each physics step a commanded joint at q gets the velocity (r - q) / dt, where r is the
-    reference at the end of the step of dt: it is there then, unless a limit is in the way.
+    Before each physics step of length dt, a commanded joint at q is given the velocity (r - q) / dt
+    with the reference r at the end of the step, which it reaches unless a limit prevents it.
     """
 
     world: "World"
     spawn: RobotSpawn
     joints: tuple[str, ...]  # names of the moving joints, in the description's order
     driven: tuple[str, ...]  # names of the joints that follow velocities, in the given order
-    commanded: tuple[str, ...]  # names of those that follow positions, likewise
-    starts: tuple[float, ...]  # positions at the start, by row of ``joints``
-    # Positions of ``commanded``, rad or m, so many seconds after the state was read.
+    commanded: tuple[str, ...]  # names of the joints that follow positions, in the given order
+    starts: tuple[float, ...]  # start positions, in the order of ``joints``
+    # Returns the positions of ``commanded``, rad or m, at a time in s after the state was read.
     reference: Callable[[float], Sequence[float]]
     rest_pose: RestPose  # height and tilt at rest on level ground
     parts: LoadedRobot
     pose: Transform  # the root link's frame, as last read
-    positions: tuple[float, ...]  # the joints', by row of ``joints``, as last read
-    finite: bool  # whether the last state was finite
+    positions: tuple[float, ...]  # of the joints, in the order of ``joints``, as last read
+    finite: bool  # whether the state last read was finite
 
     def __init__(self, world: "World", spawn: RobotSpawn) -> None:
-        """Find the joints; ``load`` adds the robot to its world.
+        """Look up the joints; ``load`` adds the robot to its world.
 
         Raises:
-            ValueError: its pose is not finite.
-            OneBotError: its pose is too far away, or a driven joint is unknown, named twice or
-                without effort.
+            ValueError: the start pose is not finite.
+            OneBotError: the start pose is too far from the origin, or a joint to drive is unknown,
+                named twice, or without effort limit.
         """
         self.world, self.spawn = world, spawn
         self.start = checked_spawn_pose(spawn.x, spawn.y, spawn.yaw)
@@ -134,8 +137,8 @@ class Robot:
         self._read_joints, self._read_motors = self._reader(self._indices), self._reader(motors)
         self._read_velocity = partial(engine.getBaseVelocity, body, client)
         self._targets = [0.0] * len(self.driven)
-        self._efforts = (0.0,) * len(self.joints)  # the motors'
-        self._sums = [0.0] * len(motors)  # of the same, over the physics steps but the last one
+        self._efforts = (0.0,) * len(self.joints)  # of the motors
+        self._sums = [0.0] * len(motors)  # efforts summed over all physics steps but the last
         self._update(self._read_joints())
 
     @property
@@ -148,18 +151,18 @@ class Robot:
         return any(not {point[1], point[2]} <= own_bodies for point in points)
 
     def turn(self, velocities: Sequence[float]) -> None:
-        """Set the target velocities of the motors, which stay until others are set.
+        """Set the motors' target velocities, which stay until others are set.
 
         Args:
-            velocities: of the driven joints, in the order of ``driven``, rad/s (m/s for prismatic
-                ones). A joint is no faster than its limit.
+            velocities: in the order of ``driven``, rad/s (m/s for prismatic joints); they are
+                clamped to the joints' limits.
 
         Raises:
-            ValueError: they are too few or too many, or one is not finite; then nothing has
+            ValueError: there are too few or too many, or one is not finite; then nothing has
                 changed.
         """
         self.world.check_open()
-        # PyBullet keeps the targets, and setting them takes as long as reading the joints.
+        # PyBullet keeps the targets; setting them takes as long as reading the joints.
         if list(velocities) != self._targets:
             self._drive(self.targets(velocities))
 
@@ -176,8 +179,8 @@ class Robot:
         ]
 
     def track(self, step: int) -> None:
-        """Set the motors of the commanded joints for a physics step of a world's ``step``."""
-        # Comparisons take a third of the time that min() and max() do.
+        """Set the motors of the commanded joints for physics step number ``step`` of a step."""
+        # Comparisons: min() and max() would take three times as long.
         targets = []
         for goal, position, (lower, upper, fastest) in zip(
             self.reference((step + 1) * self._step),
@@ -222,11 +225,11 @@ class Robot:
     def reset(self) -> None:
         """Move the robot and the scene's boxes back to their start; time continues.
 
-        A box stays where it is if another robot is in its place.
+        A box stays where it is if a robot is in its place.
 
         Raises:
-            OneBotError: another robot is at its start, or it cannot stand there; nothing has
-                changed then.
+            OneBotError: another robot is at its start, or it cannot stand there; then nothing has
+                changed.
         """
         self.world.stand(self, self.start, at_start=True)
 
@@ -236,19 +239,19 @@ class Robot:
         Joint positions and time continue, so that odometry is not affected.
 
         Args:
-            x: of the root link's frame, m.
-            y: likewise, m.
-            yaw: its heading, rad.
+            x: of the root link's frame in the world, m.
+            y: of the root link's frame in the world, m.
+            yaw: heading of that frame, rad.
 
         Raises:
             ValueError: a value is not finite.
-            OneBotError: it is too far from the origin to be exact, another robot is there, or the
-                robot cannot stand there for the scene; nothing has changed then.
+            OneBotError: the pose is too far from the origin to be exact, another robot is there, or
+                the scene leaves no place to stand there; then nothing has changed.
         """
         self.world.stand(self, checked_spawn_pose(x, y, yaw), at_start=False)
 
     def put(self, pose: Transform, positions: Sequence[float] | None = None) -> None:
-        """Place the robot at rest, with these positions of its joints; by default ``starts``."""
+        """Place the robot at rest with these joint positions, by default ``starts``."""
         self.parts.place(pose, positions or self.starts)
         # A saved state contains neither targets nor efforts of motors.
         self._drive([0.0] * len(self.driven))
@@ -256,7 +259,7 @@ class Robot:
         self._update(self._read_joints())
 
     def continue_from(self, other: "Robot") -> None:
-        """Move on as the same robot does in another world."""
+        """Take over pose, velocity and motors of the same robot in another world."""
         body, client = self.parts.body, self.world.client
         self.parts.place(other.pose)
         engine.resetBaseVelocity(body, *other._velocity, physicsClientId=client)
@@ -268,7 +271,7 @@ class Robot:
         self._update(self._read_joints())
 
     def check(self) -> None:
-        """Raise OneBotError if the world is closed, or the robot's last state not finite."""
+        """Raise OneBotError if the world is closed, or the robot's last state was not finite."""
         self.world.check_open()
         if not self.finite:
             raise OneBotError(
@@ -277,8 +280,8 @@ class Robot:
             )
 
     def record_efforts(self) -> None:
-        """Record the motors' efforts after a physics step; ``read`` adds those of the last one."""
-        # Floats only: whole states of 100 robots would not fit into the processor's caches.
+        """Sum up the motors' efforts after a physics step; ``read`` adds those of the last one."""
+        # Keep floats only: whole states of 100 robots would not fit into the processor's caches.
         states = self._read_motors()
         # Not sum(), which rounds differently from Python 3.12 on.
         self._sums = [
@@ -293,13 +296,13 @@ class Robot:
         efforts = [0.0] * len(states)
         for row, total, friction in zip(self._motor_rows, self._sums, self._frictions, strict=True):
             efforts[row] = (total + states[row][_EFFORT]) / steps
-            if friction:  # the motor has to overcome it, too
+            if friction:  # PyBullet leaves it out, but the motor has to overcome it
                 efforts[row] += friction * min(max(states[row][1] / _MOVING, -1.0), 1.0)
         self._efforts, self._sums = tuple(efforts), [0.0] * len(self._sums)
         self._update(states, base_moves=not self.spawn.fixed_base)
 
     def _reader(self, indices: Sequence[int]) -> Callable[[], Sequence[Sequence[Any]]]:
-        """Return what reads joints; PyBullet returns None for the states of none."""
+        """Return a function that reads joints; without any, PyBullet would return None."""
         if not indices:
             return tuple
         return partial(engine.getJointStates, self.parts.body, indices, self.world.client)
@@ -333,7 +336,7 @@ class Robot:
 
 
 def _motors(spawn: RobotSpawn) -> Iterable[Joint]:
-    """Yield the joints with a motor, the driven ones first, each checked."""
+    """Check and yield the joints with a motor, the driven ones first."""
     source = spawn.description.source
     joints = {joint.name: joint for joint in spawn.description.moving_joints}
     names = [*spawn.driven, *spawn.commanded]

@@ -1,8 +1,8 @@
-"""What stands around the robots of a world: walls and ramps, and boxes that can be pushed.
+"""Loads the scene around the robots of a world: walls, ramps, and boxes that can be pushed.
 
-It is described by URDF, as a robot is. What fixed joints connect with the root link stands still,
-whatever its mass; a link below a ``floating`` joint, with all that is fixed to it, is a body of its
-own, which falls, and can be pushed.
+A scene is described by URDF, as a robot is. Links that fixed joints connect with the root link
+stand still, whatever their mass. A link below a ``floating`` joint, with everything fixed to it, is
+a movable body, which falls and can be pushed.
 """
 
 import math
@@ -26,15 +26,21 @@ from onebot_description.errors import OneBotError
 from onebot_description.model.quaternions import from_rpy
 
 _DEPTH = 1e-3  # m; bodies that touch penetrate each other by less
-# m. PyBullet separates overlapping bodies gently up to 15 mm, as measured; deeper ones are thrown,
-# 0.5 m high from half of a box of 0.2 m in the ground. Any other place for such a box would be a
-# guess, so it is refused, as robots are that start in a wall.
+# m. PyBullet separates bodies gently that overlap by up to 15 mm, as measured; deeper ones are
+# thrown: a box of 0.2 m that is half in the ground jumps 0.5 m high. Any other place for such a box
+# would be a guess, so it is refused, like a robot that starts in a wall.
 _DEEPEST = 0.01
 _SLEEPS, _AWAKE = "ENABLE_SLEEPING ENABLE_WAKEUP", "WAKE_UP"  # as PyBullet's constants end
 
 
 def load_scene(world: str) -> Description | None:
-    """Return the description of a world, as ``load_world`` reads it; None for "".
+    """Load the description of a world, and check that it can be simulated.
+
+    Args:
+        world: name or file, as ``load_world`` takes it; "" for bare ground.
+
+    Returns:
+        The description; None for bare ground.
 
     Raises:
         OneBotError: there is no such world, or it cannot be simulated.
@@ -56,16 +62,16 @@ class SceneBodies:
 
     Attributes:
         description: of the scene.
-        links: that can be pushed: the first one of each such body.
+        links: the first link of each movable body.
         poses: of these links' frames in the world, as last read.
-        finite: whether the poses are.
+        finite: whether these poses are finite.
     """
 
     def __init__(self, description: Description) -> None:
         """Divide a scene into its bodies; ``enter`` adds them to a world.
 
         Raises:
-            OneBotError: what of it cannot be simulated, a line each.
+            OneBotError: something cannot be simulated, a line for each problem.
         """
         self._firsts = {link: first for link, (first, _) in link_poses(description).items()}
         self.description = description
@@ -73,8 +79,8 @@ class SceneBodies:
             raise OneBotError("\n".join(problems))
         joints = tuple(replace(joint, kind="fixed") for joint in description.joints)
         poses = link_poses(replace(description, joints=joints))  # poses in the root link's frame
-        # Each shape is a body of its own: of one body of many shapes PyBullet looks at all of them
-        # in each step, of many bodies only at those nearby.
+        # Each shape becomes a body of its own: in each step, PyBullet checks all shapes of a body,
+        # but only bodies that are nearby.
         self._fixed = []
         for link in description.links:
             for shape in link.collisions:
@@ -93,7 +99,7 @@ class SceneBodies:
         self.finite = True
 
     def _joint_problems(self) -> Iterator[str]:
-        """Report joints and boxes that would be right in a robot, but not in a scene."""
+        """Report joints and boxes that are valid in a robot, but not in a scene."""
         for joint in self.description.joints:
             where = f'{joint.where}: joint "{joint.name}"'
             if joint.kind not in ("fixed", "floating"):
@@ -116,7 +122,7 @@ class SceneBodies:
                     )
 
     def _part(self, first: str) -> Description:
-        """The description of the body that begins with the link ``first``."""
+        """Return the description of the movable body whose first link is ``first``."""
         description = self.description
         links = tuple(link for link in description.links if self._firsts[link.name] == first)
         names = {link.name for link in links} - {first}
@@ -124,10 +130,16 @@ class SceneBodies:
         return replace(description, root_link=first, links=links, joints=joints)
 
     def enter(self, client: int, ground: int, settings: Settings, *, free: bool = True) -> None:
-        """Load the bodies into the world ``client``; ``free``: also those that can be pushed.
+        """Load the bodies into a world.
+
+        Args:
+            client: PyBullet's index of the world.
+            ground: PyBullet's index of its ground.
+            settings: of the physics.
+            free: also load the movable bodies.
 
         Raises:
-            OneBotError: one cannot be loaded, or what can be pushed starts in something else.
+            OneBotError: a body cannot be loaded, or a movable one starts in something else.
         """
         self._client = client
         self.fixed = {
@@ -137,14 +149,15 @@ class SceneBodies:
         for part, start in zip(self._free if free else (), self._starts, strict=False):
             self._parts.append(load_robot(client, ground, RobotSpawn(part, ()), settings))
             self._parts[-1].place(start)
-            # At rest it takes no time, until something touches it: two crates took half of a step.
+            # A sleeping body costs no time until something touches it; two awake crates took half
+            # the time of a step.
             self._activate(self._parts[-1], _SLEEPS)
         if problems := [*self._overlap_problems(ground)]:
             raise OneBotError("\n".join(problems))
         self.read()
 
     def _overlap_problems(self, ground: int) -> Iterator[str]:
-        """Report boxes that are in the ground, in what stands still, or in another box."""
+        """Report boxes that overlap the ground, a fixed body or another box."""
         joints = {joint.child: joint for joint in self.description.joints}
         obstacles: dict[str, list[int]] = {"the ground": [ground]}
         for body, link in self.fixed.items():
@@ -159,21 +172,21 @@ class SceneBodies:
             obstacles[f'link "{link}"'] = [part.body]
 
     def read(self) -> None:
-        """Read the poses of the bodies that can be pushed."""
+        """Read the poses of the movable bodies."""
         self.poses = [part.pose() for part in self._parts]
         self.finite = math.isfinite(sum(sum(at) + sum(turn) for at, turn in self.poses))
 
     def put(self, poses: Sequence[Transform]) -> None:
-        """Put what can be pushed to ``poses``, at rest."""
+        """Place the movable bodies at ``poses``, at rest."""
         for part, pose in zip(self._parts, poses, strict=True):
             part.place(pose)
             self._activate(part, _AWAKE)
         self.read()
 
     def put_back(self, robots: Sequence[LoadedRobot]) -> None:
-        """Put what can be pushed to where it was at the start, at rest, unless a robot is there.
+        """Place movable bodies at their start, at rest, unless one of ``robots`` is there.
 
-        ``read`` has to follow.
+        Call ``read`` afterwards.
         """
         for part, pose, start in zip(self._parts, self.poses, self._starts, strict=True):
             part.place(start)
@@ -194,11 +207,11 @@ class SceneBodies:
             )
 
     def fixed_at(self, robot: LoadedRobot) -> dict[int, str]:
-        """Return the bodies that stand still where ``robot`` is, with the names of their links."""
+        """Return the fixed bodies that ``robot`` overlaps, with the names of their links."""
         return {body: link for body, link in self.fixed.items() if self._overlaps(robot, body)}
 
     def free_at(self, robot: LoadedRobot) -> list[str]:
-        """Return the links that can be pushed where ``robot`` is."""
+        """Return the movable links that ``robot`` overlaps."""
         return [
             link
             for link, part in zip(self.links, self._parts, strict=True)
@@ -209,6 +222,6 @@ class SceneBodies:
         return self._depth(robot.body, body) > _DEPTH
 
     def _depth(self, one: int, other: int) -> float:
-        """Return how deep two bodies are in each other, m; 0 if they are not."""
+        """Return how deep two bodies overlap, m; 0 if they do not."""
         near = engine.getClosestPoints(one, other, 0.0, physicsClientId=self._client)
         return max((-point[8] for point in near), default=0.0)

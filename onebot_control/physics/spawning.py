@@ -1,4 +1,4 @@
-"""Makes PyBullet worlds with level ground, and loads robots and scenes into them."""
+"""Creates PyBullet worlds with level ground, and loads robots and scenes into them."""
 
 import math
 import os
@@ -25,36 +25,36 @@ if TYPE_CHECKING:
 
 # m; farther out, rounding errors are not small compared with a wheel's contact depth (micrometres).
 FARTHEST = 10_000.0
-# Of gears: share of the error that is corrected in a step, and the greatest force, N or Nm.
+# Gears: fraction of the error that is corrected in a step, and the greatest force, N or Nm.
 _GEAR_CORRECTION, _GEAR_FORCE = 0.5, 1000.0
-_FILLED = 0.5  # of its convex hull; a finger's mesh that fills less is reported
+_FILLED = 0.5  # a finger's mesh that fills less than this fraction of its hull is reported
 _SLAB = (FARTHEST, FARTHEST, 1.0)  # half the size of the ground's visual, m
 
 
 class RobotSpawn(NamedTuple):
-    """A robot to add to a world, and the initial pose of its root link's frame."""
+    """A robot to add to a world, with the start pose of its root link's frame."""
 
     description: Description
     driven: Sequence[str]  # joints with a motor that follows velocities; see ``Robot``
     x: float = 0.0  # m
     y: float = 0.0  # m
     yaw: float = 0.0  # heading, rad
-    name: str = ""  # named in errors
+    name: str = ""  # for error messages
     commanded: Sequence[str] = ()  # joints with a motor that follows positions
-    gears: Sequence["Gear"] = ()  # joints that such joints move
-    starts: Mapping[str, float] = MappingProxyType({})  # positions of joints at the start, not 0
-    fixed_base: bool = False  # the root link stands still
+    gears: Sequence["Gear"] = ()  # joints that follow commanded ones
+    starts: Mapping[str, float] = MappingProxyType({})  # start positions of joints; others are at 0
+    fixed_base: bool = False  # whether the root link stands still
 
 
 SpawnPose = tuple[float, float, float]  # x and y of the root link's frame, m, and yaw, rad
 
 
 def checked_spawn_pose(x: float, y: float, yaw: float) -> SpawnPose:
-    """Return a checked pose for a robot, m and rad.
+    """Check the pose of a robot, m and rad, and return it as floats.
 
     Raises:
         ValueError: a value is not finite.
-        OneBotError: it is too far from the origin to be exact.
+        OneBotError: the pose is too far from the origin to be exact.
     """
     if not all(map(math.isfinite, (x, y, yaw))):
         raise ValueError(f"x, y and yaw must be finite, not {x}, {y}, {yaw}")
@@ -72,9 +72,9 @@ class LoadedRobot(NamedTuple):
     ground: int
     body: int
     joints: Mapping[str, int]  # the moving ones by name, in the description's order
-    hubs: Sequence[int]  # the joints on which the hubs of wheels that skid slide
-    # Centre of mass and principal axes of the root body in the root link's frame; that frame, not
-    # the link's, is PyBullet's base.
+    hubs: Sequence[int]  # joints on which the hubs of skidding wheels slide
+    # PyBullet's base frame: centre of mass and principal axes of the root body, in the root link's
+    # frame.
     mass_frame: Transform
     link_frame: Transform  # the root link's frame in ``mass_frame``
 
@@ -82,11 +82,11 @@ class LoadedRobot(NamedTuple):
         """Return the pose of the root link's frame in the world: m, and quaternion x y z w."""
         mass_pose = engine.getBasePositionAndOrientation(self.body, self.client)
         position, (x, y, z, w) = compose(mass_pose, self.link_frame)
-        # Of the two quaternions of a rotation, the one with w >= 0.
+        # Two quaternions describe a rotation; return the one with w >= 0.
         return position, (x, y, z, w) if w >= 0.0 else (-x, -y, -z, -w)
 
     def place(self, pose: Transform, positions: Iterable[float] | None = None) -> None:
-        """Set the pose of the root link's frame, at rest, and ``positions`` of the joints."""
+        """Set the pose of the root link's frame, at rest, and ``positions`` of all joints."""
         mass_pose = compose(pose, self.mass_frame)
         body, client = self.body, self.client
         engine.resetBasePositionAndOrientation(body, *mass_pose, physicsClientId=client)
@@ -99,22 +99,28 @@ class LoadedRobot(NamedTuple):
 
 
 def make_world(client: int, settings: Settings, residual: float = 0.0) -> int:
-    """Set up the physics of the empty world ``client``; return the index of its ground.
+    """Set up the physics and the ground of an empty world.
 
-    The solver stops before ``settings.iterations`` once an iteration changes no velocity by more
-    than the root of ``residual``, rad/s or m/s; with 0 it never does.
+    Args:
+        client: PyBullet's index of the world.
+        settings: of the physics.
+        residual: the solver stops early once an iteration changes no velocity (rad/s or m/s) by
+            more than its square root; 0: never.
+
+    Returns:
+        PyBullet's index of the ground.
     """
     engine.setTimeStep(1.0 / settings.rate, physicsClientId=client)
     engine.setGravity(0.0, 0.0, -settings.gravity, physicsClientId=client)
     engine.setPhysicsEngineParameter(
         numSolverIterations=settings.iterations,
         solverResidualThreshold=residual,
-        # With the cache a changed file would be loaded in its old version.
+        # With the cache, an edited file would be loaded in its old version.
         enableFileCaching=0,
         physicsClientId=client,
     )
     plane = engine.createCollisionShape(engine.GEOM_PLANE, physicsClientId=client)
-    # Without a visual PyBullet shows a plane, whose texture takes 7 ms and 6 MB.
+    # Without a visual shape, PyBullet would load a textured plane, which takes 7 ms and 6 MB.
     slab = engine.createVisualShape(
         engine.GEOM_BOX,
         halfExtents=_SLAB,
@@ -132,9 +138,18 @@ def load_robot(
     spawn: RobotSpawn,
     settings: Settings,
 ) -> LoadedRobot:
-    """Load a robot into the world ``client``, its root link's frame at the origin.
+    """Load a robot into a world, with its root link's frame at the origin.
 
-    Its motors hold their joints until they get a velocity. What PyBullet prints is logged.
+    Motors hold their joints until they get a velocity. What PyBullet prints is logged.
+
+    Args:
+        client: PyBullet's index of the world.
+        ground: PyBullet's index of its ground.
+        spawn: the robot; its pose is not used.
+        settings: of the physics.
+
+    Raises:
+        OneBotError: the robot cannot be simulated.
     """
     description, motors = spawn.description, {*spawn.driven, *spawn.commanded}
     grasping = {*spawn.commanded, *(gear.name for gear in spawn.gears)}
@@ -158,7 +173,7 @@ def load_robot(
         row = int(name)
         joint = moving[row]
         indices[row] = index
-        # Friction of a joint without a motor: a motor with target 0 and that torque.
+        # Without a motor, friction is a motor with target velocity 0 and the friction's torque.
         torque = joint.effort if joint.name in motors else info[7]
         engine.setJointMotorControl2(
             robot, index, engine.VELOCITY_CONTROL, force=torque, physicsClientId=client
@@ -185,7 +200,7 @@ def load_robot(
 
 
 def _report_hulls(description: Description, fingers: Iterable[Body]) -> None:
-    """Warn of fingers whose meshes are hollow or bent: what they grip meets their convex hulls."""
+    """Warn of fingers with hollow or bent meshes, because objects touch their convex hulls."""
     hollow = [
         link.name
         for body in fingers
@@ -210,7 +225,7 @@ def _filled(mesh: Mesh) -> float:
 
 
 def _mesh(client: int, robot: int, joints: Mapping[str, int], gear: "Gear") -> None:
-    """Have a joint follow another one, as if by gear wheels."""
+    """Make a joint follow another one, as if by gear wheels."""
     leader, follower = joints[gear.leader], joints[gear.name]
     constraint = engine.createConstraint(
         robot,
@@ -234,7 +249,7 @@ def _mesh(client: int, robot: int, joints: Mapping[str, int], gear: "Gear") -> N
 
 
 def load_fixed(client: int, description: Description, body: Body, settings: Settings) -> int:
-    """Load a body of a scene that stands still, at the origin; return its index."""
+    """Load a fixed body of a scene, with its frame at the origin; return PyBullet's index."""
     index = _load(client, description, {body.link: body}, fixed=True)
     set_contact(client, index, -1, body, description, settings)
     return index
@@ -271,7 +286,7 @@ def _load(
 
 @contextmanager
 def _file(text: str) -> Iterator[str]:
-    """The path of a file in memory with ``text``."""
+    """Yield the path of a file in memory with ``text``."""
     with open(os.memfd_create("robot.urdf"), "w", encoding="utf-8") as file:
         file.write(text)
         file.flush()
@@ -280,7 +295,14 @@ def _file(text: str) -> Iterator[str]:
 
 @contextmanager
 def converted_meshes(bodies: Iterable[Body], *, convex: bool = True) -> Iterator[Mapping[str, str]]:
-    """Yield a file of each collision mesh by URI; ``convex``: of its hull, for bodies that move.
+    """Convert the collision meshes of bodies to temporary files that PyBullet can load.
+
+    Args:
+        bodies: whose meshes to convert.
+        convex: write the convex hulls, for bodies that move.
+
+    Yields:
+        The path of each file, by the mesh's URI.
 
     Raises:
         OneBotError: meshes cannot be read; each is named with its links.
@@ -320,7 +342,7 @@ def converted_meshes(bodies: Iterable[Body], *, convex: bool = True) -> Iterator
 
 
 def _as_obj(mesh: Mesh, convex: bool) -> str:
-    """A mesh file, or its convex hull, in metres, as Wavefront OBJ."""
+    """Return a mesh, or its convex hull, in metres, as text of a Wavefront OBJ file."""
     corners, faces = read_mesh(mesh)
     if convex:
         faces = _hull(corners)
@@ -331,9 +353,9 @@ def _as_obj(mesh: Mesh, convex: bool) -> str:
 
 
 def _hull(corners: NDArray[np.float64]) -> NDArray[np.intp]:
-    """The faces (N, 3) of the convex hull of (M, 3) corners.
+    """Return the faces (N, 3) of the convex hull of (M, 3) corners.
 
-    It is all that PyBullet makes of a mesh, but in minutes.
+    PyBullet uses the hull anyway, but may take minutes to compute it.
     """
     from scipy.spatial import ConvexHull, QhullError
 

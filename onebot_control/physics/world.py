@@ -1,4 +1,4 @@
-"""Worlds: robots on the same ground, and among the same walls, moved by their driven joints."""
+"""Worlds in which robots move on the same ground, among the same walls."""
 
 import weakref
 from collections.abc import Sequence
@@ -13,25 +13,25 @@ from onebot_control.poses import Transform
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, listing
 
-# With arms the solver stops once an iteration changes no velocity by more than the root of this,
-# rad/s or m/s: a step of seven joints takes half of the time, one of a linkage a fifth, and joints
-# are off by 1e-8 rad. OneBot with an arm drifts by 60 nm a second at rest; 0.4 nm without arms.
+# With arms, the solver stops once an iteration changes no velocity by more than the square root of
+# this, rad/s or m/s: a step of seven joints takes half the time, one of a linkage a fifth, and
+# joints are off by 1e-8 rad. OneBot with an arm drifts by 60 nm/s at rest; 0.4 nm/s without arms.
 _RESIDUAL = 1e-12
 
 
 class World:
-    """Robots on the same ground, which can collide.
+    """Simulates robots on the same ground, which can collide.
 
-    Time advances in ``step`` only, for all robots. The same calls give identical results, in any
+    Time advances only in ``step``, for all robots. The same calls give identical results in any
     process. Worlds are independent of each other; a world must not be used by two threads at the
     same time.
     """
 
     settings: Settings
     client: int  # PyBullet's index of the world, for direct calls
-    robots: tuple[Robot, ...]  # order as given
-    scene: SceneBodies | None  # bodies around the robots
-    is_open: bool  # until ``close``
+    robots: tuple[Robot, ...]  # in the given order
+    scene: SceneBodies | None  # bodies around the robots; None on bare ground
+    is_open: bool  # False after ``close``
 
     def __init__(
         self,
@@ -41,18 +41,18 @@ class World:
         *,
         at_start: bool = True,
     ) -> None:
-        """Place the robots at rest, joints at their starts, on the ground or on the scene's ramps.
+        """Build the world, with the robots at rest on the ground or on the scene's ramps.
 
         Args:
             spawns: the robots.
-            settings: of the simulation.
+            settings: of the physics.
             scene: walls, ramps and boxes; see ``onebot_control.physics.scene_bodies``.
-            at_start: place each robot at its start; else somebody else has to place them.
+            at_start: place each robot at its start; otherwise the caller has to place them.
 
         Raises:
-            ValueError: a pose is not finite.
-            OneBotError: a robot or the scene cannot be simulated, two robots overlap, or one cannot
-                stand where it is to start.
+            ValueError: a start pose is not finite.
+            OneBotError: a robot or the scene cannot be simulated, two robots overlap, or a robot
+                cannot stand at its start.
         """
         self.settings = settings
         self.scene = None if scene is None else SceneBodies(scene)
@@ -79,8 +79,8 @@ class World:
         """Advance by ``duration`` seconds, a whole number of physics steps.
 
         Raises:
-            ValueError: it is not a whole number of steps.
-            OneBotError: the state is no longer finite.
+            ValueError: the duration is not a whole number of steps.
+            OneBotError: the world is closed, or its state is no longer finite.
         """
         count = self.settings.steps(duration)
         self.check_usable()
@@ -99,9 +99,9 @@ class World:
         self.check_usable()
 
     def restart(self) -> None:
-        """Build the world again: what is simulated from then on is equal to the bit.
+        """Go back to the start by building the world again, so that runs repeat bit by bit.
 
-        In a state that PyBullet restores, its solver keeps the order of contacts that it had.
+        Restoring a saved state is not enough: PyBullet's solver keeps its order of contacts.
         """
         engine.resetSimulation(physicsClientId=self.client)
         self._build()
@@ -112,19 +112,19 @@ class World:
 
         Args:
             robot: of this world.
-            where: its pose.
-            at_start: its joints and the scene's boxes go back to their start, too.
+            where: the pose of its root link.
+            at_start: also move its joints and the scene's boxes back to their start.
 
         Raises:
-            OneBotError: the world is closed, or has diverged, the robot cannot stand there, or
-                another one is there; nothing has changed then.
+            OneBotError: the world is closed or has diverged, the robot cannot stand there, or
+                another one is there; then nothing has changed.
         """
         self.check_usable()
         positions = robot.starts if at_start else robot.positions
         present: int = engine.saveState(physicsClientId=self.client)
         try:
             if len(self.robots) == 1 and (at_start or self.scene is None):
-                # Without other robots the contacts of all that is at rest can be restored.
+                # Without other robots, the saved state, with all contacts at rest, can be restored.
                 engine.restoreState(self._saved, physicsClientId=self.client)
             pose = self._pose_at(robot, where)
             robot.parts.place(pose, positions)
@@ -142,10 +142,15 @@ class World:
             self.scene.read()
 
     def replaced(self, row: int, spawn: RobotSpawn) -> "World":
-        """Return a world with ``spawn``, at rest, in place of the robot of ``row``.
+        """Return a new world in which ``spawn``, at rest, replaces one robot.
 
-        The others move on as they do in this one, which stays as it is. Each robot's start stays,
-        whether there is room for it or not. The scene's boxes are where they are now, at rest.
+        The other robots continue from their current state; this world does not change. The start
+        poses stay, whether there is room there or not. The scene's boxes are at their current
+        poses, at rest.
+
+        Args:
+            row: index of the robot to replace.
+            spawn: the new robot, and its pose now.
 
         Raises:
             OneBotError: the robot cannot be simulated, or another one, or the scene, is in the way.
@@ -191,7 +196,7 @@ class World:
         self.close()
 
     def _find_rest_poses(self) -> None:
-        """Simulate each robot alone, identical ones once."""
+        """Find each robot's pose at rest by simulating it alone; identical robots only once."""
         rest_poses: dict[tuple[object, ...], RestPose] = {}
         for robot in self.robots:
             spawn = robot.spawn._replace(x=0.0, y=0.0, yaw=0.0, name="")
@@ -203,7 +208,7 @@ class World:
             robot.rest_pose = rest_poses[key]
 
     def _build(self) -> None:
-        """Load all bodies, and save that state."""
+        """Load all bodies, and save the state for ``stand``."""
         client, settings = self.client, self.settings
         ground = make_world(client, settings, _RESIDUAL if self._arms else 0.0)
         for robot in self.robots:
@@ -211,7 +216,7 @@ class World:
             if self._alone:
                 robot.rest_pose = settle(robot.parts, robot.spawn, robot.starts, settings)
             else:
-                # Away from the origin, where the next one is loaded.
+                # Make room at the origin, where the next robot is loaded.
                 robot.parts.place(robot.rest_pose.at(*robot.start))
         if self.scene is not None:
             self.scene.enter(client, ground, settings)
@@ -230,7 +235,7 @@ class World:
         """Place the robot at rest on what stands still there; return its pose.
 
         Raises:
-            OneBotError: it cannot stand there for the scene.
+            OneBotError: the scene leaves no place to stand there.
         """
         pose = robot.rest_pose.at(*where)
         if self.scene is None or robot.spawn.fixed_base:
@@ -246,7 +251,7 @@ class World:
         return pose
 
     def _check_boxes(self, robot: Robot, where: SpawnPose) -> None:
-        """Raise OneBotError if a robot, which was put there, is in a box."""
+        """Raise OneBotError if a robot that was just placed overlaps a box."""
         if self.scene is not None and (links := self.scene.free_at(robot.parts)):
             raise OneBotError(
                 f"x {where[0]:g} m, y {where[1]:g} m: link {listing(links)} of "
@@ -254,7 +259,7 @@ class World:
             )
 
     def _check_overlaps(self, robot: Robot | None = None) -> None:
-        """Raise OneBotError if two robots overlap; with ``robot``, if it overlaps another."""
+        """Raise OneBotError if two robots overlap, or only if ``robot`` overlaps another one."""
         if len(self.robots) == 1:
             return
         engine.performCollisionDetection(physicsClientId=self.client)

@@ -1,6 +1,7 @@
-"""Sensors of simulated robots: ranges, pictures and inertial measurements of a world's snapshots.
+"""Simulates sensors: ranges, images and inertial measurements, from snapshots of a world.
 
-``surroundings`` holds what is seen, ``rays`` casts rays at it; ``lidar``, ``camera`` and ``imu``
-turn arrays into arrays; ``instruments`` decides what is due, and measures in a thread of its own;
-``nodes.robot_sensors`` is the ROS side: which sensors a robot has, and their topics.
+``surroundings`` holds the shapes that sensors see, ``rays`` casts rays at them; ``lidar``,
+``camera`` and ``imu`` turn arrays into measurements; ``instruments`` measures with one sensor of
+one robot. The ROS side is ``nodes.sensing``, which decides what is due, and
+``nodes.robot_sensors``, with the topics.
 """

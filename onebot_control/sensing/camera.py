@@ -1,4 +1,4 @@
-"""Pictures: colours and depths by rays, lit by one sun and the sky; nothing casts a shadow."""
+"""Renders colour and depth images by ray casting, lit by one sun and the sky, without shadows."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,27 +13,28 @@ Singles = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
 
 _SUN = np.array([0.35, 0.5, 0.79]) / np.linalg.norm([0.35, 0.5, 0.79])  # direction to the sun
-_SUNLIGHT, _SKYLIGHT, _REFLECTED = 0.55, 0.55, 0.30  # shares: sun, sky, ground
+_SUNLIGHT, _SKYLIGHT, _REFLECTED = 0.55, 0.55, 0.30  # brightness of sun, sky and ground
 _ZENITH = np.array([0.45, 0.64, 0.86], np.float32)  # sRGB
 _HORIZON = np.array([0.86, 0.90, 0.94], np.float32)
 _GROUND = np.array([0.56, 0.57, 0.58], np.float32)
-_TILE, _CONTRAST = 0.5, 0.07  # m; the tiles show how far away the ground is, and that it moves
-_BLURRED, _FADED = 4.0, 32.0  # m, from where on tiles fade, and where the last of it is
-_KEPT = 30_000_000  # bytes; of blocks larger than 32 MB this is not so
+_TILE, _CONTRAST = 0.5, 0.07  # m; tiles make distance and motion of the ground visible
+_BLURRED, _FADED = 4.0, 32.0  # m; distances at which tiles begin to fade, and at which they end
+_KEPT = 30_000_000  # bytes; glibc never reuses blocks above 32 MB
 
 
 def focal_length(camera: Camera) -> float:
-    """Return the focal length in pixels; pixels are square."""
+    """Return the focal length of a pinhole camera with square pixels, in pixels."""
     return camera.width / (2.0 * float(np.tan(camera.field_of_view / 2.0)))
 
 
 def camera_rays(camera: Camera) -> Rays:
     """Return the rays of the pixels, row by row from the top, of length 1 along the axis (x)."""
-    # glibc gives free memory back once it is more than twice the largest block that was ever freed.
-    # A block is freed here once, as fetching memory for each picture takes a third of the time.
+    # glibc returns free memory to the system once it exceeds twice the largest block ever freed.
+    # Freeing a large block once avoids that: fetching memory again for each image would take a
+    # third of the time.
     np.empty(_KEPT, np.uint8)
     focal = focal_length(camera)
-    # Of the middle of each pixel by K, whose principal point is half the width and the height.
+    # Each pixel's coordinate by the camera matrix K, with the principal point in the middle.
     across = (camera.width / 2.0 - np.arange(camera.width)) / focal
     up = (camera.height / 2.0 - np.arange(camera.height)) / focal
     rows = np.stack([np.ones_like(up), np.zeros_like(up), up], axis=1)
@@ -42,12 +43,20 @@ def camera_rays(camera: Camera) -> Rays:
 
 
 def reach(camera: Camera) -> float:
-    """Return how far rays are cast along the axis, m."""
+    """Return how far the rays of a camera are cast along its axis, m."""
     return max(camera.far, camera.depth_far)
 
 
 def depths(camera: Camera, hits: Hits, generator: "np.random.Generator | None" = None) -> Singles:
-    """Return depths (H, W) along the axis, m: infinite beyond the clip, -infinite before it."""
+    """Return the measured depths (H, W) along the axis, m (REP-117, REP-118).
+
+    Depths beyond the far clip are infinite, those before the near clip minus infinity.
+
+    Args:
+        camera: the sensor.
+        hits: of its rays.
+        generator: of the noise; None for no noise.
+    """
     true = hits.distances
     far = (hits.surfaces == NOTHING) | (true > np.float32(camera.depth_far))
     measured = true if generator is None else add_noise(true, camera.noise, 0.0, generator)
@@ -57,9 +66,10 @@ def depths(camera: Camera, hits: Hits, generator: "np.random.Generator | None" =
 
 
 class Painter:
-    """Colours what rays hit."""
+    """Computes colour images from what the rays of cameras hit."""
 
     def __init__(self, still: Surface) -> None:
+        """Light the surface of what stands still, once."""
         self._still, self._lit = still, _lit(still, np.eye(3))
 
     def picture(
@@ -71,9 +81,15 @@ class Painter:
         targets: Targets,
         generator: "np.random.Generator | None" = None,
     ) -> Bytes:
-        """Return the picture (H, W, 3), sRGB, of what the rays have hit.
+        """Return the image (H, W, 3), sRGB, of what the rays have hit.
 
-        ``position`` (3,) is the sensor's in the world; without a ``generator`` there is no noise.
+        Args:
+            camera: the sensor.
+            rays: its rays.
+            position: (3,), of the sensor in the world, m.
+            hits: what the rays hit.
+            targets: the moving surfaces at that time.
+            generator: of the noise; None for no noise.
         """
         seen, distances = hits.surfaces, hits.distances
         if reach(camera) > camera.far:
@@ -105,20 +121,20 @@ class Painter:
 
 
 def _rows(mask: NDArray[np.bool_], width: int) -> slice:
-    """Return the pixels from the first to the last row of a picture in which ``mask`` is true."""
+    """Return the pixels from the first to the last row of an image in which ``mask`` is true."""
     rows = np.flatnonzero(mask.reshape(-1, width).any(axis=1))
     return slice(rows[0] * width, (rows[-1] + 1) * width) if len(rows) else slice(0)
 
 
 def _packed(colors: Singles) -> NDArray[np.uint32]:
-    """Return colours (N, 3), 0 to 1, as the bytes red, green, blue, 0 in one number each."""
+    """Pack colours (N, 3), 0 to 1, into one number each: the bytes red, green, blue, 0."""
     pixels = np.zeros((len(colors), 4), np.uint8)
     pixels[:, :3] = np.minimum(colors * np.float32(255.0) + np.float32(0.5), np.float32(255.0))
     return pixels.view(np.uint32)[:, 0]
 
 
 def _light(normals: Singles, turn: Floats) -> Singles:
-    """Return the brightness (N, 1) of faces of these normals (N, 3), in a frame turned so."""
+    """Return the brightness (N, 1) of faces by their normals (N, 3), in a frame rotated by turn."""
     up, sun = turn[2].astype(np.float32), (turn.T @ _SUN).astype(np.float32)
     middle, half = (_SKYLIGHT + _REFLECTED) / 2.0, (_SKYLIGHT - _REFLECTED) / 2.0
     direct = np.float32(_SUNLIGHT) * np.maximum(normals @ sun, np.float32(0.0))
@@ -138,7 +154,7 @@ def _add_textures(
     surface: Surface,
     turn: Floats,
 ) -> None:
-    """Colour those pixels of the ``mask`` that show a texture of ``surface``."""
+    """Colour the pixels in ``mask`` that show a texture of ``surface``."""
     for first, places, image in surface.solid.textures:
         faces = hits.faces - first
         rows = np.flatnonzero(mask & (faces >= 0) & (faces < len(places)))
@@ -167,7 +183,7 @@ def _ground(position: Floats, directions: Singles, distances: Singles) -> NDArra
 
 
 def _sky(upwards: Singles, inverse_lengths: Singles) -> NDArray[np.uint32]:
-    """Return the colours of the sky by z of directions, and one over their lengths."""
+    """Return the colours of the sky for directions, by their z and inverse lengths."""
     height = upwards * inverse_lengths
     np.maximum(height, np.float32(0.0), out=height)
     height *= np.float32(255.0)
@@ -177,7 +193,7 @@ def _sky(upwards: Singles, inverse_lengths: Singles) -> NDArray[np.uint32]:
 
 _SHADES = np.linspace(0.0, 1.0, 256, dtype=np.float32)[:, None]
 _SKY_COLORS = _packed(_HORIZON + (_ZENITH - _HORIZON) * np.sqrt(_SHADES))
-# By distance, of a bright tile and then of a dark one.
+# Colours of the ground by distance, first those of bright tiles, then those of dark ones.
 _FADES = 1.0 / (1.0 + np.linspace(0.0, _FADED / _BLURRED, 128, dtype=np.float32) ** 2)
 _GROUND_COLORS = _packed(
     _GROUND * (1.0 + np.float32(_CONTRAST) * np.append(_FADES, -_FADES)[:, None])
@@ -192,7 +208,7 @@ COLORED_POINT = np.dtype(
         "itemsize": 32,
     }
 )
-"""A point of a cloud, as gz sim and depth_image_proc lay it out."""
+"""Layout of a coloured point in a cloud, as in gz sim and depth_image_proc."""
 
 
 def cloud(
@@ -202,10 +218,14 @@ def cloud(
     pose: tuple[Floats, Floats],
     nowhere: float = np.inf,
 ) -> NDArray[np.void]:
-    """Return the points (H, W) of these depths (H, W), at ``nowhere`` where there is none.
+    """Return the point cloud of a depth image, (H, W) of COLORED_POINT.
 
-    ``pose`` is the camera's rotation (3, 3) and position (3,) in the frame of the points, which
-    have the colours of ``picture`` (H, W, 3), or are black.
+    Args:
+        rays: of the camera.
+        depth_image: (H, W), m.
+        picture: (H, W, 3), colours of the points; None for black.
+        pose: rotation (3, 3) and position (3,) of the camera in the frame of the points.
+        nowhere: x, y and z of points whose depth is not finite.
     """
     points = np.zeros(depth_image.shape, COLORED_POINT)
     fill_points(points, rays, depth_image, pose, nowhere)

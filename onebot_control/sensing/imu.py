@@ -1,4 +1,4 @@
-"""Inertial measurements from two states of a rigid body, and its orientation."""
+"""Computes inertial measurements from two states of a rigid body, and its orientation."""
 
 from typing import NamedTuple
 
@@ -13,15 +13,15 @@ Floats = NDArray[np.float64]
 
 
 class Motion(NamedTuple):
-    """How a body moves."""
+    """Velocity and orientation of a rigid body."""
 
     linear: Floats  # (3,), velocity of its origin in its own axes, m/s
-    angular: Floats  # (3,), likewise, rad/s
+    angular: Floats  # (3,), angular velocity in its own axes, rad/s
     rotation: Floats  # (3, 3), of the body in the world
 
 
 def noises(sensor: Imu) -> tuple[Noise, ...]:
-    """Return the noise of each value that ``measure`` returns."""
+    """Return the noise of each of the six values that ``measure`` returns."""
     return (*sensor.angular_velocity, *sensor.linear_acceleration)
 
 
@@ -34,13 +34,14 @@ def measure(
 ) -> tuple[Floats, Floats]:
     """Return angular velocity (3,), rad/s, and linear acceleration (3,), m/s^2, in a sensor's axes.
 
-    An accelerometer measures the reaction to gravity, too: R^T (a - g). The acceleration is the
-    mean of a period: by velocities v in the body's axes dv/dt + w x v, exact in a steady turn.
+    An accelerometer also measures the reaction to gravity (REP-145): R^T (a - g). The acceleration
+    is the mean over a period, dv/dt + w x v with velocities v in the body's axes, which is exact in
+    a steady turn.
 
     Args:
-        before: motion a period (s) ago; None if it is not known, which counts as unchanged.
-        now: present motion.
-        period: s.
+        before: motion one period ago; None if unknown, which counts as unchanged.
+        now: current motion.
+        period: between both, s.
         mount: rotation (3, 3) and position (3,) of the sensor in the body.
         gravity: downwards, m/s^2.
     """
@@ -49,7 +50,7 @@ def measure(
     if before is None:
         before = now
     else:
-        # What it has turned, which is not by the mean of both velocities where they change.
+        # Mean angular velocity from the actual rotation; the mean of both velocities is not exact.
         turned = before.rotation.T @ now.rotation
         skew = (turned - turned.T) / (2.0 * period)
         spin = np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
@@ -59,9 +60,15 @@ def measure(
 
 
 def orientation(sensor: Imu, rotation: Floats, start: Quaternion) -> Floats | None:
-    """Return the orientation (4,), x y z w, in the axes of the sensor; None if it measures none.
+    """Return the orientation (4,), x y z w, relative to the IMU's reference axes.
 
-    ``rotation`` (3, 3) is the sensor's in the world, ``start`` the root link's when all began.
+    Args:
+        sensor: the IMU.
+        rotation: (3, 3) of the sensor in the world.
+        start: rotation of the root link in the first cycle, x y z w.
+
+    Returns:
+        None if the IMU measures no orientation.
     """
     if sensor.reference is None:
         return None

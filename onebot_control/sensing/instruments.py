@@ -1,4 +1,4 @@
-"""Measures with the sensors of a world's robots, one measurement a call."""
+"""Measures with the sensors of a world's robots, one measurement per call."""
 
 import math
 from collections.abc import Sequence, Set
@@ -27,26 +27,26 @@ from onebot_description.model import quaternions
 
 Floats = NDArray[np.float64]
 
-# z ahead, x to the right, y down (REP-103), of a camera that looks along x.
+# Rotation of a camera that looks along x, in its optical frame: z ahead, x right, y down (REP-103).
 _OPTICAL = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 _INFOS = frozenset({"camera_info", "depth_camera_info"})
-_LEAP = 0.01  # m: a robot that has moved farther than by its speed was put there
+_LEAP = 0.01  # m; a robot that has moved this much farther than by its speed was teleported
 
 
 class Frame(NamedTuple):
-    """All that can be sensed in one control cycle."""
+    """The state of a world in one control cycle, for its sensors."""
 
-    tick: int
-    stamp: int  # ns
-    snapshots: Sequence[Snapshot]
-    before: Sequence[Snapshot] | None  # a cycle ago; None if that is not known
-    boxes: Sequence[Transform]
+    tick: int  # control cycles done before this one
+    stamp: int  # of the cycle, ns
+    snapshots: Sequence[Snapshot]  # of the robots
+    before: Sequence[Snapshot] | None  # one cycle ago; None if not known
+    boxes: Sequence[Transform]  # poses of movable boxes
     robots: Sequence[SensedRobot]
     starts: Sequence[Quaternion]  # rotations of the robots in the first cycle
 
 
 class SensedWorld(NamedTuple):
-    """A world at the time of a frame."""
+    """The surroundings at the time of a frame, to measure in."""
 
     frame: Frame
     placed: Placed
@@ -56,17 +56,17 @@ class SensedWorld(NamedTuple):
 
 
 def measuring_rate(sensor: Sensor, cycles: float) -> float:
-    """Return how often a sensor measures, Hz; one without a rate does in each control cycle."""
+    """Return how often a sensor measures, Hz: at its rate, or in each of ``cycles`` per second."""
     return min(sensor.rate or cycles, cycles)
 
 
 class Instrument:
-    """One sensor of one robot.
+    """Measures with one sensor of one robot.
 
     Attributes:
-        sensor: what it is.
-        row: the robot's in its fleet.
-        rate: measurements a second, Hz.
+        sensor: the sensor's description.
+        row: index of the robot in its fleet.
+        rate: measurements per simulated second, Hz.
     """
 
     def __init__(
@@ -78,9 +78,15 @@ class Instrument:
         noisy: bool = True,
         seed: int = 0,
     ) -> None:
-        """Prepare to measure at ``cycles`` control cycles a second, with the sensor's noise or not.
+        """Prepare to measure.
 
-        The noise depends on the robot's ``namespace`` and the ``seed``.
+        Args:
+            sensor: the sensor's description.
+            row: index of the robot in its fleet.
+            namespace: of the robot; the noise depends on it.
+            cycles: control cycles per second, Hz.
+            noisy: whether measurements have the sensor's noise.
+            seed: of the noise.
         """
         self.sensor, self.row, self._noisy, self._seed = sensor, row, noisy, seed
         self.rate = measuring_rate(sensor, cycles)
@@ -88,7 +94,7 @@ class Instrument:
         self._mount = matrix(sensor.origin)
 
     def reseed(self, seed: int) -> None:
-        """Draw all noise anew, by another seed."""
+        """Use another seed for all noise from now on."""
         self._seed = seed
         self.__dict__.pop("_offsets", None)
 
@@ -100,7 +106,7 @@ class Instrument:
 
     @cached_property
     def _offsets(self) -> Floats:
-        """The offsets of the noise, drawn once: of an IMU of all six values."""
+        """The constant offsets of the noise: one, or six for the values of an IMU."""
         model, once = self.sensor.model, noise_of(self._name, -1, self._seed)
         if isinstance(model, Camera):
             return np.zeros(1)
@@ -108,14 +114,22 @@ class Instrument:
         return np.array([bias(noise, once) for noise in noises])
 
     def pose(self, placed: Placed) -> LinkPose:
-        """Return where the sensor is in the world."""
+        """Return the pose of the sensor in the world."""
         link = placed.link(self.row, self.sensor.link)
         assert link is not None
         turn, at = self._mount[:3, :3], self._mount[:3, 3]
         return LinkPose(link.rotation @ turn, link.rotation @ at + link.position)
 
     def measure(self, world: SensedWorld, wanted: Set[str]) -> dict[str, Any]:
-        """Measure; return arrays by output, of those ``wanted``: keys of ``Sensor.topics``."""
+        """Measure with the sensor.
+
+        Args:
+            world: to measure in.
+            wanted: the outputs to compute, keys of ``Sensor.topics``.
+
+        Returns:
+            At least the wanted outputs, by name.
+        """
         pose = self.pose(world.placed)
         generator = noise_of(self._name, world.frame.tick, self._seed) if self._noisy else None
         model = self.sensor.model
@@ -180,7 +194,7 @@ class Instrument:
     def _seen_from(
         self, world: SensedWorld, pose: LinkPose, otherwise: Floats
     ) -> tuple[Floats, Floats]:
-        """Return the sensor's pose in the frame of its messages; ``otherwise`` if it is no link."""
+        """Return the sensor's pose in its messages' frame; if that is no link, ``otherwise``."""
         frame = world.placed.link(self.row, self.sensor.frame)
         if frame is None:
             return otherwise, np.zeros(3)
@@ -219,22 +233,22 @@ def _motion(snapshot: Snapshot) -> imu.Motion:
 
 
 def _was_put(before: Snapshot, now: Snapshot, period: float) -> bool:
-    """Whether a robot did not drive from one pose to the next; then it does not feel it."""
+    """Return whether a robot was teleported between two cycles, which its IMU does not feel."""
     shift = math.dist(now.pose.translation, before.pose.translation)
     speed = max(math.hypot(*snapshot.velocity.linear) for snapshot in (before, now))
     return shift > 2.0 * speed * period + _LEAP
 
 
 class Sensors:
-    """The robots of a world as sensors see them, and what stands around them."""
+    """Keeps the robots and surroundings of a world up to date for its sensors."""
 
     def __init__(self, world: Description | None, cycles: float, gravity: float) -> None:
         """Begin without robots.
 
         Args:
-            world: what stands around them.
-            cycles: control cycles a second, Hz.
-            gravity: m/s^2.
+            world: the scene around the robots; None on bare ground.
+            cycles: control cycles per second, Hz.
+            gravity: downwards, m/s^2.
         """
         self._world, self._cycles, self._gravity = world, cycles, gravity
         self._robots: tuple[SensedRobot, ...] = ()
@@ -243,13 +257,13 @@ class Sensors:
         self._placed: SensedWorld | None = None
 
     def enter(self, row: int, robot: SensedRobot) -> None:
-        """Have this robot in a row from now on."""
+        """Set the robot of a row; the surroundings are built again only if it is a new one."""
         last = self._robots[row] if row < len(self._robots) else None
-        if last is None or last.description is not robot.description:  # else what is built stays
+        if last is None or last.description is not robot.description:
             self._robots = (*self._robots[:row], robot, *self._robots[row + 1 :])
 
     def restart(self) -> None:
-        """Have the next frame be the first one."""
+        """Start again: the next frame is the first one."""
         self._starts, self._placed = (), None
 
     def frame(
@@ -259,13 +273,13 @@ class Sensors:
         last: Sequence[Snapshot] | None,
         boxes: Sequence[Transform],
     ) -> Frame:
-        """Return what can be sensed in a control cycle.
+        """Return the frame of a control cycle.
 
         Args:
             stamp: of the cycle, ns.
-            snapshots: of the robots in it.
-            last: those that were known last.
-            boxes: poses of what can be pushed.
+            snapshots: of the robots in this cycle.
+            last: the last snapshots before; used if they are from one cycle ago.
+            boxes: poses of movable boxes in the world.
         """
         self._starts = self._starts or [snapshot.pose.rotation for snapshot in snapshots]
         tick = snapshots[0].tick
@@ -273,11 +287,11 @@ class Sensors:
         return Frame(tick, stamp, snapshots, before, boxes, self._robots, self._starts)
 
     def prepare(self) -> None:
-        """Build the surroundings now, which takes long where meshes are read."""
+        """Build the surroundings now, because reading meshes takes long."""
         self._build(self._robots)
 
     def world(self, frame: Frame) -> SensedWorld:
-        """Return the world at the time of a frame; of the same frame the same one."""
+        """Return the world at the time of a frame; it is cached for the last frame."""
         if self._placed is None or self._placed.frame is not frame:
             surroundings, painter = self._build(frame.robots)
             states = [
@@ -290,7 +304,7 @@ class Sensors:
         return self._placed
 
     def _build(self, robots: Sequence[SensedRobot]) -> tuple[Surroundings, camera.Painter]:
-        """Return the surroundings with these robots, built where they are other ones."""
+        """Return the surroundings of these robots, built again if the robots have changed."""
         if self._built is None or self._built[0] is not robots:
             surroundings = Surroundings(self._world, robots)
             self._built = robots, surroundings, camera.Painter(surroundings.still)

@@ -1,4 +1,4 @@
-"""Ranges: the rays of a lidar, and what it measures with them."""
+"""The rays of a lidar, and the ranges and points that it measures with them."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +10,7 @@ from onebot_description.description.description import Fan, Lidar
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 
-# Nearer than the greatest range by a rounding error is still in range.
-_MARGIN = 1e-4  # m
+_MARGIN = 1e-4  # m; a range that rounding lifts above the greatest one is still measured
 
 
 def angles(fan: Fan) -> Floats:
@@ -22,7 +21,7 @@ def angles(fan: Fan) -> Floats:
 
 
 def lidar_rays(lidar: Lidar) -> Rays:
-    """Return the rays, row by row, each from its least angle on."""
+    """Return the rays of a lidar, row by row from the lowest, each from its least angle on."""
     up, across = np.meshgrid(angles(lidar.vertical), angles(lidar.horizontal), indexing="ij")
     flat = np.cos(up)
     directions = np.stack([flat * np.cos(across), flat * np.sin(across), np.sin(up)], axis=-1)
@@ -30,7 +29,7 @@ def lidar_rays(lidar: Lidar) -> Rays:
 
 
 def reach(lidar: Lidar) -> float:
-    """Return how far rays are cast, m."""
+    """Return how far the rays of a lidar are cast, m."""
     return lidar.greatest + _MARGIN
 
 
@@ -41,14 +40,20 @@ def ranges(
     offset: float = 0.0,
     generator: "np.random.Generator | None" = None,
 ) -> Singles:
-    """Return the ranges (N,), m: infinite beyond the greatest, minus infinity below the least.
+    """Return the measured ranges (N,), m (REP-117).
 
-    ``distances`` (N,), m, are those of what the rays ``hit`` (N,), if anything; without a
-    ``generator`` there is no noise. The ``offset`` of all ranges, m, is drawn once.
+    Ranges beyond the greatest one are infinite, those below the least one minus infinity.
+
+    Args:
+        lidar: the sensor.
+        distances: (N,), exact distances to what the rays hit, m.
+        hit: (N,), whether they hit anything.
+        offset: of all ranges, m; see ``noise.bias``.
+        generator: of the noise; None for no noise.
     """
     measured = distances
     if generator is not None:
-        # What is out of range stays so, and what is in range.
+        # Noise moves no range into or out of the sensor's range.
         measured = add_noise(distances, lidar.noise, offset, generator)
         measured = np.clip(measured, np.float32(lidar.least), np.float32(lidar.greatest))
     far = ~hit | (distances > np.float32(lidar.greatest))
@@ -64,10 +69,14 @@ def fill_points(
     pose: tuple[Floats, Floats],
     nowhere: float = np.inf,
 ) -> None:
-    """Write x, y and z of ``points`` (R, C) that rays reach after ``distances``, if finite.
+    """Fill in x, y and z of points.
 
-    ``pose`` is the sensor's rotation (3, 3) and position (3,) in the frame of the points. Those of
-    other distances have ``nowhere``.
+    Args:
+        points: (R, C), with fields x, y and z, m.
+        rays: R C rays, in the sensor's frame.
+        distances: (R C,) or (R, C), along the rays, in lengths of their directions.
+        pose: rotation (3, 3) and position (3,) of the sensor in the frame of the points.
+        nowhere: x, y and z of points whose distance is not finite.
     """
     turned, missing = rays.turned(pose[0]), ~np.isfinite(distances).ravel()
     reached = np.where(missing, np.float32(0.0), distances.ravel())
@@ -84,15 +93,19 @@ POINT = np.dtype(
         "itemsize": 32,
     }
 )
-"""A point of a cloud, as gz sim lays it out."""
+"""Layout of a point in a lidar's cloud, as in gz sim."""
 
 
 def cloud(
     lidar: Lidar, rays: Rays, all_ranges: Singles, pose: tuple[Floats, Floats]
 ) -> NDArray[np.void]:
-    """Return the points (rows, columns) of ranges (N,), infinite where nothing was in range.
+    """Return the point cloud of a lidar, (rows, columns) of POINT.
 
-    ``pose`` is the lidar's rotation (3, 3) and position (3,) in the frame of the points.
+    Args:
+        lidar: the sensor; if its clouds are not organized, only finite points are returned (1, N).
+        rays: N rays, in the lidar's frame.
+        all_ranges: (N,), m; points of ranges that are not finite are infinite.
+        pose: rotation (3, 3) and position (3,) of the lidar in the frame of the points.
     """
     points = np.zeros((lidar.vertical.samples, lidar.horizontal.samples), POINT)
     fill_points(points, rays, all_ranges, pose)
@@ -101,13 +114,13 @@ def cloud(
 
 
 def met(points: NDArray[np.void]) -> NDArray[np.void]:
-    """Return in one row (1, N) those points at which a ray has met something in range."""
+    """Return, in one row (1, N), the points at which a ray hit something in range."""
     found: NDArray[np.void] = points[np.isfinite(points["x"])]
     return found.reshape(1, -1)
 
 
 def middle_row(lidar: Lidar, all_ranges: Singles) -> Singles:
-    """Return the ranges of the row that a plane scan has; the upper one of two in the middle."""
+    """Return the ranges (columns,) of the middle row; of two middle rows, the upper one."""
     rows = lidar.vertical.samples
     row: Singles = all_ranges.reshape(rows, -1)[rows // 2]
     return row

@@ -1,4 +1,4 @@
-"""Gaussian noise that depends on sensor, time and seed only: runs repeat to the byte."""
+"""Gaussian noise that depends only on sensor, time and seed, so that runs repeat byte by byte."""
 
 import zlib
 from typing import TypeVar
@@ -8,25 +8,30 @@ from numpy.typing import NDArray
 
 from onebot_description.description.description import Noise
 
-# Annotations are strings where numpy would import numpy.random for them: most robots have no noise.
+# Annotations with np.random are strings: evaluating them would import it, for robots without noise.
 T = TypeVar("T", np.float32, np.float64)
 
 _NONE = Noise()
 
 
 def noise_of(sensor: str, tick: int, seed: int = 0) -> "np.random.Generator":
-    """Return the generator of a sensor's noise in a control cycle; -1 is for what is drawn once.
+    """Return the random generator of a sensor's noise in one control cycle.
 
-    Each measurement has its own, so that it does not matter which ones were made. The ``seed``, 0
-    to 2^64 - 1, gives all sensors other noise.
+    Each cycle has its own (Philox: Salmon et al., "Parallel Random Numbers: As Easy as 1, 2, 3",
+    2011), so that noise does not depend on which measurements were made.
+
+    Args:
+        sensor: name of the sensor, unique in its world.
+        tick: number of the control cycle; -1 for values that are drawn once.
+        seed: 0 to 2^64 - 1; another one gives all sensors other noise.
     """
-    # Of the counter's four words the lowest counts the numbers drawn; the key has two words.
+    # The lowest of the counter's four words counts the drawn numbers; the key has two words.
     key, counter = zlib.crc32(sensor.encode()) | seed << 64, [0, tick + 1, 0, 0]
     return np.random.Generator(np.random.Philox(key=key, counter=counter))
 
 
 def bias(noise: Noise, once: "np.random.Generator") -> float:
-    """Return the offset of a value, drawn once."""
+    """Draw the constant offset of a value, from the generator of what is drawn ``once``."""
     drawn = once.normal(noise.bias_mean, noise.bias_stddev)
     return float(drawn if once.random() < 0.5 else -drawn)
 
@@ -34,7 +39,14 @@ def bias(noise: Noise, once: "np.random.Generator") -> float:
 def add_noise(
     values: NDArray[T], noise: Noise, offset: float, generator: "np.random.Generator"
 ) -> NDArray[T]:
-    """Return ``values`` with noise and the offset that ``bias`` has drawn."""
+    """Return values with noise.
+
+    Args:
+        values: of any shape.
+        noise: its parameters, in the unit of the values.
+        offset: the result of ``bias``.
+        generator: of this control cycle; see ``noise_of``.
+    """
     if noise == _NONE:
         return values
     drawn = generator.standard_normal(values.shape, np.float32)

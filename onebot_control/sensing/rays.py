@@ -1,7 +1,8 @@
-"""Casts rays at surfaces that stand still or move, and at level ground; the nearest hit counts.
+"""Casts rays at fixed and moving surfaces and at level ground; the nearest hit counts.
 
-By Embree, called below trimesh's wrapper, which takes several times as long. Nothing is built for a
-cast: rays are moved into the frame of each thing. Where there is no Embree, PyBullet casts them.
+Embree does it, called directly: trimesh's wrapper takes several times as long. Nothing is rebuilt
+when things move, because rays are transformed into the frame of each thing. Without Embree,
+PyBullet casts the rays.
 """
 
 import math
@@ -19,13 +20,14 @@ Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 Integers = NDArray[np.int32]
 
-HAS_EMBREE = find_spec("embreex") is not None  # there is no wheel for some processors
-NOTHING, GROUND = -2, -1  # values that are no surface's index
-# Of so many rays at least, so many are bundled: more bundles find fewer rays, and take longer.
+HAS_EMBREE = find_spec("embreex") is not None  # some processors have no wheel
+NOTHING, GROUND = -2, -1  # instead of the index of a surface
+# From this number of rays on, this many form a bundle. Smaller bundles select fewer rays, but take
+# longer to test.
 _BUNDLES = ((50_000, 64), (200, 8), (0, 1))
-_PASSES = 64  # facets of round shapes that a ray may pass without touching one
-_ASIDE = 1e-5  # m behind a facet, where a ray that has passed it goes on
-_RAYS_A_CALL = 16_000  # PyBullet takes no more
+_PASSES = 64  # facets of round shapes that a ray may hit while it misses the shapes themselves
+_ASIDE = 1e-5  # m; a ray that has passed a facet continues this far behind it
+_RAYS_A_CALL = 16_000  # PyBullet's limit
 
 
 class Cones(NamedTuple):
@@ -38,7 +40,7 @@ class Cones(NamedTuple):
 
     @classmethod
     def around(cls, units: Floats, size: int) -> "Cones":
-        """Return the cones around each ``size`` of directions (N, 3)."""
+        """Return the cones around each ``size`` consecutive directions (N, 3)."""
         starts = np.arange(0, len(units), size)
         axes = np.add.reduceat(units, starts)
         axes /= np.maximum(np.linalg.norm(axes, axis=1, keepdims=True), 1e-9)
@@ -47,12 +49,13 @@ class Cones(NamedTuple):
         return cls(axes, np.cos(halves), np.sin(halves), halves > np.pi / 2)
 
     def touched(self, centers: Floats, radii: Floats) -> NDArray[np.bool_]:
-        """Return which cones touch spheres (B, C), of centers (B, 3) and radii (B,)."""
+        """Return which cones touch which spheres, (B, C), by centers (B, 3) and radii (B,)."""
         apart = np.sqrt((centers * centers).sum(axis=1))
         outside = np.maximum(apart, 1e-9)
         sines = np.minimum(1.0, radii / outside)
         cosines = np.sqrt(1.0 - sines * sines)
-        # Both within the angle a + b from the axis: a of the sphere, b of the cone.
+        # They touch if the centre is within the angle a + b of the axis: a of the sphere, b of the
+        # cone; compared by cos(a + b).
         limits = (outside * cosines)[:, None] * self.cosines
         limits -= (outside * sines)[:, None] * self.sines
         overlaps: NDArray[np.bool_] = centers @ self.axes.T >= limits
@@ -61,9 +64,12 @@ class Cones(NamedTuple):
         return overlaps
 
     def leaving(self, starts: Floats, turns: Floats, boxes: Floats) -> NDArray[np.bool_]:
-        """Return which cones lead away (B, C) from boxes (B, 2, 3), beside which their point is.
+        """Return which cones cannot hit which boxes, (B, C), because they lead away from them.
 
-        In the boxes' frames that is at ``starts`` (B, 3); ``turns`` (B, 3, 3) lead to these frames.
+        Args:
+            starts: (B, 3), the cones' apex in the boxes' frames.
+            turns: (B, 3, 3), rotations from the cones' frame to the boxes' frames.
+            boxes: (B, 2, 3), least and greatest corners.
         """
         axes = self.axes @ turns.transpose(0, 2, 1)
         sides = np.subtract(starts > boxes[:, 1], starts < boxes[:, 0], dtype=float)
@@ -72,20 +78,23 @@ class Cones(NamedTuple):
 
 
 class Rays:
-    """Rays from one point, in the frame of their sensor.
+    """The rays of a sensor, from one point, in the sensor's frame.
 
-    Neighbours are bundled, so that a thing is only asked for the rays that may hit it.
+    Neighbours are bundled, so that only rays that may hit a thing are cast at it.
 
     Attributes:
-        singles: the directions (N, 3); distances are measured in their lengths.
+        singles: the directions (N, 3); distances along a ray are in units of its length.
         inverse_lengths: (N,), one over their lengths.
         bundles: cones around neighbours.
     """
 
     def __init__(self, directions: Floats, grid: tuple[Floats, Floats] | None = None) -> None:
-        """Bundle rays of these directions (N, 3).
+        """Bundle rays.
 
-        If they are the sums of each two of a ``grid``, (R, 3) and (C, 3), they are turned faster.
+        Args:
+            directions: (N, 3), row by row.
+            grid: vectors (R, 3) and (C, 3) whose sums are the directions, if there are such; they
+                make ``turned`` faster.
         """
         self.singles, self._grid = directions.astype(np.float32), grid
         self._count = count = len(directions)
@@ -102,16 +111,19 @@ class Rays:
             directions: Singles = self.singles @ rotation.T.astype(np.float32)
         else:
             rows, columns = ((part @ rotation.T).astype(np.float32) for part in self._grid)
-            # Sums of whole rows of a picture: of three numbers each they would take twice as long.
+            # Add whole rows of an image: adding vectors of three numbers would take twice as long.
             sums = np.tile(rows, (1, len(columns)))
             sums += columns.ravel()
             directions = sums.reshape(-1, 3)
         return directions
 
     def near(self, centers: Floats, radii: Floats, reach: float) -> NDArray[np.bool_]:
-        """Return which bundles (B, bundles) may hit spheres within the reach.
+        """Return which bundles may hit which spheres within ``reach``, (B, bundles).
 
-        Their ``centers`` (B, 3) are in the rays' frame.
+        Args:
+            centers: (B, 3), in the rays' frame.
+            radii: (B,), m.
+            reach: in lengths of the directions.
         """
         is_near = self.nearest(centers, radii) <= reach
         if not self._all.wide[0]:
@@ -126,7 +138,7 @@ class Rays:
         return (distances / self._longest).astype(np.float32)
 
     def pairs(self, bundles: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Return the rays (P,) of these bundles (B, bundles), and of which of the B each is."""
+        """Return the rays (P,) of the chosen bundles (B, bundles), and the row in B of each."""
         targets, starts = bundles.nonzero()
         rows = (starts[:, None] * self._size + np.arange(self._size)).ravel()
         targets = targets.repeat(self._size)
@@ -139,19 +151,19 @@ class Rays:
 class Hits(NamedTuple):
     """What N rays hit first."""
 
-    distances: Singles  # (N,), in lengths of the directions; the reach where there is nothing
-    surfaces: NDArray[np.int16]  # (N,), index of the target, or NOTHING or GROUND
-    faces: Integers  # (N,) of the surface
+    distances: Singles  # (N,), in lengths of the directions; the reach where nothing is hit
+    surfaces: NDArray[np.int16]  # (N,), index of the surface, or NOTHING or GROUND
+    faces: Integers  # (N,), index of the face in that surface
     second: Singles  # (N,), barycentric coordinate of the face's second corner
     third: Singles  # (N,), of its third
     directions: Singles  # (N, 3), in the world
 
 
 class Targets(NamedTuple):
-    """Surfaces at their poses in the world."""
+    """Moving surfaces at their poses in the world."""
 
     surfaces: Sequence["Surface"]
-    alike: Mapping["Surface", NDArray[np.intp]]  # the rows that have each surface
+    alike: Mapping["Surface", NDArray[np.intp]]  # the rows that share a surface
     rotations: Floats  # (B, 3, 3)
     positions: Floats  # (B, 3)
     centers: Floats  # (B, 3), of spheres around them
@@ -171,17 +183,17 @@ def cast(
     """Return what the rays of a sensor hit first.
 
     Args:
-        rays: in the sensor's frame.
-        rotation: (3, 3) of the sensor in the world.
-        position: (3,), likewise.
-        still: what stands still, in the world's frame; its index is 0.
-        targets: what may have moved; their indices begin with 1.
-        reach: beyond which nothing is hit, in lengths of the directions.
-        skipped: indices of targets that are not hit; NOTHING is none.
+        rays: of the sensor.
+        rotation: (3, 3), of the sensor in the world.
+        position: (3,), of the sensor in the world, m.
+        still: everything that stands still, in the world's frame; its index is 0.
+        targets: everything that may move; indices begin with 1.
+        reach: greatest distance, in lengths of the directions.
+        skipped: indices of targets that cannot be hit; NOTHING is ignored.
     """
     directions = rays.turned(rotation)
     limit, surfaces = _ground(directions[:, 2], position[2], reach)
-    # One origin for all, which no copies take time for.
+    # One origin for all rays, by a stride of 0 instead of copies.
     origins = np.ndarray(directions.shape, np.float32, position.astype(np.float32), 0, (0, 4))
     still_faces = still.cast(origins, directions, limit)
     surfaces[still_faces.faces >= 0] = 0
@@ -203,14 +215,14 @@ def cast(
     near_rays[around] &= ~rays.bundles.leaving(starts[around], turns[around], targets.boxes[around])
     is_near = np.any(near_rays, axis=1)
     starts, turns = starts.astype(np.float32), turns.astype(np.float32)
-    # All that look alike are one cast: of a fleet there may be hundreds.
+    # Cast once for all targets that look alike: in a fleet there may be hundreds.
     for surface, group in targets.alike.items():
         kind = group[is_near[group]]
         if not len(kind):
             continue
         rows, members = rays.pairs(near_rays[kind])
         indices = kind[members]
-        ahead = limit[rows] > nearest[indices]  # not what something nearer hides
+        ahead = limit[rows] > nearest[indices]  # leave out rays that hit something nearer
         rows, indices = rows[ahead], indices[ahead]
         if not len(rows):
             continue
@@ -231,14 +243,17 @@ def cast(
 
 
 def _ground(upwards: Singles, height: float, reach: float) -> tuple[Singles, NDArray[np.int16]]:
-    """Return distances (N,) to the ground, at most the reach, and which surface is there.
+    """Return distances (N,) to the ground, at most the reach, and GROUND or NOTHING (N,).
 
-    ``upwards`` (N,) are z of the directions; ``height`` is that of the rays' origin, m.
+    Args:
+        upwards: (N,), z of the directions.
+        height: of the rays' origin, m.
+        reach: in lengths of the directions.
     """
     if height <= 0.0:
         full = np.full(len(upwards), reach, np.float32)
         return full, np.full(len(upwards), NOTHING, np.int16)
-    # One over the distance: a hit beyond the reach has less than one over the reach.
+    # Compare inverse distances, which are finite for level rays, too.
     inverse = upwards * np.float32(-1.0 / height)
     hit = inverse > np.float32(1.0 / reach)
     np.maximum(inverse, np.float32(1.0 / reach), out=inverse)
@@ -261,9 +276,10 @@ class _Caster(Protocol):
 
 
 class Surface:
-    """A solid that rays are cast at."""
+    """A solid, prepared for casting rays at it."""
 
     def __init__(self, solid: Solid) -> None:
+        """Build Embree's or PyBullet's scene of the solid."""
         self.solid = solid
         self._rounds = solid.rounds if HAS_EMBREE else Rounds.of([])
         # A miss is face -1, the last one.
@@ -282,9 +298,12 @@ class Surface:
         return unit
 
     def cast(self, origins: Singles, directions: Singles, distances: Singles) -> _Found:
-        """Return the faces that rays (N, 3) in the solid's frame hit.
+        """Return the faces that rays hit.
 
-        Beyond ``distances`` (N,) nothing is hit; they are shortened to the hits.
+        Args:
+            origins: (N, 3), in the solid's frame.
+            directions: (N, 3), in the solid's frame.
+            distances: (N,), how far to cast, in lengths of the directions; shortened to the hits.
         """
         if self._caster is None:
             none = np.zeros(len(directions), np.float32)
@@ -308,7 +327,7 @@ class Surface:
         distances: Singles,
         faces: Integers,
     ) -> None:
-        """Replace hits of the facets around round shapes by hits of the shapes themselves."""
+        """Replace hits on the facets around round shapes by hits on the shapes themselves."""
         caster = self._caster
         assert caster is not None
         rows = np.flatnonzero(self._round_of[faces] >= 0)
@@ -335,7 +354,7 @@ class Surface:
 
 
 def _embree(solid: Solid) -> _Caster:
-    # Only now: most robots have no sensors.
+    # Imported late, because most robots have no sensors.
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
 
@@ -346,7 +365,7 @@ def _embree(solid: Solid) -> _Caster:
 
 
 class _Bullet:
-    """Casts rays by PyBullet, twenty times slower; which face is hit is not known."""
+    """Casts rays by PyBullet, which takes twenty times as long, and does not tell the face hit."""
 
     def __init__(self, solid: Solid) -> None:
         from onebot_control.physics.engine import engine

@@ -1,4 +1,4 @@
-"""What a robot measures and how it moves, as plain values."""
+"""Plain values of a simulated robot's state and measurements."""
 
 from dataclasses import dataclass
 
@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 class RobotPose:
     """The true pose of a robot's root link, or of a box's link, in the world.
 
-    Angles are fixed-axis roll, pitch and yaw (REP-103): ``yaw`` is where it faces, from above.
+    Angles are about fixed axes (REP-103).
 
     Attributes:
-        x: forward of the world's origin, m.
-        y: to the left of it, m.
-        z: above it, m.
+        x: position in the world, m.
+        y: position in the world, m.
+        z: height above the ground, m.
         roll: rad.
         pitch: rad.
-        yaw: rad, -pi to pi.
+        yaw: heading seen from above, rad, -pi to pi.
     """
 
     x: float
@@ -31,7 +31,7 @@ class RobotPose:
 
 @dataclass(frozen=True)
 class PlanarVelocity:
-    """A velocity of the root link in its own axes.
+    """A velocity in the plane, in the axes of the robot's root link.
 
     Attributes:
         linear: forward, m/s.
@@ -44,15 +44,15 @@ class PlanarVelocity:
 
 @dataclass(frozen=True)
 class OdometryReading:
-    """Pose and velocity by the wheels, as ``~/odom`` has them.
+    """Pose and velocity by the wheels, as in ``~/odom``.
 
     Attributes:
-        x: m, in the odometry's frame, whose origin is where the robot started.
-        y: m.
-        yaw: rad, -pi to pi.
-        linear: forward, m/s, averaged over velocity_rolling_window_size cycles.
-        angular: to the left, rad/s, likewise.
-        covariance: (3, 3), of x, y and yaw: m^2, m rad, rad^2. It grows on the way.
+        x: position in the odometry's frame, whose origin is the robot's start, m.
+        y: position in the odometry's frame, m.
+        yaw: heading in that frame, rad, -pi to pi.
+        linear: forward velocity, m/s, averaged over velocity_rolling_window_size cycles.
+        angular: velocity of turning to the left, rad/s, likewise.
+        covariance: (3, 3), of x, y and yaw, in m^2, m rad, rad^2. It grows with the distance.
     """
 
     x: float
@@ -65,12 +65,12 @@ class OdometryReading:
 
 @dataclass(frozen=True)
 class JointState:
-    """State of one joint.
+    """Measured state of one joint.
 
     Attributes:
-        position: rad, or m for a prismatic joint; that of a wheel is never wrapped.
+        position: rad, or m for a prismatic joint; never wrapped.
         velocity: rad/s, or m/s.
-        effort: of its motor, Nm or N; 0 without one.
+        effort: of its motor, Nm or N; 0 without motor.
     """
 
     position: float
@@ -83,10 +83,11 @@ class Scan:
     """Ranges that a lidar measures in a plane, as in sensor_msgs/LaserScan.
 
     Attributes:
-        ranges: (N,), m; infinite where nothing is in range, minus infinity where it is too near.
-        angles: (N,), rad, of the rays about z of the lidar; 0 is ahead, positive to the left.
-        range_min: m.
-        range_max: m.
+        ranges: (N,), m; infinite if nothing is in range, minus infinity if something is too near
+            (REP-117).
+        angles: (N,), of the rays about z of the lidar, rad; 0 is ahead, positive to the left.
+        range_min: least range, m.
+        range_max: greatest range, m.
     """
 
     ranges: NDArray[np.float32]
@@ -96,26 +97,26 @@ class Scan:
 
     @property
     def ahead(self) -> float:
-        """The range of the ray that is nearest to straight ahead, m."""
+        """The range of the ray nearest to straight ahead, m."""
         return self.at(0.0)
 
     def at(self, angle: float) -> float:
-        """Return the range of the ray that is nearest to an angle, m.
+        """Return the range of the ray nearest to an angle, m.
 
         Args:
-            angle: rad; beyond the scan it is that of its first or last ray.
+            angle: rad; beyond the scan, its first or last ray is taken.
         """
         return float(self.ranges[np.abs(self.angles - angle).argmin()])
 
 
 @dataclass(frozen=True, eq=False)
 class ImuReading:
-    """What an inertial measurement unit measures, in its own axes (REP-145).
+    """One measurement of an inertial measurement unit (IMU), in its own axes (REP-145).
 
     Attributes:
-        orientation: (4,), unit quaternion x y z w; None of an IMU that measures none.
+        orientation: (4,), unit quaternion x y z w; None if the IMU measures no orientation.
         angular_velocity: (3,), rad/s.
-        linear_acceleration: (3,), m/s^2; at rest 9.81 upwards.
+        linear_acceleration: (3,), m/s^2, including gravity: 9.81 upwards at rest.
     """
 
     orientation: NDArray[np.float64] | None

@@ -1,7 +1,7 @@
-"""Solids: the visual shapes of links as triangles with their colours.
+"""Solids: the visual shapes of links as triangles with colours.
 
-Round shapes have facets around them, which find the rays that may hit them; ``Rounds`` measures
-where those do.
+Cylinders and spheres are enclosed by facets, which select the rays that may hit them; ``Rounds``
+computes the exact hits.
 """
 
 import functools
@@ -34,7 +34,7 @@ _SECTIONS, _SUBDIVISIONS = 64, 3  # facets around cylinders and spheres
 
 
 class Rounds(NamedTuple):
-    """Cylinders and spheres, exactly."""
+    """Exact cylinders and spheres, for intersection with rays."""
 
     rotations: Floats  # (K, 3, 3), from the solid's frame to theirs
     centers: Floats  # (K, 3)
@@ -43,21 +43,24 @@ class Rounds(NamedTuple):
 
     @classmethod
     def of(cls, shapes: Sequence[tuple[Floats, float, float]]) -> "Rounds":
-        """Return shapes of pose (4, 4), radius and half length."""
+        """Collect shapes, each given by pose (4, 4), radius and half length (m)."""
         poses = np.array([pose for pose, _, _ in shapes]).reshape(-1, 4, 4)
         radii, halves = np.array([shape[1:] for shape in shapes]).reshape(-1, 2).T
         return cls(poses[:, :3, :3].transpose(0, 2, 1), poses[:, :3, 3], radii, halves)
 
     def distances(self, which: Integers, origins: Singles, directions: Floats) -> Floats:
-        """Return how far each ray (N, 3) goes to its shape's surface; infinite where it misses it.
+        """Return the distance (N,) from each ray's origin to its shape; infinite where it misses.
 
-        Rays are in the solid's frame; the length of a direction is its unit of distance.
+        Args:
+            which: (N,), index of the shape for each ray.
+            origins: (N, 3), in the solid's frame.
+            directions: (N, 3), in the solid's frame; distances are in their lengths.
         """
         turn = self.rotations[which]
         o = np.einsum("nij,nj->ni", turn, origins - self.centers[which])
         d = np.einsum("nij,nj->ni", turn, directions)
         radius, half = self.radii[which], self.halves[which]
-        # |o + t d|^2 = r^2, of a cylinder without z.
+        # Solve |o + t d|^2 = r^2 for t; for a cylinder, without z.
         across = np.where(np.isinf(half)[:, None], 1.0, (1.0, 1.0, 0.0))
         a = (across * d * d).sum(axis=1)
         b = (across * o * d).sum(axis=1)
@@ -76,32 +79,32 @@ class Rounds(NamedTuple):
 
 
 class Texture(NamedTuple):
-    """A picture on some of a solid's faces."""
+    """A texture image on n consecutive faces of a solid."""
 
-    first: int  # face
-    places: Singles  # (n, 3, 2): of the corners of this face and those that follow, 0 to 1, upwards
-    image: NDArray[np.uint8]  # (H, W, 3), from the top
+    first: int  # index of the first of these faces
+    places: Singles  # (n, 3, 2), texture coordinates of the corners, 0 to 1, from bottom left
+    image: NDArray[np.uint8]  # (H, W, 3), rows from the top
 
 
 class Solid(NamedTuple):
-    """Triangles with their colours."""
+    """Triangles with colours, round shapes and textures, in one frame."""
 
     corners: Singles  # (N, 3), m
     faces: Integers  # (F, 3)
     colors: Singles  # (F, 3), sRGB, 0 to 1
-    round_of: Integers  # (F,): which of ``rounds`` a face is a facet of; -1 for none
+    round_of: Integers  # (F,), index in ``rounds`` of the shape that a face encloses; -1: none
     rounds: Rounds
     textures: tuple[Texture, ...]
 
     @property
     def box(self) -> Floats:
-        """Least and greatest corner (2, 3) around it, m; the origin if it has no triangles."""
+        """The bounding box: least and greatest corner (2, 3), m; the origin without triangles."""
         corners = self.corners if len(self.corners) else np.zeros((1, 3))
         return np.array([corners.min(axis=0), corners.max(axis=0)], float)
 
     @property
     def sphere(self) -> tuple[Floats, float]:
-        """Centre (3,) and radius of a sphere around it."""
+        """Centre (3,) and radius of a bounding sphere, m."""
         center = self.box.mean(axis=0)
         return center, float(np.linalg.norm(self.corners - center, axis=1).max(initial=0.0))
 
@@ -115,7 +118,11 @@ class _Part(NamedTuple):
 
 
 def solid_of(geometries: Iterable[tuple[Geometry, Floats]]) -> Solid:
-    """Return visuals at poses (4, 4) of their links as one solid; what cannot be read is logged."""
+    """Merge visuals to one solid; those that cannot be read are logged and left out.
+
+    Args:
+        geometries: visuals, each with the pose (4, 4) of its link.
+    """
     corners, faces, colors, round_of = [], [], [], []
     rounds: list[tuple[Floats, float, float]] = []
     textures: list[Texture] = []
@@ -148,7 +155,7 @@ def solid_of(geometries: Iterable[tuple[Geometry, Floats]]) -> Solid:
 
 
 def _parts(geometry: Geometry) -> list[tuple[_Part, float]]:
-    """Return the parts of a visual, with their heights in its frame."""
+    """Return the parts of a visual, each with its height (z) in the visual's frame."""
     shape = geometry.shape
     if isinstance(shape, Mesh):
         try:
@@ -167,7 +174,7 @@ def _parts(geometry: Geometry) -> list[tuple[_Part, float]]:
 
 @functools.lru_cache(maxsize=256)
 def _primitive(shape: Box | Cylinder | Sphere) -> _Part:
-    """Return a shape with facets that touch it from outside."""
+    """Return a box, or facets that enclose a cylinder or sphere and touch it."""
     from trimesh import creation
 
     if isinstance(shape, Box):
@@ -186,7 +193,10 @@ def _primitive(shape: Box | Cylinder | Sphere) -> _Part:
 
 @functools.lru_cache(maxsize=256)
 def _mesh(mesh: Mesh, state: tuple[int, int] | None) -> tuple[_Part, ...]:
-    """The surfaces of a mesh file in a ``state``; as in RViz, its colours override the visual's."""
+    """Return the surfaces of a mesh file; as in RViz, its colours override the visual's.
+
+    ``state`` is part of the cache's key, so that an edited file is read again.
+    """
     scene = mesh_scene(mesh)
     assert mesh.path is not None
     has_own_colors = has_colors(mesh.path, scene)
@@ -201,7 +211,7 @@ def _mesh(mesh: Mesh, state: tuple[int, int] | None) -> tuple[_Part, ...]:
 
 
 def _look(visual: Any) -> tuple[Floats | None, tuple[Floats, NDArray[np.uint8]] | None]:
-    """Return colours (F, 3) or (3,), and the texture with its places at the corners."""
+    """Return colours (F, 3) or (3,), and texture coordinates with their image."""
     if visual.kind == "texture":
         material = visual.material
         image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)

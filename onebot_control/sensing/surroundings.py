@@ -1,4 +1,4 @@
-"""What sensors see: ground, world, boxes and robots, by their visual shapes."""
+"""The surroundings that sensors see: world, boxes and robots, by their visual shapes."""
 
 from collections.abc import Hashable, Mapping, Sequence
 from functools import cached_property
@@ -20,32 +20,38 @@ Floats = NDArray[np.float64]
 
 
 class SensedRobot(NamedTuple):
-    """A robot that is seen."""
+    """A robot as sensors see it."""
 
     description: Description
-    joints: Sequence[str]  # joints that move, in the order of their positions
-    held: Mapping[str, float]  # others, to their positions
+    joints: Sequence[str]  # moving joints, in the order of their positions
+    held: Mapping[str, float]  # positions of the other joints, by name
 
 
 class RobotState(NamedTuple):
-    """Where a robot is."""
+    """The pose and joint positions of a robot at one time."""
 
-    translation: Triple  # the root link in the world
-    rotation: Quaternion  # likewise, x y z w
-    positions: Sequence[float]  # those of ``SensedRobot.joints``
+    translation: Triple  # of the root link in the world, m
+    rotation: Quaternion  # of the root link in the world, x y z w
+    positions: Sequence[float]  # of ``SensedRobot.joints``, rad or m
 
 
 class LinkPose(NamedTuple):
-    """A link's frame in the world."""
+    """The pose of a link's frame in the world."""
 
     rotation: Floats  # (3, 3)
     position: Floats  # (3,)
 
 
 class Surroundings:
-    """What can be seen: ``still`` in the world's frame, and robots of several ``kinds``."""
+    """The visible surfaces of a world, its boxes and robots, without their poses.
+
+    Attributes:
+        still: the surface of everything that stands still, in the world's frame.
+        kinds: the robots, grouped by description.
+    """
 
     def __init__(self, world: Description | None, robots: Sequence[SensedRobot]) -> None:
+        """Build all surfaces; robots of the same description share theirs."""
         self._made: dict[tuple[Geometry, ...], Surface] = {}
         firsts = link_poses(world) if world else {}
         boxes = [joint.child for joint in world.joints if joint.kind == "floating"] if world else []
@@ -72,7 +78,7 @@ class Surroundings:
         self._alike = {surface: np.array(group, np.intp) for surface, group in indices.items()}
 
     def _enter(self, robot: Description) -> dict[str, int]:
-        """Add the surfaces of a robot's links; return the targets that they are, by name."""
+        """Add the surfaces of a robot's links; return their target indices by link."""
         targets = {}
         for link in robot.links:
             if link.visuals not in self._made:
@@ -84,13 +90,19 @@ class Surroundings:
         return targets
 
     def target(self, row: int, link: str) -> int:
-        """Return the index of a robot's link among the targets, as ``cast`` counts them."""
+        """Return the index of a robot's link among the targets of ``cast``; NOTHING without one."""
         return self._targets[row].get(link, NOTHING)
 
     def targets(
         self, boxes: Sequence[Transform], links: Sequence[tuple[Floats, Floats]]
     ) -> Targets:
-        """Return what moves, with its boxes at these poses, and the links of each of ``kinds``."""
+        """Return the moving surfaces at their poses.
+
+        Args:
+            boxes: poses of the boxes in the world.
+            links: for each of ``kinds``, rotations (R, L, 3, 3) and positions (R, L, 3) of its
+                links in the world.
+        """
         turns, places = np.empty((len(self._surfaces), 3, 3)), np.empty((len(self._surfaces), 3))
         if boxes:
             places[: len(boxes)] = [position for position, _ in boxes]
@@ -105,16 +117,17 @@ class Surroundings:
 
 
 class Placed:
-    """Surroundings at one time; what nobody asks for is not computed."""
+    """Surroundings at one time; poses are computed when first needed."""
 
     def __init__(
         self, surroundings: Surroundings, boxes: Sequence[Transform], states: Sequence[RobotState]
     ) -> None:
+        """Take the poses of boxes in the world, and the states of robots, by row."""
         self.surroundings, self._boxes, self._states = surroundings, boxes, states
 
     @cached_property
     def targets(self) -> Targets:
-        """What may have moved."""
+        """The moving surfaces at their poses."""
         return self.surroundings.targets(self._boxes, self._links)
 
     @cached_property
@@ -123,7 +136,7 @@ class Placed:
         return [kind.links([self._states[row] for row in kind.rows]) for kind in kinds]
 
     def link(self, row: int, name: str) -> LinkPose | None:
-        """Return where a link of a robot is; None if it has no such link."""
+        """Return the pose of a link of the robot ``row``; None if it has no such link."""
         for kind, (rotations, positions) in zip(self.surroundings.kinds, self._links, strict=True):
             if row in kind.rows and name in kind.numbers:
                 place = kind.rows.index(row), kind.numbers[name]
@@ -132,13 +145,13 @@ class Placed:
 
 
 class RobotKind:
-    """Robots of one description, whose links are computed at once.
+    """Robots of the same description, whose link poses are computed together.
 
     Attributes:
-        rows: of these R robots.
-        numbers: of the L links, by name.
-        seen: numbers of the S links that have a shape.
-        targets: (R, S), the indices of these links among the surfaces.
+        rows: of these R robots in their world.
+        numbers: indices of the L links, by name.
+        seen: indices of the S links that have a shape.
+        targets: (R, S), indices of these links among the surfaces.
     """
 
     def __init__(

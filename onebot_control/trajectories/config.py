@@ -1,6 +1,6 @@
-"""joint_trajectory_controller's parameters, checked, as plain values.
+"""Reads and checks joint_trajectory_controller's parameters.
 
-Those of single joints, such as ``constraints.elbow.goal``, are read by ``joint_constraints``.
+``joint_constraints`` reads those of single joints, such as ``constraints.elbow.goal``.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -29,7 +29,7 @@ def _ignored(default: Any, reason: str) -> Any:
 
 @dataclass(frozen=True)
 class SpeedScaling:
-    """How fast the time of trajectories passes."""
+    """Parameters of the speed at which trajectories are followed."""
 
     initial_scaling_factor: float = parameter(
         1.0,
@@ -43,7 +43,7 @@ class SpeedScaling:
 
 @dataclass(frozen=True)
 class Constraints:
-    """What is common to the tolerances of all joints."""
+    """The parameters ``constraints.*`` that all joints share."""
 
     stopped_velocity_tolerance: float = parameter(
         0.01, f"{_NO_EFFECT}: of position interfaces the velocity is not compared", at_least=0.0
@@ -58,7 +58,7 @@ class Constraints:
 
 @dataclass(frozen=True)
 class JointConstraint:
-    """Tolerances of one joint, in rad or m."""
+    """The parameters ``constraints.<joint>.*``: tolerances of one joint, in rad or m."""
 
     trajectory: float = parameter(
         0.0, "position error allowed on the way, rad or m; 0: any", at_least=0.0
@@ -73,14 +73,17 @@ class JointConstraint:
 
 @dataclass(frozen=True)
 class JointParameters:
-    """The parameters of single joints."""
+    """The parameters of single joints, by joint."""
 
     constraints: Mapping[str, JointConstraint] = parameter({}, "", keys=("joint",))
 
 
 @dataclass(frozen=True)
 class TrajectoryConfig:
-    """joint_trajectory_controller's parameters but those of single joints; position commands."""
+    """joint_trajectory_controller's parameters, except those of single joints.
+
+    The table in README.md explains them. Only positions are commanded.
+    """
 
     joints: tuple[str, ...] = parameter(
         (),
@@ -140,7 +143,10 @@ class TrajectoryConfig:
 
     @classmethod
     def from_parameters(cls, values: Mapping[str, Any]) -> "TrajectoryConfig":
-        """Check parameters: dotted name to value; those of single joints are left out.
+        """Check parameters, and convert them to a config; those of single joints are left out.
+
+        Args:
+            values: by their dotted ROS names.
 
         Raises:
             ConfigError: with every problem, each naming the parameter and what would be right.
@@ -148,7 +154,7 @@ class TrajectoryConfig:
         return read(cls, {n: v for n, v in values.items() if not is_joint_parameter(n)})
 
     def check(self) -> Iterator[Problem]:
-        """Report what joint_trajectory_controller can do and this one cannot."""
+        """Report values that joint_trajectory_controller supports and this one does not."""
         if self.command_interfaces != ("position",):
             text = "only position, no other kind of command; write [position]"
             yield Problem("command_interfaces", text)
@@ -163,7 +169,7 @@ class TrajectoryConfig:
             yield Problem("allow_integration_in_goal_trajectories", text)
 
     def surprises(self, constraints: Mapping[str, JointConstraint]) -> Iterator[Problem]:
-        """Report parameters that do nothing, given those of ``joint_constraints``."""
+        """Report parameters that have no effect, given the result of ``joint_constraints``."""
         if self.cmd_timeout and not self.timeout:
             text = (
                 f"does nothing unless above constraints.goal_time, {self.constraints.goal_time:g}"
@@ -180,7 +186,7 @@ class TrajectoryConfig:
 
     @property
     def timeout(self) -> float:
-        """cmd_timeout, or 0 if it does nothing."""
+        """The parameter cmd_timeout, s; 0 if it has no effect."""
         return self.cmd_timeout if self.cmd_timeout > self.constraints.goal_time else 0.0
 
     @property
@@ -190,7 +196,7 @@ class TrajectoryConfig:
 
 
 def is_joint_parameter(name: str) -> bool:
-    """Whether a parameter is one of a single joint: ``constraints.<joint>.goal``, ``gains...``."""
+    """Return whether a parameter is of a single joint, as ``constraints.<joint>.goal`` is."""
     constraint = name.startswith(_CONSTRAINTS) and "." in name.removeprefix(_CONSTRAINTS)
     return constraint or name.startswith(_GAINS)
 
@@ -201,9 +207,9 @@ def joint_constraints(
     """Return the constraints of each of ``joints``, by its name.
 
     Args:
-        values: all parameters, dotted name to value. Gains have no effect on position commands,
-            so nothing of them is read.
-        joints: the names of the controller's.
+        values: all parameters, dotted name to value. Gains are not read: they have no effect on
+            position commands.
+        joints: names of the controller's joints.
 
     Raises:
         ConfigError: with every problem, each naming the parameter and what would be right.
@@ -221,7 +227,7 @@ def joint_constraints(
 
 
 def unknown_trajectory_parameters(names: Iterable[str]) -> list[Problem]:
-    """Return a problem for each of ``names`` that is no parameter, whichever joints there are."""
+    """Return a problem for each of ``names`` that is not a parameter, for any names of joints."""
     given = list(names)
     common = (name for name in given if not is_joint_parameter(name))
     return [

@@ -1,9 +1,17 @@
 """Follows trajectories as joint_trajectory_controller does. No ROS here.
 
-follower = TrajectoryFollower([FollowedJoint("elbow")], TrajectoryConfig(), {}, [0.0])
-follower.start(TrajectoryGoal(("elbow",), (Waypoint(2.0, (0.5,)),)), token="mine")
-follower.update(measured, now=0, period=0.01)  # once a control cycle
-follower.reference(0.005)  # what to command 5 ms later
+Example:
+    >>> from onebot_control.trajectories.config import TrajectoryConfig
+    >>> from onebot_control.trajectories.following import TrajectoryFollower
+    >>> from onebot_control.trajectories.goal import FollowedJoint, TrajectoryGoal
+    >>> from onebot_control.trajectories.trajectory import JointMotion, Waypoint
+    >>> follower = TrajectoryFollower([FollowedJoint("elbow")], TrajectoryConfig(), {}, [0.0])
+    >>> follower.start(TrajectoryGoal(("elbow",), (Waypoint(2.0, (0.5,)),)), token="mine")
+    >>> measured = JointMotion((0.0,), (0.0,), ())  # rad, rad/s
+    >>> follower.update(measured, now=0, period=0.01)  # once per control cycle
+    []
+    >>> follower.reference(1.0)  # the position to command 1 s later, rad
+    [0.25]
 """
 
 import math
@@ -34,43 +42,44 @@ SUCCESSFUL = 0
 INVALID_GOAL = -1
 PATH_TOLERANCE_VIOLATED = -4
 GOAL_TOLERANCE_VIOLATED = -5
-# Texts of outcomes.
+# Texts of outcomes, as joint_trajectory_controller writes them.
 PREEMPTED = "Current goal preempted by new incoming action."
 RESET = "Current goal cancelled by a reset."
-ROUNDING = 1e-9  # s that a sum of periods may be off
-_NANOSECONDS = 1e9  # a second
+ROUNDING = 1e-9  # s; greatest rounding error of a sum of periods
+_NANOSECONDS = 1e9  # per second
 
 
 class Outcome(NamedTuple):
-    """How an action goal ended, or that what the topic commanded was stopped."""
+    """How an action goal, or a trajectory from the topic, ended."""
 
     goal: object | None  # the token given to ``start``; None: no action goal was active
     code: int  # of control_msgs/FollowJointTrajectory; 0: succeeded, else aborted
-    text: str  # joint_trajectory_controller's
-    detail: str = ""  # the joint that was off, its position error and tolerance
+    text: str  # as joint_trajectory_controller writes it
+    detail: str = ""  # the joint beyond its tolerance, with its position error
 
 
 def aborted(goal: object | None, text: str) -> Outcome | None:
-    """Return the outcome of a goal that is given up; None if there is none."""
+    """Return the outcome of an aborted goal; None if ``goal`` is None."""
     return None if goal is None else Outcome(goal, INVALID_GOAL, text)
 
 
 class TrajectoryFollower:
-    """Follows trajectories of some joints, and holds them when there is none.
+    """Follows trajectories of some joints, and holds the joints when there is none.
 
-    It has no clock: each cycle has a stamp, and the time of a trajectory passes by the cycles'
-    periods, times ``scaling``. With enforce_command_limits, positions are kept within the joints'
-    limits, where splines overshoot them between two points and where a motion begins beyond them.
+    It reads no clock: each cycle has a stamp, and a trajectory's time advances by the cycles'
+    periods times ``scaling``. With enforce_command_limits, positions are clamped to the joints'
+    limits where splines overshoot them between two points, and where a motion begins beyond them.
 
     Attributes:
-        joints: with their limits.
-        names: of the joints.
+        joints: the joints, with their limits.
+        names: the names of these joints.
         active: the token of the action goal that is followed; None if there is none.
-        desired: the reference at the last update. A continuous joint is in the turns of the goal.
-        measured: the motion measured then.
-        error: the position errors then, desired - measured; of continuous joints the shortest.
-        time: of the trajectory at the last update, s since its start; negative before that.
-        elapsed: s of the cycles since then; more than ``time`` where the scaling is less than 1.
+        desired: the reference at the last update; continuous joints keep the goal's whole turns.
+        measured: the motion measured at the last update.
+        error: position errors at the last update, desired - measured, rad or m; for continuous
+            joints the shortest angle.
+        time: trajectory time at the last update, s since its start; negative before the start.
+        elapsed: seconds of cycles since the start; more than ``time`` if the scaling is below 1.
     """
 
     def __init__(
@@ -80,9 +89,16 @@ class TrajectoryFollower:
         constraints: Mapping[str, JointConstraint],
         positions: Sequence[float],
     ) -> None:
-        """Hold ``positions``, rad or m; ``constraints`` are by joint."""
+        """Hold the joints where they are.
+
+        Args:
+            joints: the joints, with their limits.
+            config: the controller's parameters.
+            constraints: tolerances by joint.
+            positions: current positions of the joints, rad or m.
+        """
         self.active: object | None = None
-        # What the next update begins, given the measured motion and the stamp.
+        # Called in the next update, with measured motion and stamp, to begin a trajectory.
         self._next: Callable[[JointMotion, int], None] | None = None
         self.joints = tuple(joints)
         self.names = tuple(joint.name for joint in joints)
@@ -97,7 +113,7 @@ class TrajectoryFollower:
     def configure(
         self, config: TrajectoryConfig, constraints: Mapping[str, JointConstraint]
     ) -> None:
-        """Apply other parameters; tolerances count from the next action goal on."""
+        """Apply changed parameters; new tolerances apply from the next action goal on."""
         self._config = config
         self._defaults = default_tolerances(self.names, config, constraints)
         self._bounds = [
@@ -109,7 +125,10 @@ class TrajectoryFollower:
 
     @property
     def scaling(self) -> float:
-        """Seconds of a trajectory in a second of the cycles, from the next update on."""
+        """Trajectory seconds per second of cycles, from the next update on; at least 0.
+
+        Setting a value that is negative or not finite raises OneBotError.
+        """
         return self._scaling
 
     @scaling.setter
@@ -120,7 +139,7 @@ class TrajectoryFollower:
 
     @property
     def moving(self) -> bool:
-        """Whether a trajectory is followed, or will be from the next update on."""
+        """Whether a trajectory is being followed, or begins in the next update."""
         return self._next is not None or (not self._holding and self.time < self._trajectory.end)
 
     # Goals ------------------------------------------------------------------------------------
@@ -136,18 +155,18 @@ class TrajectoryFollower:
         tolerances: TolerancesGiven | None = None,
         held: Collection[str] = (),
     ) -> Outcome | None:
-        """Follow ``goal``, which has no problems, from the next update on, instead of any other.
+        """Follow a goal from the next update on, instead of the current one.
 
         Args:
-            goal: the trajectory.
-            token: what ``active`` and the outcome name an action goal by; None for a message of
-                the topic. That leaves an active goal active, to be judged by the new trajectory.
-            tolerances: those of an action goal.
-            held: joints that begin at the last command, not at the measured motion: a finger that
-                presses on something goes on to press on it.
+            goal: the trajectory; ``problems`` must have found none.
+            token: identifies an action goal in ``active`` and in its outcome; None for a message
+                of the topic, which leaves an active goal active: the new trajectory decides it.
+            tolerances: those of an action goal; None for the defaults.
+            held: joints that begin at the last command instead of the measured motion, so that a
+                finger that presses on something keeps pressing.
 
         Returns:
-            The outcome of the action goal that another one replaces.
+            The outcome of the action goal that this one replaces; None if there is none.
         """
         self._next = partial(self._begin, goal, held)
         if token is None:
@@ -160,17 +179,17 @@ class TrajectoryFollower:
         return preempted
 
     def cancel(self) -> None:
-        """Stop at the next update: at the position measured then, or by decelerating from it."""
+        """Cancel the goal: in the next update hold the measured position, or decelerate from it."""
         self.active = None
         self._next = self._stop
 
     def abort(
         self, text: str = "Current goal cancelled during deactivate transition."
     ) -> Outcome | None:
-        """End an action goal and hold the last command, as if deactivated and activated again.
+        """Abort an action goal and hold the last command, as if deactivated and activated again.
 
-        With set_last_command_interface_value_as_state_on_activation false, the position measured
-        at the next update is held.
+        If set_last_command_interface_value_as_state_on_activation is false, the position measured
+        in the next update is held instead.
         """
         if self._config.set_last_command_interface_value_as_state_on_activation:
             self._hold(self._command().positions)
@@ -179,7 +198,7 @@ class TrajectoryFollower:
         return self._ended(text)
 
     def reset(self, positions: Sequence[float]) -> Outcome | None:
-        """Hold ``positions``, rad or m, to which the joints were moved; end an action goal."""
+        """Hold ``positions``, rad or m, where the joints were put; abort an action goal."""
         self._hold(positions)
         zeros = (0.0,) * len(self.joints)
         self.desired = self.measured = JointMotion(tuple(positions), zeros, zeros)
@@ -193,15 +212,15 @@ class TrajectoryFollower:
     # Cycles -----------------------------------------------------------------------------------
 
     def update(self, measured: JointMotion, now: int, period: float) -> list[Outcome]:
-        """Do one control cycle, before the joints move on for ``period`` seconds.
+        """Run one control cycle, before the joints move for ``period`` seconds.
 
         Args:
-            measured: how the joints move now; accelerations may be empty.
-            now: the cycle's stamp, ns.
+            measured: current motion of the joints; accelerations may be empty.
+            now: stamp of the cycle, ns.
             period: seconds until the next cycle.
 
         Returns:
-            The outcome of what ends in this cycle.
+            Outcomes of what ended in this cycle.
         """
         begin = self._next
         if begin is None:
@@ -222,7 +241,7 @@ class TrajectoryFollower:
     def reference(self, ahead: float) -> list[float]:
         """Return the positions to command ``ahead`` seconds after the last update, rad or m.
 
-        Those of continuous joints are in the turns of the measured positions: they may differ from
+        Continuous joints keep the whole turns of the measured positions, so they may differ from
         ``desired`` by whole turns.
         """
         positions = self._trajectory.positions(self.time + ahead * self._rate)
@@ -234,10 +253,10 @@ class TrajectoryFollower:
         ]
 
     def query(self, time: int) -> JointMotion:
-        """Return the desired motion at ``time``, ns, if the scaling stays as it is.
+        """Return the desired motion at ``time``, ns, assuming that the scaling does not change.
 
         Raises:
-            OneBotError: nothing is followed then.
+            OneBotError: no trajectory is followed at that time.
         """
         if self._holding:
             raise OneBotError("Currently there is no valid trajectory instance.")
@@ -251,7 +270,7 @@ class TrajectoryFollower:
         return self._limited(self._trajectory.sample(own))
 
     def _limited(self, motion: JointMotion) -> JointMotion:
-        """Return ``motion``, at rest where it is beyond limits."""
+        """Return ``motion`` with joints beyond their limits at rest at the limit."""
         joints = [*zip(*motion, self._bounds, strict=True)]
         if all(lower <= position <= upper for position, _, _, (lower, upper) in joints):
             return motion
@@ -278,7 +297,7 @@ class TrajectoryFollower:
         *,
         holding: bool = True,
     ) -> None:
-        """Follow ``trajectory`` from its ``time`` on; ``holding``: without judging."""
+        """Follow ``trajectory`` from its ``time`` on; ``holding``: without checking tolerances."""
         self._next = None
         self._trajectory = trajectory
         self.time = self._began = self.elapsed = time
@@ -304,7 +323,7 @@ class TrajectoryFollower:
     def _begin(
         self, goal: TrajectoryGoal, held: Collection[str], measured: JointMotion, now: int
     ) -> None:
-        """Follow ``goal`` from where the joints are, or from the last command of those ``held``."""
+        """Follow ``goal`` from the joints' motion; ``held`` joints begin at their last command."""
         start = self._command() if self._config.begins_at_command else self._state(measured)
         if held:
             start = self._with_commands(start, held)
@@ -321,13 +340,13 @@ class TrajectoryFollower:
         self._follow(trajectory, time, turns, holding=False)
 
     def _command(self) -> JointMotion:
-        """Return the last command: the reference at the end of the last cycle."""
+        """Return the last command, which is the reference at the end of the last cycle."""
         motion = self._limited(self._trajectory.sample(self.time + self._advance))
         positions = map(add, motion.positions, self._turns)
         return motion._replace(positions=tuple(positions))
 
     def _state(self, measured: JointMotion) -> JointMotion:
-        """Return what state_interfaces have of the measured motion."""
+        """Return the part of the measured motion that state_interfaces include."""
         interfaces = self._config.state_interfaces
         return JointMotion(
             measured.positions,
@@ -336,7 +355,7 @@ class TrajectoryFollower:
         )
 
     def _with_commands(self, start: JointMotion, held: Collection[str]) -> JointMotion:
-        """Return ``start`` with the last command of the joints that are ``held``."""
+        """Return ``start`` with the last command for the joints that are ``held``."""
         zeros = (0.0,) * len(self.joints)
         values = [
             tuple(
@@ -357,7 +376,7 @@ class TrajectoryFollower:
         )
 
     def _points(self, goal: TrajectoryGoal) -> Sequence[Waypoint]:
-        """Return the goal's points for all joints, in their order; the missing ones are held."""
+        """Return the goal's points for all joints, in our order; missing joints are held."""
         if goal.joints == self.names:
             return goal.points
         command = dict(zip(self.names, self._command().positions, strict=True))
@@ -383,7 +402,7 @@ class TrajectoryFollower:
     # Tolerances -------------------------------------------------------------------------------
 
     def _judged(self, *, first: bool) -> list[Outcome]:
-        """Compare the error with the tolerances, in the ``first`` cycle with those of the path."""
+        """Compare the error with the tolerances; in the ``first`` cycle always the path's."""
         late = self.time - self._trajectory.end
         moving = late < -ROUNDING
         detail = exceeded(self.names, self.error, self._tolerances.path)
@@ -411,7 +430,7 @@ class TrajectoryFollower:
         return []
 
     def _failed(self, code: int, text: str, topic: str, detail: str) -> list[Outcome]:
-        """Stop, and return the outcome; ``topic`` is the text if no action goal is active."""
+        """Stop, and return the outcome; ``topic`` is its text if no action goal is active."""
         goal, self.active = self.active, None
         self._stop(self.measured, self._now)
         return [Outcome(goal, code, topic if goal is None else text, detail)]

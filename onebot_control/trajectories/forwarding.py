@@ -1,7 +1,12 @@
 """Forwards positions to joints as forward_command_controller does. No ROS here.
 
-forwarder = PositionForwarder([FollowedJoint("elbow")], [0.0])
-forwarder.command([0.5])  # the motors' limits of velocity make a run of this jump
+Example:
+    >>> from onebot_control.trajectories.forwarding import PositionForwarder
+    >>> from onebot_control.trajectories.goal import FollowedJoint
+    >>> forwarder = PositionForwarder([FollowedJoint("elbow")], [0.0])
+    >>> forwarder.command([0.5])  # a jump; the motor moves there at its velocity limit
+    >>> forwarder.reference(0.0)
+    [0.5]
 """
 
 from collections.abc import Iterator, Sequence
@@ -28,21 +33,21 @@ class ForwardConfig:
     interface_name: str = parameter("position", "what is commanded: position", read_only=True)
 
     def check(self) -> Iterator[Problem]:
-        """Report what forward_command_controller can do and this one cannot."""
+        """Report values that forward_command_controller supports and this one does not."""
         if self.interface_name != "position":
             text = "only position, no other kind of command; write position"
             yield Problem("interface_name", text)
 
 
 class PositionForwarder:
-    """Holds joints at the positions that were commanded last, within their limits.
+    """Holds joints at the last commanded positions, within their limits.
 
     Attributes:
-        joints: with their limits.
-        names: of the joints.
+        joints: the joints, with their limits.
+        names: the names of these joints.
     """
 
-    field = "data"  # of the message that has the positions
+    field = "data"  # the message's field of the positions, for error texts
 
     def __init__(self, joints: Sequence[FollowedJoint], positions: Sequence[float]) -> None:
         """Hold ``positions``, rad or m."""
@@ -51,12 +56,12 @@ class PositionForwarder:
         self.command(positions)
 
     def problems(self, positions: Sequence[float]) -> list[str]:
-        """Return why ``positions`` are refused, a line for each reason."""
+        """Return why ``positions``, rad or m, are refused, a line for each reason."""
         limits = {joint.name: joint for joint in self.joints}
         return [*field_problems(self.field, self.names, positions, limits)]
 
     def command(self, positions: Sequence[float]) -> None:
-        """Hold ``positions``, rad or m, which have no problems."""
+        """Hold ``positions``, rad or m; ``problems`` must have found none."""
         self._stopping = False
         self._commanded = [
             clamp(position, joint.lower, joint.upper)
@@ -64,25 +69,25 @@ class PositionForwarder:
         ]
 
     def stop(self) -> None:
-        """Hold the positions that are measured at the next update."""
+        """Hold the positions that are measured in the next update."""
         self._stopping = True
 
     def abort(self, text: str) -> Outcome | None:
-        """Stop, as if deactivated and activated again."""
+        """Stop, as if deactivated and activated again; there is no goal to abort."""
         self.stop()
         return None
 
     def reset(self, positions: Sequence[float]) -> Outcome | None:
-        """Hold ``positions``, rad or m, to which the joints were moved."""
+        """Hold ``positions``, rad or m, where the joints were put."""
         self.command(positions)
         return None
 
     def update(self, measured: JointMotion, now: int, period: float) -> list[Outcome]:
-        """Do one control cycle; see ``TrajectoryFollower.update``."""
+        """Run one control cycle; see ``TrajectoryFollower.update``."""
         if self._stopping:
             self.command(measured.positions)
         return []
 
     def reference(self, ahead: float) -> Sequence[float]:
-        """Return the positions to command, rad or m, whichever time is ``ahead``."""
+        """Return the positions to command, rad or m, which do not depend on ``ahead``."""
         return self._commanded

@@ -1,4 +1,4 @@
-"""Goals of trajectories, and why one is refused."""
+"""Trajectory goals, and the checks that accept or refuse them."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -10,8 +10,8 @@ from onebot_control.trajectories.trajectory import Waypoint
 from onebot_description.errors import did_you_mean, printable
 from onebot_description.ros.parameters.values import LARGEST
 
-_REST = 1.1920929e-07  # rad/s or m/s; joint_trajectory_controller's, the epsilon of a float32
-_ROUNDING = 1e-6  # rad or m; a limit that is rounded to a float32 may be that much beyond itself
+_REST = 1.1920929e-07  # rad/s or m/s; as joint_trajectory_controller: the epsilon of a float32
+_ROUNDING = 1e-6  # rad or m; rounding a limit to a float32 may move it this far beyond itself
 _NANOSECONDS = 1_000_000_000
 
 
@@ -25,12 +25,12 @@ class FollowedJoint(NamedTuple):
 
 
 class TrajectoryGoal(NamedTuple):
-    """What a client requests, as in trajectory_msgs/JointTrajectory."""
+    """A trajectory that a client requests, as in trajectory_msgs/JointTrajectory."""
 
     joints: tuple[str, ...]
-    points: tuple[Waypoint, ...]  # their values are in the order of ``joints``
-    stamp: int = 0  # when time_from_start is 0, ns; 0: at once
-    has_efforts: bool = False  # some point has efforts
+    points: tuple[Waypoint, ...]  # values in the order of ``joints``
+    stamp: int = 0  # time at which time_from_start is 0, ns; 0: at once
+    has_efforts: bool = False  # whether any point has efforts
 
 
 def goal_problems(
@@ -38,14 +38,14 @@ def goal_problems(
 ) -> list[str]:
     """Return why a goal is refused, a line for each reason; empty if it can be followed.
 
-    The reasons are joint_trajectory_controller's, and those that it lacks: a joint that is there
-    twice, a value that is not finite, a position beyond the joint's limits, a negative first time.
+    joint_trajectory_controller's reasons are checked, and some that it does not check: a duplicate
+    joint, a value that is not finite, a position beyond the joint's limits, a negative first time.
 
     Args:
-        goal: what is requested.
-        joints: the controller's.
+        goal: the requested goal.
+        joints: the controller's joints.
         config: the controller's parameters.
-        now: the time, ns.
+        now: current time, ns.
     """
     limits = {joint.name: joint for joint in joints} if config.enforce_command_limits else {}
     problems = [*_name_problems(goal.joints, [joint.name for joint in joints], config)]
@@ -94,9 +94,13 @@ def field_problems(
     values: Sequence[float],
     limits: Mapping[str, FollowedJoint],
 ) -> Iterator[str]:
-    """Yield why the values of a message's ``field``, one for each of ``names``, are refused.
+    """Yield why values of a message are refused: count, finiteness and limits.
 
-    Those are within ``limits``, rad or m, of the joints that are among them.
+    Args:
+        field: name of the message's field, for the text.
+        names: the joints, one for each value.
+        values: the values of the field.
+        limits: position limits, rad or m, of joints by name; other joints have none.
     """
     if len(values) != len(names):
         yield f"{field}: {len(values)} given, for {len(names)} joints"

@@ -1,8 +1,15 @@
 """Moves a gripper as parallel_gripper_action_controller does. No ROS here.
 
-gripper = GripperFollower([FollowedJoint("finger")], GripperConfig("finger"), [0.04])
-gripper.start(0.0, token="mine")
-gripper.update(measured, now=0, period=0.01)  # once a control cycle, until it is reached or stalled
+Example:
+    >>> from onebot_control.trajectories.goal import FollowedJoint
+    >>> from onebot_control.trajectories.gripping import GripperConfig, GripperFollower
+    >>> from onebot_control.trajectories.trajectory import JointMotion
+    >>> gripper = GripperFollower([FollowedJoint("finger")], GripperConfig("finger"), [0.04])
+    >>> gripper.start(0.0, token="mine")
+    >>> measured = JointMotion((0.0005,), (0.0,), ())  # m, m/s
+    >>> [outcome] = gripper.update(measured, now=0, period=0.01)  # once per control cycle
+    >>> outcome.text
+    'Reached the goal'
 """
 
 from collections.abc import Sequence
@@ -58,14 +65,14 @@ class GripperConfig:
 
 
 class GripperFollower(PositionForwarder):
-    """Moves one joint to the position of a goal, which ends where that is reached or it stalls.
+    """Moves one joint to the position of a goal, until it is reached or the joint stalls.
 
-    Whichever way it ends, the position stays commanded: what is gripped is held.
+    Either way, the position stays commanded, so that a gripped object is held.
 
     Attributes:
-        active: the token of the goal; None if there is none.
+        active: the token of the active goal; None if there is none.
         reached: whether the last goal was reached.
-        stalled: whether the joint stalled before.
+        stalled: whether the joint stalled on the way to the last goal.
     """
 
     field = "command.position"
@@ -73,18 +80,23 @@ class GripperFollower(PositionForwarder):
     def __init__(
         self, joints: Sequence[FollowedJoint], config: GripperConfig, positions: Sequence[float]
     ) -> None:
-        """Hold ``positions``, the only joint's, rad or m."""
+        """Hold ``positions``, one value for the one joint, rad or m."""
         super().__init__(joints, positions)
         self.active: object | None = None
         self.reached = self.stalled = False
         self.configure(config)
 
     def configure(self, config: GripperConfig) -> None:
-        """Apply other parameters, from the next update on."""
+        """Apply changed parameters, from the next update on."""
         self._config = config
 
     def start(self, position: float, token: object) -> Outcome | None:
-        """Move to ``position``, rad or m, which has no problems; return what this preempts."""
+        """Move to a position; return the outcome of the goal that this one preempts.
+
+        Args:
+            position: rad or m; ``problems`` must have found none.
+            token: identifies the goal in ``active`` and in its outcome.
+        """
         preempted = self._ended(PREEMPTED)
         self.command([position])
         self.active = token
@@ -93,18 +105,18 @@ class GripperFollower(PositionForwarder):
         return preempted
 
     def cancel(self) -> None:
-        """Give the goal up, and stop."""
+        """Cancel the goal, and stop."""
         self.active = None
         self.stop()
 
     def abort(self, text: str) -> Outcome | None:
-        """Abort the goal, and stop; without one, what is gripped is held as before."""
+        """Abort the goal, and stop; without a goal, a gripped object is held as before."""
         if self.active is not None:
             self.stop()
         return self._ended(text)
 
     def reset(self, positions: Sequence[float]) -> Outcome | None:
-        """Hold ``positions``, rad or m, to which the joint was moved; abort the goal."""
+        """Hold ``positions``, rad or m, where the joint was put; abort the goal."""
         self.command(positions)
         return self._ended(RESET)
 
@@ -113,7 +125,7 @@ class GripperFollower(PositionForwarder):
         return aborted(goal, text)
 
     def update(self, measured: JointMotion, now: int, period: float) -> list[Outcome]:
-        """Do one control cycle; see ``TrajectoryFollower.update``."""
+        """Run one control cycle; see ``TrajectoryFollower.update``."""
         super().update(measured, now, period)
         if self.active is None:
             return []

@@ -1,4 +1,4 @@
-"""How far joints may be off a trajectory: the controller's defaults, and what a goal gives."""
+"""Tolerances of a trajectory: the controller's defaults, overridden by those of a goal."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
@@ -6,14 +6,14 @@ from typing import NamedTuple
 from onebot_control.trajectories.config import JointConstraint, TrajectoryConfig
 from onebot_description.errors import did_you_mean, printable
 
-_OFF = -1.0  # what a goal gives for no tolerance
-_OFF_ROUNDING = 1.1920929e-07  # of joint_trajectory_controller, the epsilon of a float32
+_OFF = -1.0  # value by which a goal switches a tolerance off
+_OFF_ROUNDING = 1.1920929e-07  # as joint_trajectory_controller: the epsilon of a float32
 
 
 class ToleranceGiven(NamedTuple):
-    """What a goal gives for a joint, as in control_msgs/JointTolerance; rad or m, and seconds.
+    """Tolerances of a goal for one joint, as in control_msgs/JointTolerance; rad or m, and s.
 
-    0 is the controller's default, -1 none. Velocities and accelerations are never compared,
+    0 means the controller's default, -1 none. Velocities and accelerations are never compared,
     because only positions are commanded.
     """
 
@@ -24,7 +24,7 @@ class ToleranceGiven(NamedTuple):
 
 
 class TolerancesGiven(NamedTuple):
-    """What a goal gives, as in control_msgs/FollowJointTrajectory."""
+    """Tolerances of a goal, as in control_msgs/FollowJointTrajectory."""
 
     path: tuple[ToleranceGiven, ...] = ()
     goal: tuple[ToleranceGiven, ...] = ()
@@ -32,7 +32,7 @@ class TolerancesGiven(NamedTuple):
 
 
 class Tolerances(NamedTuple):
-    """The position errors allowed, in rad or m, in the order of the joints; 0: any."""
+    """The tolerances in force: allowed position errors by joint, rad or m; 0: any error."""
 
     path: tuple[float, ...]  # before the last point
     goal: tuple[float, ...]  # after it
@@ -42,7 +42,7 @@ class Tolerances(NamedTuple):
 def default_tolerances(
     joints: Sequence[str], config: TrajectoryConfig, constraints: Mapping[str, JointConstraint]
 ) -> Tolerances:
-    """Return the tolerances of the parameters; joints without constraints have none."""
+    """Return the tolerances that the parameters set; joints without constraints have none."""
     own = [constraints.get(name, JointConstraint()) for name in joints]
     return Tolerances(
         tuple(constraint.trajectory for constraint in own),
@@ -52,7 +52,7 @@ def default_tolerances(
 
 
 def tolerance_problems(given: TolerancesGiven, joints: Sequence[str]) -> list[str]:
-    """Return why the defaults are used instead of ``given``, a line each; empty: they are not."""
+    """Return why ``given`` cannot be used, a line for each reason; empty if it can."""
     problems = list(_value_problems("goal_time_tolerance", given.goal_time))
     for field, tolerances in (("path_tolerance", given.path), ("goal_tolerance", given.goal)):
         for tolerance in tolerances:
@@ -77,9 +77,9 @@ def _value_problems(what: str, value: float) -> Iterator[str]:
 def resolved_tolerances(
     given: TolerancesGiven, joints: Sequence[str], defaults: Tolerances
 ) -> Tolerances:
-    """Return the tolerances of a goal: its own where it gives some, else ``defaults``.
+    """Return the tolerances of a goal: its own where it gives some, otherwise ``defaults``.
 
-    One of ``tolerance_problems`` is enough for all to be ``defaults``.
+    If there is any problem (see ``tolerance_problems``), all are ``defaults``.
     """
     if tolerance_problems(given, joints):
         return defaults
@@ -109,7 +109,13 @@ def _is_off(value: float) -> bool:
 
 
 def exceeded(joints: Sequence[str], error: Sequence[float], tolerances: Sequence[float]) -> str:
-    """Return which joint has a greater position error than its tolerance; "" if none has."""
+    """Return a text about the first joint beyond its tolerance; "" if there is none.
+
+    Args:
+        joints: names of the joints.
+        error: position errors, rad or m.
+        tolerances: allowed errors, rad or m; 0: any error.
+    """
     for name, value, tolerance in zip(joints, error, tolerances, strict=True):
         if 0.0 < tolerance < abs(value):
             return f"{name}: position error {value:.6g}, tolerance {tolerance:g}"

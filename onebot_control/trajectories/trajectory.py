@@ -1,14 +1,19 @@
 """Trajectories of joints: piecewise polynomials through waypoints.
 
-trajectory = Trajectory(Waypoint(0.0, (0.8,)), [Waypoint(1.0, (1.0,)), Waypoint(2.0, (2.0,))])
-trajectory.sample(0.5)  # at 0.9 rad, with 0.2 rad/s
+Example:
+    >>> from onebot_control.trajectories.trajectory import Trajectory, Waypoint
+    >>> points = [Waypoint(1.0, (1.0,)), Waypoint(2.0, (2.0,))]
+    >>> trajectory = Trajectory(Waypoint(0.0, (0.5,)), points)
+    >>> motion = trajectory.sample(0.5)
+    >>> motion.positions, motion.velocities  # rad, rad/s
+    ((0.75,), (0.5,))
 """
 
 from bisect import bisect_right
 from collections.abc import Sequence
 from typing import NamedTuple
 
-# A joint's polynomial of the seconds since its segment began, the constant first.
+# Coefficients of a joint's polynomial in the seconds since its segment began, constant term first.
 _Coefficients = tuple[float, float, float, float, float, float]
 
 
@@ -30,11 +35,10 @@ class JointMotion(NamedTuple):
 
 
 class Trajectory:
-    """Leads from a start through waypoints, as joint_trajectory_controller interpolates them.
+    """A trajectory from a start through waypoints, interpolated as by joint_trajectory_controller.
 
     A segment is linear unless both its ends have velocities: then it is cubic, or quintic if both
-    have accelerations, too. Accelerations without velocities count for nothing. The last point is
-    held.
+    have accelerations, too. Accelerations without velocities are ignored. The last point is held.
 
     Attributes:
         end: the time of the last point, s.
@@ -43,19 +47,19 @@ class Trajectory:
     def __init__(
         self, start: Waypoint, points: Sequence[Waypoint], *, splines: bool = True
     ) -> None:
-        """Lead from ``start`` to the first of ``points``; without it if that point is past then.
+        """Interpolate from ``start`` through ``points``.
 
         Args:
-            start: where the motion is when it begins; its time may be negative. Derivatives that
-                the first point has and the start has not are 0.
+            start: the motion at the beginning; its time may be negative. Derivatives that only the
+                first point has are 0 at the start. Ignored if the first point is in its past.
             points: one or more, in ascending order of time.
-            splines: False to step: the start is held until the first point is due, and whenever a
-                point is due the motion jumps to the one after it.
+            splines: False to step: the start is held until the time of the first point, and at the
+                time of each point the motion jumps to the next one.
         """
         lead_in = [_completed(start, points[0])] if start.time < points[0].time else []
         self._waypoints = [*lead_in, *points]
         self._times = [waypoint.time for waypoint in self._waypoints]
-        # The waypoints that are held instead of a polynomial, by segment. The last one has no end.
+        # Waypoints that are held instead of interpolated, by segment; the last one is held forever.
         self._held = {len(self._waypoints) - 1: points[-1]}
         if not splines:
             self._held |= dict(enumerate([*lead_in, *points[1:]]))
@@ -63,7 +67,7 @@ class Trajectory:
         self.end = points[-1].time
 
     def sample(self, time: float) -> JointMotion:
-        """Return the motion at ``time``, s; before the beginning, that at the beginning."""
+        """Return the motion at ``time``, s; before the beginning, the motion there."""
         index = self._index(time)
         if held := self._held.get(index):
             zeros = (0.0,) * len(held.positions)
@@ -75,7 +79,7 @@ class Trajectory:
         return JointMotion(*zip(*states, strict=True))
 
     def positions(self, time: float) -> Sequence[float]:
-        """Return the positions of ``sample(time)`` only, which takes a third of the time."""
+        """Return only the positions of ``sample(time)``, in a third of the time."""
         index = self._index(time)
         if held := self._held.get(index):
             return held.positions
@@ -89,16 +93,16 @@ class Trajectory:
         return max(0, bisect_right(self._times, time) - 1)
 
     def _segment(self, index: int) -> list[_Coefficients]:
-        """Return the polynomials of a segment, a joint each."""
-        # They are computed when they are first needed: all at once, those of a long trajectory
-        # would take longer than a control cycle.
+        """Return the polynomials of a segment, one per joint."""
+        # They are computed when first needed: for a long trajectory, computing all at once would
+        # take longer than a control cycle.
         if index not in self._segments:
             self._segments[index] = _interpolated(*self._waypoints[index : index + 2])
         return self._segments[index]
 
 
 def _completed(start: Waypoint, point: Waypoint) -> Waypoint:
-    """Return ``start`` with zeros for the derivatives that only ``point`` has."""
+    """Return ``start`` with zeros for derivatives that only ``point`` has."""
     zeros = (0.0,) * len(start.positions)
     return start._replace(
         velocities=start.velocities or (zeros if point.velocities else ()),
@@ -107,7 +111,7 @@ def _completed(start: Waypoint, point: Waypoint) -> Waypoint:
 
 
 def _interpolated(start: Waypoint, end: Waypoint) -> list[_Coefficients]:
-    """Return the polynomials from ``start`` to ``end``, of the degree that both have fields for."""
+    """Return the polynomials from ``start`` to ``end``; their degree depends on common fields."""
     duration = end.time - start.time
     positions = zip(start.positions, end.positions, strict=True)
     if not (start.velocities and end.velocities):
@@ -127,7 +131,7 @@ def _interpolated(start: Waypoint, end: Waypoint) -> list[_Coefficients]:
 
 def _cubic(p: float, q: float, v: float, w: float, duration: float) -> _Coefficients:
     """Return the cubic from position ``p`` and velocity ``v`` to ``q`` and ``w`` (Hermite)."""
-    # What is left at the end of a motion with the constant velocity v: times c2 and c3, it is
+    # Relative to a motion at constant velocity v, the end is reached if
     #   distance = c2 T^2 + c3 T^3,  change = (2 c2 T + 3 c3 T^2) T.
     distance, change = q - p - v * duration, (w - v) * duration
     square = duration * duration
@@ -145,7 +149,7 @@ def _quintic(
     p: float, q: float, v: float, w: float, a: float, b: float, duration: float
 ) -> _Coefficients:
     """Return the quintic from ``p``, velocity ``v``, acceleration ``a`` to ``q``, ``w``, ``b``."""
-    # What is left at the end of a motion with the constant acceleration a:
+    # Relative to a motion at constant acceleration a, the end is reached if
     #   distance = c3 T^3 + c4 T^4 + c5 T^5,  change = T times its derivative,
     #   bend = T^2 / 2 times its second derivative.
     square = duration * duration
@@ -180,12 +184,12 @@ def standstill(positions: Sequence[float]) -> Trajectory:
 
 
 def braking(motion: JointMotion, decelerations: Sequence[float]) -> Trajectory:
-    """Return the trajectory that stops each joint by a constant deceleration, from time 0 on.
+    """Return the trajectory that stops each joint with a constant deceleration, from time 0 on.
 
-    A joint of velocity v stops after ``|v| / deceleration`` seconds, half of v times that ahead.
+    A joint with velocity v stops after t = |v| / deceleration seconds, v t / 2 farther on.
 
     Args:
-        motion: what to stop.
+        motion: the motion to stop.
         decelerations: of the joints, above 0, rad/s2 or m/s2.
     """
     durations = [abs(v) / a for v, a in zip(motion.velocities, decelerations, strict=True)]
@@ -195,7 +199,7 @@ def braking(motion: JointMotion, decelerations: Sequence[float]) -> Trajectory:
 
 
 def _slowed(motion: JointMotion, durations: Sequence[float], time: float) -> Waypoint:
-    """Return where joints are that brake for ``durations`` seconds, after ``time`` of them."""
+    """Return the motion at ``time`` of joints that come to rest after ``durations``, s."""
     positions, velocities = [], []
     for p, v, duration in zip(motion.positions, motion.velocities, durations, strict=True):
         braked = min(time, duration)

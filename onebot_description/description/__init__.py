@@ -1,7 +1,12 @@
-"""Robot descriptions: xacro or URDF in, a ``Description`` with its problems and warnings out.
+"""Reads robot descriptions: xacro or URDF in, a ``Description`` with problems and warnings out.
 
-from onebot_description.description import describe, load_description
-print(describe(load_description("robot.xacro", {"radius": "0.1"})))
+Example:
+    >>> from onebot_description.description import describe, load_description
+    >>> model = "package://onebot_description/urdf/onebot.urdf.xacro"
+    >>> description = load_description(model, {"mesh_enabled": "false"})
+    >>> description.root_link
+    'base_link'
+    >>> text = describe(description)  # a tree of links with joints, masses and shapes
 """
 
 from onebot_description.description.description import Description, Joint, Mimic

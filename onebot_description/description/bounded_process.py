@@ -1,9 +1,8 @@
-"""A function in a process of its own, within bounds of memory and processor time.
+"""Runs a function in a process of its own, with limited memory and processor time.
 
-Forking takes some milliseconds, but only a process without other threads may do it safely: what
-those hold, such as a lock of the loader, nobody would release in the child. A process with threads
-(a node) starts an interpreter instead, which forks; that takes a tenth of a second. The answer is
-JSON.
+Forking takes some milliseconds, but is safe only in a process without other threads: nobody would
+release their locks in the child, such as the loader's. A process with threads (a node) starts an
+interpreter instead, which forks; that takes a tenth of a second. The answer is passed as JSON.
 """
 
 import importlib
@@ -19,7 +18,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
-# Isolated, so that no file of the folder that it runs in is imported in place of a module.
+# Isolated (-I), so that no file in the current folder is imported instead of a module.
 _START = (
     "import sys; sys.path[:] = sys.argv[1].split('\\n');"
     "from onebot_description.description import bounded_process; bounded_process.main()"
@@ -27,14 +26,18 @@ _START = (
 
 
 class Bounds(NamedTuple):
-    """Memory and processor time that a function may take."""
+    """Limits of memory and processor time for a function."""
 
     memory: int = 1_000_000_000  # bytes, beyond the process's own at the start
     processor: int = 10  # s of processor time
 
 
 class BoundMet(Exception):
-    """The function was stopped; the text says by which bound."""
+    """The function was stopped because it met a bound, which the text names.
+
+    Attributes:
+        place: what the function was working on.
+    """
 
     def __init__(self, bound: str, place: str) -> None:
         super().__init__(bound)
@@ -42,7 +45,7 @@ class BoundMet(Exception):
 
 
 class Place:
-    """What the function works on at the moment; it outlives the function's process."""
+    """Shared note of what the function is working on; it outlives the function's process."""
 
     def __init__(self) -> None:
         self._page = mmap.mmap(-1, mmap.PAGESIZE)  # shared by forks
@@ -53,18 +56,21 @@ class Place:
         self._page[: len(data)] = data
 
     def read(self) -> str:
-        """Return the text noted last."""
+        """Return the last noted text."""
         return self._page[:].partition(b"\0")[0].decode("utf-8", "replace")
 
 
 def run_bounded(function: str, request: Any, bounds: Bounds) -> Any:
-    """Return what a function returns that runs in a process of its own.
+    """Run a function in a process of its own, and return its result.
 
     Args:
         function: ``module:name`` of a function that takes the request and a ``Place``.
-        request: anything that JSON can hold, as the function's result.
-        bounds: beyond them BoundMet is raised, and RuntimeError if the function fails, whose
-            traceback is on stderr then.
+        request: any JSON value; so is the result.
+        bounds: of memory and processor time.
+
+    Raises:
+        BoundMet: the function exceeded a bound.
+        RuntimeError: the function failed; its traceback is on stderr.
     """
     start = _fork if len(os.listdir("/proc/self/task")) == 1 else _spawn
     answer = json.loads(start(function, request, bounds))
@@ -84,7 +90,7 @@ def _spawn(function: str, request: Any, bounds: Bounds) -> bytes:
         [sys.executable, "-I", "-S", "-c", _START, path],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
-        start_new_session=True,  # Ctrl-C in a terminal is for the process that waits
+        start_new_session=True,  # Ctrl-C in a terminal must only reach the waiting process
     ) as process:
         try:
             answer, _ = process.communicate(json.dumps([function, request, bounds]).encode())
@@ -95,17 +101,17 @@ def _spawn(function: str, request: Any, bounds: Bounds) -> bytes:
 
 
 def main() -> None:
-    """Run what ``_spawn`` writes on stdin and answer on stdout."""
+    """Run the request that ``_spawn`` writes on stdin; answer on stdout."""
     function, request, bounds = json.load(sys.stdin)
     out = os.dup(1)
-    os.dup2(2, 1)  # a function that prints does not answer by it
+    os.dup2(2, 1)  # what the function prints must not mix with the answer
     answer = _fork(function, request, Bounds(*bounds))
     with open(out, "wb") as file:
         file.write(answer)
 
 
 def _fork(function: str, request: Any, bounds: Bounds) -> bytes:
-    """Return the answer of a fork of this process."""
+    """Run the function in a fork of this process; return its answer."""
     place = Place()
     answers, out = os.pipe()
     child = os.fork()
@@ -145,13 +151,13 @@ def _in_child(function: str, request: Any, bounds: Bounds, place: Place, out: in
             signal.signal(number, signal.SIG_DFL)
         _limit(bounds)
         answer = _answer(function, request, bounds, place)
-        with suppress(BrokenPipeError), open(out, "wb") as file:  # Ctrl-C has ended who waits
+        with suppress(BrokenPipeError), open(out, "wb") as file:  # the parent may have ended
             file.write(answer)
         code = 0
     except BaseException:
         sys.excepthook(*sys.exc_info())
     finally:
-        os._exit(code)  # nothing of the parent's is flushed or closed
+        os._exit(code)  # without flushing or closing files of the parent
 
 
 def _answer(function: str, request: Any, bounds: Bounds, place: Place) -> bytes:
@@ -165,8 +171,8 @@ def _answer(function: str, request: Any, bounds: Bounds, place: Place) -> bytes:
 
 
 def _limit(bounds: Bounds) -> None:
-    """Bound this process; what it has already does not count."""
-    Path("/proc/self/oom_score_adj").write_text("1000")  # the first to go, not the robot's
+    """Limit this process; memory that it already uses does not count."""
+    Path("/proc/self/oom_score_adj").write_text("1000")  # killed before the robot's processes
     pages = int(Path("/proc/self/statm").read_text().split()[0])
     _lower(resource.RLIMIT_AS, pages * resource.getpagesize() + bounds.memory)
     _lower(resource.RLIMIT_CPU, math.ceil(time.process_time()) + bounds.processor)

@@ -1,6 +1,6 @@
 """Checks of a robot description beyond single values, which ``reading`` checks.
 
-Names, the tree of links, joints that follow others, masses, mesh files, materials, elements and
+It checks names, the tree of links, mimic joints, masses, mesh files, materials, elements and
 attributes that are not part of URDF, and xacro that is not expanded.
 """
 
@@ -20,7 +20,7 @@ _FORMATS = {"sdf": "SDF", "COLLADA": "COLLADA", "mujoco": "MJCF"}
 
 
 def check_root(findings: Findings) -> None:
-    """Check that the document is a robot with a name; of another element take the robot in it."""
+    """Check that the document is a robot with a name; if the robot is inside another, take it."""
     document = findings.document
     outer, root = document.root, document.root
     if outer.tag != "robot":
@@ -38,7 +38,7 @@ def check_root(findings: Findings) -> None:
 
 
 def _wrong_root(root: Element) -> str:
-    """The message about a document that holds no robot."""
+    """Return the message about a document without a robot."""
     form = _FORMATS.get(local_name(root))
     if form is not None:
         return f"is a robot in {form}, which is not read; convert it to URDF"
@@ -71,9 +71,16 @@ def check_tree(
     links: Mapping[str, Element],
     ends: Mapping[str, tuple[str, str]],
 ) -> str:
-    """Check that the links are one tree; ``ends`` has the parent and child of each joint.
+    """Check that the links form one tree.
 
-    Returns the root link: the first one of a robot in parts, "" if there is none.
+    Args:
+        findings: of the document; faults are added.
+        joints: elements by name.
+        links: elements by name.
+        ends: parent and child link of each joint.
+
+    Returns:
+        The root link: the first one if there are several, "" if there is none.
     """
     if not links:
         findings.error(
@@ -128,9 +135,10 @@ def cycles(parents: Mapping[str, str]) -> list[list[str]]:
 def check_mimics(
     findings: Findings, joints: Mapping[str, Joint], elements: Mapping[str, Element]
 ) -> set[str]:
-    """Check that each joint that mimics one ends at another that moves by itself.
+    """Check that each mimic joint follows, maybe via others, a joint that moves by itself.
 
-    Returns the joints that follow nothing, themselves, a circle, or one that has no position.
+    Returns:
+        The joints that follow a missing joint, themselves, a circle, or a joint without position.
     """
     masters = {name: joint.mimic.joint for name, joint in joints.items() if joint.mimic}
     moving = [name for name, joint in joints.items() if joint.kind in MOVING_KINDS]
@@ -162,12 +170,12 @@ def check_mimics(
 
 # Moments are written with few digits; a plate's are just at the limit of the triangle inequality.
 _INERTIA_ROUNDING = 0.01
-# Down to this a moment is 0 but for the rounding of the program that has computed it.
+# A moment below these is 0, apart from rounding in the program that computed it.
 _CAD_ROUNDING, _RELATIVE_ROUNDING = 1e-15, 1e-9  # kg m^2, and of the largest moment
 
 
 def check_inertial(findings: Findings, link: Element, inertial: Inertial) -> None:
-    """Warn of a mass or an inertia of ``link`` that no body has."""
+    """Warn if mass or inertia of ``link`` are physically impossible."""
     mass, inertia = link.find("inertial/mass"), link.find("inertial/inertia")
     assert mass is not None and inertia is not None  # the inertial was read from them
     if inertial.mass == 0:
@@ -196,10 +204,10 @@ def check_inertial(findings: Findings, link: Element, inertial: Inertial) -> Non
 def _principal_moments(
     xx: float, xy: float, xz: float, yy: float, yz: float, zz: float
 ) -> tuple[float, float, float]:
-    """Return the eigenvalues of a symmetric matrix of numbers up to 1, the least first.
+    """Return the eigenvalues of a symmetric matrix with elements up to 1, in ascending order.
 
     O. K. Smith, "Eigenvalues of a symmetric 3 x 3 matrix", Communications of the ACM 4 (4), 1961.
-    NumPy has them, too, but takes longer to import than all that is done here.
+    NumPy would take longer to import than everything here.
     """
     mean = (xx + yy + zz) / 3
     a, b, c = xx - mean, yy - mean, zz - mean
@@ -215,7 +223,7 @@ def _principal_moments(
 
 
 def check_meshes(findings: Findings) -> None:
-    """Report the meshes that have no file: each reason once, at the first of them."""
+    """Report meshes without a file; each reason once, at the first such mesh."""
     reasons: dict[str, list[Element]] = {}
     for element, mesh in findings.meshes:
         if mesh.problem:

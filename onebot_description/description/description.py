@@ -1,7 +1,7 @@
-"""A robot description: its links, joints, shapes and inertials as plain values.
+"""A robot description as plain values: links, joints, shapes, inertials and sensors.
 
-SI units and radians, frames as REP-103 has them. ``reading`` makes these values in the one parse of
-the URDF; each has the line it was written at, as ``robot.urdf:12``.
+Units are SI and radians, frames follow REP-103. ``reading`` creates these values from the URDF; in
+each, ``where`` is the line that it was written at, such as ``robot.urdf:12``.
 """
 
 import math
@@ -18,14 +18,14 @@ Rgba = tuple[float, float, float, float]
 Moments = tuple[float, float, float, float, float, float]  # ixx ixy ixz iyy iyz izz, kg m^2
 
 JOINT_KINDS = ("fixed", "revolute", "continuous", "prismatic", "floating", "planar")
-MOVING_KINDS = ("revolute", "continuous", "prismatic")  # their position is one number
+MOVING_KINDS = ("revolute", "continuous", "prismatic")  # kinds with one degree of freedom
 MESH_SUFFIXES = (".dae", ".glb", ".gltf", ".obj", ".stl")
 
 ZERO: Triple = (0.0, 0.0, 0.0)
 
 
 class Origin(NamedTuple):
-    """Where something lies in the frame of its parent."""
+    """A pose in the frame of a parent, as URDF writes it."""
 
     xyz: Triple = ZERO  # m
     rpy: Triple = ZERO  # roll, pitch, yaw about the parent's fixed axes, rad
@@ -63,12 +63,12 @@ class Capsule:
 
 @dataclass(frozen=True)
 class Mesh:
-    """A mesh file, its axes scaled by ``scale``; ``meshes.locate_mesh`` finds it."""
+    """A mesh file, scaled along its axes; ``meshes.locate_mesh`` finds the file."""
 
     uri: str  # valid for other programs, too: file://, or package:// of an installed package
     scale: Triple
     path: Path | None = field(default=None, compare=False)  # None if there is no such file
-    problem: str = field(default="", compare=False)  # why there is none
+    problem: str = field(default="", compare=False)  # why there is no such file
 
 
 Shape = Box | Cylinder | Sphere | Capsule | Mesh
@@ -76,15 +76,15 @@ Shape = Box | Cylinder | Sphere | Capsule | Mesh
 
 @dataclass(frozen=True)
 class Material:
-    """How visuals look; one with neither colour nor texture refers by its name to another."""
+    """The material of visuals; without colour and texture it refers to another one by its name."""
 
     name: str | None
     color: Rgba | None = None  # 0 to 1
-    texture: str | None = None  # its file, as written
+    texture: str | None = None  # file name, as written
 
     @property
     def is_reference(self) -> bool:
-        """Whether it defines nothing itself."""
+        """Whether it refers to another material, because it defines nothing itself."""
         return self.color is None and self.texture is None
 
 
@@ -94,7 +94,7 @@ class Geometry:
 
     shape: Shape
     origin: Origin  # frame: the link's
-    color: Rgba | None = None  # the visual's material, 0 to 1; None if it gives none
+    color: Rgba | None = None  # of the visual's material, 0 to 1; None if not given
     where: str = field(default="", compare=False)
 
 
@@ -115,30 +115,30 @@ class Link:
     visuals: tuple[Geometry, ...]
     collisions: tuple[Geometry, ...]
     inertial: Inertial | None
-    friction: float | None  # <contact><lateral_friction>, which PyBullet has added to URDF
+    friction: float | None  # <contact><lateral_friction>, PyBullet's extension of URDF
     where: str = field(default="", compare=False)
-    # What is wrong with the visuals and collisions that could not be read.
+    # Problems of visuals and collisions that could not be read.
     left_out: tuple[str, ...] = field(default=(), compare=False)
 
 
 @dataclass(frozen=True)
 class Mimic:
-    """A joint follows another: position = multiplier * position of ``joint`` + offset."""
+    """How a joint follows another: position = multiplier * position of ``joint`` + offset."""
 
-    joint: str  # it may follow another one itself
-    multiplier: float = 1.0  # no unit, or m/rad and rad/m between kinds
+    joint: str  # the leader, which may follow another joint itself
+    multiplier: float = 1.0  # without unit, or m/rad or rad/m between joints of different kinds
     offset: float = 0.0  # rad, or m for a prismatic joint
 
 
 @dataclass(frozen=True)
 class Joint:
-    """One joint; positions in rad, of prismatic joints in m. Absent limits are None."""
+    """One joint; positions are in rad, or m for prismatic joints. Limits not given are None."""
 
     name: str
     kind: str  # one of JOINT_KINDS
     parent: str  # link
     child: str  # link
-    origin: Origin = Origin()  # the joint frame (the child link's) in the parent link's
+    origin: Origin = Origin()  # of the joint frame (the child link's frame) in the parent link
     axis: Triple = (1.0, 0.0, 0.0)  # unit vector in the joint frame
     lower: float | None = None  # least position, at most ``upper``; revolute and prismatic only
     upper: float | None = None
@@ -162,7 +162,7 @@ class Joint:
 
 @dataclass(frozen=True)
 class Noise:
-    """Gaussian noise of one value, in its unit."""
+    """Gaussian noise of one measured value, in its unit."""
 
     mean: float = 0.0
     stddev: float = 0.0
@@ -175,7 +175,7 @@ RADIATIONS = ("ultrasound", "infrared")  # in the order of the constants of sens
 
 
 class Fan(NamedTuple):
-    """Directions evenly spread over an angle, both ends included."""
+    """Ray directions evenly spread over an angle, including both ends."""
 
     samples: int = 1
     least: float = 0.0  # rad
@@ -184,20 +184,20 @@ class Fan(NamedTuple):
 
 @dataclass(frozen=True)
 class Lidar:
-    """A range finder whose rays lie in rows; x ahead, z up."""
+    """A range finder whose rays are in rows; x ahead, z up."""
 
     horizontal: Fan  # rays of a row, about z
     vertical: Fan  # rows, upwards
     least: float  # range, m
     greatest: float
     noise: Noise = Noise()
-    is_organized: bool = True  # clouds have a point for each ray, also where it meets nothing
-    radiation: str = "infrared"  # of a Range: one of RADIATIONS
-    cone: float = 0.0  # of a Range: its field of view, rad; 0: the angle of the rays
+    is_organized: bool = True  # whether clouds have points for rays that hit nothing, too
+    radiation: str = "infrared"  # for Range messages, one of RADIATIONS
+    cone: float = 0.0  # field of view of Range messages, rad; 0: the angle of the rays
 
     @property
     def field_of_view(self) -> float:
-        """The greatest angle between rays, or the one that was set, rad."""
+        """Field of view of Range messages: as set, or the greatest angle between rays, rad."""
         spans = (fan.greatest - fan.least for fan in (self.horizontal, self.vertical))
         return self.cone or max(spans)
 
@@ -211,23 +211,23 @@ class Camera:
     height: int
     near: float  # m along the axis
     far: float
-    depth_near: float  # the same of the depth
-    depth_far: float
-    noise: Noise = Noise()  # unit: 1 for colours (0 to 1), m for the depth
+    depth_near: float  # near clip of depths, m along the axis
+    depth_far: float  # far clip of depths
+    noise: Noise = Noise()  # of colours (0 to 1), or of depths (m)
     baseline: float = 0.0  # m, from the left camera of a pair to this one
     blank: float = math.inf  # x, y and z of a point without a depth, as in gz sim
 
 
 class Reference(NamedTuple):
-    """The axes in which an IMU gives its orientation."""
+    """The reference axes of an IMU's orientation."""
 
     rpy: Triple = ZERO  # fixed-axis roll, pitch, yaw in the world: x east, y north, z up; rad
-    at_start: bool = False  # they are those in the root link's frame instead, as it was at first
+    at_start: bool = False  # relative to the root link's initial frame instead of the world
 
 
 @dataclass(frozen=True)
 class Imu:
-    """An inertial measurement unit."""
+    """An inertial measurement unit, with the noise of each axis."""
 
     angular_velocity: tuple[Noise, Noise, Noise] = (Noise(), Noise(), Noise())  # rad/s
     linear_acceleration: tuple[Noise, Noise, Noise] = (Noise(), Noise(), Noise())  # m/s^2
@@ -245,25 +245,25 @@ MESSAGE_TYPES = {
     "depth_camera_info": "sensor_msgs/msg/CameraInfo",
     "points": "sensor_msgs/msg/PointCloud2",
 }
-"""The type of each output of sensors."""
+"""The message type of each sensor output."""
 
 
 @dataclass(frozen=True)
 class Sensor:
-    """One <sensor> that is simulated; of one with several plugins, what one of them publishes."""
+    """One simulated <sensor>, or what one of its plugins publishes."""
 
     name: str
     link: str
     origin: Origin  # relative to the link
-    rate: float  # measurements a simulated second, Hz; 0: one in each control cycle
-    topics: Mapping[str, str]  # by output: a name, relative or absolute
-    frame: str  # frame_id of the messages; a link, unless set otherwise on purpose
+    rate: float  # measurements per simulated second, Hz; 0: one in each control cycle
+    topics: Mapping[str, str]  # relative or absolute names, by output
+    frame: str  # frame_id of the messages, usually a link
     model: Lidar | Camera | Imu
     where: str = field(default="", compare=False)
 
 
 def clashes(first: Mapping[str, str], second: Mapping[str, str]) -> list[str]:
-    """Return the topics of two sensors that they cannot share, as cameras share a CameraInfo."""
+    """Return the topics that two sensors have in common; CameraInfo topics may be shared."""
     kinds = {topic: MESSAGE_TYPES[output] for output, topic in first.items()}
     info = MESSAGE_TYPES["camera_info"]
     return [
@@ -274,38 +274,38 @@ def clashes(first: Mapping[str, str], second: Mapping[str, str]) -> list[str]:
 
 
 class JointInterfaces(NamedTuple):
-    """What ``<ros2_control>`` says of a joint."""
+    """The interfaces of a joint in ``<ros2_control>``."""
 
-    commands: tuple[str, ...]  # command interfaces, such as "position"; none: it is not driven
+    commands: tuple[str, ...]  # command interfaces, such as "position"; empty: it is not driven
     start: float | None = None  # initial_value of its position, rad or m
 
 
 @dataclass(frozen=True)
 class Description:
-    """A robot description; everything in it can be published.
+    """A robot, or a world, as read from URDF; everything in it can be published.
 
-    What is in its ``problems`` was left out or replaced, so that a node can use the rest.
+    Elements with ``problems`` were left out or replaced, so that a node can use the rest.
     """
 
     urdf: str  # xacro expanded, axes of unit length, mesh paths absolute, indented, no comments
     robot_name: str
     source: str  # absolute path of the file loaded, or the name given to parse_description
     files: tuple[Path, ...]  # absolute paths of all files read, the loaded one first (to watch)
-    root_link: str  # the link that is no joint's child; the first one of a robot in parts
-    links: tuple[Link, ...]  # order of the XML
-    joints: tuple[Joint, ...]  # likewise
-    problems: tuple[str, ...]  # ``onebot check`` refuses them, nodes warn of them
-    warnings: tuple[str, ...]  # it works but is probably not meant
-    # Where each element of ``urdf`` was written, in document order.
+    root_link: str  # the link that is no joint's child; the first of them if there are several
+    links: tuple[Link, ...]  # in the order of the XML
+    joints: tuple[Joint, ...]  # in the order of the XML
+    problems: tuple[str, ...]  # ``onebot check`` refuses these, nodes only warn
+    warnings: tuple[str, ...]  # these work, but are probably not intended
+    # File and line of each element of ``urdf``, in document order.
     places: tuple[str, ...] = field(default=(), compare=False, repr=False)
     sensors: tuple[Sensor, ...] = ()
     bad_sensors: tuple[str, ...] = ()  # names of unreadable sensors
-    # Of <ros2_control>, by joint.
+    # From <ros2_control>, by joint.
     interfaces: Mapping[str, JointInterfaces] = field(default_factory=dict, hash=False)
 
     @property
     def notices(self) -> tuple[str, ...]:
-        """What a node logs as warnings when it uses the description: problems, then warnings."""
+        """The problems, then the warnings, which a node logs when it uses the description."""
         return (*self.problems, *self.warnings)
 
     def raise_problems(self) -> None:
@@ -314,7 +314,7 @@ class Description:
             raise DescriptionError(self.problems, self.warnings)
 
     def require_tree(self) -> None:
-        """Raise a DescriptionError if the robot is in parts, which TF cannot have."""
+        """Raise a DescriptionError if the links are not all connected."""
         if len(self.roots) > 1:
             raise DescriptionError(
                 [
@@ -325,7 +325,7 @@ class Description:
 
     @cached_property
     def roots(self) -> tuple[str, ...]:
-        """The links that are no joint's child: one, unless the robot is in parts."""
+        """The links that are no joint's child; more than one if not all links are connected."""
         children = {joint.child for joint in self.joints}
         return tuple(name for name in self.link_names if name not in children)
 
@@ -336,5 +336,5 @@ class Description:
 
     @cached_property
     def moving_joints(self) -> tuple[Joint, ...]:
-        """The joints whose position is one number: no fixed, floating or planar ones."""
+        """The joints with one degree of freedom: all but fixed, floating and planar ones."""
         return tuple(joint for joint in self.joints if joint.kind in MOVING_KINDS)

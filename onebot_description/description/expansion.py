@@ -1,10 +1,10 @@
-"""xacro as a function: a file in; its text with the place of each element, or its mistakes, out.
+"""Expands a xacro file to URDF text, with the place of each element; or returns its mistakes.
 
 xacro keeps its state in module globals and prints to stderr. This module therefore runs in a
-process of its own (see ``bounded_process``) and replaces some functions of xacro there: what it
-would print is collected, files are read by ``xml``, and expressions are evaluated by
-``expressions``. Every element of the files carries its place as DOM user data, which survives
-macros and includes, so that a check of the result can still name the line that a person wrote.
+process of its own (see ``bounded_process``), and replaces some functions of xacro there: output is
+collected, files are read by ``xml``, and expressions are evaluated by ``expressions``. Every
+element carries its place as DOM user data, which survives macros and includes, so that later checks
+can name the line that a person wrote.
 """
 
 import io
@@ -38,15 +38,15 @@ from onebot_description.errors import (
 
 _MOST_PLACES = 4
 _UNKNOWN = (NameError, NameNotDefined, FunctionNotDefined)
-_DEEP = 50  # calls in calls; nobody means so many
+_DEEP = 50  # nested macro calls that count as endless recursion
 
 
 def expand_file(request: dict[str, Any], place: Place) -> dict[str, Any]:
     """Run xacro on the file ``path`` of a request with its ``arguments``.
 
     Returns:
-        ``problems``, and ``arguments``, the names of those that the files declare or use; without
-        problems also ``text``, ``places`` of its elements, ``files`` read and ``warnings``.
+        ``problems``, and ``arguments``, the names that the files declare or use. Without problems
+        also ``text``, ``places`` of its elements, ``files`` read, and ``warnings``.
     """
     path = Path(request["path"])
     run = _Run(place)
@@ -85,8 +85,8 @@ def _result(document: minidom.Document, path: Path) -> dict[str, Any]:
 class _CopyPlaces:
     """Passes an element's places to its clones (a DOM UserDataHandler).
 
-    Places are where an element was written and, if that is in a macro, where it is called, where
-    the macro with that call is called, and so on.
+    The places of an element are where it was written and, in a macro, where the macro was called,
+    where the macro with that call was called, and so on.
     """
 
     def __init__(self) -> None:
@@ -100,9 +100,9 @@ class _CopyPlaces:
 
 
 class _Children(minicompat.NodeList[Any]):
-    """The children of an element, each searched for from where the last one was.
+    """The children of an element; a search starts where the last one ended.
 
-    Else xacro and minidom take the square of their number, of macro calls in particular.
+    Otherwise xacro and minidom would take time quadratic in their number.
     """
 
     _last = 0
@@ -119,7 +119,7 @@ class _Children(minicompat.NodeList[Any]):
 
 
 class _Run:
-    """One run of xacro: what it reads and warns of, and the functions of xacro that it replaces."""
+    """One run of xacro: collects files and warnings, and has the replaced functions of xacro."""
 
     def __init__(self, place: Place) -> None:
         self.files: list[Path] = []
@@ -130,7 +130,7 @@ class _Run:
         self._handle_macro_call = xacro.handle_macro_call
 
     def replace_functions(self, file: str) -> None:
-        """Have xacro, whose first file is ``file``, call the functions below."""
+        """Make xacro call the methods below; ``file`` is its first file."""
         for name in ("open", "parse", "message", "warning", "error", "print_location"):
             setattr(xacro, name, getattr(self, name))
         xacro.handle_macro_call = self.handle_macro_call
@@ -207,15 +207,18 @@ class _Run:
         return str(evaluate(expression, names))
 
     def find(self, package: str) -> str:
-        """Replace ``$(find package)``: an installed package or one being worked on."""
+        """Replace ``$(find package)`` by the folder of a package, installed or in a source tree."""
         folder = Path(xacro.filestack[-1]).absolute().parent
         return str(self._packages.setdefault(folder, Resources(folder)).package(package))
 
 
 def explain(error: Exception, path: Path, arguments: Iterable[str]) -> str:
-    """Return the message for what xacro raised while it processed ``path``.
+    """Return the message for an exception that xacro raised.
 
-    ``arguments`` are those that the files declare. A MemoryError is raised again.
+    Args:
+        error: the exception; a MemoryError is raised again.
+        path: the file.
+        arguments: names that the files declare.
     """
     chain = _chain(error)
     if isinstance(chain[-1], MemoryError):
@@ -227,7 +230,7 @@ def explain(error: Exception, path: Path, arguments: Iterable[str]) -> str:
 
 
 def _chain(error: Exception) -> list[Exception]:
-    """The exceptions that xacro wrapped into each other, outermost first."""
+    """Return the exceptions that xacro wrapped into each other, outermost first."""
     chain = [error]
     while isinstance(inner := getattr(chain[-1], "exc", None), Exception):
         chain.append(inner)
@@ -235,7 +238,7 @@ def _chain(error: Exception) -> list[Exception]:
 
 
 def _cause(chain: list[Exception], frames: list[FrameType], arguments: list[str]) -> str:
-    """The message without its place."""
+    """Return the message without its place."""
     inner = chain[-1]
     if isinstance(inner, OneBotError):
         return str(inner)
@@ -278,7 +281,7 @@ def _argument_without_value(name: str, frames: list[FrameType], arguments: list[
 
 
 def _expression(chain: list[Exception]) -> str:
-    """The innermost ``${...}`` that was being evaluated, "" if none."""
+    """Return the innermost ``${...}`` that was being evaluated; "" if there is none."""
     for error in reversed(chain):
         if match := re.search(
             r"when evaluating expression '(.*)'", getattr(error, "suffix", None) or ""
@@ -288,7 +291,7 @@ def _expression(chain: list[Exception]) -> str:
 
 
 def written_at(node: Any) -> str | None:
-    """Where a DOM node was written: ``file:line``, with the macro calls that led there."""
+    """Return where a DOM node was written: ``file:line``, with the macro calls that led there."""
     while node is not None:
         if places := node.getUserData("places"):
             calls = f" (called at {', from '.join(places[1:])})" if len(places) > 1 else ""
@@ -298,14 +301,14 @@ def written_at(node: Any) -> str | None:
 
 
 def _node(frame: FrameType) -> Any:
-    """The XML node that a frame of xacro works on; None if there is none."""
+    """Return the XML node that a stack frame of xacro works on; None if there is none."""
     if frame.f_globals.get("__name__") != "xacro":
         return None
     return frame.f_locals.get("node", frame.f_locals.get("elt"))
 
 
 def _recursing(frames: list[FrameType]) -> str:
-    """The message about a recursion without end."""
+    """Return the message about an endless recursion."""
     calls = [frame for frame in frames if frame.f_code.co_name == "handle_macro_call"]
     macros = [frame.f_locals["m"] for frame in calls if "m" in frame.f_locals]
     if len(macros) > _DEEP:
@@ -316,7 +319,7 @@ def _recursing(frames: list[FrameType]) -> str:
 
 
 def _names(frames: list[FrameType], table: str) -> list[str]:
-    """The names in the innermost of xacro's tables of this kind (``symbols`` or ``macros``)."""
+    """Return the names in xacro's innermost table of this kind (``symbols`` or ``macros``)."""
     for frame in reversed(frames):
         names = frame.f_locals.get(table)
         if isinstance(names, dict):
@@ -325,7 +328,7 @@ def _names(frames: list[FrameType], table: str) -> list[str]:
 
 
 def _own_names(table: Any) -> Iterator[str]:
-    """The names defined in the files: in ``table`` and its parents, without xacro's globals."""
+    """Yield the names that files define: in ``table`` and its parents, without xacro's globals."""
     root = getattr(table, "root", None)
     while table is not None and table is not root and hasattr(table, "parent"):
         yield from (name for name in dict.keys(table) if not name.startswith(("*", "__")))

@@ -1,8 +1,8 @@
-"""Expressions of xacro files: simpleeval's, and nothing is in reach that xacro does not document.
+"""Evaluates expressions of xacro files by simpleeval, with nothing that xacro does not document.
 
 Lambdas, f-strings and names with leading underscores are refused, a generator becomes a list, and
-attributes are those of namespaces, of loaded YAML and of plain values. What an expression may cost
-is bounded by the process that it runs in (see ``bounded_process``).
+only attributes of namespaces, loaded YAML and plain values can be read. The process that it runs in
+bounds its time and memory (see ``bounded_process``).
 """
 
 import ast
@@ -30,19 +30,25 @@ _ATTRIBUTES = {
     xacro.YamlDictWrapper: _AnyName(),
     xacro.YamlListWrapper: simpleeval.BASIC_ALLOWED_ATTRS[list],
 }
-_OPERATORS = {**simpleeval.DEFAULT_OPERATORS, ast.Pow: operator.pow}  # 1e7**2 is no mistake
+_OPERATORS = {**simpleeval.DEFAULT_OPERATORS, ast.Pow: operator.pow}  # simpleeval refuses 1e7**2
 
 
 def evaluate(expression: str, names: Mapping[str, Any]) -> Any:
-    """Return the value of an expression, which looks ``names`` up as it needs them.
+    """Return the value of an expression.
 
-    Raises simpleeval.InvalidExpression for what is refused, and what functions and operators raise.
+    Args:
+        expression: in the syntax of Python.
+        names: variables and functions, looked up when needed.
+
+    Raises:
+        simpleeval.InvalidExpression: something is refused. Functions and operators may raise
+            other exceptions.
     """
     return _Evaluator(names).eval(expression, _parsed(expression.strip()))
 
 
 class _Evaluator(simpleeval.EvalWithCompoundTypes):
-    """simpleeval's, with the names of xacro in place of its own."""
+    """simpleeval's evaluator with xacro's names instead of its own."""
 
     def __init__(self, names: Mapping[str, Any]) -> None:
         super().__init__(_OPERATORS, {}, names, _ATTRIBUTES)
@@ -50,20 +56,20 @@ class _Evaluator(simpleeval.EvalWithCompoundTypes):
         del self.nodes[ast.JoinedStr]
 
     def _check_disallowed_items(self, item: Any) -> None:
-        """Search no value for functions that no name holds: YAML's aliases may make it endless."""
+        """Do not search values for disallowed functions: with YAML aliases it might never end."""
 
 
-@functools.lru_cache(maxsize=4096)  # macros repeat theirs
+@functools.lru_cache(maxsize=4096)  # macros repeat their expressions
 def _parsed(expression: str) -> ast.expr:
     return ast.parse(expression, "<expression>", "eval").body
 
 
 def global_symbols() -> dict[str, Any]:
-    """Return the names that every xacro file can use, without functions that reach further."""
+    """Return the names that every xacro file can use, except functions that would be unsafe."""
     symbols: dict[str, Any] = xacro.create_global_symbols()
     python = symbols["python"]
     del python["vars"]
-    # simpleeval refuses these functions themselves, and whatever holds them.
+    # Wrapped, because simpleeval refuses these functions themselves, and containers of them.
     python["type"] = _plain_type
     python["isinstance"] = lambda value, kinds: isinstance(value, kinds)
     python["repr"] = lambda value: repr(value)

@@ -1,6 +1,7 @@
-"""Frames of a robot as SDFormat names them, and their poses while all moving joints are at 0.
+"""Frames of a robot by their SDFormat names, and their poses with all moving joints at 0.
 
-numpy is imported late: that takes longer than all that is done here, and few blocks need it.
+numpy is imported late, because importing it takes longer than everything here, and few robots need
+it.
 """
 
 from collections.abc import Iterable
@@ -18,9 +19,15 @@ Placed = tuple[str, "NDArray[np.float64]", "NDArray[np.float64]"]
 
 
 def placed(link: str, origin: Origin, joints: Iterable[Joint]) -> Placed:
-    """Return the first link above a link by these joints, and a pose of the link in its frame.
+    """Express a pose on a link in the frame of the topmost link above it.
 
-    The pose is a translation (3,), m, and a unit quaternion (4,), x y z w.
+    Args:
+        link: the link.
+        origin: a pose in its frame.
+        joints: to follow upwards.
+
+    Returns:
+        The topmost link, translation (3,), m, and unit quaternion (4,), x y z w.
     """
     import numpy as np
 
@@ -36,7 +43,7 @@ def placed(link: str, origin: Origin, joints: Iterable[Joint]) -> Placed:
 
 
 class Frames:
-    """The links and joints of a robot, whose frames a pose may be relative to."""
+    """Resolves names of frames (links and joints of a robot) that poses may be relative to."""
 
     def __init__(self, links: Iterable[str], joints: Iterable[Joint]) -> None:
         self._joints = [*joints]
@@ -50,9 +57,11 @@ class Frames:
         return [*self._names]
 
     def link(self, name: str, default: str) -> str | None:
-        """Return the link whose frame has this name, as SDFormat scopes it; None if there is none.
+        """Return the link whose frame has this SDFormat name; None if there is none.
 
-        ``default`` is the link of "", and one of those whose first link is the model's.
+        Args:
+            name: may be scoped by ``::``; "" is the default, ``__model__`` the robot's first link.
+            default: the link that "" stands for.
         """
         name = name.strip().rpartition("::")[2]
         if name == _MODEL:
@@ -60,7 +69,7 @@ class Frames:
         return self._names.get(name) if name else default
 
     def relative(self, origin: Origin, frame: str, link: str) -> Origin:
-        """Return where ``origin`` in the frame of a link is in that of another ``link``."""
+        """Convert ``origin`` from the frame of the link ``frame`` to that of ``link``."""
         from onebot_description.model import quaternions
 
         _, at, turn = placed(frame, origin, self._joints)
@@ -71,7 +80,7 @@ class Frames:
         return Origin((x, y, z), quaternions.to_rpy(matrix))
 
     def turned(self, rpy: Triple, origin: Origin, link: str) -> Triple:
-        """Return roll, pitch, yaw in the first link: ``rpy``, then ``origin`` on a link."""
+        """Return, in the topmost link, roll, pitch, yaw of ``rpy`` relative to ``origin``."""
         from onebot_description.model import quaternions
 
         turn = placed(link, origin, self._joints)[2]

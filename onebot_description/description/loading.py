@@ -1,4 +1,4 @@
-"""From a file or a text to a Description."""
+"""Loads a Description from a file or a text, and sensors and worlds from files."""
 
 import json
 import os
@@ -39,17 +39,17 @@ from onebot_description.errors import (
     printable,
 )
 
-# The environment variable with a folder that says where the elements of each URDF were written: a
-# bringup knows its files, and its nodes get the text alone.
+# Environment variable: a folder with file and line of the elements of each URDF. A bringup reads
+# the files, while its nodes get only the text, but should name these places in messages.
 PLACES = "ONEBOT_PLACES"
-_WORLD = ".urdf.xacro"  # ending of the files of worlds that ship
+_WORLD = ".urdf.xacro"  # ending of the files of included worlds
 
 
 def load_description(source: str | Path, arguments: Mapping[str, str] | None = None) -> Description:
     """Read a robot description, expand it if it is xacro, and check it.
 
-    What is wrong but can be left out or replaced is in the ``problems`` of the description, as
-    nodes take it with a warning; ``Description.raise_problems`` is the strict check.
+    Faulty elements that can be left out or replaced are listed in the description's ``problems``,
+    of which nodes only warn; ``Description.raise_problems`` is the strict check.
 
     Args:
         source: a .urdf or .xacro file, or ``package://name/path``. A file that declares the xacro
@@ -57,8 +57,8 @@ def load_description(source: str | Path, arguments: Mapping[str, str] | None = N
         arguments: values for its ``<xacro:arg>``s, by name.
 
     Raises:
-        DescriptionError: the file cannot be read or expanded, an argument is not one it takes, or
-            nothing of the robot can be published; all problems at once, each with file, line,
+        DescriptionError: the file cannot be read or expanded, it does not declare an argument, or
+            the robot cannot be published. The text lists all problems, each with file, line,
             element and remedy.
     """
     path = _locate(source)
@@ -69,7 +69,7 @@ def load_description(source: str | Path, arguments: Mapping[str, str] | None = N
 def _read(
     path: Path, arguments: Mapping[str, str]
 ) -> tuple[xml.Document, tuple[Path, ...], tuple[str, ...]]:
-    """Return the document in a file, xacro expanded, the files read, and warnings."""
+    """Return the document in a file (expanded, if xacro), the files read, and warnings."""
     values = {name: str(value) for name, value in arguments.items()}
     name = xml.shown_path(path)
     data, blank = xml.declaration_first(xml.read_bytes(path), name)
@@ -85,18 +85,23 @@ def _read(
 
 
 class SensorFile(NamedTuple):
-    """The sensors of a file, for a robot whose URDF lacks them."""
+    """The sensors in a file, for a robot whose URDF lacks them."""
 
     sensors: tuple[Sensor, ...]
     bad_sensors: tuple[str, ...]  # names of unreadable sensors
-    notices: tuple[str, ...]  # why, and warnings
+    notices: tuple[str, ...]  # why they are unreadable, and warnings
     files: tuple[Path, ...]  # all files read
 
 
 def load_sensors(source: str | Path, robot: Description) -> SensorFile:
-    """Read a URDF or xacro file whose root holds ``<gazebo reference="LINK">`` blocks.
+    """Read sensors from a URDF or xacro file with ``<gazebo reference="LINK">`` blocks.
 
-    Raises DescriptionError if it cannot be read or expanded, or holds no sensor.
+    Args:
+        source: the file, or ``package://name/path``.
+        robot: whose links the blocks refer to.
+
+    Raises:
+        DescriptionError: the file cannot be read or expanded, or has no sensor.
     """
     path = _locate(source)
     document, files, warnings = _read(path, {})
@@ -113,7 +118,12 @@ def load_sensors(source: str | Path, robot: Description) -> SensorFile:
 def load_world(world: str) -> Description:
     """Read and check the description of a world.
 
-    It is named by its name, such as "maze", if it ships; else as ``load_description`` has it.
+    Args:
+        world: the name of an included world, such as "maze", or a file as for
+            ``load_description``.
+
+    Raises:
+        OneBotError: there is no such world, or it cannot be read.
     """
     worlds = shipped_worlds()
     if world in worlds:
@@ -129,27 +139,27 @@ def load_world(world: str) -> Description:
 
 
 def shipped_worlds() -> dict[str, Path]:
-    """Return the files of the worlds that ship, by name."""
+    """Return the files of the included worlds, by name."""
     files = (package_share("onebot_description") / "worlds").glob(f"*{_WORLD}")
     return {file.name.removesuffix(_WORLD): file for file in sorted(files)}
 
 
 def parse_description(urdf: str, name: str = "<string>") -> Description:
-    """Read and check URDF text, such as a parameter holds; xacro is not expanded.
+    """Read and check URDF text, such as the parameter robot_description; xacro is not expanded.
 
     Args:
-        urdf: the text. An encoding it declares is ignored, being text already. Messages have the
-            lines of the files that a bringup has made it of, where that is known.
-        name: what to call it in messages. If it is the path of a file, relative mesh paths start
-            from that file's folder.
+        urdf: the text; an encoding that it declares is ignored. If a bringup created it from files,
+            messages name their lines.
+        name: of the text in messages. If it is the path of a file, relative mesh paths start from
+            that file's folder.
 
     Raises:
-        DescriptionError: nothing of the robot can be published; all problems at once.
+        DescriptionError: the robot cannot be published; the text lists all problems.
     """
     try:
         data, blank = xml.declaration_first(urdf.encode("utf-8"), name)
     except UnicodeEncodeError as error:
-        raise DescriptionError([f"{name}: holds a character that is none ({error})"]) from None
+        raise DescriptionError([f"{name}: contains an invalid character ({error})"]) from None
     document = xml.parse(data, name, _folder(name), "utf-8")
     places = _kept_places(urdf)
     if len(places) == len(document.places):
@@ -159,14 +169,14 @@ def parse_description(urdf: str, name: str = "<string>") -> Description:
 
 
 def keep_places(description: Description) -> None:
-    """Have processes that get the description's text know where it was written, if they can."""
+    """Save where a description was written, for processes that get only its text."""
     if file := _places_file(description.urdf):
         with suppress(OSError):  # the folder is temporary
             file.write_text(json.dumps(description.places))
 
 
 def _kept_places(urdf: str) -> list[str]:
-    """Return where each element of a text was written; none if that is not known."""
+    """Return where each element of a text was written; empty if that is not known."""
     try:
         file = _places_file(urdf)
         return list(json.loads(file.read_text())) if file else []
@@ -180,7 +190,7 @@ def _places_file(urdf: str) -> Path | None:
 
 
 def _folder(name: str) -> Path | None:
-    """The folder of the file ``name``; None if it is no file."""
+    """Return the folder of the file ``name``; None if it is not a file."""
     try:
         path = Path(name)
         return path.absolute().parent if path.is_file() else None
@@ -189,7 +199,7 @@ def _folder(name: str) -> Path | None:
 
 
 def _locate(source: str | Path) -> Path:
-    """The absolute path that ``source`` names."""
+    """Return the absolute path that ``source`` names."""
     text = os.fspath(source)
     if not text:
         raise DescriptionError(["no robot description given; name a .urdf or .xacro file"])
@@ -204,7 +214,7 @@ def _locate(source: str | Path) -> Path:
 def _check(
     document: xml.Document, source: str, files: tuple[Path, ...], warnings: tuple[str, ...]
 ) -> Description:
-    """Check a parsed document and return what can be used of it."""
+    """Check a parsed document, and return its usable part as a Description."""
     _drop_namespace(document)
     findings = Findings(document)
     check_root(findings)
@@ -246,7 +256,7 @@ def _check(
 
 
 def _drop_namespace(document: xml.Document) -> None:
-    """Undo a default namespace (``<robot xmlns="...">``), which other programs do not read."""
+    """Remove a default namespace (``<robot xmlns="...">``), which other programs cannot read."""
     tag = document.root.tag
     if tag.startswith("{") and tag.endswith("}robot"):
         prefix = tag[: -len("robot")]

@@ -1,9 +1,9 @@
-"""Mesh files: where they are, and their surfaces for the viewer, the simulation and its sensors.
+"""Locates mesh files, and loads their surfaces for the viewer, the simulation and its sensors.
 
-To publish a description, a file is only located. yourdfpy loads surfaces; what RViz shows and
-yourdfpy leaves out is added here: the <unit> of a Collada file (neither turns its axes by
-<up_axis>), and its surfaces whose material is broken. yourdfpy and trimesh are slow to import, so
-functions do.
+To publish a description, files are only located. yourdfpy loads the surfaces. Added here is what
+RViz shows, but yourdfpy ignores: the <unit> of a Collada file, and surfaces with a broken material
+(both ignore <up_axis>). yourdfpy and trimesh are imported in functions, because they are slow to
+import.
 """
 
 import re
@@ -32,7 +32,7 @@ _MATERIAL = re.compile(rb"^\s*usemtl\s", re.MULTILINE)
 
 
 def locate_mesh(resources: Resources, uri: str, scale: Triple = (1.0, 1.0, 1.0)) -> Mesh:
-    """Return the mesh that ``uri`` names, with its file or with the reason why there is none."""
+    """Return the mesh that ``uri`` names, with its file, or with the reason why there is none."""
     try:
         path, uri = resources.locate(uri)
     except OneBotError as error:
@@ -46,14 +46,14 @@ def locate_mesh(resources: Resources, uri: str, scale: Triple = (1.0, 1.0, 1.0))
 
 
 def _missing(resources: Resources, path: Path) -> str:
-    """The message about a file that is not there; for the first few with what is there instead."""
+    """Return the message about a missing file; for the first few, with similar names there."""
     resources.missing += 1
     many = resources.missing > _MOST_LISTINGS
     return f"{shown_path(path)}: no such file" if many else missing_file(path)
 
 
 def _unsuitable(path: Path) -> str:
-    """Why the file ``path`` is no mesh, without opening it."""
+    """Return why the file ``path`` cannot be a mesh, without opening it; "" if it can."""
     if path.suffix.lower() not in MESH_SUFFIXES:
         kinds = ", ".join(MESH_SUFFIXES)
         return f'"{path.name}" is of an unsupported kind; convert it to one of: {kinds}'
@@ -63,7 +63,8 @@ def _unsuitable(path: Path) -> str:
 def mesh_scene(mesh: Mesh, *, materials: bool = True) -> "trimesh.Scene":
     """Return the surfaces of a mesh file, in metres, unscaled.
 
-    Raises OneBotError if it cannot be read, or holds no triangles.
+    Raises:
+        OneBotError: the file cannot be read, or has no triangles.
     """
     import trimesh
 
@@ -89,7 +90,7 @@ def mesh_scene(mesh: Mesh, *, materials: bool = True) -> "trimesh.Scene":
 
 
 def _check_file(path: Path) -> None:
-    """Refuse what its readers would explain badly or not at all."""
+    """Refuse files that the readers of meshes would explain badly, or not at all."""
     if (size := path.stat().st_size) > _MOST_BYTES:
         most = _MOST_BYTES // 1_000_000
         raise OneBotError(f"{path} is of {size // 1_000_000} MB, more than {most}; simplify it")
@@ -100,7 +101,7 @@ def _check_file(path: Path) -> None:
 
 
 def surfaces(scene: "trimesh.Scene") -> list[Any]:
-    """Return the parts of a scene as trimesh.Trimesh, each where it lies."""
+    """Return the parts of a scene as trimesh.Trimesh, each at its pose."""
     return [part for part in scene.dump() if hasattr(part, "faces")]
 
 
@@ -110,7 +111,7 @@ def mesh_corners(mesh: Mesh) -> "NDArray[np.float64]":
 
 
 def read_mesh(mesh: Mesh) -> "tuple[NDArray[np.float64], NDArray[np.intp]]":
-    """Return the corners (N, 3) of a mesh file, m, unscaled, and its triangles (M, 3) of them."""
+    """Return the corners (N, 3) of a mesh file, m, unscaled, and its triangles (M, 3), indices."""
     import numpy as np
 
     parts = surfaces(mesh_scene(mesh, materials=False))
@@ -121,7 +122,7 @@ def read_mesh(mesh: Mesh) -> "tuple[NDArray[np.float64], NDArray[np.intp]]":
 
 
 def geometry_scene(geometry: "yourdfpy.Geometry") -> "trimesh.Scene":
-    """Return what yourdfpy makes of a shape."""
+    """Load a shape with yourdfpy."""
     import yourdfpy
 
     visual = yourdfpy.Visual(name="shape", geometry=geometry)
@@ -141,7 +142,7 @@ def has_colors(path: Path, scene: "trimesh.Scene") -> bool:
 
 
 def _collada_scene(path: Path, materials: bool) -> "trimesh.Scene":
-    """Return the scene of a Collada file; without colours where a broken one costs surfaces."""
+    """Load a Collada file; without colours if a broken material would lose surfaces."""
     scene, drawn = None, 0
     if materials:
         scene = geometry_scene(_mesh_geometry(path))
@@ -155,7 +156,7 @@ def _collada_scene(path: Path, materials: bool) -> "trimesh.Scene":
 
 @contextmanager
 def _without_materials(path: Path) -> Iterator[Path]:
-    """Write a copy of a Collada file that holds its surfaces only."""
+    """Yield a temporary copy of a Collada file with only its surfaces."""
     root = ElementTree.parse(path).getroot()
     for parent in list(root.iter()):
         for child in list(parent):

@@ -1,4 +1,4 @@
-"""Warns of what would be a sensor, but is not read: in the wrong place, or a plugin without one."""
+"""Warns of sensors that are not read: in the wrong place, or plugins without a <sensor>."""
 
 import re
 from collections.abc import Collection, Iterator
@@ -24,7 +24,7 @@ _CONE = (
 
 
 class _Block(NamedTuple):
-    """The <sensor> that does what a plugin does."""
+    """A <sensor> that replaces a plugin."""
 
     words: str  # pattern of the plugin's file or name
     name: str
@@ -42,7 +42,7 @@ _BLOCKS = (
     _Block(r"camera", "camera", "camera", "30"),
 )
 _TRUTH = re.compile(r"p3d|ground_?truth")
-# Plugins of gz sim's world, and what moves a body: these are no sensors.
+# Plugins of gz sim's world, and those that move a body, are not sensors.
 _NO_SENSOR = re.compile(
     r"-system|force|drive|gripper|grasp|wrench|control|joint|attach|lift|buoy|thrust|propel|wind"
 )
@@ -52,7 +52,7 @@ _LINKS, _RATES = ("bodyName", "body_name", "link"), ("updateRate", "update_rate"
 def warn_of_misplaced(
     findings: Findings, parents: Collection[Element], links: Collection[str]
 ) -> None:
-    """Warn of sensors that lie in none of ``parents``, and of plugins that lie in no sensor."""
+    """Warn of sensors outside of ``parents``, and of sensor plugins outside of a <sensor>."""
     for element, path in _walk(findings.document.root, ()):
         if element.tag == "sensor" and element.keys() and path[-1] not in parents:
             link = _link_above(path) or _named(element, links) or "LINK"
@@ -66,7 +66,7 @@ def warn_of_misplaced(
 def _walk(
     element: Element, path: tuple[Element, ...]
 ) -> Iterator[tuple[Element, tuple[Element, ...]]]:
-    """Yield each sensor and plugin that lies in no other sensor, with what is above it."""
+    """Yield each sensor and plugin that is not inside another sensor, with its ancestors."""
     for child in element:
         if child.tag in ("sensor", "plugin"):
             yield child, (*path, element)
@@ -84,7 +84,7 @@ def _link_above(path: tuple[Element, ...]) -> str:
 
 
 def _named(element: Element, links: Collection[str]) -> str:
-    """Return the link that one inside names, as old URDF has <parent link="..."/>."""
+    """Return the link that an element inside names, like <parent link="..."/> in old URDF."""
     texts = (text for inside in element.iter() for text in (inside.get("link"), inside.text))
     return next((text.strip() for text in texts if text and text.strip() in links), "")
 

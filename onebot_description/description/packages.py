@@ -1,13 +1,13 @@
-"""Where packages and files lie: ``package://``, ``$(find pkg)``, ``file://`` and paths.
+"""Finds packages and files: ``package://``, ``$(find pkg)``, ``file://`` and paths.
 
-Nothing is fetched from the network, and nobody has to set a variable. A package is looked for, in
-this order:
+Nothing is fetched from the network, and no variable has to be set. A package is searched, in this
+order:
 
-- in the folders of ``ROS_PACKAGE_PATH``, where ``package_path:=`` puts its own first
+- in the folders of ``ROS_PACKAGE_PATH``, to which ``package_path:=`` prepends its own
 - where packages are installed: the prefixes of ``AMENT_PREFIX_PATH`` and of this environment
 - in the source tree around the file that names it
 
-The ROS wheels lay themselves into the environment's prefix as an ament prefix but leave
+The ROS wheels install themselves into the environment's prefix as an ament prefix, but leave
 ``AMENT_PREFIX_PATH`` unset, so ``$(find pkg)``, ``package://`` and ament_index would find nothing.
 An editable install moreover holds *copies* of urdf/, config/ and the like in the prefix. Here the
 checkout itself, through a prefix of symbolic links, comes first, so an edit takes effect at once.
@@ -39,8 +39,8 @@ class Resource(NamedTuple):
     """The file that a URI leads to, whether or not it is there."""
 
     path: Path
-    # By which other programs find it without knowing where it was named: package:// if the package
-    # is installed, else file://.
+    # For other programs, which do not know the folder of the description: package:// if the package
+    # is installed, otherwise file://.
     uri: str
 
 
@@ -49,14 +49,15 @@ class Resources:
 
     def __init__(self, folder: Path | None) -> None:
         self._folder = folder
-        self._packages: dict[str, Path | str] = {}  # the folder, or why there is none
-        self._below: dict[Path, dict[str, Path]] = {}  # packages by name in and below a folder
-        self.missing = 0  # files that were located and are not there, as counted by who looks
+        self._packages: dict[str, Path | str] = {}  # folder by name, or why there is none
+        self._below: dict[Path, dict[str, Path]] = {}  # packages by name, in and below a folder
+        self.missing = 0  # number of located files that do not exist; callers count them
 
     def locate(self, uri: str) -> Resource:
         """Return the file that ``package://name/path``, ``file:///path`` or a path names.
 
-        Raises OneBotError, which says what to write, if it names no file.
+        Raises:
+            OneBotError: it names no file; the text says what to write.
         """
         scheme = _scheme(uri)
         try:
@@ -90,9 +91,10 @@ class Resources:
         return Resource(path, uri if folder == _in_index(name) else _file_uri(path))
 
     def package(self, name: str) -> Path:
-        """Return the folder of a ROS package, installed or being worked on.
+        """Return the folder of a ROS package, installed or in a source tree.
 
-        Raises OneBotError, which says where it was looked for, if there is none.
+        Raises:
+            OneBotError: there is no such package; the text lists the searched places.
         """
         if name not in self._packages:
             if len(self._packages) >= _MOST_PACKAGES:
@@ -112,7 +114,7 @@ class Resources:
         return source or (None if self._folder is None else self._around(name, self._folder))
 
     def _on_ros_path(self, name: str) -> Path | None:
-        """The package of that name, else a folder of that name: a package's, a top or in a top."""
+        """Return the package of that name in ROS_PACKAGE_PATH, or else a folder of that name."""
         tops = [Path(entry) for entry in _entries(_ROS_PATH)]
         packages = [below[name] for top in tops if name in (below := self._packages_below(top))]
         folders = (
@@ -123,9 +125,9 @@ class Resources:
         return first and first.resolve()
 
     def _around(self, name: str, folder: Path) -> Path | None:
-        """The package in the source tree of a file in ``folder``: above, beside, or beside those.
+        """Return the package in the source tree around ``folder``: above it, or near those above.
 
-        What was copied without its package.xml is at least in a folder of that name.
+        A package without package.xml is found by the name of its folder.
         """
         above = (folder, *folder.parents)
         for source in (source for parent in above for source in (parent, parent / name)):
@@ -139,7 +141,7 @@ class Resources:
         return next((source for source in named if os.path.isdir(source)), None)
 
     def _packages_below(self, top: Path) -> dict[str, Path]:
-        """The packages in and below ``top``; of one name, the nearest."""
+        """Return the packages in and below ``top``, by name; the nearest one of each name."""
         if top not in self._below:
             packages: dict[str, Path] = {}
             folders = [top]
@@ -153,12 +155,12 @@ class Resources:
 
 
 def resolve(uri: str, folder: Path | None) -> Path:
-    """Return the path that ``Resources`` of the ``folder`` has for ``uri``."""
+    """Return the path of ``uri``, which is relative to ``folder``; see ``Resources.locate``."""
     return Resources(folder).locate(uri).path
 
 
 def _scheme(uri: str) -> str:
-    """The scheme of ``uri`` in lower case, "" if it is a path."""
+    """Return the scheme of ``uri`` in lower case; "" if it is a path."""
     scheme, colon, _ = uri.partition(":")
     # One letter is a drive of another system, and a slash before the colon makes it a path.
     is_scheme = colon and len(scheme) > 1 and scheme.isascii() and scheme.isalnum()
@@ -196,8 +198,8 @@ def use_package_path(folders: str) -> None:
 def use_environment_prefix() -> None:
     """Put this environment's prefix (and a checkout's) on ``AMENT_PREFIX_PATH``.
 
-    A prefix the user has sourced (such as a colcon workspace's install folder) stays, ahead of the
-    environment's own, as an overlay is meant to. Calling it again changes nothing.
+    A prefix that the user has sourced, such as a colcon workspace's install folder, stays ahead of
+    the environment's own, as an overlay should. Calling it again changes nothing.
     """
     ours = _own_prefixes()
     other_entries = [entry for entry in _entries(_AMENT_PATH) if entry not in ours]
@@ -222,7 +224,7 @@ def _own_prefixes() -> list[str]:
 
 
 def _in_index(name: str) -> Path | None:
-    """The share folder of a package in an ament index."""
+    """Return the share folder of a package in an ament index; None if there is none."""
     use_environment_prefix()
     for prefix in _entries(_AMENT_PATH):
         if os.path.isfile(f"{prefix}/{_INDEX}/{name}"):
@@ -232,7 +234,7 @@ def _in_index(name: str) -> Path | None:
 
 
 def _in_share(name: str) -> Path | None:
-    """The share folder of a package that is in no ament index, as catkin installs it."""
+    """Return the share folder of a package in no ament index, as catkin installs it; or None."""
     shares = (Path(prefix) / "share" / name for prefix in _entries(_AMENT_PATH))
     return next((share.resolve() for share in shares if _package_name(share) == name), None)
 
@@ -283,7 +285,7 @@ def _package_name(folder: Path) -> str:
 
 
 def _missing(name: str, folder: Path | None) -> OneBotError:
-    """The error about a package: where it was looked for, and what to set."""
+    """Return the error about a missing package: where it was searched, and what to set."""
     guess = _similar(name)
     question = f' (did you mean "{guess}"?)' if guess is not None else ""
     ours = _own_prefixes()
@@ -298,9 +300,9 @@ def _missing(name: str, folder: Path | None) -> OneBotError:
 
 
 def _similar(name: str) -> str | None:
-    """The known package most like ``name``, also before an ending that both have.
+    """Return the known package most similar to ``name``, compared without a common ending.
 
-    Else every missing robot's package, <robot>_description, would be taken for one of ours.
+    Otherwise our package would be suggested for every missing <robot>_description.
     """
     indices = (Path(prefix, _INDEX) for prefix in _entries(_AMENT_PATH))
     packages = [entry.name for index in indices if index.is_dir() for entry in index.iterdir()]
@@ -342,7 +344,7 @@ def cache_folder() -> Path:
     folder = Path(tempfile.gettempdir(), f"onebot-{os.getuid()}")
     with contextlib.suppress(OSError):
         folder.mkdir(mode=0o700, exist_ok=True)
-        if folder.stat().st_uid == os.getuid():  # else it may be a trap of another user's
+        if folder.stat().st_uid == os.getuid():  # not a folder prepared by another user
             return folder
     raise OneBotError(f"neither ~/.cache nor {folder} can be written; set XDG_CACHE_HOME")
 

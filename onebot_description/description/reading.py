@@ -1,4 +1,4 @@
-"""From XML elements to links and joints; whatever cannot be read becomes a finding.
+"""Reads links and joints from XML elements; whatever cannot be read becomes a finding.
 
 A finding names file, line, element and remedy. Reading goes on after each, so that one run shows
 all of them. ``ELEMENTS`` declares what URDF has: each element's children and attributes, and of
@@ -42,7 +42,7 @@ Element = ElementTree.Element
 _AXIS_KINDS = (*MOVING_KINDS, "planar")
 _LIMITED_KINDS = ("revolute", "prismatic")
 _DEFAULT_AXIS: Triple = (1.0, 0.0, 0.0)
-# Further than this from 1, an axis was not merely rounded when written.
+# An axis whose length differs from 1 by more than this was not merely rounded.
 _AXIS_ROUNDING = 1e-3
 _MOST_HINTS = 100
 _TURN = 2 * math.pi + 0.01  # rad, as 6.29 is a turn rounded up
@@ -52,10 +52,11 @@ Severity = Literal["error", "problem", "warning"]
 
 
 class Findings:
-    """All faults of one document.
+    """Collects all faults of one document.
 
-    After an error nothing can be published. A problem is left out or replaced: nodes warn of it and
-    go on, and ``onebot check`` refuses it. A warning is about what works but is probably not meant.
+    With an error, nothing can be published. Something with a problem is left out or replaced: nodes
+    warn of it, and ``onebot check`` refuses it. A warning is about something that works, but is
+    probably not intended.
     """
 
     def __init__(self, document: Document) -> None:
@@ -81,9 +82,9 @@ class Findings:
     def hint(
         self, name: str, candidates: Iterable[str], what: str = "known", without: str = ""
     ) -> str:
-        """Return ``did_you_mean``, which takes time, unless it was asked for very often.
+        """Return the hint of ``did_you_mean``; after many calls "", because it takes time.
 
-        The candidate ``without`` is not proposed.
+        The candidate ``without`` is not suggested.
         """
         self._hints += 1
         if self._hints > _MOST_HINTS:
@@ -95,7 +96,11 @@ class Findings:
         return tuple(text for severity, text in self.texts if severity in severities)
 
     def raise_errors(self, warnings: Iterable[str] = ()) -> None:
-        """Raise the errors, if there are any, with the problems, and warnings as a cause."""
+        """Raise a DescriptionError if there are errors.
+
+        Args:
+            warnings: further warnings to include in it.
+        """
         if self.of("error"):
             raise DescriptionError(self.of("error", "problem"), (*warnings, *self.of("warning")))
 
@@ -126,7 +131,7 @@ def local_name(element: Element) -> str:
 
 
 def _short(element: Element) -> str:
-    """``joint "hip"`` for what has a name, else ``<limit>``."""
+    """Return ``joint "hip"`` for an element with a name, otherwise ``<limit>``."""
     name = element.get("name")
     tag = local_name(element)
     return f'{tag} "{name}"' if name and tag != "visual" else f"<{tag}>"
@@ -142,7 +147,7 @@ def _not_negative(findings: Findings, element: Element, name: str, values: Seque
 
 
 def _mass(findings: Findings, element: Element, name: str, values: Sequence[float]) -> bool:
-    """A mass below zero is kept: the simulation refuses the robot by it."""
+    """Report a mass below zero; it is kept, and the simulation refuses the robot."""
     _not_negative(findings, element, name, values)
     return True
 
@@ -170,7 +175,7 @@ def _colors(findings: Findings, element: Element, name: str, values: Sequence[fl
 
 
 def _radians(findings: Findings, element: Element, name: str, values: Sequence[float]) -> bool:
-    """Warn of angles that are probably in degrees, as they are above a turn."""
+    """Warn of angles of more than a turn, which are probably in degrees."""
     degrees = max(map(abs, values), default=0.0)
     if degrees > _TURN:
         radians = f"{math.radians(degrees):.4g}"
@@ -185,14 +190,14 @@ def _radians(findings: Findings, element: Element, name: str, values: Sequence[f
 class Numbers(NamedTuple):
     """An attribute that holds numbers."""
 
-    size: int = 1  # how many
-    default: float | Triple | None = None  # the value of an attribute that is not written
-    write: str = ""  # remedy where it is missing, {} for its name; "": it need not be there
+    size: int = 1  # how many numbers
+    default: float | Triple | None = None  # value if the attribute is missing
+    write: str = ""  # remedy if it is missing, {} for its name; "": it may be missing
     check: Callable[[Findings, Element, str, Sequence[float]], bool] | None = None
 
 
 class Content(NamedTuple):
-    """What an element holds."""
+    """The allowed content of an element."""
 
     children: str = ""
     texts: str = ""  # attributes
@@ -237,7 +242,7 @@ ELEMENTS = {
     "limit": Content(
         "",
         "acceleration jerk deceleration",
-        # rad or m, Nm or N, rad/s or m/s; an end that is not given is 0 by the specification.
+        # rad or m, Nm or N, rad/s or m/s; by URDF's specification, a missing end is 0.
         {"lower": Numbers(1, 0.0), "upper": Numbers(1, 0.0), "effort": _FORCE, "velocity": _FORCE},
     ),
     "dynamics": Content(numbers={"damping": Numbers(1, 0.0), "friction": Numbers(1, 0.0)}),
@@ -257,13 +262,13 @@ def read(
     """Return an element's numbers, in the order of ``ELEMENTS``.
 
     Args:
-        findings: collects what is wrong.
+        findings: collects faults.
         element: the element.
-        needed: nothing can be published without them.
-        complete: a missing attribute is a problem.
+        needed: whether a fault is an error, because nothing can be published without the numbers.
+        complete: whether a missing attribute is a problem.
 
     Returns:
-        A float each, or a tuple of several; None where it is missing or wrong.
+        For each attribute a float, or a tuple of several; None if it is missing or wrong.
     """
     values = []
     for name, numbers in ELEMENTS[element.tag].numbers.items():
@@ -299,13 +304,13 @@ def _read_numbers(
     return None
 
 
-# What every URDF reader takes for a number. float() would also take "1_000", "nan" and Thai digits.
+# The numbers that every URDF reader accepts. float() would also accept "1_000", "nan", Thai digits.
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _NOT_FINITE = re.compile(r"[+-]?(?:nan|inf|infinity)", re.IGNORECASE)
 
 
 def number_fault(word: str) -> str | None:
-    """Why ``word`` is no usable number; None if it is one."""
+    """Return why ``word`` is not a usable number; None if it is one."""
     if _NUMBER.fullmatch(word):
         finite = math.isfinite(float(word))
         return None if finite else f"{_cut(word)} is too large for a number"
@@ -315,7 +320,7 @@ def number_fault(word: str) -> str | None:
 
 
 def _cut(text: str) -> str:
-    """A text short enough to show in one line."""
+    """Shorten a text to fit in one line."""
     flat = " ".join(text.split())
     return flat if len(flat) <= 60 else flat[:57] + "..."
 
@@ -333,7 +338,7 @@ def _read_origin(findings: Findings, element: Element, *, needed: bool = False) 
 
 
 def read_links(findings: Findings, materials: Mapping[Element, Material]) -> dict[Element, Link]:
-    """Read every link, those without a name or with a repeated one among them."""
+    """Read every link, including those without a name or with a repeated name."""
     root = findings.document.root
     colors = _visual_colors(root, materials)
     return {element: _read_link(findings, element, colors) for element in root.iterfind("link")}
@@ -437,7 +442,7 @@ def _read_mesh(findings: Findings, element: Element) -> Mesh | None:
 
 
 def _visual_colors(root: Element, materials: Mapping[Element, Material]) -> dict[Element, Rgba]:
-    """Return the colour of each visual that has one: its material's own, or one of that name.
+    """Return the colour of each visual with a material: the material's, or that of its name.
 
     A material of the robot overrides one of the same name in a visual.
     """
@@ -512,7 +517,7 @@ def _read_end(
 def read_joint(
     findings: Findings, name: str, element: Element, ends: tuple[str, str] | None
 ) -> Joint:
-    """Read one joint; what is wrong is reported and replaced by a default."""
+    """Read one joint; faulty values are reported, and replaced by defaults."""
     kind = _read_kind(findings, element)
     origin = _read_origin(findings, element, needed=True)
     lower, upper, effort, velocity = _read_limit(findings, element, kind)
@@ -565,7 +570,7 @@ def _read_axis(findings: Findings, element: Element, kind: str) -> Triple:
             axis, f'the axis of a {kind} joint cannot be zero; write for example "0 0 1"'
         )
         return _DEFAULT_AXIS
-    # Scaled first, so that neither huge nor tiny numbers leave the range of a float.
+    # Scaled first, so that huge and tiny numbers do not overflow or underflow.
     x, y, z = (value / largest for value in xyz)
     norm = math.hypot(x, y, z)
     excess = abs(norm * largest - 1)
@@ -573,7 +578,7 @@ def _read_axis(findings: Findings, element: Element, kind: str) -> Triple:
         findings.warning(axis, f"the axis has length {norm * largest:.4g}; it is taken as length 1")
     unit = x / norm, y / norm, z / norm
     if excess > 1e-6:
-        # Rerun turns by wrong angles about axes of another length.
+        # Rerun would rotate by wrong angles about an axis that is not of unit length.
         axis.set("xyz", " ".join(map(repr, unit)))
     return xyz if excess < 1e-15 else unit
 
@@ -610,7 +615,7 @@ def _read_limit(findings: Findings, element: Element, kind: str) -> _Limits:
 
 
 def _check_degrees(findings: Findings, limit: Element, ends: Sequence[float]) -> None:
-    # The last joints of real arms turn by more than a turn, but not by whole numbers of radians.
+    # Wrists of real arms have limits beyond a turn, but these are not whole numbers of radians.
     if all(end.is_integer() and abs(end) <= _MOST_DEGREES for end in ends):
         _radians(findings, limit, "", ends)
 
@@ -618,7 +623,7 @@ def _check_degrees(findings: Findings, limit: Element, ends: Sequence[float]) ->
 def _ordered(
     findings: Findings, limit: Element, lower: float | None, upper: float | None
 ) -> tuple[float | None, float | None]:
-    """Return the least and the greatest position; None if either cannot be read."""
+    """Return the limits in ascending order; None for both if either cannot be read."""
     if lower is None or upper is None:
         return None, None
     if lower > upper:

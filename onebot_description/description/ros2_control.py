@@ -1,4 +1,4 @@
-"""``<ros2_control>``: by which interfaces a joint is commanded, and where it is at the start."""
+"""Reads ``<ros2_control>``: the command interfaces of joints, and their start positions."""
 
 from collections.abc import Collection
 
@@ -7,7 +7,7 @@ from onebot_description.description.reading import Element, Findings, number_fau
 
 
 def read_interfaces(findings: Findings, joints: Collection[str]) -> dict[str, JointInterfaces]:
-    """Return the interfaces of the joints that have any; of two blocks the first counts."""
+    """Return the interfaces by joint; if a joint is listed twice, the first one counts."""
     interfaces: dict[str, JointInterfaces] = {}
     for block in findings.document.root.iter("ros2_control"):
         for element in block.iter("joint"):
@@ -22,7 +22,7 @@ def read_interfaces(findings: Findings, joints: Collection[str]) -> dict[str, Jo
 
 
 def _start(findings: Findings, joint: Element) -> float | None:
-    """The initial value of a joint's position; None if it gives none."""
+    """Return the initial value of a joint's position; None if there is none."""
     for state in joint.iter("state_interface"):
         for value in state.iter("param"):
             if (state.get("name"), value.get("name")) != ("position", "initial_value"):

@@ -1,7 +1,7 @@
-"""What a <sensor> publishes, and where: as its plugins of Gazebo classic say, else as gz sim does.
+"""Determines outputs and topics of a <sensor>: by its Gazebo classic plugins, or as in gz sim.
 
-A plugin's names are those of gazebo_ros: namespace, camera name, topic, then remappings. An
-absolute name stays so; any other is in the robot's own namespace.
+A plugin's topics are named as by gazebo_ros: namespace, camera name, topic, then remappings. An
+absolute name stays absolute; any other is in the robot's namespace.
 """
 
 import re
@@ -11,9 +11,9 @@ from onebot_description.description.reading import Element
 
 LIDAR, IMU, CAMERA, DEPTH, RGBD = "lidar", "imu", "camera", "depth_camera", "rgbd_camera"
 
-# SDFormat's defaults, which exporters write out.
+# Placeholders for SDFormat's defaults, which exporters write out.
 _PLACEHOLDERS = ("__default_topic__", "__default__")
-# What plugins make of rays, by the first of these words in their file's name.
+# Output of ray plugins, by the first of these words in their file's name.
 _BY_FILE = {
     "ray_sensor": "points",
     "velodyne": "points",
@@ -30,7 +30,7 @@ OUTPUT_TYPES = {
     "PointCloud": "point_cloud",
     "Range": "range",
 }
-"""What a plugin can make of rays: outputs by their types of sensor_msgs."""
+"""Outputs of ray plugins, by their type in sensor_msgs."""
 _OUTPUTS = {
     IMU: ("imu",),
     CAMERA: ("image", "camera_info"),
@@ -63,20 +63,20 @@ def _inside(element: Element) -> Iterator[Element]:
 
 
 def text_of(element: Element, *tags: str) -> str:
-    """Return the text of the first of these inside that has one; not of what is in a plugin."""
+    """Return the text of the first of these elements inside that has one, outside of plugins."""
     texts = [(inside.tag, (inside.text or "").strip()) for inside in _inside(element)]
     found = (text for tag in tags for name, text in texts if name == tag)
     return next((text for text in found if text and text not in _PLACEHOLDERS), "")
 
 
 def word_of(name: str) -> str:
-    """Return a name as a part of a topic, which no digit may begin."""
+    """Return a name as a valid part of a topic, which must not begin with a digit."""
     word = re.sub(r"\W", "_", name.strip(), flags=re.ASCII)
     return f"sensor_{word}" if word[:1].isdigit() else word
 
 
 def _joined(*names: str) -> str:
-    """Return names below each other; an absolute one is below none."""
+    """Join names to a path; an absolute name discards those before it."""
     path = ""
     for name in names:
         path = name if name.startswith("/") else f"{path}/{name}" if path and name else path or name
@@ -84,12 +84,12 @@ def _joined(*names: str) -> str:
 
 
 class Outputs:
-    """What one plugin of a <sensor> publishes, or the <sensor> itself if it has none that does.
+    """The outputs of one plugin of a <sensor>, or of a <sensor> without publishing plugins.
 
     Attributes:
-        plugin: that plugin; None for the <sensor>.
+        plugin: the plugin; None for the <sensor> itself.
         given: whether it names its topics.
-        unknown_type: the type it asks for, if that cannot be made of rays; else "".
+        unknown_type: the type it asks for, if a lidar cannot publish it; else "".
         idle: its remappings that match no topic.
     """
 
@@ -151,7 +151,7 @@ class Outputs:
             self._named = topics
 
     def _remapped(self, base: str, names: tuple[str, ...], default: str) -> str:
-        """Return what a topic is remapped to: one of ``names`` below ``base``."""
+        """Return the remapped name of a topic, which is one of ``names`` below ``base``."""
         full = {name.strip("/") for name in (default, *(_joined(base, name) for name in names))}
         for rule in self.idle:
             old, new = rule
@@ -164,7 +164,7 @@ class Outputs:
         return default
 
     def _expanded(self, name: str) -> str:
-        """Return a name of a remapping as rcl expands it."""
+        """Expand a name in a remapping, as rcl does."""
         if name.startswith("~"):
             return _joined(self._node, name[1:].lstrip("/"))
         return _joined(self._space, name)
@@ -180,9 +180,11 @@ class Outputs:
         return (_OUTPUTS_OF_PLUGINS if self._named else _OUTPUTS)[self._kind]
 
     def topics(self, outputs: tuple[str, ...], below: str = "") -> dict[str, str]:
-        """Return the topic of each output, as written.
+        """Return the topic of each output.
 
-        Those without a name are ``below`` this; it is empty if no other has the same ``defaults``.
+        Args:
+            outputs: the outputs.
+            below: prefix of topics without a name, if other sensors have the same ``defaults``.
         """
         names = self._named or self._as_in_gz_sim(outputs, below)
         if self._info:
@@ -190,7 +192,7 @@ class Outputs:
         return {output: names[output] for output in outputs}
 
     def defaults(self, rows: int) -> set[str]:
-        """Return the topics that it takes if no other has them; cameras share a CameraInfo."""
+        """Return the default topics, except CameraInfo, which cameras share."""
         topics = {} if self.given else self.topics(self.made(rows))
         return {topic for output, topic in topics.items() if output != "camera_info"}
 
@@ -222,7 +224,7 @@ def is_false(text: str) -> bool:
 
 
 def publishing(sensor: Element, kind: str) -> list[Outputs]:
-    """Return what the plugins of a <sensor> publish, or what it does itself."""
+    """Return the outputs of each publishing plugin of a <sensor>, or else its own."""
     plugins = [Outputs(sensor, kind, plugin) for plugin in sensor.findall("plugin")]
     return [each for each in plugins if each.publishes] or [Outputs(sensor, kind)]
 

@@ -1,7 +1,7 @@
 """Reads sensors: the ``<gazebo reference="LINK"><sensor>`` blocks of gz sim and Gazebo classic.
 
-Their meaning is SDFormat's; topics and frames may be named in any way that gz sim or the ROS
-plugins of Gazebo classic have it. A sensor with a fault is left out, and reported as a problem.
+They mean what SDFormat specifies; topics and frames may be named in any way that gz sim or the ROS
+plugins of Gazebo classic support. A sensor with a fault is left out, and reported as a problem.
 """
 
 import math
@@ -54,7 +54,7 @@ _MOST_RAYS, _MOST_PIXELS = 300_000, 1920 * 1200
 _TURN = 2 * math.pi + 1e-3  # full turns are written with few digits
 
 _RATES = ("update_rate", "updateRate", "updateRateHZ")  # the last two are plugins'
-# What is read, by its path: default (None: it is needed) and rule.
+# Values that are read, by their path: default (None: required) and rule.
 _POSITIVE, _NOT_NEGATIVE, _ANY = Rule(above=0.0), Rule(at_least=0.0), Rule()
 _ANGLE, _COUNT = Rule(at_least=-_TURN, at_most=_TURN), Rule(at_least=1, at_most=_MOST_PIXELS)
 _VALUES: Mapping[str, tuple[float | None, Rule]] = {
@@ -84,7 +84,7 @@ _VALUES: Mapping[str, tuple[float | None, Rule]] = {
     "fov": (0.0, _NOT_NEGATIVE),
 }
 _WHOLE = ("samples", "image/width", "image/height")
-# The elements in each that are read, or change nothing here.
+# The elements in each that are read, or have no effect here.
 _LENS = "horizontal_fov image clip noise depth_camera optical_frame_id camera_info_topic pose "
 _KNOWN = {
     "sensor": f"{_LENS}update_rate topic plugin camera ray lidar imu gz_frame_id ignition_frame_id "
@@ -118,7 +118,7 @@ _KNOWN_IN_ANY_PLUGIN = (
     "ros namespace remapping argument qos robotNamespace frame_name frameName gz_frame_id "
     "ignition_frame_id frame_id always_on alwaysOn visualize"
 )
-_NOTHING = ("0", "false", "none", "")  # what a plugin's child has that asks for nothing
+_NOTHING = ("0", "false", "none", "")  # values of a plugin's child that ask for nothing
 _RADIATIONS = {
     "ultrasound": "ultrasound",
     "ultrasonic": "ultrasound",
@@ -130,21 +130,30 @@ _TOPIC = Rule(
     pattern=re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII),
     write="a ROS name: words of letters, digits and _ that do not start with a digit, joined by /",
 )
-# Axes that an IMU may name: in the world, whose x points east, y north and z up (REP-103).
+# Reference axes that an IMU may name, in the world: x east, y north, z up (REP-103).
 _AXES: Mapping[str, Triple] = {
     "ENU": (0.0, 0.0, 0.0),
     "NED": (math.pi, 0.0, math.pi / 2.0),
     "NWU": (0.0, 0.0, math.pi / 2.0),
 }
 _CUSTOM, _BY_GRAVITY = "CUSTOM", ("GRAV_UP", "GRAV_DOWN")
-# Of a sensor from the frame of its messages; rounded angles such as 1.57 are no fault.
+# A sensor may differ this much from the frame of its messages; 1.57 for a quarter turn is no fault.
 _APART, _TURNED = 1e-3, 1e-2  # m, rad
 
 
 def read_sensors(
     findings: Findings, links: Collection[str], joints: Iterable[Joint]
 ) -> tuple[tuple[Sensor, ...], tuple[str, ...]]:
-    """Return the sensors of a document, and the names of unreadable ones."""
+    """Read the sensors of a document.
+
+    Args:
+        findings: of the document; faults are added.
+        links: of the robot.
+        joints: of the robot.
+
+    Returns:
+        The sensors, and the names of unreadable ones.
+    """
     root = findings.document.root
     parents = [root] if root.tag == "gazebo" else root.findall("gazebo")
     joints = [*joints]
@@ -174,7 +183,7 @@ def read_sensors(
 
 
 class _Block:
-    """One <sensor>, and what is wrong in it."""
+    """One <sensor> while it is read, with its faults."""
 
     def __init__(
         self, findings: Findings, element: Element, parent: Element, frames: Frames
@@ -192,7 +201,7 @@ class _Block:
             findings.warning(element, f'sensors of type "{kind}" are not simulated{hint}')
 
     def problem(self, text: str, element: Element | None = None) -> None:
-        """Report what leaves the sensor out."""
+        """Report a problem, because of which the sensor is left out."""
         self.wrong = True
         self._findings.problem(self._element if element is None else element, text)
 
@@ -213,7 +222,7 @@ class _Block:
         self._rate = self._number(self._element, "update_rate")
 
     def _rays(self) -> tuple[int, int]:
-        """Return the rows of a lidar's rays, and the rays of each."""
+        """Return the number of rows of a lidar, and of rays in each row."""
         model = self._model
         return (
             (model.vertical.samples, model.horizontal.samples)
@@ -222,9 +231,9 @@ class _Block:
         )
 
     def sensors(self, blocks: Iterable["_Block"]) -> list[Sensor]:
-        """Return what each plugin publishes; not to be used if the block is ``wrong`` then.
+        """Return one sensor for each publishing plugin; unusable if the block is ``wrong`` then.
 
-        ``blocks`` are all that a robot has.
+        ``blocks`` are all blocks of the robot.
         """
         return [
             self._sensor(outputs, topics)
@@ -249,7 +258,7 @@ class _Block:
         return topics
 
     def _above(self, outputs: Outputs, blocks: Iterable["_Block"]) -> str:
-        """Return what is before topics that others would have, too; "" if there are no others."""
+        """Return a prefix for topics that other sensors would have, too; "" if there are none."""
         defaults, rays = outputs.defaults(self._rays()[0]), self._rays()
         rivals = [(block, block.rivals(defaults, rays)) for block in blocks]
         if sum(count for _, count in rivals) < 2:
@@ -261,9 +270,9 @@ class _Block:
         return f"{word_of(self._link)}/{name}" if twin else name
 
     def rivals(self, defaults: Collection[str], rays: tuple[int, int]) -> int:
-        """Return how many of its plugins have some of these ``defaults``, too.
+        """Return how many of its plugins also have one of these default topics.
 
-        One ray, as of a cliff sensor, does not take the name of a scan from one of many ``rays``.
+        A single ray, as of a cliff sensor, does not compete with a scan of many ``rays``.
         """
         if self._rays() == (1, 1) != rays:
             return 0
@@ -278,13 +287,13 @@ class _Block:
             frame = frame or text_of(plugin, *_FRAMES)
             model = self._as_published(model, plugin, topics)
         frame = frame or text_of(self._element, *_FRAMES) or self._link
-        frame = frame.lstrip("/")  # as ROS 1 had it; tf2 refuses it
+        frame = frame.lstrip("/")  # ROS 1 wrote it; tf2 refuses it
         return Sensor(self.name, self._link, self._pose, rate, topics, frame, model, self.place)
 
     def _as_published(
         self, model: Lidar | Camera | Imu, plugin: Element, topics: Collection[str]
     ) -> Lidar | Camera | Imu:
-        """Return what is measured within the limits that a plugin has."""
+        """Return the sensor's model, changed by the limits and options of a plugin."""
         stddev = self._of_plugin(plugin, "gaussianNoise", "gaussian_noise") or 0.0
         if isinstance(model, Imu):
             rates, accelerations = (
@@ -320,7 +329,7 @@ class _Block:
         return replace(model, cone=cone, radiation=self._radiation(plugin))
 
     def _of_plugin(self, plugin: Element, *tags: str) -> float | None:
-        """Return the value of the first of these that a plugin has."""
+        """Return the value of the first of these elements that a plugin has."""
         written = (tag for tag in tags if plugin.find(tag) is not None)
         return next((self._number(plugin, tag) for tag in written), None)
 
@@ -332,7 +341,7 @@ class _Block:
         least: float,
         greatest: float,
     ) -> tuple[float, float]:
-        """Return what limits that a plugin may have leave of a range."""
+        """Return a range, narrowed by the limits in a plugin."""
         low, high = self._of_plugin(plugin, *lows), self._of_plugin(plugin, *highs)
         if low is None and high is None:
             return least, greatest
@@ -358,7 +367,7 @@ class _Block:
     def compare(
         self, topics: Mapping[str, str], published: Iterable[tuple[Mapping[str, str], "_Block"]]
     ) -> None:
-        """Report topics that a sensor already ``published`` has, too."""
+        """Report topics that another sensor has ``published`` already."""
         for others, block in published:
             place = f"the one at {block.place}" if block is not self else "another plugin of it"
             for topic in clashes(others, topics)[:1]:
@@ -374,16 +383,16 @@ class _Block:
     def warn_of_frames(
         self, sensors: Iterable[Sensor], links: Collection[str], joints: Iterable[Joint]
     ) -> None:
-        """Warn once of each frame that messages of these sensors cannot have."""
+        """Warn once of each frame that is wrong for the messages of these sensors."""
         for sensor in {sensor.frame: sensor for sensor in sensors}.values():
             self._warn_of_frame(sensor, links, joints)
 
     def _warn_of_frame(
         self, sensor: Sensor, links: Collection[str], joints: Iterable[Joint]
     ) -> None:
-        """Warn of a frame of the messages that is no link, or is not where the sensor is.
+        """Warn if the frame of the messages is not a link, or not at the sensor.
 
-        Pictures have an optical frame, and clouds are given in the frame that is named.
+        It is no fault for images, which have an optical frame, and clouds, which are converted.
         """
         if sensor.frame not in links:
             hint = self._findings.hint(sensor.frame, links, "links")
@@ -506,7 +515,7 @@ class _Block:
         return Imu(groups[0], groups[1], reference)
 
     def _reference(self, imu: Element) -> Reference:
-        """Return the axes in which an IMU gives its orientation."""
+        """Return the reference axes of an IMU's orientation."""
         element = imu.find("orientation_reference_frame")
         if element is None:
             return Reference()
@@ -542,12 +551,12 @@ class _Block:
         return Noise(*(self._number(element, field.name) for field in fields(Noise)))
 
     def _inside(self, *tags: str) -> Element:
-        """The element that holds the values: some robots have them in <sensor> itself."""
+        """Return the element with the values; in some robots that is the <sensor> itself."""
         elements = (self._element.find(tag) for tag in tags)
         return next((element for element in elements if element is not None), self._element)
 
     def _number(self, parent: Element, path: str) -> float:
-        """Return a value by the table, 0 if it is wrong."""
+        """Return a value, checked by the table of values; 0 if it is wrong."""
         default, rule = _VALUES[path]
         element = parent.find(path)
         text = "" if element is None else (element.text or "").strip()
@@ -580,7 +589,7 @@ class _Block:
         return pose if link == self._link else self._frames.relative(pose, link, self._link)
 
     def _frame(self, element: Element, name: str) -> str:
-        """Return the link whose frame has a ``name``; that of the sensor for ""."""
+        """Return the link whose frame has this name; "" means the sensor's link."""
         link = self._frames.link(name, self._link)
         if link is None:
             hint = self._findings.hint(name, self._frames.names, "links and joints")
@@ -588,7 +597,7 @@ class _Block:
         return link or self._link
 
     def _numbers(self, element: Element, names: str) -> list[float]:
-        """Return the numbers called ``names`` of an element; zeros if it is empty or wrong."""
+        """Return an element's numbers, one for each of ``names``; zeros if empty or wrong."""
         words, count = (element.text or "").split(), len(names.split())
         fault = next(filter(None, map(number_fault, words)), None)
         if fault is None and len(words) == count:
@@ -599,7 +608,7 @@ class _Block:
         return [0.0] * count
 
     def _warn_of_unknown(self, element: Element) -> None:
-        """Warn of elements that are not read: a name may be misspelt."""
+        """Warn of elements that are not read, because a name may be misspelt."""
         known_tags = _KNOWN.get(element.tag)
         if known_tags is None:
             return
@@ -631,7 +640,7 @@ class _Block:
 
 
 def _asks(element: Element) -> bool:
-    """Whether an element has anything but zeros, which change nothing."""
+    """Return whether an element asks for anything; zeros and false do not."""
     words = (element.text or "").split()
     zeros = all(
         word.lower() in _NOTHING or number_fault(word) is None and not float(word) for word in words
@@ -640,5 +649,5 @@ def _asks(element: Element) -> bool:
 
 
 def _noisier(noise: Noise, stddev: float) -> Noise:
-    """Return noise with more of it, of another source."""
+    """Return noise with independent noise of another ``stddev`` added."""
     return replace(noise, stddev=math.hypot(noise.stddev, stddev)) if stddev else noise

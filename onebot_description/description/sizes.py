@@ -1,4 +1,4 @@
-"""How large a robot's shapes are, and whether they are in the wrong unit: millimetres, mostly."""
+"""Computes sizes of a robot's shapes, and warns of wrong units, mostly millimetres."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -15,17 +15,19 @@ from onebot_description.description.description import (
 from onebot_description.description.meshes import mesh_corners
 from onebot_description.errors import OneBotError
 
-# m; no larger robot is known. What has no joint that moves may be a world.
+# m; no larger robot is known. A description without moving joints may be a world.
 LARGEST_ROBOT = 20.0
 _LARGEST_WORLD = 200.0
-_MILLIMETRES = 100.0  # m, from which on centimetres are as unlikely
-_TIMES = 100.0  # a shape may be larger than most others by this
+_MILLIMETRES = 100.0  # m; larger lengths are in millimetres, smaller ones may be in centimetres
+_TIMES = 100.0  # a shape may be larger than most others by this factor
 
 
 def shape_sizes(description: Description) -> tuple[dict[Shape, Triple], list[str]]:
-    """Return the lengths of the shapes' sides, m, and what is wrong with the meshes' files.
+    """Measure the shapes of a robot; meshes are opened.
 
-    Meshes are opened; those that cannot be read have no size.
+    Returns:
+        Side lengths of each shape along its axes, m, except of unreadable meshes; and a message
+        for each unreadable mesh.
     """
     sizes: dict[Shape, Triple] = {}
     faults: dict[str, str] = {}  # key: what is wrong
@@ -54,7 +56,7 @@ def _size(shape: Shape) -> Triple:
 
 
 def size_warnings(description: Description, sizes: Mapping[Shape, Triple]) -> list[str]:
-    """Return a warning for each shape and joint that is probably in another unit than metres."""
+    """Return a warning for each shape and joint origin that is probably not in metres."""
     largest = LARGEST_ROBOT if description.moving_joints else _LARGEST_WORLD
     return [*_large_shapes(description, sizes, largest), *_far_joints(description, largest)]
 
@@ -83,7 +85,7 @@ def _large_shapes(
 
 
 def _usual(sizes: Mapping[Shape, Triple]) -> float:
-    """Return the length, m, of the largest shape below a gap; infinite if most are not below it."""
+    """Return the size, m, of the largest shape of usual size; infinite if none stands out."""
     lengths = sorted(length for length in map(max, sizes.values()) if length > 0.0)
     for row, (below, above) in enumerate(zip(lengths, lengths[1:], strict=False), 1):
         if above > _TIMES * below and 2 * row > len(lengths):

@@ -1,4 +1,4 @@
-"""A robot description as a tree for the terminal."""
+"""Formats a robot description as a tree for the terminal."""
 
 import math
 from collections.abc import Mapping
@@ -31,9 +31,13 @@ _Row = tuple[str, ...]
 
 
 def describe(description: Description, sizes: Mapping[Shape, Triple] = MappingProxyType({})) -> str:
-    """Return a table of links as a tree, with the joint that moves each, and one of sensors.
+    """Return a table of the links as a tree, with the joint above each, and a table of sensors.
 
-    Angles are shown in degrees, everything else in SI units; ``sizes`` are those of its meshes.
+    Angles are in degrees, everything else in SI units.
+
+    Args:
+        description: the robot.
+        sizes: side lengths of its meshes, m; see ``sizes.shape_sizes``.
     """
     links = {link.name: link for link in description.links}
     rows: list[_Row] = [_HEADINGS]
@@ -70,7 +74,7 @@ def _title(description: Description) -> str:
 
 
 def _walk(description: Description) -> list[tuple[str, str, Joint | None]]:
-    """Each link with the box drawing before it and the joint above it, depth first."""
+    """Return each link with the box drawing before it and the joint above it, depth first."""
     below: dict[str, list[Joint]] = {}
     above: dict[str, Joint] = {}
     for joint in description.joints:
@@ -81,7 +85,7 @@ def _walk(description: Description) -> list[tuple[str, str, Joint | None]]:
 
 
 def _joint_cells(joint: Joint | None) -> _Row:
-    """Name, kind, axis, range, and greatest speed and effort."""
+    """Return name, kind, axis, range, and greatest speed and effort of a joint."""
     if joint is None:
         return ("", "", "", "", "")
     has_axis = joint.kind not in ("fixed", "floating")
@@ -95,7 +99,7 @@ def _joint_cells(joint: Joint | None) -> _Row:
 
 
 def _axis(axis: Triple) -> str:
-    """``z`` or ``-z`` for an axis of the frame, else three numbers."""
+    """Return ``z`` or ``-z`` for an axis of the frame, otherwise three numbers."""
     for index, letter in enumerate("xyz"):
         if abs(abs(axis[index]) - 1) < 1e-9:
             return letter if axis[index] > 0 else f"-{letter}"
@@ -135,7 +139,7 @@ def _mass(link: Link) -> str:
 
 
 def _shapes(link: Link, sizes: Mapping[Shape, Triple]) -> str:
-    """The visible shapes or, if there are none, the collision shapes."""
+    """Return the visible shapes of a link or, if there are none, its collision shapes."""
     shapes = ", ".join(_shape(part.shape, sizes) for part in link.visuals or link.collisions)
     if link.visuals:
         return shapes + ("" if link.collisions else " (no collision)")
@@ -155,7 +159,7 @@ def _shape(shape: Shape, sizes: Mapping[Shape, Triple]) -> str:
 
 
 def _sensor_rows(sensor: Sensor) -> list[_Row]:
-    """A row of each topic, the first one with what is the same for all."""
+    """Return a row for each topic; values that all share are in the first one."""
     rate = f"{sensor.rate:.4g} Hz" if sensor.rate else "each cycle"
     first, *others = ((topic, MESSAGE_TYPES[output]) for output, topic in sensor.topics.items())
     return [

@@ -4,12 +4,12 @@ from collections.abc import Callable, Iterable, Sequence
 
 from onebot_description.errors import printable
 
-_MOST_INDENT = 60  # characters before a name; deeper ones are drawn with the end of theirs
+_MOST_INDENT = 60  # characters before a name; of longer indents, only the end is drawn
 _MOST_CELL = 100  # characters
 
 
 def branches(roots: Iterable[str], below: Callable[[str], Sequence[str]]) -> list[tuple[str, str]]:
-    """Return each name with the box drawing before it, depth first; ``below`` gives children."""
+    """Return each name with the box drawing before it, depth first; ``below`` returns children."""
     result = []
     # Name, drawing before itself, drawing before its children.
     waiting = [(root, "", "") for root in reversed(list(roots))]
@@ -25,12 +25,12 @@ def branches(roots: Iterable[str], below: Callable[[str], Sequence[str]]) -> lis
 
 
 def _shortened(indent: str) -> str:
-    """The end of an ``indent`` that is too wide, as lines cost their width."""
+    """Return ``indent``; if it is too wide, only its end."""
     return indent if len(indent) <= _MOST_INDENT else "…  " + indent[6:]
 
 
 def cell(text: str) -> str:
-    """Return ``text`` as it stands in a table: printable, and not too long."""
+    """Return ``text`` for a table cell: printable, and not too long."""
     line = printable(text)
     return line if len(line) <= _MOST_CELL else line[: _MOST_CELL - 1] + "…"
 

@@ -1,4 +1,4 @@
-"""Xacro files: expanded within bounds, and the arguments that they declare."""
+"""Expands xacro files with limited time and memory, and finds the arguments that they declare."""
 
 import os
 import re
@@ -27,8 +27,8 @@ def expand(
         The expanded document, the files read (``path`` first), and xacro's warnings.
 
     Raises:
-        DescriptionError: xacro cannot expand it, takes too much time or memory, or has no argument
-            of a name given.
+        DescriptionError: xacro cannot expand it, takes too much time or memory, or the file has no
+            argument of a given name.
     """
     name = xml.shown_path(path)
     request = {"path": str(path), "arguments": dict(arguments)}
@@ -55,7 +55,7 @@ def _unknown_arguments(
 
 
 def _to_document(found: Mapping[str, Any], path: Path) -> xml.Document:
-    """Parse what xacro made, keeping the places of its elements."""
+    """Parse the expanded text, keeping the places of its elements."""
     name = xml.shown_path(path)
     data = found["text"].encode("utf-8", "replace")
     root = xml.parse(data, f"{name} (expanded)", encoding="utf-8").root
@@ -63,7 +63,7 @@ def _to_document(found: Mapping[str, Any], path: Path) -> xml.Document:
     return xml.Document(root, places, name, path.parent)
 
 
-# Arguments that are used without being declared are arguments all the same.
+# Arguments may be used without being declared.
 _USED = re.compile(r"\$\(\s*arg\s+([^\s)]+)\s*\)|xacro\.arg\(\s*['\"]([^'\"]+)['\"]")
 
 
@@ -120,7 +120,7 @@ def included_files(source: str) -> tuple[Path, ...]:
 
 
 def root_of(file: Path) -> Element:
-    """Return the root of an XML file, an empty element if it cannot be read."""
+    """Return the root of an XML file; an empty element if it cannot be read."""
     try:
         return xml.parse(xml.read_bytes(file), str(file)).root
     except OneBotError:
@@ -152,7 +152,7 @@ def _files(file: Path) -> Iterator[tuple[Path, Element]]:
 
 
 def _includes(file: Path, root: Element, packages: dict[Path, Resources]) -> list[Path | None]:
-    """The files that ``file`` includes; None for one whose name is known when it is expanded."""
+    """Return the files that ``file`` includes; None for names only known when it is expanded."""
     elements = (element for element in root.iter() if _xacro_kind(element) == "include")
     names = [element.get("filename", "") for element in elements]
     folder = file.absolute().parent

@@ -1,4 +1,4 @@
-"""XML that may be anything at all: every fault in it becomes one clear DescriptionError.
+"""Parses untrusted XML; every fault in it becomes one clear DescriptionError.
 
 Each document is parsed here before any other parser sees it: DOCTYPE is refused, and with it entity
 bombs and external entities, and so is absurd nesting. The line of every element is noted.
@@ -27,7 +27,7 @@ _SEPARATOR = "\1"  # between namespace, name and prefix; no document can hold it
 MOST_BYTES = 50_000_000
 _MOST_NESTED = 100
 _MOST_PARTS = 1_000_000  # elements and attributes; a robot of 10,000 joints has a fifth of that
-# Files that are taken for one another.
+# Suffixes of files that are mistaken for one another.
 _SUFFIXES = (
     (".urdf", ".xacro", ".xml"),
     (".yaml", ".yml"),
@@ -41,13 +41,13 @@ class Document:
 
     root: ElementTree.Element
     places: dict[ElementTree.Element, str]  # ``file:line`` of each element, in document order
-    shown: str  # its name for messages
-    folder: Path | None  # relative paths start here; None for text that is in no file
-    has_xacro: bool = False  # the xacro namespace is declared
+    shown: str  # its name in messages
+    folder: Path | None  # where relative paths start; None for text without a file
+    has_xacro: bool = False  # whether the xacro namespace is declared
 
 
 def shown_path(path: str | Path) -> str:
-    """Return ``path`` as messages show it: relative if it lies below the current folder."""
+    """Return ``path`` for messages: relative if it is below the current folder."""
     try:
         relative = os.path.relpath(path)
     except (OSError, ValueError):
@@ -56,7 +56,11 @@ def shown_path(path: str | Path) -> str:
 
 
 def read_bytes(path: Path) -> bytes:
-    """Return what is in the file ``path``, unless it is missing, too large or no regular file."""
+    """Return the content of a file.
+
+    Raises:
+        DescriptionError: it is missing, too large, unreadable, or not a regular file.
+    """
     name = shown_path(path)
     try:
         mode = path.stat().st_mode
@@ -77,7 +81,7 @@ def read_bytes(path: Path) -> bytes:
 
 
 def missing_file(path: Path) -> str:
-    """Return the message about a ``path`` that is no file, with what is there."""
+    """Return the message about a missing file, with the files that are there."""
     folder, name = path.parent, shown_path(path)
     if not folder.is_dir():
         return f"{name}: no such file (there is no folder {shown_path(folder)})"
@@ -87,7 +91,7 @@ def missing_file(path: Path) -> str:
 
 
 def _choices(folder: Path, name: str) -> str:
-    """What to write instead of ``name``: the files in ``folder`` of the same kinds."""
+    """Return what to write instead of ``name``: similar files in ``folder``."""
     suffix = Path(name).suffix.lower()
     suffixes = next((kind for kind in _SUFFIXES if suffix in kind), (suffix, *_SUFFIXES[0]))
     try:
@@ -98,9 +102,12 @@ def _choices(folder: Path, name: str) -> str:
 
 
 def declaration_first(data: bytes, shown: str) -> tuple[bytes, tuple[str, ...]]:
-    """Move blank lines before an XML declaration behind it, as urdfdom skips them.
+    """Move blank lines before an XML declaration behind it, because urdfdom skips them.
 
-    The elements stay on their lines. If the document was changed, there is a warning of it.
+    Elements stay on their lines.
+
+    Returns:
+        The document, and a warning if it was changed.
     """
     document = data.lstrip(b" \t\r\n")
     blank, end = data[: len(data) - len(document)], document.find(b"?>") + 2
@@ -113,10 +120,16 @@ def declaration_first(data: bytes, shown: str) -> tuple[bytes, tuple[str, ...]]:
 def parse(
     data: bytes, shown: str, folder: Path | None = None, encoding: str | None = None
 ) -> Document:
-    """Parse XML without DOCTYPE; see ``Document`` for the name ``shown`` and the ``folder``.
+    """Parse XML without DOCTYPE.
 
-    ``encoding`` overrides the one that the document declares. Raises DescriptionError, with line
-    and column.
+    Args:
+        data: the document.
+        shown: its name in messages.
+        folder: where relative paths start.
+        encoding: overrides the encoding that the document declares.
+
+    Raises:
+        DescriptionError: it cannot be parsed; the text has line and column.
     """
     if not data.strip():
         raise DescriptionError([f'{shown}: is empty; it should hold <robot name="...">'])
@@ -173,7 +186,7 @@ def parse(
 
 
 def _tag(name: str) -> str:
-    """Return expat's name of an element or attribute as ElementTree has it."""
+    """Convert expat's name of an element or attribute to ElementTree's."""
     if _SEPARATOR not in name:
         return name
     uri, local, *_ = name.split(_SEPARATOR)
@@ -181,7 +194,7 @@ def _tag(name: str) -> str:
 
 
 def _malformed(data: bytes, shown: str, error: Exception, opened: Sequence[tuple[str, int]]) -> str:
-    """The message for XML that expat does not accept; ``opened`` are the elements around it."""
+    """Return the message for malformed XML; ``opened`` are the elements around the fault."""
     wide = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     if b"\0" in data and not wide:
         return f"{shown}: is a binary file, not URDF or xacro"
@@ -210,7 +223,7 @@ def _malformed(data: bytes, shown: str, error: Exception, opened: Sequence[tuple
 
 
 def _undeclared(data: bytes, error: expat.ExpatError) -> str:
-    """The prefix without a namespace that the element where expat stops has, or its attributes."""
+    """Return the undeclared prefix of the element at which expat stops, or of its attributes."""
     rest = b"\n".join(data.splitlines()[error.lineno - 1 :])[error.offset :]
     element, _, _ = rest.partition(b">")
     declared = re.findall(rb"\sxmlns:([\w.-]+)\s*=", data)
@@ -223,7 +236,7 @@ def _undeclared(data: bytes, error: expat.ExpatError) -> str:
 def to_text(root: ElementTree.Element) -> str:
     """Return indented XML text, headed by an XML declaration without an encoding.
 
-    Short lines matter: PyBullet breaks those of more than 8191 characters.
+    Short lines matter, because PyBullet splits lines of more than 8191 characters.
     """
     ElementTree.indent(root)
     return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"

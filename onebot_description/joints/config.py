@@ -32,7 +32,7 @@ _KEYS: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class MotionParameters:
-    """The parameters ``motions.<joint>``; None where one is not given."""
+    """The parameters ``motions.<joint>.*``; those not given are None."""
 
     type: str = parameter(REQUIRED, "the kind of motion", choices=(*_KEYS,))
     position: float | None = parameter(None, "constant: position to hold, rad or m")
@@ -51,7 +51,7 @@ class MotionParameters:
 
     @property
     def given(self) -> set[str]:
-        """The keys that were given, without the type."""
+        """The names of the given parameters, except the type."""
         names = (setting.name for setting in fields(self) if setting.name != "type")
         return {name for name in names if getattr(self, name) is not None}
 
@@ -113,7 +113,7 @@ class MotionParameters:
 
 @dataclass(frozen=True)
 class Dependent:
-    """A joint at ``parent * factor + offset``."""
+    """The parameters ``dependent_joints.<joint>.*``: a joint at ``parent * factor + offset``."""
 
     parent: str = parameter(
         REQUIRED,
@@ -126,7 +126,7 @@ class Dependent:
 
 @dataclass(frozen=True)
 class Sequence:
-    """A sequence of poses of the whole robot."""
+    """The parameters ``sequence.*``: a sequence of poses of the whole robot."""
 
     poses: tuple[str, ...] = parameter(
         (), "poses to go through, for joints without a motion of their own"
@@ -149,7 +149,10 @@ class Sequence:
 
 @dataclass(frozen=True)
 class JointsConfig:
-    """All parameters of joint_state_publisher; positions in rad or m."""
+    """All parameters of joint_state_publisher; the table in README.md explains them.
+
+    Positions are in rad, or m for prismatic joints.
+    """
 
     rate: float = parameter(10.0, "messages per second, Hz", at_least=_MIN_RATE, at_most=MAX_RATE)
     publish_default_positions: bool = parameter(True, "publish joints that nothing moves")
@@ -195,7 +198,14 @@ class JointsConfig:
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> "JointsConfig":
-        """Check and convert parameters: by dotted names, or in nested maps as in YAML."""
+        """Check parameters, and convert them to a config.
+
+        Args:
+            parameters: by dotted names, or in nested maps as in YAML.
+
+        Raises:
+            ConfigError: with every problem, each naming the parameter and what would be right.
+        """
         return read(cls, parameters)
 
     @cached_property
@@ -235,5 +245,5 @@ class JointsConfig:
 
 
 def _inside(group_name: str, problems: Iterable[Problem]) -> list[Problem]:
-    """Return the problems with the group's name in front of their keys."""
+    """Return the problems with their keys prefixed by the group's name."""
     return [Problem(".".join(filter(None, (group_name, p.key))), p.text) for p in problems]

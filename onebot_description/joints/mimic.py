@@ -15,7 +15,7 @@ from onebot_description.joints.motion_limits import FloatArray, JointLimits
 from onebot_description.ros.parameters.reader import Problem
 
 Followers = dict[str, Dependent]  # keys: the joints that follow
-_Chain = tuple[str, float, float]  # its leader, and factor and offset of all of it
+_Chain = tuple[str, float, float]  # leader, and factor and offset of the whole chain
 
 
 @dataclass(frozen=True)
@@ -45,17 +45,18 @@ def resolve(
     """Reduce chains of mimic joints to their leaders.
 
     Args:
-        joints: the N movable joints, whose ``limits`` these are.
+        joints: the N movable joints.
         all_joints: all joints of the robot, for error messages.
         limits: of the N joints.
         dependent: the parameters dependent_joints, which override mimic tags.
-        use_mimic_tags: apply the tags.
+        use_mimic_tags: whether mimic tags are applied.
 
     Returns:
-        The leaders; limits so narrow that all followers stay within their own; and a problem for
-        each joint that cannot follow, and so moves alone (its leader is missing or fixed, a circle,
-        or no position keeps both within their limits), and for each leader whose range becomes
-        smaller. The key is the joint's entry in dependent_joints, empty for a mimic tag.
+        The leaders; the limits, narrowed so that all followers stay within theirs; and problems.
+        There is a problem for each joint that cannot follow, and so moves alone (its leader is
+        missing or fixed, joints follow in a circle, or no position keeps both within their limits),
+        and for each leader whose range becomes smaller. A problem's key is the joint's entry in
+        dependent_joints; empty for a mimic tag.
     """
     mimics = _mimics(joints, dependent, use_mimic_tags)
     problems: list[Problem] = []

@@ -28,11 +28,15 @@ def movable(joints: Sequence[Joint]) -> tuple[Joint, ...]:
 
 
 def joint_limits(joints: Sequence[Joint], *, soft: bool) -> tuple[JointLimits, list[Problem]]:
-    """Return the limits of movable joints; with ``soft``, after the soft limits are applied.
+    """Return the limits of movable joints.
+
+    Args:
+        joints: the N movable joints.
+        soft: also apply the soft limits of safety_controller.
 
     Returns:
-        The limits, and a problem for each revolute or prismatic joint without limits, which stays
-        at 0, or whose soft limits leave no range, which are then not applied.
+        The limits, and a problem for each revolute or prismatic joint that has no limits (it stays
+        at 0) or whose soft limits leave no range (they are not applied).
     """
     problems: list[Problem] = []
     ranges = np.array([_range(joint, soft, problems) for joint in joints]).reshape(-1, 2)

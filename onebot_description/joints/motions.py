@@ -1,7 +1,7 @@
-"""Motions of joints, sines and keyframes: where they are at a time, and what exceeds limits.
+"""Motions of joints (sines and keyframes): their position at a time, and checks of limits.
 
-Positions are in rad (m for a prismatic joint), times in s since the start of the motion. Adding a
-kind of motion takes a class with ``at`` here, its keys in ``config`` and its limits below.
+Positions are in rad (m for prismatic joints), times in s since the start of the motion. To add a
+kind of motion, write a class with ``at`` here, its keys in ``config``, and its limit checks below.
 """
 
 import math
@@ -19,7 +19,7 @@ MINIMUM_JERK_PEAK = 1.875
 
 # Looped keyframes whose ends are this close to whole turns apart keep turning, rad.
 _WHOLE_TURN = 1e-2
-# Rounding is not reported: of a speed by its part, of a position in rad or m.
+# Smaller violations are rounding, and not reported: relative for speeds, rad or m for positions.
 _TOLERANCE = 1e-4
 
 
@@ -40,17 +40,17 @@ class Sine:
 
 @dataclass(frozen=True)
 class Keyframes:
-    """Move through ``positions`` at ``times``."""
+    """A motion through ``positions`` at ``times``."""
 
     times: tuple[float, ...]  # increasing, from 0 on
     positions: tuple[float, ...]  # one per time
     blend: str = LINEAR  # interpolation, one of BLENDS
     loop: bool = True  # start over after the last, instead of holding it
-    # Seconds to reach the first position from the present one, once; the times are counted from
-    # its end. 0 for none.
+    # Seconds to reach the first position from the current one, once, before the times begin; 0 for
+    # none.
     lead: float = 0.0
-    turn: float = 0.0  # added to the positions at each pass of the loop
-    pose: str = ""  # the named pose that the one position comes from
+    turn: float = 0.0  # added to the positions after each pass of the loop
+    pose: str = ""  # name of the pose that the single position comes from
 
     @classmethod
     def hold(cls, position: float, pose: str = "") -> "Keyframes":
@@ -61,7 +61,13 @@ class Keyframes:
     def sweep(cls, speed: float, start: float, lower: float, upper: float) -> "Keyframes":
         """Return the motion from ``start`` up, then back and forth over the range.
 
-        It goes up for ever where the range is infinite. Speed in rad/s (m/s), from 0 on.
+        If the range is infinite, it goes up forever.
+
+        Args:
+            speed: rad/s or m/s, at least 0.
+            start: rad or m.
+            lower: least position, rad or m.
+            upper: greatest position, rad or m.
         """
         if speed <= 0.0 or lower == upper:
             return cls.hold(start)
@@ -71,12 +77,12 @@ class Keyframes:
         return cls((0.0, up, up + span, 2.0 * span), (start, upper, lower, start))
 
     def turning(self) -> "Keyframes":
-        """Return the motion of a joint without end: a loop of whole turns keeps turning."""
+        """Return the motion for a continuous joint: a loop over whole turns keeps turning."""
         way = self.positions[-1] - self.positions[0]
         return replace(self, turn=way) if abs(_beyond_turns(way)) < _WHOLE_TURN else self
 
     def at(self, time: float, start: float) -> float:
-        """Return the position at ``time``, from 0 on; ``start`` is where the lead begins."""
+        """Return the position at ``time`` (at least 0); ``start`` is the position at time 0."""
         if time < self.lead:
             return self._between(start, self.positions[0], time / self.lead)
         time, period, passes = time - self.lead, self.times[-1], 0.0
@@ -106,7 +112,7 @@ def _beyond_turns(angle: float) -> float:
 
 @dataclass(frozen=True)
 class Allowed:
-    """The limits of one joint."""
+    """The limits of one joint, for checks and their messages."""
 
     lower: float  # rad or m
     upper: float

@@ -1,4 +1,4 @@
-"""Positions and velocities of a robot's joints at any time, always within their limits.
+"""Computes positions and velocities of a robot's joints at any time, within their limits.
 
 `make_plan` checks the parameters against the robot's joints, `ReceivedJointStates` keeps what other
 nodes publish, and `JointStateSource` samples both.
@@ -42,7 +42,7 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Plan:
-    """The checked motions and limits of N movable joints."""
+    """The checked motions and limits of N movable joints; ``make_plan`` returns it."""
 
     config: JointsConfig
     following: Following
@@ -50,12 +50,17 @@ class Plan:
     endless: NDArray[np.bool_]  # (N,) True for continuous joints without followers
     zeros: FloatArray  # (N,) positions of joints that nothing moves
     motions: tuple[Motion, ...]  # N; followers' are not used
-    unsuitable: tuple[Problem, ...]  # parameters that do not suit the joints, and are left out
-    reports: tuple[Problem, ...]  # warnings: these, and such as motions beyond limits
+    unsuitable: tuple[Problem, ...]  # parameters that do not suit the joints and are ignored
+    reports: tuple[Problem, ...]  # all warnings, including these and motions beyond limits
 
 
 def make_plan(all_joints: Sequence[Joint], config: JointsConfig) -> Plan:
-    """Return the motion of each joint, without the parameters that do not suit the robot."""
+    """Check parameters against a robot's joints, and choose the motion of each joint.
+
+    Args:
+        all_joints: all joints of the robot.
+        config: the parameters; those that do not suit the robot are ignored, and reported.
+    """
     joints = movable(all_joints)
     limits, problems = joint_limits(joints, soft=config.use_smallest_joint_limits)
     following, narrowed, more = mimic.resolve(
@@ -107,22 +112,24 @@ def _allowed(joint: Joint, limits: JointLimits, row: int) -> Allowed:
 
 @dataclass(frozen=True)
 class _JointPlanner:
-    """Chooses the motion of one joint and collects warnings."""
+    """Chooses the motion of one joint, and collects warnings."""
 
     joint: Joint
     allowed: Allowed  # after mimic joints are taken into account
-    share: float  # of the joints before it, from 0 to 1
+    share: float  # fraction of the joints that come before it, 0 to 1
     config: JointsConfig
-    reports: list[Problem]  # is extended
+    reports: list[Problem]  # warnings are appended to it
 
     def zero(self, default: float) -> float:
-        """Return the position where nothing moves the joint, within its limits."""
+        """Return the position of the joint while nothing moves it, within its limits."""
         return self.allowed.clamp(self.config.zeros.get(self.joint.name, default))
 
     def motion(self, zero: float, endless: bool) -> Motion:
-        """Return the held pose, or else its motion, the sequence, the sweep, the swing or zero.
+        """Return the motion: held pose, own motion, sequence, sweep, swing or rest, in that order.
 
-        ``endless``: a loop of whole turns keeps turning.
+        Args:
+            zero: the position at rest, rad or m.
+            endless: whether a loop over whole turns keeps turning.
         """
         config, name = self.config, self.joint.name
         if name in config.zeros:

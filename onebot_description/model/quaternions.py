@@ -10,7 +10,7 @@ Floats = NDArray[np.float64]
 
 
 def from_rpy(rpy: ArrayLike) -> Floats:
-    """Quaternions of fixed-axis roll, pitch, yaw.
+    """Return the quaternions of fixed-axis roll, pitch, yaw.
 
     Args:
         rpy: (..., 3) radians; the rotation is Rz(yaw) Ry(pitch) Rx(roll), as URDF defines it.
@@ -33,12 +33,12 @@ def from_rpy(rpy: ArrayLike) -> Floats:
 
 
 def from_matrix(matrix: Floats) -> Floats:
-    """Quaternion (4,) of a (3, 3) rotation matrix."""
+    """Return the quaternion (4,), x y z w, of a rotation matrix (3, 3)."""
     return from_rpy(to_rpy(matrix))
 
 
 def multiply(a: Floats, b: Floats) -> Floats:
-    """Hamilton product a (x) b: the rotation b, then a. Shapes (..., 4) broadcast."""
+    """Return the Hamilton product a (x) b: the rotation b, then a. Shapes (..., 4) broadcast."""
     ax, ay, az, aw = np.moveaxis(a, -1, 0)
     bx, by, bz, bw = np.moveaxis(b, -1, 0)
     return np.stack(
@@ -55,7 +55,7 @@ def multiply(a: Floats, b: Floats) -> Floats:
 def rotate(rotation: Floats, vector: Floats) -> Floats:
     """Rotate vectors (..., 3) by unit quaternions (..., 4).
 
-    v + 2 w (u x v) + 2 u x (u x v) with u the quaternion's vector part.
+    The formula is v + 2 w (u x v) + 2 u x (u x v), with the quaternion's vector part u.
     """
     axis, scalar = rotation[..., :3], rotation[..., 3:]
     twice = 2.0 * np.cross(axis, vector)
@@ -64,14 +64,14 @@ def rotate(rotation: Floats, vector: Floats) -> Floats:
 
 
 def normalized(rotation: Floats) -> Floats:
-    """Unit quaternions (..., 4) from quaternions of any length; 0 gives identity."""
+    """Return unit quaternions (..., 4) for quaternions of any length; the identity for 0."""
     length = np.linalg.norm(rotation, axis=-1, keepdims=True)
     unit = rotation / np.where(length > 0.0, length, 1.0)
     return np.where(length > 0.0, unit, (0.0, 0.0, 0.0, 1.0))
 
 
 def to_matrix(rotation: ArrayLike) -> Floats:
-    """Rotation matrices (..., 3, 3) of quaternions (..., 4) of any length; 0 gives identity."""
+    """Return the rotation matrices (..., 3, 3) of quaternions (..., 4); the identity for 0."""
     x, y, z, w = np.moveaxis(normalized(np.asarray(rotation, float)), -1, 0)
     xx, yy, zz = 2.0 * x * x, 2.0 * y * y, 2.0 * z * z
     xy, xz, yz = 2.0 * x * y, 2.0 * x * z, 2.0 * y * z
@@ -85,10 +85,10 @@ def to_matrix(rotation: ArrayLike) -> Floats:
 
 
 def to_rpy(matrix: Floats) -> tuple[float, float, float]:
-    """Roll, pitch and yaw about the fixed axes, rad, of a (3, 3) rotation matrix.
+    """Return roll, pitch and yaw about the fixed axes, rad, of a rotation matrix (3, 3).
 
-    Where the pitch is a quarter turn, only the sum or difference of the others is known; the yaw is
-    zero then.
+    At a pitch of a quarter turn (gimbal lock), only the sum or difference of roll and yaw is
+    defined; then yaw is zero.
     """
     (xx, _, _), (yx, yy, yz), (zx, zy, zz) = matrix.tolist()
     pitch = math.asin(max(-1.0, min(1.0, -zx)))

@@ -1,12 +1,13 @@
-"""Forward kinematics: all joints are evaluated as arrays, in compiled code.
+"""Forward kinematics of all joints at once, as arrays, in compiled code.
 
-A joint's transform is its fixed origin followed by its motion, so /tf needs no traversal of the
-tree: for a revolute joint with origin rotation q0 and axis a (in the child frame), the rotation is
+A joint's transform is its fixed origin followed by its motion, and depends on no other joint, so
+/tf needs no traversal of the tree. For a revolute joint with origin rotation q0 and axis a (in the
+joint frame), the rotation by an angle q is
 
     q0 (x) (a sin(q/2), cos(q/2))  =  q0 cos(q/2) + (q0 (x) (a, 0)) sin(q/2),
 
-and for a prismatic one the translation is t0 + (R0 a) q. Both are linear in constants of the
-description. _kinematics.c evaluates them, for many states at once.
+and for a prismatic joint the translation is t0 + (R0 a) q. Both are linear in constants of the
+description, which are computed once; _kinematics.c evaluates them for many states at once.
 """
 
 import ctypes
@@ -25,8 +26,8 @@ from onebot_description.ros.wire.library import load_library
 
 Floats = NDArray[np.float64]
 
-_POSE = 7  # numbers of a transform: translation x y z, rotation x y z w
-_SLACK = 1e-9  # rad or m beyond a limit: rounding
+_POSE = 7  # numbers in a transform: translation x y z, rotation x y z w
+_SLACK = 1e-9  # rad or m; a position this far beyond a limit is rounding
 
 
 @functools.cache
@@ -69,16 +70,16 @@ class _Tree(ctypes.Structure):
 
 
 class JointArrays:
-    """Some joints' transforms as a function of their positions; M joints.
+    """Computes the transforms of M joints from their positions.
 
-    Its arrays, none of which may be changed:
+    Attributes, none of which may be changed:
         parents: parent link of each joint.
         children: child link of each joint.
         half_turns: (M,), 1/2 for rotating joints, 0 for prismatic ones.
         constant: (M, 7): the transform at position 0 (translation x y z, rotation x y z w).
         sine: (M, 4): the factor of sin(q/2) in the rotation.
         slide: (M, 3): the factor of the position in the translation, m/m.
-        address: of the struct joints, valid as long as this object exists.
+        address: of the struct joints; valid while this object exists.
     """
 
     def __init__(
@@ -100,6 +101,7 @@ class JointArrays:
 
     @classmethod
     def of(cls, joints: Sequence[Joint]) -> "JointArrays":
+        """Return the arrays of these joints."""
         count = len(joints)
         rpy = np.array([joint.origin.rpy for joint in joints], float).reshape(count, 3)
         rotation = quaternions.from_rpy(rpy)
@@ -118,7 +120,7 @@ class JointArrays:
         )
 
     def transforms(self, positions: Floats) -> Floats:
-        """Parent-to-child transforms.
+        """Return the parent-to-child transforms of the joints.
 
         Args:
             positions: (..., M), radians or metres.
@@ -135,6 +137,7 @@ class JointArrays:
         return poses
 
     def take(self, rows: Sequence[int]) -> "JointArrays":
+        """Return the arrays of the joints in these rows."""
         index = np.asarray(rows, np.intp)
         arrays = (self.half_turns, self.constant, self.sine, self.slide)
         return JointArrays(
@@ -145,7 +148,7 @@ class JointArrays:
 
 
 class LinkTree:
-    """The links from the root to the tips, and the joint above each."""
+    """Computes the poses of all links in the root's frame, along the tree of joints."""
 
     def __init__(
         self, links: Sequence[str], root: str, moving: JointArrays, fixed: JointArrays
@@ -164,7 +167,7 @@ class LinkTree:
                 steps.append((rows[parent], rows[child], row))
                 reached.append(child)
         columns = np.array(steps, np.int32).reshape(-1, 3).T.copy()
-        self._kept = (moving, fixed, columns)  # the structure holds addresses only
+        self._kept = (moving, fixed, columns)  # keep alive: the structure holds only addresses
         self._links = len(links)
         addresses = [column.ctypes.data for column in columns]
         self._structure = _Tree(
@@ -173,7 +176,7 @@ class LinkTree:
         self._addresses = moving.address, ctypes.addressof(self._structure)
 
     def poses(self, positions: Floats) -> Floats:
-        """Poses (..., links, 7) in the root's frame, of positions (..., M)."""
+        """Return the poses (..., links, 7) in the root's frame for positions (..., M)."""
         positions = np.ascontiguousarray(positions, float)
         batch = positions.shape[:-1]
         poses = np.empty((*batch, self._links, _POSE))
@@ -184,23 +187,28 @@ class LinkTree:
 
 
 class RobotModel:
-    """A robot's kinematics, independent of ROS.
+    """Forward kinematics of a robot with M moving joints, independent of ROS.
 
-    Its attributes, M joints:
+    Attributes:
         name: the robot's name.
         root_link: the link without a parent.
         links: link names in the description's order.
         joints: names of the moving joints (revolute, continuous, prismatic, also mimic joints),
             in the description's order; positions are given in this order.
         moving: the arrays of these joints.
-        fixed: the arrays of the others. Floating and planar joints, which JointState does not
-            contain, are at their origin.
-        lower, upper: (M,), position limits in rad or m; infinite where there is none.
-        velocity: (M,), speed limits in rad/s or m/s; infinite where there is none.
+        fixed: the arrays of the other joints. Floating and planar joints, which JointState does
+            not contain, are at their origin.
+        lower: (M,), least positions in rad or m; minus infinity without limit.
+        upper: (M,), greatest positions in rad or m; infinite without limit.
+        velocity: (M,), speed limits in rad/s or m/s; infinite without limit.
     """
 
     def __init__(self, description: Description) -> None:
-        """Convert a description to arrays; a robot in parts is refused."""
+        """Convert a description to arrays.
+
+        Raises:
+            DescriptionError: the links are not all connected.
+        """
         description.require_tree()
         self.name = description.robot_name
         self.root_link = description.root_link
@@ -217,10 +225,19 @@ class RobotModel:
 
     @classmethod
     def from_description(cls, description: Description) -> "RobotModel":
+        """Return the model of a description.
+
+        Raises:
+            DescriptionError: the links are not all connected.
+        """
         return cls(description)
 
     def row(self, joint: str) -> int:
-        """Return the index of a moving joint; the error for another joint lists them."""
+        """Return the index of a moving joint in ``joints``.
+
+        Raises:
+            OneBotError: there is no such joint; the text lists them.
+        """
         try:
             return self._rows[joint]
         except KeyError:
@@ -228,10 +245,10 @@ class RobotModel:
             raise OneBotError(f'robot "{self.name}" has no moving joint "{joint}"{hint}') from None
 
     def follower(self, joint: str, given: Mapping[str, object]) -> Mimic | None:
-        """Return the ``given`` joint that determines ``joint``, which may be itself; None if none.
+        """Return how ``joint`` follows one of the ``given`` joints; None if it follows none.
 
-        A value given for a mimic joint itself wins; chains of mimics are followed to the first
-        joint that is given.
+        Chains of mimic joints are followed up to the first given joint, which may be ``joint``
+        itself: a value given for a mimic joint overrides its leader's.
         """
         multiplier, offset = 1.0, 0.0
         while joint not in given:
@@ -279,7 +296,7 @@ class RobotModel:
             if name not in self._mimics
         }
         positions = self.positions({**rests, **given})
-        # A follower may be beyond its limits while its leader rests: nobody has asked for that.
+        # Ignore a follower that is beyond its limits while its leader is at rest.
         chosen = positions != self.positions(rests)
         within = (positions >= self.lower - _SLACK) & (positions <= self.upper + _SLACK)
         if rows := np.flatnonzero(chosen & ~within).tolist():
@@ -291,7 +308,7 @@ class RobotModel:
         return f'joint "{self.joints[row]}": {position:g} is out of its limits, {limits}'
 
     def transforms(self, positions: ArrayLike | Mapping[str, float]) -> tuple[Floats, Floats]:
-        """Parent-to-child transforms of all moving joints.
+        """Return the parent-to-child transforms of all moving joints.
 
         Args:
             positions: (..., M) in the order of ``joints``, radians or metres; or by name.
@@ -304,7 +321,10 @@ class RobotModel:
         return values[..., :3], values[..., 3:]
 
     def link_poses(self, positions: ArrayLike | Mapping[str, float]) -> Floats:
-        """Poses of all links in the root link's frame, ``positions`` as for ``transforms``.
+        """Return the poses of all links in the root link's frame.
+
+        Args:
+            positions: (..., M) in the order of ``joints``, radians or metres; or by name.
 
         Returns:
             (..., L, 7) in the order of ``links``: translation x y z in metres, rotation x y z w.
@@ -328,7 +348,7 @@ class RobotModel:
 
 
 def _limits(joints: Sequence[Joint], limit: str, none: float) -> Floats:
-    """One limit of each joint, ``none`` where there is none; of continuous ones only speed."""
+    """Return one limit of each joint, or ``none``; continuous joints have only a speed limit."""
     values = [
         None if joint.kind == "continuous" and limit != "velocity" else getattr(joint, limit)
         for joint in joints

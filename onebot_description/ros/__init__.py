@@ -1,1 +1,1 @@
-"""What the nodes of all packages use: topics, parameters, signals, discovery, the wire format."""
+"""Common parts of all nodes: topics, parameters, signals, discovery, the wire format."""

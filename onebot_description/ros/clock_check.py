@@ -1,4 +1,4 @@
-"""Warns of stamps by another clock, such as another computer's that is wrong."""
+"""Warns of stamps by a wrong clock, such as that of another computer."""
 
 from collections.abc import Callable
 
@@ -20,7 +20,13 @@ class StampCheck:
     def __init__(
         self, topic: str, log: Callable[[str], object], is_simulated: Callable[[], bool]
     ) -> None:
-        """Log to ``log``, unless ``is_simulated``: stamps of a simulated clock are not compared."""
+        """Compare the stamps of ``topic``, and log differences.
+
+        Args:
+            topic: for the text.
+            log: logs a warning.
+            is_simulated: returns whether time is simulated; then stamps are not compared.
+        """
         self._topic, self._is_simulated = topic, is_simulated
         self._warn = Throttled(log, _EVERY)
         self._sampled_ns = 0
@@ -28,7 +34,7 @@ class StampCheck:
 
     @classmethod
     def of(cls, node: Node, topic: str) -> "StampCheck":
-        """Return one for a topic that a node subscribes to."""
+        """Return a StampCheck for a topic that a node subscribes to."""
 
         def is_simulated() -> bool:
             simulated = node.get_parameter("use_sim_time").value

@@ -1,6 +1,6 @@
-"""Which nodes this process discovers: on this computer, on a network, or by a discovery server.
+"""Sets which nodes this process discovers: on this computer, a network, or by a discovery server.
 
-ROS and Fast DDS read it from environment variables, when rclpy is initialised.
+ROS and Fast DDS read this from environment variables when rclpy is initialised.
 """
 
 import os
@@ -28,9 +28,11 @@ MAX_DOMAIN = 232  # beyond it the ports of DDS (RTPS 2.2, section 9.6.1.1) excee
 
 
 def discovery_variables(values: Mapping[str, str], *, forced: bool) -> dict[str, str]:
-    """Return the variables for the arguments ``discovery`` and ``domain_id``.
+    """Return the environment variables for the arguments ``discovery`` and ``domain_id``.
 
-    ``forced``: ``discovery`` was given, and so overrides the environment's setting.
+    Args:
+        values: the arguments by name.
+        forced: whether ``discovery`` was given, and so overrides the environment.
     """
     variables = _variables(values["discovery"]) if forced or not _is_chosen() else {}
     return variables | ({"ROS_DOMAIN_ID": values["domain_id"]} if values["domain_id"] else {})
@@ -59,14 +61,14 @@ def _is_chosen() -> bool:
 def node_name(end: Any) -> str:
     """Return the full name of the node of a TopicEndpointInfo; "" while it is not discovered.
 
-    That takes longer than the discovery of its publishers and subscriptions.
+    A node's name is discovered later than its publishers and subscriptions.
     """
     known = end.node_name != _UNKNOWN_NODE
     return f"{end.node_namespace.rstrip('/')}/{end.node_name}" if known else ""
 
 
 def use_local_discovery() -> None:
-    """Discover only this computer, unless the environment has it otherwise."""
+    """Discover only this computer, unless the environment sets another range or a server."""
     if not _is_chosen():
         os.environ[RANGE] = LOCALHOST.upper()
 
@@ -89,14 +91,16 @@ def configure_discovery(*, whole_graph: bool = False) -> None:
     five times a second. Fast DDS 2.14 announces a participant before it listens, so that about
     every other first answer is lost, and by default the next announcement is 3 s away.
 
-    On a network, a node that sends to a computer that is not reached must not wait: while Linux
-    looks for that computer, for 3 s each time, packets fill the socket's buffer, and the control
-    loop would stand still. What is dropped and was reliable is sent again.
+    On a network, a node must not wait when it sends to a computer that cannot be reached: while
+    Linux looks for that computer, for 3 s each time, packets fill the socket's buffer, and the
+    control loop would stop. Dropped packets of reliable topics are sent again.
 
-    A profile or transports that the user has set stay. Ports that would stop the start are removed.
+    A profile or transports that the user has set stay. Broken ports, which would block the start,
+    are removed.
 
-    ``whole_graph``: with a discovery server, discover also what has no topic in common with this
-    process, as introspection needs it; in a large fleet that is much.
+    Args:
+        whole_graph: with a discovery server, also discover nodes that have no topic in common with
+            this process, for introspection; in a large fleet, these are many.
     """
     remove_broken_ports()
     if whole_graph and server():

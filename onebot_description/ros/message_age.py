@@ -1,6 +1,6 @@
-"""How old a message is, and whether it was sent before this process woke from a stop.
+"""Estimates how old a message is, and whether it was sent before this process woke from a stop.
 
-DDS may deliver what waited while the process did not run at any time after that.
+DDS may deliver messages that waited while the process was stopped, at any time after that.
 """
 
 import math
@@ -14,21 +14,21 @@ _LONGEST_GAP = 0.5  # s between two checks; a longer one means that the process 
 _SAME_SIGNAL = 0.25  # s within which two threads notice one SIGCONT
 _STEADY_NS = NANO // 10  # transit times of one sender differ by less
 _SAMPLES, _SPAN_NS = 5, NANO // 2  # messages, and their time, from which a sender's clock is known
-_LONGEST_TRANSIT = 10.0  # s; counts where no stamp shows how long a message was under way
-# Unlike the monotonic clock, it counts the time in which the computer is suspended.
+_LONGEST_TRANSIT = 10.0  # s; assumed if no stamp shows how long a message was under way
+# Unlike the monotonic clock, it includes time in which the computer is suspended.
 _CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
 
 
 def boot_time() -> float:
-    """Return the seconds since the computer was started; nobody can set that clock."""
+    """Return the seconds since the computer started, by a clock that nobody can set."""
     return time.clock_gettime(_CLOCK)
 
 
 class WakeDetector:
-    """Notices that this process did not run: SIGSTOP, a suspended computer, a starved processor.
+    """Detects that this process was stopped: by SIGSTOP, a suspended computer, or no CPU time.
 
     Attributes:
-        woke: when it last woke, by ``boot_time``; -inf if it has always run.
+        woke: when the process last woke, by ``boot_time``; -inf if it was never stopped.
     """
 
     def __init__(self, clock: Callable[[], float] = boot_time) -> None:
@@ -37,7 +37,7 @@ class WakeDetector:
         self.woke = self._resumed = -math.inf
 
     def check(self) -> float:
-        """Return ``woke``; to be called several times a second, from any thread."""
+        """Update and return ``woke``; call it several times a second, from any thread."""
         now = self._clock()
         if now - self._checked > _LONGEST_GAP:
             self.woke = now
@@ -58,23 +58,23 @@ WAKE = WakeDetector()
 class Delivery(NamedTuple):
     """The times of a message, and its number, as DDS reports them."""
 
-    source_ns: int  # when it was sent, by the sender's system clock
-    received_ns: int  # by this computer's
-    number: int | None  # the publisher counts its messages; None where DDS has no number
+    source_ns: int  # time of sending, by the sender's system clock
+    received_ns: int  # time of receiving, by this computer's system clock
+    number: int | None  # the publisher's count of its messages; None if DDS has none
 
 
 class Age(NamedTuple):
-    """How old a message is, s."""
+    """Bounds of a message's age, s."""
 
-    least: float  # for certain
-    most: float  # possibly; the same where the sender's clock is known
+    least: float  # certain
+    most: float  # possible; equal to ``least`` if the sender's clock is known
 
 
 class SenderClock:
     """Learns how far the clock of a topic's sender is behind this computer's.
 
-    Until that is known, from a steady stream of messages, one with an old stamp may be old, or from
-    a computer whose clock is wrong.
+    It takes a steady stream of messages. Until then, a message with an old stamp may be old, or
+    from a computer whose clock is wrong.
     """
 
     def __init__(self) -> None:

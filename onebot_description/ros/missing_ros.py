@@ -1,7 +1,7 @@
-"""One clear error where ROS 2 is missing, at the first import of one of its packages.
+"""Raises one clear error if ROS 2 is missing, at the first import of one of its packages.
 
-Its wheels exist for Linux on x86-64 only. Everywhere an installed ROS does as well, once it is
-sourced; forgetting that should not end in a traceback.
+ROS's wheels exist only for Linux on x86-64. An installed ROS works everywhere, once it is sourced;
+forgetting that should not end in a traceback.
 """
 
 import sys
@@ -10,7 +10,7 @@ from types import ModuleType, TracebackType
 
 from onebot_description.errors import OneBotError
 
-# What is imported of it. Not tf2_msgs, which need not be there (see wire/interfaces.py).
+# The imported packages of ROS, except tf2_msgs, which is not required (see wire/interfaces.py).
 ROS_PACKAGES = (
     "builtin_interfaces",
     "diagnostic_msgs",
@@ -30,17 +30,17 @@ _COMPILED = "rclpy._rclpy_pybind11"
 
 
 class MissingRosError(OneBotError, ModuleNotFoundError):
-    """A package of ROS is not there; ``str(error)`` says what to source or to install."""
+    """A package of ROS is missing; ``str(error)`` says what to source or to install."""
 
 
 class LastFinder:
-    """A finder for the end of ``sys.meta_path``: asked for what no other finder has found."""
+    """A finder for the end of ``sys.meta_path``, which is asked for modules that were not found."""
 
     @staticmethod
     def find_spec(
         name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
     ) -> None:
-        """Explain a missing package of ROS; of any other there is nothing to say."""
+        """Raise MissingRosError for a package of ROS; do nothing for any other module."""
         if name in ROS_PACKAGES or name == _COMPILED:
             sys.excepthook = _print_error
             raise MissingRosError(_explain(name))
@@ -71,7 +71,7 @@ def _explain(name: str) -> str:
 def _print_error(
     kind: type[BaseException], error: BaseException, traceback: TracebackType | None
 ) -> None:
-    """Print what ended the process: this error without a traceback."""
+    """Print the exception that ended the process; this error without a traceback."""
     if isinstance(error, MissingRosError):
         print(f"error: {error}", file=sys.stderr)
     else:

@@ -1,4 +1,4 @@
-"""Run a node: its arguments, signals and errors, its QoS and description, its repeated warnings."""
+"""Runs nodes, with arguments, signals and errors; and common parts: QoS, description, warnings."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ MakeNode = Callable[[], Node | Sequence[Node]]
 InvalidHandle = rclpy_implementation.InvalidHandle
 RCLError = rclpy_implementation.RCLError
 
-# Late subscribers receive it, too: the description, a page's address.
+# QoS of topics whose last message late subscribers receive, too, such as robot_description.
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
-# The events executor hangs at a full core when it spins without a timeout; with one it sleeps.
+# Without a timeout, the events executor would spin at full CPU load; with one it sleeps.
 _A_YEAR = 365.0 * 24 * 3600  # seconds
 _TAKE_MISSED = 1.0  # seconds between looking for new subscriptions
 _DESCRIPTION = "robot_description"  # name of the topic and of the parameter
@@ -55,8 +55,8 @@ _POLL_PUBLISHERS = 1.0  # seconds
 _PLACE = re.compile(r", at \S+:\d+")  # a line of ROS's sources
 # ROS's errors about a topic that the node has as another type, for a publisher and a subscription.
 _TWO_TYPES = ("incompatible type", "subscription: invalid allocator")
-# How long a second publisher must be there: a node may end while its successor starts, and a killed
-# one stays in the graph for 20 s (the lease of Fast DDS).
+# How long a second publisher must exist to be reported: a node may end while its successor starts,
+# and a killed one stays in the graph for 20 s (the lease of Fast DDS).
 _SETTLED, _FORGOTTEN = 3.0, 25.0  # seconds
 
 
@@ -74,7 +74,7 @@ def run_node(
             node (see ``ends_node``), and its ``destroy_node`` may raise OneBotError, which ends
             the process with one line on stderr.
         args: arguments as in sys.argv (with ``--ros-args``); None for sys.argv itself.
-        events: spin on rclpy's events executor, about four times cheaper a message.
+        events: spin on rclpy's events executor, which takes a quarter of the time per message.
         whole_graph: the node looks at others' topics (see ``configure_discovery``).
 
     Returns:
@@ -111,7 +111,7 @@ def _spin(make_node: MakeNode, stop: Future, signals: StopSignals, events: bool)
                     executor.add_node(node)
                     if events:
                         MissedMessages(node)
-                _spin_until(stop, executor)
+                spin_until(stop, executor)
             finally:
                 _destroy(nodes, executor)
     except (KeyboardInterrupt, ExternalShutdownException):
@@ -127,14 +127,14 @@ def _destroy(nodes: Sequence[Node], executor: Executor | None) -> None:
             executor.remove_node(node)
         node.destroy_node()
     if executor is not None:
-        # It frees the entities of DDS, which takes rmw_fastrtps the square of their number: for
-        # 100 robots seconds. All else is done, and SIGTERM may end the process meanwhile.
+        # It frees the entities of DDS, for which rmw_fastrtps takes time quadratic in their number:
+        # seconds for 100 robots. All else is done, so SIGTERM may end the process meanwhile.
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         executor.shutdown()
 
 
 def steady_timer(node: Node, seconds: float, callback: Callable[[], object]) -> Timer:
-    """Return a timer by the steady clock: ROS time may stand still."""
+    """Create a timer on the steady clock, because ROS time may stand still."""
     return node.create_timer(seconds, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 
@@ -147,10 +147,10 @@ def _make_executor(events: bool) -> Executor:
 
 
 class MissedMessages:
-    """Takes what was received while a latched subscription was added to the events executor.
+    """Takes messages that arrived while a latched subscription was added to the events executor.
 
-    rmw_fastrtps first counts what has been received and then asks to be notified of more. What
-    comes in between stays until the next message, and of a latched topic there may be no other.
+    rmw_fastrtps first counts received messages, and then asks to be notified of more. A message
+    that arrives in between waits for the next one, which on a latched topic may never come.
     """
 
     def __init__(self, node: Node) -> None:
@@ -172,11 +172,13 @@ class MissedMessages:
                     subscription.callback(message[0])
 
 
-def _spin_until(stop: Future, executor: Executor) -> None:
+def spin_until(stop: Future, executor: Executor) -> None:
+    """Spin until ``stop`` is completed, from any thread; raise the exception that it may have."""
     if not isinstance(executor, SingleThreadedExecutor):
         executor.spin_until_future_complete(stop, _A_YEAR)
     else:
-        # That would hang one more callback on the future with each message, and never take one off.
+        # spin_until_future_complete would add a callback to the future with each message, and never
+        # remove one.
         stop.add_done_callback(lambda _: executor.create_task(lambda: None))
         while not stop.done():
             executor.spin_once()
@@ -184,13 +186,13 @@ def _spin_until(stop: Future, executor: Executor) -> None:
         raise error
 
 
-_stops: list[Future] = []  # done when the nodes of this process are to stop
+_stops: list[Future] = []  # completed when the nodes of this process have to stop
 
 
 def ends_node(callback: Callable[P, None]) -> Callable[P, None]:
-    """Return a callback of a node that ends it by an OneBotError.
+    """Wrap a node's callback so that a OneBotError in it ends the process with one line.
 
-    The events executor would log the error with its traceback first.
+    Without this, the events executor would log the error with its traceback first.
     """
 
     @functools.wraps(callback)
@@ -206,9 +208,9 @@ def ends_node(callback: Callable[P, None]) -> Callable[P, None]:
 
 
 def at_stop(function: Callable[[], object]) -> None:
-    """Have a function called as soon as the nodes of this process are to stop.
+    """Call a function, from another thread, as soon as the nodes of this process have to stop.
 
-    It is called in another thread: the executor may take long to return on a busy machine.
+    On a busy machine, the executor may take long to return.
     """
     for stop in _stops:
         stop.add_done_callback(lambda _: function())
@@ -221,8 +223,8 @@ def _finish(stop: Future) -> None:
 
 @contextmanager
 def ros_errors() -> Iterator[None]:
-    """Raise what ROS refuses as an OneBotError: a name, a type, a topic of two types."""
-    warnings.filterwarnings("ignore", "Failed to fini")  # rclpy on a node that it has not made
+    """Convert ROS's errors about names, types and topics with two types to OneBotErrors."""
+    warnings.filterwarnings("ignore", "Failed to fini")  # of rclpy, about a node that failed
     try:
         yield
     except (RCLError, NameValidationException, InvalidParameterTypeException) as error:
@@ -252,15 +254,15 @@ def run_described_node(
     """Run a node whose command line is ``[FILE] [--ros-args ...]``; return the exit code.
 
     Args:
-        name: the program's, for its help.
-        explanation: its help, the module's docstring.
-        parameters: their dataclass, for the help.
+        name: the program's name, for --help.
+        explanation: text of --help, the module's docstring.
+        parameters: dataclass of the parameters, for --help.
         make_node: called with FILE, or None, and the command line's parameter files and names.
-        check_files: called with the parameter files before rcl sees them. rcl would refuse a
-            broken one too, but without saying where or what to write. None to leave it to rcl.
+        check_files: called with the parameter files before rcl reads them, because rcl's errors
+            name neither the line nor a remedy. None for no check.
         args: arguments as in sys.argv; None for sys.argv itself.
-        default_file: gives the parameter file to use where the command line names none.
-        events: as ``run_node``'s.
+        default_file: returns the parameter file to use if the command line names none.
+        events: see ``run_node``.
     """
     arguments = list(sys.argv if args is None else args)
     parser = argparse.ArgumentParser(
@@ -284,13 +286,13 @@ def run_described_node(
 
 
 def _fail(message: str) -> int:
-    """Print a user's mistake as one error; return the exit code for it."""
+    """Print a user's mistake as one error; return the exit code."""
     print(f"error: {OneBotError(message)}", file=sys.stderr, flush=True)
     return 1
 
 
 def use_writable_log_folder() -> None:
-    """Have ROS log to the cache where there is no home or it cannot be written: else it fails."""
+    """Make ROS log to the cache folder if there is no writable home, without which it fails."""
     if os.environ.get("ROS_LOG_DIR") or os.environ.get("ROS_HOME"):
         return
     home = os.environ.get("HOME")
@@ -311,7 +313,7 @@ class RosArguments(NamedTuple):
     others: tuple[str, ...] = ()  # arguments that are not for ROS, without the program's name
 
     def joined(self, own: Sequence[str]) -> RosArguments:
-        """Return these with a node's ``own`` ROS arguments, which override."""
+        """Return these with a node's ``own`` ROS arguments added, which override them."""
         more = ros_arguments(["", *(ros_args(own) or ())])
         return self._replace(files=self.files + more.files, names=self.names + more.names)
 
@@ -366,12 +368,12 @@ def ros_args(own: Sequence[str] | None) -> list[str] | None:
 
 
 def is_path(text: str) -> bool:
-    """Return whether a parameter robot_description is the path of a file, and not the URDF."""
+    """Return whether the value of robot_description is the path of a file, not the URDF."""
     return bool(text) and "<" not in text
 
 
 def described_by(text: str) -> Description:
-    """Return what a parameter robot_description describes: it is a URDF, or the path of a file."""
+    """Load the description that the value of robot_description contains, or whose path it is."""
     return load_description(text) if is_path(text) else parse_description(text, _DESCRIPTION)
 
 
@@ -381,7 +383,13 @@ class DescriptionTopic:
     def __init__(
         self, node: Node, received: Callable[[str], None], has_one: Callable[[], bool]
     ) -> None:
-        """Call ``received`` with each URDF; ``has_one``: the node has a usable one already."""
+        """Subscribe.
+
+        Args:
+            node: the subscriber.
+            received: called with each URDF.
+            has_one: returns whether the node already has a usable description.
+        """
         self._node, self._has_one = node, has_one
         node.create_subscription(
             String, _DESCRIPTION, lambda message: received(message.data), LATCHED
@@ -398,9 +406,10 @@ class DescriptionTopic:
 
 
 class DiscoveryServerCheck:
-    """Warns when no other node is discovered by the discovery server, and logs when one is."""
+    """Warns if the discovery server finds no other node, and logs when it does."""
 
     def __init__(self, own: Sequence[Node]) -> None:
+        """Check periodically, if there is a discovery server; ``own``: nodes of this process."""
         self._node, self._own, self._warned = own[0], len(own), False
         if server():
             self._timer = steady_timer(self._node, _PATIENCE, self._poll)
@@ -417,7 +426,7 @@ class DiscoveryServerCheck:
 
 
 def warn_of_two_robots(node: Node, *, own: bool) -> None:
-    """Warn when robot_description has several publishers; ``own``: the node is one of them."""
+    """Warn if robot_description has several publishers; ``own``: the node is one of them."""
     problem = (
         "two robots take turns in one. Stop one, or start one with namespace:=NAME, or apart from "
         "the other with domain_id:=N"
@@ -428,7 +437,7 @@ def warn_of_two_robots(node: Node, *, own: bool) -> None:
 class OnlyPublisher:
     """Warns once of each further publisher of a topic that should have one.
 
-    It must be there for a while: a restarted node does not count as a second publisher.
+    It must exist for a while, so that a restarted node does not count as a second publisher.
     """
 
     def __init__(self, node: Node, topic: str, problem: str, *, own: bool) -> None:
@@ -452,7 +461,7 @@ class OnlyPublisher:
         self._node.get_logger().warning(f"{self._topic} is {text}: {self._problem}")
 
     def _names(self) -> list[str]:
-        """Return the nodes that publish it; of several of one name, the name as often."""
+        """Return the nodes that publish it; a name that several nodes have, several times."""
         ends = self._node.get_publishers_info_by_topic(self._topic)
         names = sorted(map(node_name, ends))
         if self._own in names:
@@ -461,16 +470,17 @@ class OnlyPublisher:
 
 
 class Lasting:
-    """Reports once what has lasted for ``patience`` seconds."""
+    """Reports names once, after they have been present for ``patience`` seconds."""
 
     def __init__(self, patience: float) -> None:
+        """Start without names."""
         self._patience = patience
         self._names: list[str] = []
         self._since = 0.0
         self._reported = True
 
     def new(self, names: Sequence[str], now: float) -> bool:
-        """Return whether these ``names`` are there for long enough, the first time; now in s."""
+        """Return True once when these ``names`` have been present long enough; ``now`` in s."""
         if list(names) != self._names:
             self._names, self._since, self._reported = list(names), now, not names
         if self._reported or now - self._since < self._patience:
@@ -480,13 +490,13 @@ class Lasting:
 
 
 class Throttled:
-    """Logs texts of one kind only so often."""
+    """Logs texts of one kind at most once in some seconds."""
 
     def __init__(self, log: Callable[[str], object], every: float = 5.0) -> None:
         """Log with ``log`` at most once in ``every`` seconds.
 
-        ``log`` is a logger's ``warning``. For another severity it is a lambda: rclpy allows a line
-        of code one severity only, and all these log from the same line.
+        ``log`` is a logger's ``warning``. For another severity, pass a lambda: rclpy allows only
+        one severity per line of code, and all these texts are logged from the same line.
         """
         self._log, self._every = log, every
         self._logged_at: dict[str, float] = {}

@@ -1,4 +1,4 @@
-"""What a process that is one node does first, before anything slow is imported."""
+"""Prepares a node's process, before anything slow is imported."""
 
 import os
 import signal
@@ -10,7 +10,7 @@ _BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")  # the first is Open
 
 
 def find_silently() -> None:
-    """Have Ctrl-C end the process silently while ``python -m`` looks for a module of ours."""
+    """Make Ctrl-C end the process silently while ``python -m`` looks for a module of ours."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _while_looking)
 
@@ -22,18 +22,18 @@ def _while_looking(number: int, frame: FrameType | None) -> None:
 
 
 def start_node() -> None:
-    """Have Ctrl-C end the process silently until the node runs, and numpy start no threads."""
-    # The launcher has its own action for it, and background jobs of a shell ignore it.
+    """Make Ctrl-C end the process silently until the node runs, and keep numpy from threads."""
+    # Leave it alone if it is handled (in the launcher) or ignored (in a shell's background job).
     if signal.getsignal(signal.SIGINT) in (signal.default_int_handler, _while_looking):
         signal.signal(signal.SIGINT, lambda *_: os._exit(0))
     os.environ.update(blas_variables())
 
 
 def blas_variables() -> Mapping[str, str]:
-    """Return the environment variables that keep numpy, when it is imported, from starting threads.
+    """Return the environment variables that keep numpy from starting threads when it is imported.
 
-    No node multiplies matrices so large that they would pay, and to start them takes longer than
-    all of numpy's other modules. What the user has set stays.
+    No node multiplies matrices large enough to benefit, and starting the threads takes longer than
+    importing all of numpy. Variables that the user has set are left out.
     """
     is_set = any(variable in os.environ for variable in _BLAS_THREADS)
     return {} if is_set else {_BLAS_THREADS[0]: "1"}

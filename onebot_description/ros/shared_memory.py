@@ -1,7 +1,7 @@
-"""Shared memory of Fast DDS: the segments that processes use, and what failed ones left.
+"""Finds and removes shared memory of Fast DDS that killed processes left.
 
-Each participant has a segment ``fastrtps_<16 digits>``, and keeps a file of that name and ``_el``
-locked while it lives. It receives at ports, ``fastrtps_port<number>``, that others use again.
+Each participant has a segment ``fastrtps_<16 digits>``, and keeps a file of that name with ``_el``
+locked while it lives. It receives at ports, ``fastrtps_port<number>``, which are reused.
 """
 
 import fcntl
@@ -18,7 +18,7 @@ FOLDER = Path("/dev/shm")
 _SEGMENT = re.compile(r"fastrtps_[0-9a-f]{16}")
 _PORT = re.compile(r"fastrtps_port[0-9]+")
 _READY = (2).to_bytes(4, "little")  # first in a port: Boost's InitializedSegment
-YOUNG = 10.0  # s; a participant that starts has not locked its file yet
+YOUNG = 10.0  # s; a younger participant may not have locked its file yet
 
 
 class Segments(NamedTuple):
@@ -30,7 +30,7 @@ class Segments(NamedTuple):
 
 
 def find_segments(folder: Path = FOLDER) -> Segments:
-    """Return the segments of living and of ended processes."""
+    """Find the segments of living and of ended processes."""
     used, stale, size = [], [], 0
     for path in sorted(folder.iterdir()) if folder.is_dir() else ():
         if not _SEGMENT.fullmatch(path.name):
@@ -57,10 +57,10 @@ def remove_segments(segments: Iterable[Path]) -> int:
 
 
 def remove_broken_ports(folder: Path = FOLDER) -> None:
-    """Remove ports that were never finished, as where shared memory was full.
+    """Remove ports whose creation was not finished, for example because shared memory was full.
 
-    A process that opens one waits for its end for minutes, within ``rclpy.init`` or
-    ``create_node``, also after it was removed: call it before.
+    A process that opens such a port waits for minutes in ``rclpy.init`` or ``create_node``, even if
+    it is removed meanwhile; so call this before.
     """
     with suppress(OSError), os.scandir(folder) as entries:
         for entry in entries:
@@ -72,9 +72,9 @@ def remove_broken_ports(folder: Path = FOLDER) -> None:
 
 
 def remove_stale_in_background(folder: Path = FOLDER) -> threading.Thread:
-    """Remove what killed processes left, while the caller goes on; return the thread that does it.
+    """Remove what killed processes left, in a thread, which is returned.
 
-    Safe beside processes that start: what has just been made is left, and names are never reused.
+    It is safe while other processes start: young segments stay, and names are never reused.
     """
 
     def remove() -> None:

@@ -1,7 +1,7 @@
-"""Signals that ask a process to stop: Ctrl-C, SIGTERM, and a terminal that is closed.
+"""Handles signals that ask a process to stop: Ctrl-C, SIGTERM, and a closed terminal.
 
-A node calls a function on them (``StopSignals``), a command of the console raises KeyboardInterrupt
-(``KeyboardInterrupts``), and the launcher gives ``stop_signals`` to its event loop.
+In a node they call a function (``StopSignals``), in a console command they raise KeyboardInterrupt
+(``KeyboardInterrupts``), and the launcher passes ``stop_signals`` to its event loop.
 """
 
 import signal
@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
-# SIGINT too: a shell starts what it puts in the background with SIGINT ignored.
+# SIGINT is set, too, because shells start background jobs with SIGINT ignored.
 _STOP = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -38,16 +38,19 @@ class KeyboardInterrupts:
         _forget_interrupt()
 
     def check(self) -> None:
-        """Raise it again if a library has swallowed it."""
+        """Raise KeyboardInterrupt again if a library has swallowed it."""
         if self._arrived:
             raise KeyboardInterrupt
 
     @contextmanager
     def deferred(self) -> Iterator[Callable[[], bool]]:
-        """Within this context the first signal raises it at the end only, a second one at once.
+        """Defer the first signal's KeyboardInterrupt to the end of the context; a second is not.
 
-        Yields whether one has arrived. For what has to be ended in order by an executor: an
-        exception that passes through rclpy may leave it without some of its callbacks.
+        It is for work that an executor has to finish in order: an exception that passes through
+        rclpy may leave it without some of its callbacks.
+
+        Yields:
+            A function that returns whether a signal has arrived.
         """
         self._deferring = True
         try:
@@ -63,16 +66,16 @@ class KeyboardInterrupts:
 
 
 class StopSignals:
-    """While open, calls ``on_stop`` from a thread as soon as SIGINT or SIGTERM arrives.
+    """A context that calls ``on_stop`` from a thread as soon as SIGINT or SIGTERM arrives.
 
-    A Python handler alone would run only once the executor's C++ code returns to Python. The
-    wake-up socket is written by the C-level handler, whatever the main thread is in.
+    A Python handler alone would run only when the executor's C++ code returns to Python. The
+    wake-up socket is written by the C-level handler, whatever the main thread is doing.
     """
 
     def __init__(
         self, on_stop: Callable[[], None], on_resume: Callable[[], None] = lambda: None
     ) -> None:
-        """``on_resume`` is called, from any thread, when SIGCONT ends a SIGSTOP."""
+        """Prepare; ``on_resume`` is called, from any thread, when SIGCONT ends a SIGSTOP."""
         self._on_stop, self._on_resume = on_stop, on_resume
         self._arrived = self._interrupting = False
         self._read, self._write = socket.socketpair()
@@ -82,7 +85,8 @@ class StopSignals:
     def interrupting(self) -> Iterator[None]:
         """Within this context, a signal also raises KeyboardInterrupt in the main thread.
 
-        Around what may take seconds and can be given up at any point. One that came before counts.
+        Use it around work that may take seconds and can be interrupted anywhere. A signal that
+        arrived before counts, too.
         """
         self._interrupting = True
         try:
@@ -128,10 +132,10 @@ class StopSignals:
 
 
 def _forget_interrupt() -> None:
-    """Have the process end by its exit code, where a KeyboardInterrupt was handled.
+    """Make the process end with its exit code after a KeyboardInterrupt was handled.
 
-    CPython kills it by SIGINT at its exit if one has passed through the exec() of a text, by which
-    dataclasses and named tuples are made while modules are imported. The next text resets that.
+    If the exception passed through exec() of a text, as when modules create dataclasses and named
+    tuples, CPython kills the process by SIGINT at its exit. Executing another text resets that.
     """
     eval("None")
 

@@ -1,4 +1,4 @@
-"""Subscribe to a topic whose type and QoS are only known from its publishers."""
+"""Subscribes to a topic whose type and QoS are only known from its publishers."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from functools import partial
@@ -18,19 +18,20 @@ RCLError = rclpy_implementation.RCLError
 
 
 class TypeConflictError(OneBotError):
-    """The node has subscribed to the topic as another type already."""
+    """The node holds the topic as another type."""
 
 
 def choose_type(offered: Collection[str], current: str | None = None) -> str | None:
-    """Return the current type while it is offered, or else the first by name, if there is one."""
+    """Return the current type while it is offered, otherwise the first one by name, or None."""
     return current if current in offered else min(offered, default=None)
 
 
 def compatible_qos(offers: Iterable[QoSProfile], depth: int) -> QoSProfile:
     """Return the strictest QoS that receives from all publishers.
 
-    A request that is stricter than an offer excludes its publisher: it is reliable only if all are,
-    and transient local only if all are. Without any it is ROS's default, reliable and volatile.
+    A request that is stricter than an offer excludes its publisher, so it is reliable only if all
+    offers are, and transient local only if all are. Without offers it is ROS's default, reliable
+    and volatile.
     """
     offers = list(offers)
     reliable = all(map(is_reliable, offers))
@@ -62,11 +63,15 @@ def is_transient_local(qos: QoSProfile) -> bool:
 def offers(
     node: Node, topic: str, accepted: Collection[str] | None = None
 ) -> Mapping[str, list[QoSProfile]]:
-    """Return which types a topic (its full name) has, and what its publishers offer for each.
+    """Return the types of a topic, and the QoS that its publishers offer for each.
 
-    As long as it has no publisher, the types are those of other nodes' subscriptions, and nothing
-    is offered for them: an early subscription does not miss the first messages. Only ``accepted``
-    types count; None for all.
+    While there is no publisher, the types are those of other nodes' subscriptions, without offers,
+    so that an early subscription does not miss the first messages.
+
+    Args:
+        node: to ask.
+        topic: full name.
+        accepted: only these types count; None for all.
     """
     offered: dict[str, list[QoSProfile]] = {}
     for end in node.get_publishers_info_by_topic(topic):
@@ -85,9 +90,9 @@ def offers(
 class TopicSubscription:
     """A subscription whose type and QoS can change.
 
-    A node can hold a topic as one type only, and the executor releases a subscription some time
-    after the callback that destroys it. A change of type therefore takes two calls of ``update``,
-    from two callbacks, or more of them after a TypeConflictError; a change of QoS takes one.
+    A node can hold a topic as only one type, and the executor releases a subscription some time
+    after the callback that destroys it. A change of type therefore takes two calls of ``update``
+    from two callbacks, or more after a TypeConflictError; a change of QoS takes one call.
     """
 
     type: str | None = None  # subscribed to; None while there is no subscription
@@ -126,9 +131,10 @@ class TopicSubscription:
         self._subscription: Subscription | None = None
 
     def update(self, kind: str, qos: QoSProfile) -> None:
-        """Make the subscription, or change it; to be called several times a second.
+        """Create or change the subscription; call it several times a second.
 
-        Raises TypeConflictError while the node holds the topic as another type.
+        Raises:
+            TypeConflictError: the node still holds the topic as another type.
         """
         if (kind, qos) == (self.type, self.qos):
             return
@@ -139,11 +145,11 @@ class TopicSubscription:
 
     @property
     def publishers(self) -> int:
-        """How many publishers it is connected with."""
+        """Number of connected publishers."""
         return self._subscription.get_publisher_count() if self._subscription is not None else 0
 
     def close(self) -> None:
-        """End the subscription, if there is one; ``update`` makes a new one."""
+        """Destroy the subscription, if there is one; ``update`` creates a new one."""
         if self._subscription is not None:
             self._node.destroy_subscription(self._subscription)
         self._subscription = self.type = self.qos = None
@@ -169,7 +175,7 @@ class TopicSubscription:
         self.type, self.qos = kind, qos
 
     def _receive(self, kind: str, message: Any) -> None:
-        if kind == self.type:  # not what was in flight when the subscription was closed
+        if kind == self.type:  # ignore messages in flight when the subscription was closed
             self._received(kind, message)
 
     def _receive_dated(self, kind: str, message: Any, info: Mapping[str, Any]) -> None:

@@ -16,6 +16,8 @@ from tests.ros_support import NodeProcess
 
 T = TypeVar("T")
 MODEL = "package://onebot_description/urdf/onebot.urdf.xacro"
+# s that a bare ``stepSimulation`` of OneBot on bare ground takes on the computer of the goals.
+BARE_STEP = 69e-6
 
 
 class WrongAnswer(OneBotError):

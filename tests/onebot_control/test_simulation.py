@@ -1,6 +1,5 @@
 """Simulation, the way in from Python: equal to the bit, exact, and clear about mistakes."""
 
-import doctest
 import math
 import subprocess
 import sys
@@ -44,11 +43,6 @@ def drive(simulation: Simulation) -> list[Any]:
         simulation.run(seconds)
         found.append(observed(robot))
     return found
-
-
-def test_the_example_of_the_module():
-    assert doctest.testmod(simulation).attempted
-    assert not doctest.testmod(simulation).failed
 
 
 def test_after_a_reset_all_equals_a_new_simulation():
@@ -279,6 +273,17 @@ def test_importing_it_takes_neither_ros_nor_pybullet():
         "import sys; from onebot_control import *; from onebot_description import *;"
         "slow = {'rclpy', 'rerun', 'pybullet', 'yourdfpy', 'trimesh', 'scipy'} & set(sys.modules);"
         "assert not slow, slow; Simulation; RobotModel"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_without_sensors_no_meshes_are_read():
+    """What reads them takes longer to import than all else does to start."""
+    code = (
+        "import sys; from onebot_control import Simulation; world = Simulation(world='maze');"
+        "world.robot.drive(0.1, 0.0); world.run(0.1); world.reset();"
+        "slow = {'rclpy', 'yourdfpy', 'trimesh', 'scipy'} & set(sys.modules);"
+        "assert not slow, slow; assert world.robot.distance_ahead() > 0.0"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
 

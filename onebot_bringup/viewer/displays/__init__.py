@@ -1,6 +1,6 @@
-"""What the robot view draws: each display is settings, and what draws them.
+"""The displays of the robot view.
 
-A display is registered in one of these tables, its settings in ``ViewConfig``.
+Each display is registered in one of these tables, and its settings in ``ViewConfig``.
 """
 
 from typing import Any

@@ -1,7 +1,7 @@
-"""Cameras (sensor_msgs/CameraInfo): what each sees, and its picture in there.
+"""Cameras (sensor_msgs/CameraInfo): the frustum of what each sees, with its picture in it.
 
-The picture is that of a topic beside CameraInfo's, such as /camera/image_raw beside
-/camera/camera_info, as ROS's drivers name them.
+The picture comes from a topic beside CameraInfo's, such as /camera/image_raw beside
+/camera/camera_info, as ROS drivers name them.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ from onebot_bringup.viewer.displays.drawing import (
 from onebot_bringup.viewer.displays.image import picture_frame
 from onebot_bringup.viewer.settings import Color, color, setting
 
-# Of pictures beside a CameraInfo.
+# Names of the picture topics beside a CameraInfo.
 _NAMES = ("image", "image_raw", "image_color", "image_mono", "image_rect", "image_rect_color")
 
 
@@ -42,7 +42,7 @@ class CameraInfoDrawing(Drawing[CameraInfoSettings]):
     _drawn: object = None
 
     def layout(self) -> LayoutPart:
-        """Return the pictures that are in the frustum, once there is one."""
+        """Return the pictures shown in the frustum, once there is a frustum."""
         space = self.name.rpartition("/")[0]
         pictures = [topic_entity("image", f"{space}/{name}") for name in _NAMES]
         return LayoutPart(shown=tuple(pictures) if self._drawn else ())
@@ -70,7 +70,7 @@ class CameraInfoDrawing(Drawing[CameraInfoSettings]):
 
 
 def _projection(message: Any) -> tuple[np.ndarray, tuple[int, int]]:
-    """Return the (3, 3) matrix and the size of the picture, as it was binned and cut."""
+    """Return the (3, 3) camera matrix and the picture's size, after binning and cropping."""
     matrix = np.array(
         message.p
         if message.p[0]

@@ -1,8 +1,8 @@
-"""Numbers of messages as curves: speeds commanded and measured, and any field of any message.
+"""Plots numbers in messages: commanded and measured speeds, and any field of any message.
 
-Speeds are two plots, of linear.x and of angular.z. Of any other message a field is written as in
-Python, names joined by dots, ``[0]`` for an element of an array:
-``{topic: imu, field: linear_acceleration.x}``. The type of its topic is that which is published.
+Speeds have two plots, of linear.x and of angular.z. Any other field is written as in Python, names
+joined by dots, ``[0]`` for an element of an array: ``{topic: imu, field: linear_acceleration.x}``.
+The message type is the one that is published on the topic.
 """
 
 import math
@@ -32,12 +32,12 @@ _SCALARS = ColumnMaker(rr.Scalars.columns(scalars=[0.0]))
 
 
 class Curves:
-    """Lines of a plot, on one entity: each time has a number for each of them."""
+    """Lines of a plot on one entity, with a number for each of them at each time."""
 
     def __init__(
         self, recording: rr.RecordingStream, entity: str, legend: Callable[[], rr.SeriesLines]
     ) -> None:
-        """Plot nothing yet; ``legend`` returns how the lines look, once there are numbers."""
+        """Plot nothing yet; ``legend`` returns the style of the lines, once there are numbers."""
         self.entity = entity
         self._recording, self._legend = recording, legend
         self._rows: list[tuple[int, Sequence[float] | NDArray[Any]]] = []
@@ -56,7 +56,7 @@ class Curves:
         stamps_ns, rows = zip(*self._rows, strict=True)
         self._rows = []
         numbers = np.array(rows, np.float64)
-        # A plot is not drawn at all around infinity.
+        # Rerun draws nothing of a plot that contains infinity.
         numbers[~(np.abs(numbers) <= LARGEST)] = math.nan
         self._recording.send_columns(
             self.entity,
@@ -85,11 +85,11 @@ class CurveDrawing(Drawing[S]):
         """Return a number for each curve.
 
         Raises:
-            ValueError: the message has none.
+            ValueError: the message does not have these numbers.
         """
 
     def legend(self) -> rr.SeriesLines:
-        """Return how its curves look."""
+        """Return the names, colours and style of the curves."""
         return rr.SeriesLines(names=[self.name], colors=[self.color], widths=[2.0])
 
     def add(self, stamp_ns: int, message: Any) -> None:
@@ -120,8 +120,8 @@ class _CurvesDisplay(NamedDisplay):
 # --- speeds ---------------------------------------------------------------------------------------
 
 SPEEDS = {"linear": "Speed (m/s)", "angular": "Turn rate (rad/s)"}  # plots, by entity
-_DECIMALS = 4  # digits of m/s and rad/s
-# Seconds without a message over which a curve is not drawn on: nothing was published there.
+_DECIMALS = 4  # digits after the point, in m/s and rad/s
+# A curve is interrupted where no message came for this long (seconds).
 GAP = 1.5
 _AUTO = "auto"
 _TYPES: Mapping[str, MessageType[Any]] = {
@@ -133,7 +133,7 @@ _TYPES: Mapping[str, MessageType[Any]] = {
 
 @dataclass(frozen=True)
 class SpeedSettings:
-    """A curve in each plot of speeds."""
+    """A curve in each of the two plots of speeds."""
 
     topic: str = setting(REQUIRED, "a topic of velocities", topic)
     type: str = setting(_AUTO, f"{', '.join(_TYPES)}, or auto", one_of(_AUTO, *_TYPES))
@@ -149,7 +149,7 @@ class SpeedsSettings:
 
 
 class SpeedDrawing(CurveDrawing[SpeedSettings]):
-    """The linear and the angular speed of one topic."""
+    """The curves of linear and angular speed of one topic."""
 
     _held = False  # a value holds until the next one, as a command does
     _last_ns: int | None = None
@@ -169,19 +169,19 @@ class SpeedDrawing(CurveDrawing[SpeedSettings]):
         super().add(stamp_ns, message)
 
     def values(self, message: Any) -> Sequence[float]:
-        while hasattr(type(message), "twist"):  # an Odometry has one in another
+        while hasattr(type(message), "twist"):  # in an Odometry, twists are nested
             message = message.twist
-        # A plot zooms in on whatever there is: without the last digits a steady speed is flat.
+        # A plot zooms in on any difference, so round, to keep a steady speed a flat line.
         return [round(float(n), _DECIMALS) for n in (message.linear.x, message.angular.z)]
 
     def legend(self) -> rr.SeriesLines:
         return rr.SeriesLines(
             names=[self.name],
             colors=[self.color],
-            # A robot that follows its command hides it: the command lies beneath, as a band.
+            # The measured speed would hide a command that it follows, so commands are a wider band.
             widths=[6.0] if self._held else [2.0],
             interpolation_mode="StepAfter" if self._held else "Linear",
-            # Else a step on which two samples share a pixel gets a stair in the middle.
+            # With averaging, a step gets a stair in its middle where two samples share a pixel.
             aggregation_policy="Off" if self._held else "Average",
         )
 
@@ -197,7 +197,7 @@ class SpeedsDisplay(_CurvesDisplay):
         return [WantedTopic(line.topic, types)]
 
     def layout(self) -> LayoutPart:
-        """Return both plots, if there is a line."""
+        """Return both plots, if there is a line to plot."""
         root = self.entity(self.key)
         drawings: Any = self.items.values()
         lines = zip(*(drawing.entities() for drawing in drawings), strict=True)
@@ -239,7 +239,7 @@ class CurvesSettings:
 
 
 class FieldPath:
-    """A number in messages of some type."""
+    """The path to a number in messages, such as ``pose.position.x``."""
 
     def __init__(self, path: str) -> None:
         self.path = path
@@ -247,7 +247,7 @@ class FieldPath:
         self._steps = [name or int(index) for name, index in steps]
 
     def value(self, message: Any) -> float:
-        """Return it.
+        """Return the number in a message.
 
         Raises:
             ValueError: the message has no such number; says what it has.
@@ -282,7 +282,7 @@ class FieldPath:
 
 
 class FieldDrawing(CurveDrawing[CurveSettings]):
-    """One field of one topic."""
+    """The curve of one field of one topic."""
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
@@ -301,7 +301,7 @@ class CurvesDisplay(_CurvesDisplay):
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
         self._published: Mapping[str, str] = {}
-        self._named: Iterable[str] = ()  # full names of the topics of all lines
+        self._named: Iterable[str] = ()  # full names of all lines' topics
         self._unreadable: dict[str, str] = {}
 
     def offer(self, topics: Mapping[str, str]) -> bool:

@@ -1,9 +1,9 @@
-"""What every display is: its settings, its topics, what it logs, and its part of the layout.
+"""The base class of displays: their settings, their topics, and their part of the layout.
 
-Most displays draw the topics of a message type: see ``drawing``. The others are classes made of
-``Display``. Both are registered in ``__init__.py``, and their settings in ``ViewConfig``, under the
-``key``. What the viewer's node, the replay of a bag and a snapshot subscribe follows from
-``topics``; edits while it runs come to ``apply``; the layout is made of every ``layout``.
+Most displays draw the topics of a message type: see ``drawing``. The others subclass ``Display``.
+Both are registered in ``__init__.py``, and their settings in ``ViewConfig``, under the ``key``.
+``topics`` says what the viewer's node, the replay of a bag and a snapshot subscribe to; ``apply``
+receives changes of the settings; the layout combines every ``layout``.
 """
 
 import time
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 S = TypeVar("S")  # a dataclass of settings
 
-# Easily distinguished on a dark ground; a view may name others.
+# Default colours, easily distinguished on a dark background.
 COLORS: tuple[Color, ...] = (
     (255, 176, 32),
     (77, 208, 225),
@@ -34,22 +34,22 @@ COLORS: tuple[Color, ...] = (
     (174, 213, 129),
     (179, 157, 219),
 )
-# A server with a memory limit drops the oldest data. What is sent seldom is logged anew this often
-# (seconds), so that it is never the oldest.
+# A server with a memory limit drops the oldest data. Data that seldom changes is logged again this
+# often (seconds), so that it is never the oldest.
 REPEAT_AFTER = 10.0
-# Nanoseconds between two calls into Rerun where it matters little: each costs a kilobyte, in the
-# file and in the server's memory, and work for a page that draws slowly.
+# Nanoseconds between calls into Rerun for data that is not urgent: each call costs a kilobyte in
+# the file and in the server's memory, and work for a page that draws slowly.
 SELDOM = 200_000_000
-LARGEST = 1e38  # drawable number: finite in 32 bits, and its square finite in 64
+LARGEST = 1e38  # largest drawable number: finite as float32, and its square finite as float64
 
 
 def is_old(logged_at: float) -> bool:
-    """Whether what was logged at a time of ``time.monotonic`` is to be logged again."""
+    """Whether data logged at this time (of ``time.monotonic``) should be logged again."""
     return time.monotonic() - logged_at > REPEAT_AFTER
 
 
 def drawable(rows: NDArray[Any]) -> NDArray[Any]:
-    """Return the ``rows`` (N, k) whose numbers are all finite and not enormous."""
+    """Return the rows of ``rows`` (N, k) whose numbers are all finite and at most LARGEST."""
     finite: NDArray[Any] = rows[(np.abs(rows) <= LARGEST).all(axis=1)]
     return finite
 
@@ -58,11 +58,11 @@ def drawable(rows: NDArray[Any]) -> NDArray[Any]:
 
 
 class SideView(Protocol):
-    """A view beside the robot's; equal ones look the same."""
+    """A view beside the robot's; equal objects give the same view."""
 
     @property
     def entity(self) -> str:
-        """What it shows, with everything below."""
+        """The entity that it shows, with everything below."""
 
     def view(self) -> rrb.View:
         """Return the view for Rerun."""
@@ -86,32 +86,32 @@ class Plot:
 
 @dataclass(frozen=True)
 class LayoutPart:
-    """What a display adds to the layout; a new layout is sent when one of these changes."""
+    """The views and entities that a display adds to the layout."""
 
     views: tuple[SideView, ...] = ()  # beside the robot's
-    visible: tuple[tuple[str, bool], ...] = ()  # entity, and whether the user sees it at first
-    hidden: tuple[str, ...] = ()  # entities left out of the robot's view, and all below
+    visible: tuple[tuple[str, bool], ...] = ()  # entity, and whether it is visible initially
+    hidden: tuple[str, ...] = ()  # entities left out of the robot's view, with all below
     shown: tuple[str, ...] = ()  # exceptions from ``hidden``
     windows: tuple[tuple[str, float], ...] = ()  # entity, and how many seconds of it are shown
-    robot: str = ""  # the views' owner, where there are several robots
-    wide: tuple[SideView, ...] = ()  # below the robot's
+    robot: str = ""  # the robot that the views belong to, if there are several
+    wide: tuple[SideView, ...] = ()  # below the robot's view
 
 
 class LegendEntry(NamedTuple):
-    """A line or shape in the robots' view, as a legend explains it."""
+    """An entry of a legend, which explains a line or shape in the robots' view."""
 
     kind: str  # the noun of its display, such as "trail"
-    name: str  # in the view
+    name: str  # its name in the view file
     color: Color
 
 
 def below(root: str, entity: str) -> str:
-    """Return the path of ``entity`` below ``root``; "" for the root of all."""
+    """Return the path of ``entity`` below ``root``, which is "" for the top."""
     return f"{root}/{entity}" if root else entity
 
 
 def last(seconds: float) -> rrb.VisibleTimeRanges:
-    """Return the last ``seconds`` before the time cursor; 0 for all before it."""
+    """Return the time range of the last ``seconds`` before the time cursor; 0 for all before it."""
     start = (
         rrb.TimeRangeBoundary.cursor_relative(seconds=-seconds)
         if seconds
@@ -125,27 +125,27 @@ def last(seconds: float) -> rrb.VisibleTimeRanges:
 
 
 class Display(ABC, Generic[S]):
-    """One thing that is drawn; ``S`` are its settings."""
+    """Base class of displays, which each draw one kind of thing; ``S`` are the settings."""
 
     key: str  # the name in a view file, and the prefix of its ROS parameters
     period_ns: int = 0  # nanoseconds between two calls of ``flush``; 0: every tick
-    plots: bool = False  # it draws curves, and nothing in the robots' own view
-    limit: LoadLimit | None = None  # drops messages where too many come
+    plots: bool = False  # draws only curves, and nothing in the robots' own view
+    limit: LoadLimit | None = None  # drops messages if too many come
 
     def __init__(self, stage: "Stage", robot: "ShownRobot | None" = None) -> None:
-        """Draw nothing yet; ``robot`` is the robot that it shows, None for all."""
+        """Draw nothing yet; ``robot`` is the robot to show, None for all."""
         self.stage = stage
         self._robot = robot
         self._flushed_ns: tuple[int, ...] = ()
 
     @property
     def robot(self) -> "ShownRobot":
-        """Whose display it is."""
+        """The robot that it shows."""
         assert self._robot is not None
         return self._robot
 
     def entity(self, name: str) -> str:
-        """Return the path of an entity, below its robot's."""
+        """Return the path of an entity below the robot's."""
         return name if self._robot is None else below(self._robot.root, name)
 
     def full_name(self, topic: str) -> str:
@@ -153,7 +153,7 @@ class Display(ABC, Generic[S]):
         return self.stage.resolve(topic) if self._robot is None else self._robot.full_name(topic)
 
     def is_due(self, *now_ns: int) -> bool:
-        """Whether it is time to flush it by one of several clocks; if so, that is noted."""
+        """Whether to flush it now by any of several clocks; if so, the period starts again."""
         times = zip(now_ns, self._flushed_ns, strict=False)
         if self._flushed_ns and all(abs(now - last) < self.period_ns for now, last in times):
             return False
@@ -167,7 +167,7 @@ class Display(ABC, Generic[S]):
         """Use these settings from now on; called after ``flush``."""
 
     def topics(self) -> Sequence[WantedTopic]:
-        """Return what to subscribe, by the settings of now."""
+        """Return the topics to subscribe to, by the current settings."""
         return ()
 
     def add(  # noqa: B027  a display without topics gets none
@@ -176,10 +176,10 @@ class Display(ABC, Generic[S]):
         """Add messages, to be logged by ``flush``.
 
         Args:
-            topic: as ``topics`` names it.
+            topic: the name that ``topics`` gives.
             kind: one of the topic's types.
-            messages: the time of each, nanoseconds (its stamp, or, without, when it came), and
-                what ``kind.decode`` made of it.
+            messages: the time of each, nanoseconds (its stamp, or without one its receive time),
+                and the result of ``kind.decode``.
         """
 
     @abstractmethod
@@ -187,24 +187,24 @@ class Display(ABC, Generic[S]):
         """Log the messages received so far, in as few calls as possible."""
 
     def set_robot(self) -> None:  # noqa: B027  most displays do not depend on the robot
-        """Draw for the description that the robot now has."""
+        """Adapt to the robot's new description."""
 
     def offer(self, _topics: Mapping[str, str]) -> bool:
-        """Note which topics there are now; the type of each by its full name.
+        """Take the message types of the existing topics, by full topic names.
 
         Returns:
-            Whether other topics are to be subscribed: ``apply`` follows.
+            Whether the result of ``topics`` changes; the caller then calls ``apply``.
         """
         return False
 
     def layout(self) -> LayoutPart:
-        """Return its part of the layout, by the settings of now."""
+        """Return its part of the layout, by the current settings."""
         return LayoutPart()
 
     def legend(self) -> Sequence[LegendEntry]:
-        """Return what a legend has to explain."""
+        """Return its entries of the legend."""
         return ()
 
     def warnings(self) -> list[str]:
-        """Return what cannot be shown, a sentence each."""
+        """Return one sentence per thing that cannot be shown."""
         return []

@@ -1,6 +1,6 @@
-"""Displays that draw topics, as most do: a drawing for each topic, or for each entry of a view.
+"""Displays of topics, with one drawing for each topic or for each entry of a view.
 
-A message type is drawn by one class::
+Each message type is drawn by one class::
 
     @dataclass(frozen=True)
     class PathSettings(TopicSettings):
@@ -13,8 +13,8 @@ A message type is drawn by one class::
         def draw(self, message): ...  # -> Rerun's archetypes
 
 Messages are decoded by their type's definition (``onebot_description.ros.wire.schema``), so that a
-type need not be installed. In a view file the settings are under the key, for all topics, and under
-``topics`` of that for one of them: ``path: {height: 0.1, topics: {/plan: {line_width: 0.1}}}``.
+type need not be installed. In a view file, settings for all topics are under the key, and settings
+for one topic under its ``topics``: ``path: {height: 0.1, topics: {/plan: {line_width: 0.1}}}``.
 """
 
 import time
@@ -40,8 +40,8 @@ if TYPE_CHECKING:
 
 AUTO = "auto"
 _RELIABILITIES = (AUTO, "reliable", "best_effort")
-DEPTH, DEPTH_HEAVY = 100, 5  # messages that wait in DDS, or for a transform
-_MOST_AWAITED_NS = 1_000_000_000  # a transform that comes later than this is not awaited
+DEPTH, DEPTH_HEAVY = 100, 5  # messages queued in DDS, or for a transform
+_MOST_AWAITED_NS = 1_000_000_000  # longest lag of transforms for which messages wait
 
 Archetypes = Sequence[rr.AsComponents | ReadyColumn]
 Floats = NDArray[np.float64]
@@ -49,7 +49,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class TopicSettings:
-    """How the topics of a display are subscribed and drawn, and single ones of them."""
+    """How all topics of a display, or single ones, are subscribed and drawn."""
 
     visible: bool = setting(True, "draw it")
     reliability: str = setting(AUTO, "auto: as the publishers offer", one_of(*_RELIABILITIES))
@@ -61,59 +61,59 @@ class TopicSettings:
 
 
 class Drawing(Generic[S]):
-    """Draws the messages of one topic, each in place of the one before."""
+    """Draws the messages of one topic, each in place of the previous one."""
 
-    # Of a display of message types:
+    # Which messages to draw:
     key: ClassVar[str]  # the name in a view file, and the prefix of its ROS parameters
-    message_types: ClassVar[tuple[str, ...]]  # as ROS has them, such as "nav_msgs/msg/Path"
-    heavy: ClassVar[bool] = False  # megabytes a second: only some topics are shown by themselves
+    message_types: ClassVar[tuple[str, ...]]  # full names, such as "nav_msgs/msg/Path"
+    heavy: ClassVar[bool] = False  # megabytes per second: few topics are shown automatically
     live: ClassVar[bool] = True  # see ``MessageType``
-    plots: ClassVar[bool] = False  # nothing of it is in the robots' own view
+    plots: ClassVar[bool] = False  # draws nothing in the robots' own view
     period_ns: ClassVar[int] = 0  # see ``Display``
-    # Other topics of a topic: what their names end in, and their type.
+    # Types of further topics to subscribe to, by the suffix of their names after the topic's.
     others: ClassVar[Mapping[str, MessageType[Any]]] = {}
-    # Topics of the robot whose topic it is, and their types.
+    # Types of further topics of the topic's robot, by name.
     robot_topics: ClassVar[Mapping[str, MessageType[Any]]] = {}
 
-    # How it is drawn:
-    stamped: ClassVar[bool] = True  # messages have a header, whose frame they are drawn in
+    # How to draw them:
+    stamped: ClassVar[bool] = True  # messages have a header and are drawn in its frame
     placed: ClassVar[bool] = False  # drawn where the frame was at the time of the stamp
-    repeated: ClassVar[bool] = False  # logged again where messages come seldom: see REPEAT_AFTER
+    repeated: ClassVar[bool] = False  # logged again if messages are rare: see REPEAT_AFTER
     latest: ClassVar[bool] = False  # only the newest message of a flush is drawn
-    kept: ClassVar[int] = DEPTH  # messages that wait for a transform
+    kept: ClassVar[int] = DEPTH  # most messages that wait for a transform
 
     def __init__(self, stage: "Stage", name: str, entity: str, settings: S, color: Color) -> None:
         """Draw nothing yet.
 
         Args:
             stage: where to draw.
-            name: the topic's full name, or the name that the view has for it.
-            entity: where to log.
+            name: the topic's full name, or the name of the view's entry.
+            entity: the entity to log to.
             settings: how to draw.
-            color: one of ours, where the settings have none.
+            color: used if the settings have no colour.
         """
         self.stage, self.name, self.entity, self.settings = stage, name, entity, settings
         self.color: Color = getattr(settings, "color", None) or color
-        self.frame = ""  # the drawn message's, or the newest one's; "" for none
+        self.frame = ""  # frame of the drawn message, or the newest one; "" for none
         self.home = ""  # the frame that the entity is in
         self.stamp_ns = 0  # stamp of the message that is drawn
         self.problems: dict[str, str] = {}  # the first problem of each kind
         self._pending: list[tuple[int, Any]] = []
-        self._last: tuple[int, Any] | None = None  # drawn
+        self._last: tuple[int, Any] | None = None  # the last message drawn, with its time
         self._logged_at = 0.0
-        self._frame_before = ""  # frame of the last message that was logged, or waited
+        self._frame_before = ""  # frame of the last message that was logged or queued
         self._styled = False
 
     def draw(self, message: Any) -> Archetypes:
-        """Return what replaces the message before at the entity; nothing to keep that.
+        """Return what replaces the previous message at the entity; empty to keep that.
 
         Raises:
-            ValueError: the message cannot be drawn; says why, for a warning.
+            ValueError: the message cannot be drawn; the text becomes a warning.
         """
         return ()
 
     def style(self) -> Sequence[rr.AsComponents]:
-        """Return what is the same for all messages; logged once."""
+        """Return what is the same for all messages, to be logged once."""
         return ()
 
     def layout(self) -> LayoutPart:
@@ -130,13 +130,13 @@ class Drawing(Generic[S]):
         return str(message.header.frame_id.lstrip("/")) if self.stamped else ""
 
     def drawn_in(self) -> str:
-        """Return the frame that the entity is to be in."""
+        """Return the frame to put the entity in."""
         return self.frame
 
     def pose(self) -> Floats | None:
-        """Return the (4, 4) pose of its frame in the fixed one, when the message was stamped.
+        """Return the (4, 4) pose of the message's frame in the fixed one at the message's stamp.
 
-        None while no transforms connect them.
+        It is None while no transforms connect them.
         """
         return self.stage.frames.pose(self.frame, self.stage.fixed_frame, self.stamp_ns)
 
@@ -150,7 +150,7 @@ class Drawing(Generic[S]):
         self._pending.append((stamp_ns, message))
 
     def flush(self) -> None:
-        """Log what can be shown now; the last message again if that is long ago.
+        """Log the messages that can be shown now, or repeat the last one after a long time.
 
         The others wait for a transform until a newer message is shown.
         """
@@ -182,9 +182,9 @@ class Drawing(Generic[S]):
         self._log_rows(rows)
 
     def _is_due(self, frame: str, stamp_ns: int) -> bool:
-        """Whether a message can be shown: transforms lead from its frame to the fixed one.
+        """Whether a message can be shown, since transforms lead from its frame to the fixed one.
 
-        A message newer than the last transform waits for the next one a moment, as in RViz.
+        As in RViz, a message newer than the last transform waits a moment for the next one.
         """
         stage = self.stage
         if not frame:
@@ -206,9 +206,9 @@ class Drawing(Generic[S]):
         self.stage.log_rows(self.entity, rows)
 
     def erase(self) -> None:
-        """Remove what is drawn, from its last time on.
+        """Remove what is drawn, from the time of the last message on.
 
-        What is logged later at that very time is drawn: a latched message, shown again.
+        A latched message can be shown again: data logged later at the same time is drawn.
         """
         if self._last is not None:
             self.stage.clear(self.entity, self._last[0], self.home)
@@ -229,7 +229,7 @@ class History(deque[Floats]):
         super().__init__(maxlen=most)
 
     def begin(self, frame: str) -> None:
-        """Go on in a frame: what is in another one is forgotten."""
+        """Continue in a frame; forget everything if it is another one than before."""
         if frame != self.frame:
             self.frame = frame
             self.clear()
@@ -249,9 +249,9 @@ def topic_entity(key: str, topic: str) -> str:
 
 
 class DrawingsDisplay(Display[S]):
-    """A display of several drawings of one kind."""
+    """A display with several drawings of one kind."""
 
-    noun: str  # one of them, in warnings
+    noun: str  # what warnings call one of them
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
@@ -262,19 +262,19 @@ class DrawingsDisplay(Display[S]):
 
     @abstractmethod
     def wanted(self, settings: S) -> Mapping[str, tuple[Sequence[WantedTopic], Any]]:
-        """Return for each drawing, by its name, its topics and its settings."""
+        """Return the topics and the settings of each drawing, by its name."""
 
     @abstractmethod
     def make(self, name: str, settings: Any, color: Color) -> Drawing[Any]:
-        """Return a new drawing; ``color`` where its settings have none."""
+        """Return a new drawing; ``color`` is used if its settings have none."""
 
     def apply(self, settings: S) -> None:
-        """Redraw what has other settings; erase what is gone."""
+        """Redraw drawings whose settings changed; erase drawings that are gone."""
         wanted, before = self.wanted(settings), self.items
         colors = {name: color for name, (_, color) in self._made_of.items() if name in wanted}
         self.items, made_of = {}, {}
         for name, (_, item) in wanted.items():
-            if name not in colors:  # others keep theirs, whatever is published besides
+            if name not in colors:  # drawings keep their colours when more topics are published
                 colors[name] = min(COLORS, key=[*colors.values()].count)
             made_of[name] = item, colors[name]
             same = self._made_of.get(name) == made_of[name]
@@ -303,8 +303,8 @@ class DrawingsDisplay(Display[S]):
             drawing.flush()
 
     def layout(self) -> LayoutPart:
-        """Return what its drawings add: what is in the robots' view needs nothing."""
-        if not self.items:  # Most displays have none, and this is called with every tick.
+        """Return what its drawings add; those in the robots' view add nothing."""
+        if not self.items:  # most displays have none, and this is called with every tick
             return _NO_PART
         parts = [drawing.layout() for drawing in self.items.values()]
         return LayoutPart(
@@ -316,7 +316,7 @@ class DrawingsDisplay(Display[S]):
         )
 
     def warnings(self) -> list[str]:
-        """Return which drawings have waited long for a transform, and what cannot be drawn."""
+        """Return a sentence per drawing that waits long for a transform, or cannot be drawn."""
         waiting = [
             f'{self.noun} "{name}" is in the frame "{drawing.frame}", which no transform connects '
             f'with "{self.stage.fixed_frame}": not shown until /tf or /tf_static brings one'
@@ -342,7 +342,7 @@ _NO_PART = LayoutPart()
 
 
 class MessageDisplay(DrawingsDisplay[Any]):
-    """Draws the topics of some message types, whichever robot's they are, as RViz does."""
+    """Draws all topics of some message types, of any robot, as RViz does."""
 
     def __init__(self, stage: "Stage", draws: type[Drawing[Any]]) -> None:
         super().__init__(stage)
@@ -353,7 +353,7 @@ class MessageDisplay(DrawingsDisplay[Any]):
         self._offered: Mapping[str, str] = {}
 
     def offer(self, topics: Mapping[str, str]) -> bool:
-        """Draw these topics, and no others, from the next ``apply`` on."""
+        """Draw exactly these topics from the next ``apply`` on."""
         previous, self._offered = self._offered, topics
         return topics != previous
 
@@ -363,7 +363,7 @@ class MessageDisplay(DrawingsDisplay[Any]):
         return {topic: (self._subscriptions(topic, item), item) for topic, item in chosen.items()}
 
     def _subscriptions(self, topic: str, settings: TopicSettings) -> Sequence[WantedTopic]:
-        """Return how a topic is subscribed: by its type's definition, reliable if it is."""
+        """Return the subscriptions of a topic, with its type's definition and its QoS."""
         draws = self.draws
         subscription = WantedTopic(
             topic,
@@ -389,7 +389,7 @@ class MessageDisplay(DrawingsDisplay[Any]):
 
 
 class NamedDisplay(DrawingsDisplay[Any]):
-    """Draws what a view names: a drawing for each name."""
+    """Draws the entries that a view names, with one drawing each."""
 
     draws: ClassVar[type[Drawing[Any]]]
 
@@ -398,7 +398,7 @@ class NamedDisplay(DrawingsDisplay[Any]):
 
     @abstractmethod
     def subscriptions(self, item: Any) -> Sequence[WantedTopic]:
-        """Return the topic of an entry, if its type is known."""
+        """Return the topics of an entry; none if its type is unknown."""
 
     def make(self, name: str, settings: Any, color: Color) -> Drawing[Any]:
         entity = self.entity(entity_path(self.key, name))

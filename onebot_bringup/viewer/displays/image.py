@@ -32,17 +32,17 @@ class ImageSettings(TopicSettings):
     max_value: float = setting(1.0, "the value of white, if not normalized", height)
 
 
-# --- what pictures are made of --------------------------------------------------------------------
+# --- encodings of pixels --------------------------------------------------------------------------
 
 
 class _Encoding(NamedTuple):
-    """How a pixel is stored, and shown."""
+    """How a pixel is stored, and how Rerun shows it."""
 
     dtype: str  # a channel's type, in the byte order of the machine
     channels: int
     kind: type[rr.Image | rr.DepthImage]
-    format: Mapping[str, Any]  # Rerun's
-    meter: float = 0.0  # the value of a metre, where it is depth
+    format: Mapping[str, Any]  # Rerun's format
+    meter: float = 0.0  # the value of a metre, for depth images
 
 
 def _color(model: str, channels: int) -> _Encoding:
@@ -59,7 +59,7 @@ def _depth(dtype: str, datatype: str, meter: float) -> _Encoding:
 
 
 _GREY, _YUY2 = _color("L", 1), _packed("YUY2", 2)
-_UYVY = ("yuv422", "uyvy")  # luminance in the second byte; in YUY2, which Rerun has, the first
+_UYVY = ("yuv422", "uyvy")  # luminance in the second byte; in Rerun's YUY2, the first
 _ENCODINGS: Mapping[str, _Encoding] = {
     "rgb8": _color("RGB", 3),
     "rgba8": _color("RGBA", 4),
@@ -76,11 +76,11 @@ _ENCODINGS: Mapping[str, _Encoding] = {
     **dict.fromkeys((*_UYVY, "yuv422_yuy2", "yuyv"), _YUY2),
 }
 _COMPRESSED = {b"\xff\xd8\xff": "image/jpeg", b"\x89PNG\r\n\x1a\n": "image/png"}
-_LONGEST = 40  # characters of a format, in warnings
+_LONGEST = 40  # most characters of a format in a warning
 
 
 def _pixels(message: Any, encoding: _Encoding) -> Bytes:
-    """Return the pixels without padding, in the machine's byte order; a view where they are so."""
+    """Return the pixels without padding, in native byte order; not copied if they already are."""
     width, rows, step = int(message.width), int(message.height), int(message.step)
     size = np.dtype(encoding.dtype).itemsize
     line = width * encoding.channels * size
@@ -105,22 +105,22 @@ class ImageDrawing(Drawing[ImageSettings]):
     key = "image"
     message_types = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
     heavy, kept = True, DEPTH_HEAVY
-    stamped = False  # it is shown without a transform
+    stamped = False  # shown without a transform
 
     @classmethod
     def is_duplicate(cls, topic: str, topics: Mapping[str, str]) -> bool:
-        """Whether ROS's image_transport publishes it beside a picture, compressed."""
+        """Whether it is the compressed copy of a picture that image_transport publishes."""
         picture, _, transport = topic.rpartition("/")
         return transport == "compressedDepth" or (
             transport == "compressed" and topics.get(picture) in cls.message_types
         )
 
     def style(self) -> Sequence[rr.AsComponents]:
-        """Return the frame: of the camera's picture if there is a CameraInfo."""
+        """Return the frame that a CameraInfo beside the topic defines for its picture."""
         return [rr.CoordinateFrame(picture_frame(self.name))]
 
     def layout(self) -> LayoutPart:
-        """Return a view; the robots' view has the picture only with a camera."""
+        """Return a view of the picture; the robots' view shows it only in a camera's frustum."""
         return LayoutPart(views=(ImageView(self.entity, self.name),), hidden=(self.entity,))
 
     def draw(self, message: Any) -> Sequence[ReadyColumn]:
@@ -170,7 +170,7 @@ _BLOB = BytesMaker(rr.EncodedImage.columns(blob=[b"0"]))
 def _format(
     name: str, size: tuple[int, int], bounds: tuple[float, float] | None
 ) -> Sequence[ReadyColumn]:
-    """Return the columns beside the pixels; ``bounds`` are the values that are black and white."""
+    """Return the columns besides the pixels; ``bounds`` are the values of black and white."""
     encoding, (width, height) = _ENCODINGS[name], size
     shape = rr.components.ImageFormat(width=width, height=height, **encoding.format)
     if encoding.kind is rr.Image:
@@ -191,7 +191,7 @@ def _media(media_type: str) -> Sequence[ReadyColumn]:
     return ready(rr.EncodedImage.columns(media_type=[media_type]))
 
 
-# --- where they are seen --------------------------------------------------------------------------
+# --- views ----------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -206,10 +206,10 @@ class ImageView:
 
 
 def picture_frame(topic: str) -> str:
-    """Return the frame of the pictures of a camera.
+    """Return the frame of a camera's pictures.
 
     Args:
-        topic: of its CameraInfo, or of a picture; they are side by side.
+        topic: the topic of its CameraInfo, or of a picture beside it.
     """
     space = topic.removesuffix("/compressed").rpartition("/")[0]
     return f"picture:{space or '/'}"

@@ -1,7 +1,7 @@
-"""How far each joint can go, by the URDF, drawn in the robot.
+"""Draws the range of each joint, from its limits in the URDF.
 
-An arc (or, for a prismatic joint, a bar) lies in the frame of the parent link, a needle in that of
-the child, so that /tf moves the needle along the arc: it is drawn once, and costs nothing after.
+An arc (for a prismatic joint, a bar) lies in the parent link's frame, a needle in the child's, so
+that /tf moves the needle along the arc: both are drawn once and cost nothing afterwards.
 """
 
 import math
@@ -21,7 +21,7 @@ from onebot_description.model.quaternions import from_rpy, to_matrix
 
 RANGES_ENTITY = "joint_ranges"
 _STEP = math.radians(5.0)  # between two points of an arc
-# On the screen, whatever the zoom (points).
+# Widths on the screen, at any zoom (points).
 _ARC_WIDTH, _NEEDLE_WIDTH = 1.5, 2.0
 
 Floats = NDArray[np.float64]
@@ -30,14 +30,14 @@ Strips = list[Floats]
 
 @dataclass(frozen=True)
 class JointRangesSettings:
-    """How far each joint can go, drawn in the robot: an arc or a bar, and a needle where it is."""
+    """The range of each joint, drawn as an arc or a bar, and its position, drawn as a needle."""
 
     visible: bool = setting(False, "draw how far each joint can go")
     radius: float = setting(0.0, "metres; 0: by the robot's size")
 
 
 class JointLimitsDisplay(Display[JointRangesSettings]):
-    """Draws the ranges of joints in the colours of their curves, anew only when they change."""
+    """Draws the ranges of joints in the colours of their curves; redraws only what changes."""
 
     key = "joint_ranges"
 
@@ -45,7 +45,7 @@ class JointLimitsDisplay(Display[JointRangesSettings]):
         super().__init__(*arguments)
         self._settings = JointRangesSettings()
         self._made_of: tuple[object, ...] = ()
-        self._drawn: dict[str, object] = {}  # keys: entities
+        self._drawn: dict[str, object] = {}  # what is drawn, by entity
 
     def apply(self, settings: JointRangesSettings) -> None:
         self._settings = settings
@@ -63,7 +63,7 @@ class JointLimitsDisplay(Display[JointRangesSettings]):
             self._draw(joints, radius)
 
     def _draw(self, joints: Iterable[Joint], radius: float) -> None:
-        """Draw the marks of ``joints`` that have a colour; what did not change is left alone."""
+        """Draw the marks of those ``joints`` that have a colour; log only what has changed."""
         marks: dict[str, tuple[str, Strips, float, Color]] = {}
         for joint in joints:
             color = self.robot.joint_colors.get(joint.name)
@@ -74,7 +74,7 @@ class JointLimitsDisplay(Display[JointRangesSettings]):
                 marks[self._entity(joint.name, "hand")] = needle
         recording = self.stage.recording
         for entity in set(self._drawn).difference(marks):
-            # Static data can only be overwritten; a frame that is gone would be an error forever.
+            # Static data cannot be cleared but overwritten, in a frame that exists.
             del self._drawn[entity]
             home = rr.CoordinateFrame(self.robot.home)
             recording.log(entity, home, rr.LineStrips3D.cleared(), static=True)
@@ -92,7 +92,7 @@ class JointLimitsDisplay(Display[JointRangesSettings]):
 
 
 def limited_joints(description: Description) -> tuple[Joint, ...]:
-    """Return the joints that have a range."""
+    """Return the joints of a robot that have limits."""
     return tuple(
         joint
         for joint in description.joints
@@ -107,11 +107,16 @@ def limits(joint: Joint) -> tuple[float, float]:
 
 
 def scale_strips(joint: Joint, radius: float) -> Strips:
-    """Return the arc or bar with its ends marked, (N, 3) points each, m in the parent's frame."""
+    """Return lines of the arc or bar with end marks, (N, 3) points each, m in the parent's frame.
+
+    Args:
+        joint: one of ``limited_joints``.
+        radius: radius of the arc, m.
+    """
     lower, upper = limits(joint)
     turn, across = to_matrix(from_rpy(joint.origin.rpy)), _across(joint.axis)
     if joint.kind == "revolute":
-        # More than a turn would lie upon itself.
+        # More than one turn would overlap itself.
         upper = min(upper, lower + 2 * math.pi)
         count = max(2, math.ceil((upper - lower) / _STEP) + 1)
         rays = [_turned(across, joint.axis, q) for q in np.linspace(lower, upper, count)]
@@ -125,7 +130,12 @@ def scale_strips(joint: Joint, radius: float) -> Strips:
 
 
 def needle_strips(joint: Joint, radius: float) -> Strips:
-    """Return what marks the present position, (N, 3) points, metres in the child's frame."""
+    """Return lines that mark the current position, (N, 3) points each, m in the child's frame.
+
+    Args:
+        joint: one of ``limited_joints``.
+        radius: radius of the arc, m.
+    """
     across = _across(joint.axis)
     if joint.kind == "revolute":  # a triangle that points at the arc from outside
         beside = np.cross(np.array(joint.axis), across)
@@ -135,7 +145,7 @@ def needle_strips(joint: Joint, radius: float) -> Strips:
 
 
 def _across(axis: Triple) -> Floats:
-    """The direction of position zero: x, or z where x is along the axis, made square to it."""
+    """Return the direction of position zero: x, or z if x is along the axis, made square to it."""
     along = np.array(axis)
     start = np.array([1.0, 0.0, 0.0]) if abs(axis[0]) < 0.9 else np.array([0.0, 0.0, 1.0])
     across = start - (start @ along) * along
@@ -144,6 +154,6 @@ def _across(axis: Triple) -> Floats:
 
 
 def _turned(vector: Floats, axis: Triple, angle: float) -> Floats:
-    """``vector``, square to ``axis``, turned about it (Rodrigues' formula)."""
+    """Return ``vector``, which is square to ``axis``, turned about it (Rodrigues' formula)."""
     turned: Floats = math.cos(angle) * vector + math.sin(angle) * np.cross(np.array(axis), vector)
     return turned

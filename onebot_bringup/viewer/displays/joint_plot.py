@@ -1,4 +1,4 @@
-"""Joint states as curves, and the limits of the joints as level lines between which they run."""
+"""Plots joint states as curves, and the limits of the joints as horizontal lines."""
 
 import colorsys
 from collections.abc import Mapping, Sequence
@@ -17,7 +17,7 @@ from onebot_description.ros.wire.messages import JointStateArrays, one_joint_sta
 
 POSITION_ENTITY = "joints/position"
 VELOCITY_ENTITY = "joints/velocity"
-# Each set of joint names is plotted on its own; more sets are a publisher's mistake.
+# Each set of joint names has its own curves; more sets than this are a publisher's mistake.
 _MOST_SETS = 32
 _CURVE_WIDTH, _LIMIT_WIDTH = 2.0, 1.0  # points on the screen
 
@@ -48,20 +48,20 @@ class JointPlotDisplay(Display[JointPlotSettings]):
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
         self._settings = JointPlotSettings()
-        self._limits: Limits = {}  # drawn limits
+        self._limits: Limits = {}  # limits that are drawn
         self._sets: dict[tuple[str, ...], _JointSet] = {}
         self._count = 0  # number of sets so far
-        self._colors: dict[tuple[str, ...], dict[str, Color]] = {}  # keys: sets of joints so far
-        # The names that came last: it takes long to look up many.
+        self._colors: dict[tuple[str, ...], dict[str, Color]] = {}  # by sets of joints, so far
+        # Cache of the last names' set, since looking up many names takes long.
         self._last: tuple[object, _JointSet | None] = ((), None)
-        self._has_velocities = False  # a velocity ever came
-        self._is_full = False  # a set is not plotted
+        self._has_velocities = False  # whether a velocity ever came
+        self._is_full = False  # whether there are too many sets to plot
 
     def topics(self) -> Sequence[WantedTopic]:
         return [WantedTopic("joint_states", (JOINT_STATE,))]
 
     def apply(self, settings: JointPlotSettings) -> None:
-        """Plot with or without limits; the rest is in the layout."""
+        """Plot with or without limits; the other settings only affect the layout."""
         self._settings = settings
         robot = self.robot.description
         joints = limited_joints(robot) if robot is not None and settings.limits else ()
@@ -71,7 +71,7 @@ class JointPlotDisplay(Display[JointPlotSettings]):
         self.flush()
         self._limits = drawn
         self._last = ((), None)
-        self._sets.clear()  # on entities of their own from now on: the rows are of other lengths
+        self._sets.clear()  # use new entities from now on, since the rows have other lengths
 
     def set_robot(self) -> None:
         """Take the limits of the robot's joints."""
@@ -109,7 +109,7 @@ class JointPlotDisplay(Display[JointPlotSettings]):
         return [text] if self._is_full else []
 
     def layout(self) -> LayoutPart:
-        """Return the plots that would not stay empty."""
+        """Return the plots that have data."""
         plot, robot = self._settings, self.robot.description
         moves = robot is not None and any(joint.kind != "fixed" for joint in robot.joints)
         views = []
@@ -131,7 +131,7 @@ class _JointSet:
         self._count = len(colors)
         limited = [name for name in colors if name in limits]
         self._edges = np.array([limits[name] for name in limited]).ravel()
-        # The lines at the limits bear the joint's name, too: one entry in the legend for all three.
+        # The lines at the limits have the joint's name, too, so the legend has one entry per joint.
         edges = [name for name in limited for _ in range(2)]
 
         def curves(entity: str, edges: Sequence[str]) -> Curves:
@@ -147,7 +147,7 @@ class _JointSet:
         self.velocities = curves(VELOCITY_ENTITY, ())
 
     def add(self, stamp_ns: int, state: JointStateArrays) -> None:
-        """Add the numbers that are there for each joint."""
+        """Add the numbers that the message has for each joint."""
         if len(state.positions) == self._count:
             self.positions.add(stamp_ns, np.concatenate([state.positions, self._edges]))
         if len(state.velocities) == self._count:
@@ -158,8 +158,8 @@ def joint_colors(names: Sequence[str], offset: int = 0) -> dict[str, Color]:
     """Return a colour for each joint, easily distinguished on a dark ground (golden-angle hues).
 
     Args:
-        names: of the joints.
-        offset: of the set of joints, so that each set has colours of its own.
+        names: the joints.
+        offset: differs between sets of joints, so that each set has its own colours.
     """
     colors = {}
     for index, name in enumerate(names):

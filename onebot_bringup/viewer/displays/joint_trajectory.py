@@ -1,4 +1,4 @@
-"""Trajectories of joints (trajectory_msgs/JointTrajectory): the path of a link that they move."""
+"""Draws joint trajectories (trajectory_msgs/JointTrajectory) as the path of a link they move."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -21,17 +21,17 @@ from onebot_description.ros.wire.messages import JointStateArrays
 if TYPE_CHECKING:
     from onebot_bringup.viewer.shown_robot import ShownRobot
 
-# Of a longer trajectory so many points are drawn, evenly chosen, the first and the last among them.
+# Most points drawn of a trajectory; of a longer one, they are evenly chosen from first to last.
 _MOST_POINTS = 1000
-# At most so many places are between the points, so that the line bends as the robot does.
+# Most positions added between the points, so that the line bends as the robot does.
 _MOST_BETWEEN = 1000
-_STEP = np.radians(5.0)  # from one place to the next, the sum of all joints
-_TOLERANCE = 0.01  # rad or m that a held joint moves until the path is drawn anew
+_STEP = np.radians(5.0)  # from one position to the next, summed over all joints
+_TOLERANCE = 0.01  # rad or m that a held joint may move before the path is redrawn
 
 
 @dataclass(frozen=True)
 class JointTrajectorySettings(TopicSettings):
-    """Paths of links along trajectories of joints."""
+    """Paths of links along joint trajectories."""
 
     link: str = setting("", "the link whose path it is; empty: the last one that the joints move")
     color: Color | None = setting(None, "sRGB bytes; empty: automatic", color)
@@ -39,23 +39,23 @@ class JointTrajectorySettings(TopicSettings):
 
 
 class JointTrajectoryDrawing(Drawing[JointTrajectorySettings]):
-    """The path of a link in the frame of the robot's root link; an empty trajectory clears it."""
+    """The path of a link in the robot's root frame; an empty trajectory clears it."""
 
     key = "joint_trajectory"
     message_types = ("trajectory_msgs/msg/JointTrajectory",)
     robot_topics: ClassVar = {"joint_states": JOINT_STATE}
     live, repeated, stamped = False, True, False
     period_ns = SELDOM
-    _motion: "LinkMotion | None" = None  # what moves the link; None if no path is drawn
-    _held: Floats = np.zeros(0)  # positions of the joints that it holds, as the path is drawn
+    _motion: "LinkMotion | None" = None  # kinematics of the link; None if no path is drawn
+    _held: Floats = np.zeros(0)  # positions of the held joints in the path that is drawn
 
     @cached_property
     def robot(self) -> "ShownRobot":
-        """The robot whose joints are moved."""
+        """The robot whose joints the trajectory moves."""
         return self.stage.robot_of(self.name)
 
     def style(self) -> Sequence[rr.AsComponents]:
-        # A negative radius is in pixels.
+        # Negative radii are in pixels.
         width, colors = self.settings.line_width, [self.color]
         return [
             rr.LineStrips3D.from_fields(colors=colors, radii=[width / 2 or -1.0]),
@@ -63,7 +63,7 @@ class JointTrajectoryDrawing(Drawing[JointTrajectorySettings]):
         ]
 
     def add(self, stamp_ns: int, message: Any) -> None:
-        """Add a trajectory, or where joints of the robot are now."""
+        """Add a trajectory, or store the current joint positions of the robot."""
         if not isinstance(message, JointStateArrays):
             super().add(stamp_ns, message)
         elif len(message.positions) == len(message.names):
@@ -71,20 +71,20 @@ class JointTrajectoryDrawing(Drawing[JointTrajectorySettings]):
             self.robot.joint_positions.update(states)
 
     def frame_of(self, message: Any) -> str:
-        """Return the frame of the robot's root link: positions of joints say nothing of others."""
+        """Return the frame of the robot's root link, in which joint positions place the links."""
         return self.robot.home
 
     def _is_due(self, frame: str, stamp_ns: int) -> bool:
         return bool(frame) and super()._is_due(frame, stamp_ns)  # it waits for the description
 
     def flush(self) -> None:
-        """Log what can be shown now; the last path anew if other joints have moved the link."""
+        """Log what can be shown now; redraw the last path if other joints have moved the link."""
         if self._last is not None and not self._pending and self._is_displaced():
             self._pending.append((max(self.stage.now_ns, self._last[0]), self._last[1]))
         super().flush()
 
     def _is_displaced(self) -> bool:
-        """Whether the path is elsewhere now."""
+        """Whether held joints have moved, so that the path is elsewhere now."""
         motion, robot = self._motion, self.robot
         if motion is None:
             return False
@@ -94,7 +94,7 @@ class JointTrajectoryDrawing(Drawing[JointTrajectorySettings]):
         return bool((moved > _TOLERANCE).any())
 
     def draw(self, message: Any) -> Archetypes:
-        """Return the path, and where the link is at the points."""
+        """Return the path as a line, and the link's places at the trajectory's points."""
         self._motion = None
         if not len(message.points):
             return _shapes([], [])
@@ -122,10 +122,10 @@ def _shapes(strips: Any, points: Any) -> Archetypes:
 
 
 def _positions(message: Any) -> Floats:
-    """Return the positions (N, K) of K joints at the points that are drawn, rad or m.
+    """Return the positions (N, K) of K joints at the points to draw, rad or m.
 
     Raises:
-        ValueError: names or positions are missing, there twice, or not finite.
+        ValueError: names or positions are missing, duplicate, or not finite.
     """
     names, found = message.joint_names, message.points.positions
     if not names:
@@ -146,14 +146,14 @@ def _positions(message: Any) -> Floats:
 
 
 def samples(positions: Floats, turning: NDArray[np.bool_]) -> tuple[Floats, NDArray[np.intp]]:
-    """Return positions along straight lines between those of a trajectory.
+    """Interpolate the points of a trajectory linearly.
 
     Args:
-        positions: (N, K) of K joints.
-        turning: (K,), which of them turn: between positions of the others the way is straight.
+        positions: (N, K) positions of K joints, rad or m.
+        turning: (K,), which joints turn; the others move the link straight and add no samples.
 
     Returns:
-        (S, K), at most some degrees apart, and the N rows that are the trajectory's own.
+        Positions (S, K), at most some degrees apart, and the N rows that are the given points.
     """
     turned = np.abs(np.diff(positions, axis=0))[:, turning].sum(axis=1)
     step = max(_STEP, turned.sum() / _MOST_BETWEEN)
@@ -168,19 +168,24 @@ def samples(positions: Floats, turning: NDArray[np.bool_]) -> tuple[Floats, NDAr
 
 
 class LinkMotion:
-    """Where a link is by the positions of some joints, while the others are where they are.
+    """Kinematics of a link that some joints move, while the others are held.
 
     Attributes:
-        description: the robot's.
-        names: of the K joints that move it.
+        description: the robot.
+        names: the K joints that move the link.
         turning: (K,), which of them turn.
     """
 
     def __init__(self, description: Description, names: Sequence[str], link: str) -> None:
-        """Choose the link; "" for the last one that the joints move.
+        """Choose the link.
+
+        Args:
+            description: the robot.
+            names: the joints that move.
+            link: the link; "" for the last one that the joints move.
 
         Raises:
-            OneBotError: the robot has no such joint or link, or is in parts.
+            OneBotError: the robot has no such joint or link, or its links are not one tree.
         """
         self.description, self.names = description, names
         self._model = model = RobotModel(description)
@@ -209,18 +214,18 @@ class LinkMotion:
         """Return where the link is.
 
         Args:
-            positions: (N, K) of the joints that move it, rad or m.
-            states: where joints are, by their names; of the others those that are not in it rest.
+            positions: (N, K) positions of the joints that move it, rad or m.
+            states: current positions by joint name, rad or m; held joints not in it are at rest.
 
         Returns:
-            (N, 3) in the frame of the root link, m.
+            Its places (N, 3) in the frame of the root link, m.
         """
         poses = self._model.link_poses(self._positions(positions, states))
         places: Floats = poses[:, self._link, :3]
         return places
 
     def _positions(self, positions: Floats, states: Mapping[str, float]) -> Floats:
-        """Return the positions (N, M) of all moving joints of the robot."""
+        """Return the positions (N, M) of all movable joints of the robot, rad or m."""
         given: dict[str, Any] = {
             joint: states[joint] if abs(states.get(joint, np.inf)) <= LARGEST else rest
             for joint, rest in self._rests.items()
@@ -234,14 +239,14 @@ class LinkMotion:
 
 
 def last_link(above: Mapping[str, Joint], moved: Collection[str]) -> str:
-    """Return the link at the end of the longest chain of joints that has most ``moved`` ones.
+    """Return the link at the end of the chain with the most ``moved`` joints, the longest if equal.
 
-    A chain ends before the last joint that can move by itself, if that is no moved one: links
-    behind it are the fingers of a gripper.
+    Links behind another joint that can move by itself, such as the fingers of a gripper, do not
+    count.
 
     Args:
-        above: the joint above each link but the root link.
-        moved: the names of joints.
+        above: the joint above each link except the root link.
+        moved: the names of the moved joints.
     """
     movable = [joint for joint in above.values() if joint.kind in MOVING_KINDS]
     free = (joint.parent for joint in movable if joint.mimic is None)
@@ -256,7 +261,7 @@ def last_link(above: Mapping[str, Joint], moved: Collection[str]) -> str:
 
 
 def joints_above(above: Mapping[str, Joint], link: str) -> list[Joint]:
-    """Return the joints from a link up to the root link; ``above`` as for ``last_link``."""
+    """Return the joints from a link up to the root link; for ``above`` see ``last_link``."""
     joints = []
     while link in above:
         joints.append(above[link])

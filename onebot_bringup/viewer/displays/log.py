@@ -1,7 +1,7 @@
-"""What nodes log (rcl_interfaces/Log, as on /rosout), as lines of text below the robot.
+"""Shows what nodes log (rcl_interfaces/Log, such as /rosout) as lines of text below the robot.
 
-Every ROS system has /rosout, and its nodes write to a terminal, too: the view takes its room only
-where it is asked for: by the topic's check box, ``shown: [/rosout]`` or ``log: {visible: true}``.
+Every ROS system has /rosout, and its nodes also write to a terminal, so the view is only shown on
+request: by the topic's check box, ``shown: [/rosout]`` or ``log: {visible: true}``.
 """
 
 from collections.abc import Sequence
@@ -18,19 +18,19 @@ from onebot_bringup.viewer.displays.drawing import Drawing, TopicSettings
 from onebot_bringup.viewer.settings import one_of, setting
 from onebot_description.errors import shortened
 
-_LEVELS = {  # the least number of each
+_LEVELS = {  # the lowest number of each level
     "debug": (10, rr.TextLogLevel.DEBUG),
     "info": (20, rr.TextLogLevel.INFO),
     "warn": (30, rr.TextLogLevel.WARN),
     "error": (40, rr.TextLogLevel.ERROR),
     "fatal": (50, rr.TextLogLevel.CRITICAL),
 }
-_LONGEST = 5000  # characters of a line
+_LONGEST = 5000  # most characters of a line
 
 
 @dataclass(frozen=True)
 class LogSettings(TopicSettings):
-    """What nodes log."""
+    """Lines that nodes log."""
 
     visible: bool = setting(False, "draw it")
     level: str = setting("info", "the least severe level shown", one_of(*_LEVELS))
@@ -38,7 +38,7 @@ class LogSettings(TopicSettings):
 
 @dataclass(frozen=True)
 class LogView:
-    """A view of the lines of a topic."""
+    """A view of the lines of one topic."""
 
     entity: str
     topic: str
@@ -52,7 +52,7 @@ class LogView:
 
 
 class LogDrawing(Drawing[LogSettings]):
-    """The lines of one topic."""
+    """Logs the lines of one topic."""
 
     key = "log"
     message_types = ("rcl_interfaces/msg/Log",)
@@ -68,13 +68,13 @@ class LogDrawing(Drawing[LogSettings]):
         return [rr.TextLog(shortened(text, _LONGEST), level=_level(message.level))]
 
     def replace(self, before: Drawing[LogSettings]) -> None:
-        """Leave the lines of before as they are."""
+        """Leave the previous lines as they are."""
 
     def layout(self) -> LayoutPart:
         return LayoutPart(wide=(LogView(self.entity, self.name),))
 
 
 def _level(number: int) -> rr.TextLogLevel:
-    """Return Rerun's word for a level; one between two is the lower."""
+    """Return Rerun's name of a level; numbers between two levels count as the lower one."""
     names = [name for least, name in _LEVELS.values() if least <= number]
     return rr.TextLogLevel(names[-1] if names else rr.TextLogLevel.TRACE)

@@ -18,8 +18,8 @@ from onebot_bringup.viewer.inbox import message_type
 from onebot_bringup.viewer.settings import fraction, one_of, setting
 from onebot_description.model.quaternions import normalized
 
-UPDATES = "_updates"  # the end of the topic's name
-# map_msgs need not be installed.
+UPDATES = "_updates"  # suffix of the topic of updates
+# The definition is here, since map_msgs need not be installed.
 UPDATE = message_type(
     "map_msgs/msg/OccupancyGridUpdate",
     """std_msgs/Header header
@@ -56,7 +56,7 @@ class MapSettings(TopicSettings):
 
 
 class CurrentMap(NamedTuple):
-    """A map as it is now."""
+    """A map with the updates so far."""
 
     header: Any
     info: Any
@@ -64,7 +64,7 @@ class CurrentMap(NamedTuple):
 
 
 class MapDrawing(Drawing[MapSettings]):
-    """The map of one topic, with its updates; one without cells clears it."""
+    """The map of one topic, with its updates; a map without cells clears it."""
 
     key = "map"
     message_types = ("nav_msgs/msg/OccupancyGrid",)
@@ -72,8 +72,8 @@ class MapDrawing(Drawing[MapSettings]):
     live, repeated = False, True
     period_ns = SELDOM
     _grid: CurrentMap | None = None
-    _whole_ns = 0  # the time of a map received since the last flush
-    _own = False  # the cells are a copy, to write to
+    _whole_ns = 0  # the time of the map received since the last flush; 0 for none
+    _own = False  # whether the cells are our own copy, which updates may change
 
     def style(self) -> Sequence[rr.AsComponents]:
         scheme = self.settings.color_scheme
@@ -86,8 +86,9 @@ class MapDrawing(Drawing[MapSettings]):
     def add(self, stamp_ns: int, message: Any) -> None:
         """Add a map, or an update of it, which is ignored before there is a map.
 
-        Or if it is older than one that came at about the same time, on its own topic. Of others,
-        as in RViz, the stamps do not matter: the clock may have been set back.
+        An update is also ignored if it is older than a map received since the last flush: the two
+        topics may deliver out of order. Other stamps do not matter, as in RViz, since the clock may
+        have been set back.
         """
         try:
             if hasattr(message, "info"):
@@ -101,12 +102,12 @@ class MapDrawing(Drawing[MapSettings]):
             self.problems.setdefault("", str(error))
             return
         if self._pending and self._pending[-1][1].cells is grid.cells:
-            self._pending.pop()  # it has the same cells, before this update
+            self._pending.pop()  # shares its cells with this map, which replaces it
         self._grid = grid
         super().add(stamp_ns, grid)
 
     def _updated(self, grid: CurrentMap, update: Any) -> CurrentMap:
-        """Return a map with an update in it."""
+        """Return a map with an update applied."""
         cells = grid.cells
         rows = slice(update.y, update.y + update.height)
         columns = slice(update.x, update.x + update.width)
@@ -129,12 +130,12 @@ class MapDrawing(Drawing[MapSettings]):
         self._grid = before._grid
 
     def flush(self) -> None:
-        """Log the maps received so far; a later update is of this map, or of a later one."""
+        """Log the maps received so far; any later update belongs to this map or a later one."""
         super().flush()
         self._whole_ns = 0
 
     def draw(self, message: Any) -> Sequence[rr.AsComponents | ReadyColumn]:
-        """Return the cells, the highest y first, and where they lie."""
+        """Return the cells, the highest y first, and the map's pose and cell size."""
         if not message.cells.size:
             self.stage.clear(self.entity, self.stamp_ns, self.home)
             self._logged_at = time.monotonic()
@@ -143,7 +144,7 @@ class MapDrawing(Drawing[MapSettings]):
 
 
 def _cells(cells: NDArray[np.int8]) -> ReadyColumn:
-    """Return cells as an image, whose first row is the upper one."""
+    """Return cells as an image, whose first row has the highest y."""
     image = empty(cells.shape, np.uint8)
     image[...] = np.flipud(cells).view(np.uint8)
     return _DATA.row(image.reshape(-1))
@@ -155,7 +156,7 @@ def _geometry(info: Any) -> Sequence[ReadyColumn]:
 
 @lru_cache(maxsize=16)
 def _placed(width: int, height: int, cell_size: float, origin: bytes) -> Sequence[ReadyColumn]:
-    """Return where a map lies, as columns that can be logged many times."""
+    """Return a map's geometry as columns that can be logged many times."""
     place, rotation = np.split(np.frombuffer(origin), [3])
     kind = rr.components.ImageFormat(width, height, color_model="L", channel_datatype="U8")
     turn = rr.Quaternion(xyzw=normalized(rotation))
@@ -165,7 +166,7 @@ def _placed(width: int, height: int, cell_size: float, origin: bytes) -> Sequenc
 
 
 def _grid(message: Any) -> CurrentMap:
-    """Return a message as a grid."""
+    """Check an OccupancyGrid message and return it as a map."""
     info = message.info
     if len(message.data) != info.width * info.height:
         raise ValueError(f"it has {len(message.data)} cells: {_by(info)}")

@@ -1,11 +1,11 @@
 """Markers (visualization_msgs/Marker and MarkerArray), as RViz shows them.
 
-All markers of a namespace and type are one entity, a layer: a thousand cubes are one call into
-Rerun, with arrays that come straight from the message. The plan of which rows go where is kept, so
-that a message of the same markers as the one before costs no work a marker.
+All markers of a namespace and type form a layer on one entity: a thousand cubes are one call into
+Rerun, with arrays straight from the message. The assignment of rows to layers is cached, so that
+another message with the same markers costs no work per marker.
 
-A marker that is locked to its frame lies in that frame and moves with it; any other one lies in
-the fixed frame, where its frame was at its own stamp. One whose lifetime is over is removed.
+A marker that is locked to its frame moves with that frame; any other marker lies in the fixed
+frame, where its frame was at its own stamp. Markers whose lifetime is over are removed.
 """
 
 import time
@@ -45,14 +45,14 @@ if TYPE_CHECKING:
     from onebot_bringup.viewer.stage import Stage
 
 ADD, DELETE, DELETE_ALL = 0, 2, 3
-_NEVER = np.iinfo(np.int64).max  # the end of no lifetime
-_NOT_DRAWN = -1  # the type of a marker that is left out
+_NEVER = np.iinfo(np.int64).max  # the end of an infinite lifetime
+_NOT_DRAWN = -1  # type number of markers that are left out
 _UNIT = 0.01  # tolerance of the square of a quaternion's length
 _IDENTITY = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)  # position and quaternion
 _TOGETHER_NS = 50_000_000  # single markers that arrive within this time are logged together
-_STEP_NS = 1_000_000_000  # the clock was set back if the time goes back by this
-_SAME_NS = 1_000_000  # between stamps that one transform serves: each marker may have its own
-_MOST_WAITING = 2000  # markers, while no transform leads to their frames
+_STEP_NS = 1_000_000_000  # if the time goes back by this, the clock was set back
+_SAME_NS = 1_000_000  # markers may have different stamps; within this time one transform serves
+_MOST_WAITING = 2000  # most markers that wait for a transform to their frames
 
 Integers = NDArray[np.integer[Any]]
 MarkerId = tuple[str, int]  # namespace and number
@@ -61,13 +61,13 @@ Rows = NDArray[np.intp] | slice
 
 @dataclass(frozen=True)
 class MarkerSettings(TopicSettings):
-    """Shapes that programs draw."""
+    """Markers: shapes that programs draw."""
 
     hidden_namespaces: tuple[str, ...] = setting((), "namespaces that are not drawn", name_list)
 
 
 class Incoming(NamedTuple):
-    """Markers that have come, a row each."""
+    """Markers that have come, one per row."""
 
     spaces: list[str]
     frames: list[str]
@@ -76,8 +76,8 @@ class Incoming(NamedTuple):
     actions: Integers
     locked: Integers
     lifetimes: Integers  # nanoseconds
-    stamps_ns: Callable[[], Integers]  # the headers', which few need; 0 for none
-    points: Integers  # how many
+    stamps_ns: Callable[[], Integers]  # returns the headers' stamps, which are seldom needed
+    points: Integers  # number of points
     poses: Floats  # (N, 7) metres and x y z w; may be written to
     scales: Floats  # (N, 3) metres
     colors: Floats  # (N, 4), 0 to 1
@@ -85,7 +85,7 @@ class Incoming(NamedTuple):
 
     @classmethod
     def of_array(cls, markers: Any) -> "Incoming":
-        """Take the markers of a MarkerArray, a table."""
+        """Return the markers of a MarkerArray, which is a table."""
         return cls(
             markers.ns,
             markers.header.frame_id,
@@ -96,7 +96,7 @@ class Incoming(NamedTuple):
             _nanoseconds(markers.lifetime),
             lambda: _nanoseconds(markers.header.stamp),
             markers.points.counts,
-            markers.pose.array().copy(),  # one piece makes all that follows faster
+            markers.pose.array().copy(),  # contiguous, which is faster
             markers.scale.array().copy(),
             markers.color.array().copy(),
             markers,
@@ -104,7 +104,7 @@ class Incoming(NamedTuple):
 
     @classmethod
     def of_single(cls, markers: Sequence[Any]) -> "Incoming":
-        """Take messages of one marker each."""
+        """Return the markers of messages with one marker each."""
         numbers = [
             (
                 marker.id,
@@ -135,9 +135,13 @@ class Incoming(NamedTuple):
         )
 
     def report(self, problems: dict[str, str], which: Any, text: str, kind: str = "") -> None:
-        """Keep the first problem of a kind: of a row, or of the first row of a mask.
+        """Store the first problem of a kind.
 
-        Without a kind, the text is it.
+        Args:
+            problems: the problems so far, by kind.
+            which: the row with the problem, or a mask (N,), whose first row is named.
+            text: what is wrong.
+            kind: the kind of problem; "" for the text itself.
         """
         if isinstance(which, np.ndarray):
             [*rows] = np.flatnonzero(which)[:1]
@@ -149,12 +153,12 @@ class Incoming(NamedTuple):
 
 
 def _nanoseconds(time_: Any) -> Any:
-    """Return a time or a duration, or a table of them, in nanoseconds."""
+    """Convert a time or a duration, or a table of them, to nanoseconds."""
     return time_.sec * np.int64(1_000_000_000) + time_.nanosec
 
 
 class LayerKey(NamedTuple):
-    """What the markers of a layer have in common."""
+    """The properties that all markers of a layer have in common."""
 
     space: str
     kind: str
@@ -173,14 +177,14 @@ class Layer:
             self._own += key.variant.pieces()
         self.space = key.space
         self.ids: list[MarkerId] = []
-        self.batch: Batch  # with the first markers
+        self.batch: Batch  # set with the first markers
         self.first_end = _NEVER  # the end of the first lifetime
         self._logged: Sequence[Piece] = ()
         self._stamp_ns = 0
-        self.whole_at = 0.0  # the time of the last row with all columns
+        self.whole_at = 0.0  # the time when all columns were last logged
 
     def update(self, ids: list[MarkerId], batch: Batch) -> None:
-        """Add markers, or change those that it has."""
+        """Add markers, or change existing ones."""
         if self.ids and ids != self.ids:
             slots = {marker: slot for slot, marker in enumerate(self.ids)}
             slots |= {marker: slot for slot, marker in enumerate(ids, len(self.ids))}
@@ -188,7 +192,7 @@ class Layer:
         self._set(ids, batch)
 
     def keep(self, slots: Sequence[int]) -> None:
-        """Remove the markers that are not in these slots."""
+        """Remove all markers except those in these slots."""
         self._set([self.ids[slot] for slot in slots], self.batch.at(np.array(slots, np.intp)))
 
     def _set(self, ids: list[MarkerId], batch: Batch) -> None:
@@ -196,7 +200,7 @@ class Layer:
         self.first_end = int(batch.ends.min()) if ids else _NEVER
 
     def log(self, stamp_ns: int, *, hidden: bool) -> None:
-        """Log what has changed since the last row; from time to time, all."""
+        """Log the columns that changed since the last row; from time to time, all of them."""
         drawn = self._kind.pieces(self.batch) if self.ids and not hidden else ()
         if not drawn:
             if self._logged:
@@ -223,7 +227,7 @@ class Layer:
 def _is_same(piece: Piece, previous: Piece) -> bool:
     if isinstance(piece, tuple) and isinstance(previous, tuple):
         numbers, logged = piece[1], previous[1]
-        # What moves mostly moves from the first one on.
+        # Compare the first row first, since it usually differs if anything moves.
         return np.array_equal(numbers[:1], logged[:1]) and np.array_equal(numbers, logged)
     return piece is previous
 
@@ -236,9 +240,9 @@ def _column(piece: Piece) -> Any:
 
 
 class MarkerPlan(NamedTuple):
-    """Where the markers of a message go, and of each message that is alike."""
+    """The layers of the markers of a message, also for later messages with the same signature."""
 
-    signature: tuple[object, ...]  # all that it depends on
+    signature: tuple[object, ...]  # everything that the plan depends on
     members: list[tuple[Layer, list[MarkerId], Rows]]
     moved: dict[str, list[int]]  # rows that lie in the fixed frame, by their own frames
 
@@ -254,23 +258,23 @@ class MarkerDrawing(Drawing[MarkerSettings]):
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
-        self._in_arrays = False  # its messages are of many markers
+        self._in_arrays = False  # whether the messages are MarkerArrays
         self._layers: dict[LayerKey, Layer] = {}
-        self._used: set[str] = set()  # their entities
+        self._used: set[str] = set()  # entities of the layers
         self._where: dict[MarkerId, LayerKey] = {}
         self._changed: dict[str, Layer] = {}  # layers to log, by entity
         self._plan: MarkerPlan | None = None
         self._stamp_ns = 0  # stamp of the last row
         self._now_ns = 0  # time of the last flush
-        self._lag_ns = _NEVER  # the shortest time from the stamp of a message to when it came
-        self._waiting: dict[MarkerId, tuple[int, Any]] = {}  # no transform leads to their frames
+        self._lag_ns = _NEVER  # the shortest time from a message's stamp to its arrival
+        self._waiting: dict[MarkerId, tuple[int, Any]] = {}  # markers that wait for a transform
         self._fixed = ""  # the fixed frame
-        self._tree: tuple[object, ...] = ()  # the TF tree in which they were last looked for
+        self._tree: tuple[object, ...] = ()  # TF tree at the last check for their transforms
 
     def add(self, stamp_ns: int, message: Any) -> None:
         self._pending.append((stamp_ns, message))
         self._in_arrays = hasattr(message, "markers")
-        if not self.frame:  # the fixed frame may have to be found by it
+        if not self.frame:  # without a robot, it may determine the fixed frame
             markers = message.markers if self._in_arrays else [message]
             self.frame = next((_frame(marker) for marker in markers if _frame(marker)), "")
 
@@ -278,7 +282,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         """Log the messages received so far, and remove markers whose time is over."""
         self._fixed, now_ns = self.stage.fixed_frame, self.stage.now_ns
         if now_ns < self._now_ns - _STEP_NS:
-            self._expire(_NEVER - 1)  # markers of the time before would stay for ever
+            self._expire(_NEVER - 1)  # otherwise markers from before would stay for ever
             self._lag_ns, self._now_ns = _NEVER, now_ns
         for stamp_ns, incoming in self._incoming():
             came_ns = self._received(stamp_ns, now_ns)
@@ -297,11 +301,11 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         self._repeat()
 
     def _received(self, stamp_ns: int, now_ns: int) -> int:
-        """Return when a message of this time came, as far as can be known."""
+        """Return the best estimate of when a message with this stamp came, nanoseconds."""
         if self._in_arrays:
-            # Arrays have no stamp; one may come from before the clock was set back.
+            # Arrays have no stamp; this time may be from before the clock was set back.
             return stamp_ns if stamp_ns < now_ns + _STEP_NS else now_ns
-        # It was since the last flush: at the very time that follows if it took as long as others.
+        # It came since the last flush; assume the usual lag if that fits.
         self._lag_ns = min(self._lag_ns, max(0, now_ns - stamp_ns))
         usual_ns = stamp_ns + self._lag_ns
         return usual_ns if self._now_ns < usual_ns <= now_ns else now_ns
@@ -311,7 +315,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
             layer.log(self._stamp_ns, hidden=True)
 
     def replace(self, before: Drawing[MarkerSettings]) -> None:
-        """Draw what another look has drawn."""
+        """Take over the markers of a drawing with other settings."""
         settings = {"settings": self.settings, "color": self.color}
         vars(self).update(vars(before) | settings)
         for layer in self._layers.values():
@@ -319,7 +323,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         self._log(self._stamp_ns)
 
     def _incoming(self) -> Iterator[tuple[int, Incoming]]:
-        """Yield the messages; single markers that come at about the same time together."""
+        """Yield the messages; single markers that come at about the same time are joined."""
         pending = [*self._pending]
         self._pending.clear()
         if self._in_arrays:
@@ -355,7 +359,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         self._log(stamp_ns)
 
     def _kinds(self, incoming: Incoming) -> Integers:
-        """Return the type of each marker, as KINDS has it; report those that cannot be drawn."""
+        """Return the type of each marker, a key of KINDS; report those that cannot be drawn."""
         kinds = incoming.types
         arrows = kinds == ARROW
         if arrows.any():
@@ -363,7 +367,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         numbers = (incoming.poses, incoming.scales, incoming.colors)
         if not all(
             float(np.vdot(table, table)) <= LARGEST**2 for table in numbers
-        ):  # NaN is not less, either
+        ):  # false for NaN, too
             sound = np.all([(np.abs(table) <= LARGEST).all(axis=1) for table in numbers], axis=0)
             kinds = np.where(sound, kinds, _NOT_DRAWN)
             incoming.poses[~sound] = _IDENTITY
@@ -372,9 +376,9 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         return kinds
 
     def _plan_of(self, stamp_ns: int, incoming: Incoming, kinds: Integers) -> MarkerPlan:
-        """Return where markers go, once those that are deleted or go elsewhere are removed.
+        """Return the layers of the markers, after removing deleted ones and those that move.
 
-        It is the plan of the message before if that is alike: then nothing is left to remove.
+        If nothing relevant changed, it is the previous plan, and nothing is left to remove.
         """
         variants = _variants(incoming, kinds)
         columns = incoming.ids, incoming.actions, kinds, incoming.locked
@@ -460,7 +464,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         kinds: Integers,
         moved: Mapping[str, list[int]],
     ) -> Batch:
-        """Return the markers as they are drawn."""
+        """Return the markers with poses and colours as drawn."""
         poses = incoming.poses
         if not (incoming.actions == ADD).all():
             poses[incoming.actions != ADD] = _IDENTITY
@@ -512,7 +516,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
     def _expire(self, until_ns: int) -> None:
         """Remove the markers whose lifetimes are over, each at its time.
 
-        Where messages are shown by their stamps, that is as much earlier as these are.
+        If messages are shown at their stamps, the end is earlier by the same lag.
         """
         lag_ns = 0 if self._lag_ns == _NEVER else self._lag_ns
         while True:
@@ -525,10 +529,10 @@ class MarkerDrawing(Drawing[MarkerSettings]):
                     over = np.flatnonzero(layer.batch.ends <= at).tolist()
                     self._remove({layer.ids[slot] for slot in over})
             self._plan = None
-            self._log(max(first - lag_ns, self._stamp_ns))  # not before they were drawn
+            self._log(max(first - lag_ns, self._stamp_ns))  # not before the markers were drawn
 
     def _log(self, stamp_ns: int) -> None:
-        """Log the layers that have changed, and forget empty ones."""
+        """Log the layers that have changed, and drop empty ones."""
         changed, self._changed = self._changed, {}
         self._stamp_ns = stamp_ns
         for layer in changed.values():
@@ -539,7 +543,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
             self._plan = None
 
     def _repeat(self) -> None:
-        """Log the layers whole again that have not been for long."""
+        """Log all columns again of layers for which that is long ago."""
         for layer in self._layers.values():
             if is_old(layer.whole_at):
                 self._changed[layer.entity] = layer
@@ -547,7 +551,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
 
 
 def _check(incoming: Incoming, kinds: Integers, problems: dict[str, str]) -> None:
-    """Report what RViz warns of."""
+    """Report the problems that RViz warns of."""
     add = incoming.actions == ADD
     is_action = np.isin(incoming.actions, (ADD, DELETE, DELETE_ALL))
     incoming.report(problems, ~is_action, "its action is unknown")
@@ -573,7 +577,7 @@ def _check(incoming: Incoming, kinds: Integers, problems: dict[str, str]) -> Non
 
 
 def _make_unit(incoming: Incoming, lengths: Floats, problems: dict[str, str]) -> None:
-    """Give quaternions the length of one; without any, as in RViz, there is no turn."""
+    """Normalize quaternions; as in RViz, a zero quaternion is no rotation."""
     turns, none = incoming.poses[:, 3:], lengths == 0
     turns[none] = (0.0, 0.0, 0.0, 1.0)
     turns /= np.sqrt(np.where(none, 1.0, lengths))[:, None]
@@ -583,7 +587,7 @@ def _make_unit(incoming: Incoming, lengths: Floats, problems: dict[str, str]) ->
 
 
 def _selection(rows: list[int]) -> Rows:
-    """Return rows as an index; those that follow one another need not be copied."""
+    """Return rows as an index; consecutive rows become a slice, which copies nothing."""
     first, end = rows[0], rows[0] + len(rows)
     return slice(first, end) if rows == [*range(first, end)] else np.array(rows, np.intp)
 
@@ -593,7 +597,7 @@ def _frame(marker: Any) -> str:
 
 
 def _by_stamp(rows: list[int], stamps: Integers) -> Iterator[tuple[int, Any]]:
-    """Yield rows of about the same stamp, together with the stamp of the first."""
+    """Yield groups of rows with about the same stamp, with the stamp of each group's first row."""
     parts = stamps // _SAME_NS
     if (parts == parts[0]).all():
         yield int(stamps[0]), rows
@@ -604,7 +608,7 @@ def _by_stamp(rows: list[int], stamps: Integers) -> Iterator[tuple[int, Any]]:
 
 
 def _newest_rows(incoming: Incoming) -> tuple[dict[MarkerId, int], set[str]]:
-    """Return the row that counts of each marker, and the namespaces deleted before; "" for all."""
+    """Return the last row of each marker, and the namespaces deleted before; "" for all."""
     newest: dict[str, dict[int, int]] = {}
     cleared = set[str]()
     rows = zip(incoming.spaces, incoming.ids.tolist(), incoming.actions.tolist(), strict=True)
@@ -623,7 +627,7 @@ def _newest_rows(incoming: Incoming) -> tuple[dict[MarkerId, int], set[str]]:
 
 
 def _variants(incoming: Incoming, kinds: Integers) -> dict[int, object]:
-    """Return, by row, what only markers have in common that can lie on one entity."""
+    """Return, by row, the properties in which markers on one entity must agree."""
     variants: dict[int, object] = {}
     for row in np.flatnonzero(kinds >= MESH).tolist():
         if kinds[row] not in (MESH, TRIANGLE_LIST):

@@ -1,8 +1,8 @@
-"""How each type of marker is drawn: columns of Rerun's archetypes for many markers at once.
+"""Draws each type of marker: columns of Rerun's archetypes for many markers at once.
 
-All of one type lie on one entity, as arrays. What Rerun has no counterpart for is drawn alike:
-points are round, heads of arrows have the size that fits their shaft, and letters have the same
-size on the screen, wherever they are.
+All markers of one type lie on one entity, as arrays. Where Rerun has no counterpart, they look
+similar: points are round, arrowheads have the size that fits their shaft, and letters have the same
+size on the screen at any distance.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -19,7 +19,7 @@ from onebot_description.description.packages import Resources
 from onebot_description.model.quaternions import rotate
 
 Floats = NDArray[np.float64]
-# A column, or what makes one of numbers, which is done only if they are others than before.
+# A column, or a function that makes one and its numbers; it is called only if these have changed.
 Piece: TypeAlias = "ReadyColumn | tuple[Callable[[NDArray[Any]], ReadyColumn], NDArray[Any]]"
 
 ARROW, CUBE, SPHERE, CYLINDER, LINE_STRIP, LINE_LIST, CUBE_LIST, SPHERE_LIST = range(8)
@@ -27,42 +27,45 @@ POINTS, TEXT, MESH, TRIANGLE_LIST, ARROW_STRIP = range(8, 13)
 
 
 class MarkerContent(NamedTuple):
-    """What a marker has beside pose, scale and colour."""
+    """The content of a marker besides pose, scale and colour."""
 
     points: Floats  # (N, 3) metres, in the marker's own frame
-    colors: Floats  # (N, 4), or (0, 4) where all are of the marker's colour
-    pairs: bool  # its points are the ends of lines that are not connected
+    colors: Floats  # (N, 4), or (0, 4) if all points have the marker's colour
+    pairs: bool  # each two points are the ends of a separate line
     text: str
 
 
 class Batch(NamedTuple):
-    """Markers of one type, a row each; or the shapes that they are drawn as."""
+    """Markers of one type, one per row; or the shapes that they are drawn as."""
 
     poses: Floats  # (N, 7) metres and x y z w
     scales: Floats  # (N, 3)
     colors: Floats  # (N, 4), 0 to 1
     ends: NDArray[np.int64]  # when its lifetime is over, nanoseconds
-    parts: NDArray[np.object_]  # a MarkerContent where a marker has points or text, else None
+    parts: NDArray[np.object_]  # a MarkerContent for markers with points or text, else None
 
     def at(self, rows: NDArray[np.intp] | slice) -> "Batch":
-        """Return some of them."""
+        """Return some of the markers."""
         poses, scales, colors, ends, parts = self
         return Batch(poses[rows], scales[rows], colors[rows], ends[rows], parts[rows])
 
     def joined(self, other: "Batch") -> "Batch":
-        """Return these and others."""
+        """Return these markers followed by others."""
         pairs: Any = zip(self, other, strict=True)
         return Batch(*map(np.concatenate, pairs))
 
     @property
     def counts(self) -> NDArray[np.intp]:
-        """Points of each."""
+        """The number of points of each marker."""
         return np.array([len(part.points) for part in self.parts], np.intp)
 
     def vertices(self, *, scaled: bool = False) -> "Batch":
-        """Return each point of each marker as one shape, where it lies; scaled with its marker.
+        """Return each point of each marker as one shape at its place.
 
         Ends and parts stay the markers'.
+
+        Args:
+            scaled: scale the points with their marker.
         """
         rows = np.repeat(np.arange(len(self.poses)), self.counts)
         points = np.concatenate([part.points for part in self.parts])
@@ -79,7 +82,7 @@ class Batch(NamedTuple):
 
 
 def rgba(colors: Floats) -> NDArray[np.uint32]:
-    """Return (N, 4) numbers from 0 to 1 as Rerun's colours; the bytes are those on the screen."""
+    """Convert (N, 4) numbers from 0 to 1 to Rerun's colours, whose bytes the screen shows as is."""
     channels = np.rint(np.clip(colors, 0.0, 1.0) * 255).astype(np.uint8)
     return channels.view(">u4").astype(np.uint32).ravel()
 
@@ -93,7 +96,7 @@ def _in_color(archetype: Any) -> Callable[[NDArray[Any]], ReadyColumn]:
     return lambda colors: maker.row(rgba(colors))
 
 
-# --- shapes that are drawn as instances of one ----------------------------------------------------
+# --- shapes that are drawn as instances of one shape ----------------------------------------------
 
 _POSES = rr.InstancePoses3D
 _TRANSLATIONS = ColumnMaker(_POSES.columns(translations=np.zeros((1, 3)))).row
@@ -107,7 +110,7 @@ def _poses(shapes: Batch) -> list[Piece]:
 
 
 class _Solid:
-    """Draws shapes that have the size of one metre, scaled."""
+    """Draws scaled instances of a shape with a size of one metre."""
 
     def __init__(self, archetype: Any, **sizes: Any) -> None:
         unit = archetype.from_fields(fill_mode=rr.components.FillMode.Solid, **sizes)
@@ -151,7 +154,7 @@ def _arrows_of_points(batch: Batch) -> list[Piece]:
 
 
 def _segments(counts: NDArray[np.intp]) -> NDArray[np.intp]:
-    """The points, of all markers, after which one of the same marker follows."""
+    """Return the indexes of all markers' points that are not the last of their marker."""
     last = np.zeros(counts.sum(), bool)
     last[np.cumsum(counts[counts > 0]) - 1] = True
     return np.flatnonzero(~last)
@@ -166,9 +169,9 @@ _LINE_COLORS = _in_color(rr.LineStrips3D)
 
 
 def _lines(batch: Batch) -> list[Piece]:
-    """Draw lines; a strip whose points have colours is cut up, since one has one colour."""
+    """Draw lines; a strip whose points have colours is split, since Rerun's have one colour."""
     corners = batch.vertices()
-    points: list[NDArray[np.intp]] = []  # their numbers, an array for each line
+    points: list[NDArray[np.intp]] = []  # indexes of points, an array for each line
     lengths: list[NDArray[np.intp]] = []
     at = 0
     for part in batch.parts:
@@ -194,7 +197,7 @@ def _lines(batch: Batch) -> list[Piece]:
 
 
 def _strips(points: Floats, ends: NDArray[np.intp]) -> ReadyColumn:
-    """A row of line strips, by their points and the number of points up to the end of each."""
+    """Return a row of line strips, from their points and the number of points up to each end."""
     offsets = pa.array([0, *ends.tolist()], pa.int32()).buffers()[1]
     numbers = pa.array(points.astype(np.float32).ravel())
     places = pa.Array.from_buffers(_STRIP.value_type, len(points), [None], children=[numbers])
@@ -255,10 +258,10 @@ def _triangles(batch: Batch) -> list[Piece]:
 
 
 class MeshVariant(NamedTuple):
-    """What the meshes of one entity have in common."""
+    """The properties that all meshes of one entity have in common."""
 
     uri: str
-    color: int | None  # Rerun's number; None for the file's own
+    color: int | None  # as Rerun's number; None for the file's own colours
 
     def pieces(self) -> list[Piece]:
         """Return the columns of the mesh itself."""
@@ -277,15 +280,15 @@ Draw = Callable[[Batch], list[Piece]]
 
 
 class Kind(NamedTuple):
-    """How a type of markers is drawn."""
+    """How a type of marker is drawn."""
 
-    name: str  # the entity's
+    name: str  # name of the entity
     draw: Draw
-    least: int = 0  # points; 0 where it is drawn without
-    of_scale: Sequence[int] = (0, 1, 2)  # numbers of the scale that must not be zero
+    least: int = 0  # least number of points; 0 if it has none
+    of_scale: Sequence[int] = (0, 1, 2)  # components of the scale that must not be zero
 
     def pieces(self, batch: Batch) -> list[Piece]:
-        """Return the columns of markers; none where there is nothing to draw."""
+        """Return the columns of markers; none if there is nothing to draw."""
         return self.draw(batch) if not self.least or batch.counts.any() else []
 
 
@@ -304,4 +307,4 @@ KINDS: Mapping[int, Kind] = {
     TRIANGLE_LIST: Kind("triangles", _triangles, 3),
     ARROW_STRIP: Kind("arrow_strips", _arrows_of_points, 2, (0,)),
 }
-"""The types of markers; an arrow with points is one of ARROW_STRIP, which RViz draws alike."""
+"""The types of markers; an arrow with points counts as ARROW_STRIP, since RViz draws both alike."""

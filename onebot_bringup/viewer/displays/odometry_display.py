@@ -1,7 +1,7 @@
-"""Odometry: arrows where a robot has been, its trail as a line, and how sure it is of its pose.
+"""Draws odometry: arrows where a robot has been, its trail as a line, and its pose covariance.
 
-Arrows are drawn of every topic of the type, as RViz draws them; trails and covariances of those
-that the view names, which get no arrows by themselves.
+As in RViz, every topic of the type gets arrows. The topics that the view names get trails and
+covariances instead.
 """
 
 from collections.abc import Sequence
@@ -35,7 +35,7 @@ T = TypeVar("T", bound="TrailSettings | CovarianceSettings")
 
 # --- arrows ---------------------------------------------------------------------------------------
 
-_MOST_KEPT = 1000  # arrows, since each is logged with those before it
+_MOST_KEPT = 1000  # most arrows, since each is logged with all previous ones
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class OdometryDrawing(PosesDrawing[OdometrySettings]):
         self._history = History(min(self.settings.keep or _MOST_KEPT, _MOST_KEPT))
 
     def draw(self, message: Any) -> Archetypes:
-        """Return the last poses, if this one is far enough from the one before."""
+        """Return the last poses, if this one is far enough from the previous one."""
         [pose] = one_pose(message.pose.pose)
         self._history.begin(self.frame)
         if self._history and self._is_near(self._history[-1], pose):
@@ -81,7 +81,7 @@ class OdometryDrawing(PosesDrawing[OdometrySettings]):
         self._history.extend(before._history)
 
 
-# --- what a view names ----------------------------------------------------------------------------
+# --- topics that a view names ---------------------------------------------------------------------
 
 
 class OdometryDisplay(NamedDisplay):
@@ -91,7 +91,7 @@ class OdometryDisplay(NamedDisplay):
         return [WantedTopic(item.topic, (ODOMETRY,))]
 
     def layout(self) -> LayoutPart:
-        """Return its drawings, without the drawings of an earlier view."""
+        """Show its drawings, but hide the drawings of an earlier view."""
         entities = tuple(drawing.entity for drawing in self.items.values())
         return replace(super().layout(), hidden=(self.entity(self.key),), shown=entities)
 
@@ -101,7 +101,7 @@ class OdometryDisplay(NamedDisplay):
 
 
 class PlaceDrawing(Drawing[T]):
-    """Draws at the places of odometry."""
+    """Base class of drawings at the poses of odometry."""
 
     def frame_of(self, message: Any) -> str:
         return str(message.header.frame_id)
@@ -114,8 +114,9 @@ class PlaceDrawing(Drawing[T]):
 
 # --- trails ---------------------------------------------------------------------------------------
 
-SPACING = 0.01  # metres driven until the line goes on: finer would not be seen
-# Metres between two messages that nothing drives: a teleport or a reset, which breaks the line.
+SPACING = 0.01  # metres driven per piece of the line: finer would not be visible
+# A distance between two messages (metres) that no robot drives: a teleport or a reset, which
+# interrupts the line.
 JUMP = 0.5
 
 
@@ -131,11 +132,11 @@ class TrailSettings:
 
 
 class TrailDrawing(PlaceDrawing[TrailSettings]):
-    """Where the robot has been.
+    """A line where the robot has been.
 
-    Every piece of the line is a row of its own, at its own time; the layout shows those of the last
-    seconds. So the recording grows by the way driven only, never by the time stood, a late viewer
-    and a file have the trail too, and moving the time cursor back shortens it.
+    Every piece of the line is a row at its own time, and the layout shows the last seconds of them.
+    So the recording grows only while the robot drives, viewers that join late and files have the
+    trail too, and moving the time cursor back shortens it.
     """
 
     kept = 5000
@@ -178,7 +179,7 @@ class TrailDisplay(OdometryDisplay):
 
     key, noun = "trails", "trail"
     draws = TrailDrawing
-    period_ns = SELDOM  # the part that lags behind is under the robot
+    period_ns = SELDOM  # the missing last part is under the robot
 
 
 # --- covariances ----------------------------------------------------------------------------------
@@ -197,13 +198,13 @@ class CovarianceSettings:
 
 
 class CovarianceDrawing(PlaceDrawing[CovarianceSettings]):
-    """How sure a robot is of its pose: an ellipse around the place, a sector around the heading."""
+    """Pose uncertainty: an ellipse around the position, a sector around the heading."""
 
     latest = True
-    _drawn = False  # something is known of it
+    _drawn = False  # whether the covariance is known and drawn
 
     def draw(self, message: Any) -> Archetypes:
-        """Return the shapes; none once, where nothing is known any more."""
+        """Return the shapes; empty ones, once, if the covariance is no longer known."""
         place = self.place_of(message)
         if place is None:
             return ()
@@ -217,7 +218,7 @@ class CovarianceDrawing(PlaceDrawing[CovarianceSettings]):
 
 
 class CovarianceDisplay(OdometryDisplay):
-    """Draws how sure the robot is of its pose."""
+    """Draws the uncertainty of the robot's pose."""
 
     key, noun = "covariance", "covariance"
     draws = CovarianceDrawing

@@ -1,4 +1,4 @@
-"""Scans (LaserScan) and clouds (PointCloud2) as points, coloured by RViz's transformers."""
+"""Draws scans (LaserScan) and clouds (PointCloud2) as points, coloured as in RViz."""
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
@@ -27,8 +27,8 @@ Colors = NDArray[np.uint32]  # 0xRRGGBBAA
 RGB8, INTENSITY, AXIS, FLAT = "RGB8", "Intensity", "AxisColor", "FlatColor"
 _AXES = ("X", "Y", "Z")
 _OPAQUE = 0xFF
-_LARGEST_VALUE = 999_999.0  # RViz's, for the bounds of a channel
-_ON_SCREEN = 3.0  # pixels
+_LARGEST_VALUE = 999_999.0  # RViz's limit of values in the bounds of a channel
+_ON_SCREEN = 3.0  # default size of a point, pixels
 
 
 @dataclass(frozen=True)
@@ -56,12 +56,12 @@ class PointsSettings(TopicSettings):
 
 
 class Points(NamedTuple):
-    """What is in a message; points that are not finite are still among them."""
+    """The points of a message, including those that are not finite."""
 
     positions: Floats32  # (N, 3), in the message's frame
-    # Values (N,) of a channel; None if there is no such one.
+    # Returns the values (N,) of a channel; None if there is no such channel.
     channel: Callable[[str], NDArray[Any] | None]
-    colors: Colors | None = None  # (N,), their own
+    colors: Colors | None = None  # (N,), the points' own colours
 
 
 _POSITIONS = ColumnMaker(rr.Points3D.columns(positions=[(0.0, 0.0, 0.0)]))
@@ -71,19 +71,19 @@ _COLORS = ColumnMaker(rr.Points3D.columns(colors=np.zeros(1, np.uint32)))
 class PointsDrawing(Drawing[PointsSettings]):
     """Draws the points of one topic."""
 
-    order: ClassVar[Sequence[str]]  # auto takes the first transformer that has data
+    order: ClassVar[Sequence[str]]  # transformers that "auto" tries in turn
     placed = True
 
     @abstractmethod
     def points(self, message: Any) -> Points:
-        """Return what is in a message.
+        """Return the points of a message.
 
         Raises:
-            ValueError: it is not consistent.
+            ValueError: the message is inconsistent.
         """
 
     def style(self) -> Sequence[rr.AsComponents]:
-        """Return the size; negative radii are pixels."""
+        """Return the size of the points; negative radii are in pixels."""
         return [rr.Points3D.from_fields(radii=[self.settings.size / 2 or -_ON_SCREEN / 2])]
 
     def layout(self) -> LayoutPart:
@@ -91,11 +91,11 @@ class PointsDrawing(Drawing[PointsSettings]):
         return LayoutPart(windows=((self.entity, seconds),) if seconds else ())
 
     def drawn_in(self) -> str:
-        """Points are where they were measured, wherever the sensor goes until the next message."""
+        """Return the fixed frame: points stay where they were measured when the sensor moves on."""
         return self.stage.fixed_frame
 
     def draw(self, message: Any) -> Sequence[ReadyColumn]:
-        """Return the points that are finite."""
+        """Return the finite points with their colours."""
         positions, channel, own = self.points(message)
         usable = _usable(positions)
         if usable is not None:
@@ -119,7 +119,7 @@ class PointsDrawing(Drawing[PointsSettings]):
         channel: Callable[[str], NDArray[Any] | None],
         usable: NDArray[np.bool_] | None,
     ) -> Colors | None:
-        """Return the colours (N,), or (1,) for all; None if there is no data for them."""
+        """Return the colours (N,), or (1,) for all points; None if there is no data for them."""
         look = self.settings
         if transformer == AXIS:
             bounds = None if look.autocompute_value_bounds else (look.min_value, look.max_value)
@@ -140,9 +140,9 @@ class PointsDrawing(Drawing[PointsSettings]):
 
 
 def _moved(positions: Floats32, pose: Floats32) -> Floats32:
-    """Return points (N, 3) in the frame in which theirs has a pose (4, 4).
+    """Return points (N, 3) transformed by their frame's pose (4, 4).
 
-    By columns: a product of matrices would wake the threads of BLAS, which take more time.
+    It works by columns: a matrix product would wake the threads of BLAS, which takes longer.
     """
     moved: Floats32 = empty(positions.shape, np.float32)
     x, y, z = np.ascontiguousarray(positions.T)
@@ -157,12 +157,12 @@ def _moved(positions: Floats32, pose: Floats32) -> Floats32:
 
 
 def _is_constant(values: NDArray[Any]) -> bool:
-    """Whether there is nothing to see in values (N,): many sensors send zeros."""
+    """Whether values (N,) are all the same: many sensors only send zeros."""
     return not len(values) or bool(values[0] == values[-1] and (values == values[0]).all())
 
 
 def _usable(positions: Floats32) -> NDArray[np.bool_] | None:
-    """Return which points are finite, and not enormous; None for all."""
+    """Return a mask of the points that are finite and drawable; None if all are."""
     if not len(positions) or -LARGEST <= positions.min() <= positions.max() <= LARGEST:
         return None
     within: NDArray[np.bool_] = np.abs(positions) <= LARGEST
@@ -181,7 +181,7 @@ class LaserScanDrawing(PointsDrawing):
     _directions: tuple[object, Floats32] = ((), np.empty((2, 0), np.float32))
 
     def points(self, message: Any) -> Points:
-        """Return the points of ranges from range_min on and below range_max."""
+        """Return the points with ranges of at least range_min and below range_max."""
         ranges, intensities = message.ranges, message.intensities
         if len(intensities) not in (0, len(ranges)):
             raise ValueError(f"{len(ranges)} ranges, but {len(intensities)} intensities")
@@ -190,16 +190,16 @@ class LaserScanDrawing(PointsDrawing):
         if not measured.all():
             ranges, directions = ranges[measured], directions[:, measured]
             intensities = intensities[measured] if len(intensities) else intensities
-        # One row per axis is computed and moved several times as fast as one row per point.
+        # One row per axis is several times as fast to compute and transform as one row per point.
         positions = np.zeros((3, len(ranges)), np.float32)
         np.multiply(directions, ranges, out=positions[:2])
         return Points(positions.T, {"intensity": intensities if len(intensities) else None}.get)
 
     def _along(self, start: float, step: float, count: int) -> Floats32:
-        """Return the directions (2, N) of the rays, which seldom change."""
+        """Return the directions (2, N) of the rays; cached, since they seldom change."""
         rays = (start, step, count)
         if self._directions[0] != rays:
-            with np.errstate(all="ignore"):  # what is not finite is left out later
+            with np.errstate(all="ignore"):  # non-finite points are left out later
                 angles = start + step * np.arange(count)
                 directions = np.array([np.cos(angles), np.sin(angles)], np.float32)
             self._directions = (rays, directions)
@@ -208,10 +208,10 @@ class LaserScanDrawing(PointsDrawing):
 
 # --- clouds ---------------------------------------------------------------------------------------
 
-# By PointField.datatype.
+# NumPy types by PointField.datatype.
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 _POSITION = ("x", "y", "z")
-_PACKED = ("rgb", "rgba")  # colours: a byte each, the lowest is blue
+_PACKED = ("rgb", "rgba")  # fields of colours with a byte per channel, blue in the lowest one
 
 
 @dataclass(frozen=True)
@@ -248,7 +248,7 @@ class PointCloud2Drawing(PointsDrawing):
 
 
 def _fields(message: Any, wanted: set[str]) -> dict[str, tuple[np.dtype[Any], int]]:
-    """Return type and offset of the ``wanted`` fields."""
+    """Return the type and byte offset of each of the ``wanted`` fields that exist."""
     order, columns = ">" if message.is_bigendian else "<", {}
     fields = message.fields
     for name, offset, kind in zip(fields.name, fields.offset, fields.datatype, strict=True):
@@ -264,7 +264,7 @@ def _fields(message: Any, wanted: set[str]) -> dict[str, tuple[np.dtype[Any], in
 
 
 def _values(message: Any, fields: dict[str, tuple[np.dtype[Any], int]]) -> NDArray[Any]:
-    """Return the points as (N,) structs in the message's own bytes, where rows are not padded."""
+    """Return the points as (N,) structs; without padding of rows, a view of the message's bytes."""
     width, rows, step = int(message.width), int(message.height), int(message.point_step)
     row_step = rows > 1 and int(message.row_step) or width * step
     if width * rows == 0:
@@ -286,7 +286,7 @@ def _structs(step: int, fields: dict[str, tuple[np.dtype[Any], int]]) -> np.dtyp
 
 
 def _positions(values: NDArray[Any]) -> Floats32:
-    """Return (N, 3) numbers that lie side by side; three at once would take longer to copy."""
+    """Return the positions as a contiguous array (N, 3); copying by column is faster."""
     positions: Floats32 = empty((len(values), 3), np.float32)
     with np.errstate(over="ignore", invalid="ignore"):
         for axis, name in enumerate(_POSITION):
@@ -295,7 +295,7 @@ def _positions(values: NDArray[Any]) -> Floats32:
 
 
 def _packed_colors(values: NDArray[Any], name: str) -> Colors | None:
-    """Return colours; None if the field cannot hold them."""
+    """Return the colours in a field; None if the field's type cannot hold colours."""
     if values.dtype.itemsize != 4:
         return None
     packed = values.view(values.dtype.str.replace("f", "u").replace("i", "u")).astype(np.uint32)
@@ -308,24 +308,24 @@ def _packed_colors(values: NDArray[Any], name: str) -> Colors | None:
 
 
 def colored(values: NDArray[Any], bounds: tuple[float, float] | None, table: Colors) -> Colors:
-    """Return the colours of values.
+    """Return the colours (N,) of values.
 
     Args:
         values: (N,) numbers.
-        bounds: that have the first and the last colour; None for the least and the greatest value.
+        bounds: values of the first and the last colour; None for the least and greatest value.
         table: (256,) colours.
     """
     if not len(values):
         return np.empty(0, np.uint32)
-    # In a type that has fractions, and a copy: 32 bits for what fits.
+    # Copy to a floating-point type, float32 if that is precise enough.
     scaled = values.astype(np.result_type(values.dtype, np.float32))
     low, high = bounds or _bounds(scaled)
     with np.errstate(over="ignore", invalid="ignore"):
         scaled -= scaled.dtype.type(low)
         scaled *= scaled.dtype.type(255.0 / (high - low) if high > low else 0.0)
-        rows = np.clip(scaled, 0.0, 255.0, out=scaled).astype(np.uint8)  # any one for NaN
+        rows = np.clip(scaled, 0.0, 255.0, out=scaled).astype(np.uint8)  # NaN may become any colour
     colors: Colors = empty(rows.shape, np.uint32)
-    # All rows are in the table; "wrap" is the fastest mode.
+    # All indexes are valid, so use "wrap", the fastest mode.
     return table.take(rows, out=colors, mode="wrap")
 
 
@@ -341,7 +341,7 @@ def _bounds(values: NDArray[Any]) -> tuple[float, float]:
 def _table(
     rainbow: bool, inverted: bool, lowest: Color = (0, 0, 0), highest: Color = (255, 255, 255)
 ) -> Colors:
-    """Return 256 colours, from the lowest value's to the highest value's."""
+    """Return (256,) colours, from that of the lowest value to that of the highest."""
     at = np.linspace(0.0, 1.0, 256)
     if rainbow:
         rgb = _rainbow(at if inverted else 1.0 - at)

@@ -1,6 +1,6 @@
-"""Poses as arrows or axes (PoseStamped, PoseArray), also with what is known of their covariance.
+"""Draws poses as arrows or axes (PoseStamped, PoseArray, PoseWithCovarianceStamped).
 
-A covariance is drawn as an ellipse around the place, on the ground of the message's frame, and a
+A covariance is drawn as an ellipse around the position, on the ground of the message's frame, and a
 sector around the heading.
 """
 
@@ -24,7 +24,7 @@ from onebot_description.model.quaternions import rotate, to_matrix
 
 ARROW, AXES, FLAT, SOLID = "Arrow", "Axes", "Arrow (Flat)", "Arrow (3D)"
 AXIS_COLORS = np.array([(204, 51, 51), (51, 204, 51), (51, 102, 255)], np.uint8)
-# A flat arrow of length 1: its shaft, and both sides of its head.
+# Line of a flat arrow of length 1: its shaft, and both sides of its head.
 _FLAT = np.array([(0, 0, 0), (1, 0, 0), (0.75, 0.2, 0), (1, 0, 0), (0.75, -0.2, 0)], float)
 _WIDTH: Any = [rr.Radius.ui_points(0.75)]  # lines of flat arrows and outlines
 _FITTING = "0: by the robot's size"
@@ -47,17 +47,17 @@ L = TypeVar("L", bound=PoseSettings)
 
 
 class PosesDrawing(Drawing[L]):
-    """Draws poses."""
+    """Base class of drawings of poses."""
 
-    _fitted_to = 0.0  # the robot's size when they were drawn, m
+    _fitted_to = 0.0  # the robot's size for which the poses were drawn, m
 
     @property
     def is_fitted(self) -> bool:
-        """Whether what is drawn is in proportion to the robot."""
+        """Whether the shapes are in proportion to the robot."""
         return self._last is not None and self._fitted_to == self.stage.robot_size
 
     def flush(self) -> None:
-        """Log what can be shown now; the last message again for a robot of another size."""
+        """Log what can be shown now; repeat the last message if the robot's size has changed."""
         if self._last is not None and not self.is_fitted and not self._pending:
             self._pending.append(self._last)
         super().flush()
@@ -66,7 +66,7 @@ class PosesDrawing(Drawing[L]):
         """Return the shapes of poses (N, 7): x y z in metres, and a quaternion of any length."""
         look, places, turns = self.settings, poses[:, :3], to_matrix(poses[:, 3:])
         self._fitted_to = self.stage.robot_size
-        unit = self._fitted_to / 2 or 1.0  # m; RViz's are for a robot of 2 m
+        unit = self._fitted_to / 2 or 1.0  # m; RViz's defaults suit a robot of 2 m
         if look.shape == AXES:
             vectors = (look.axes_length or unit) * turns.transpose(0, 2, 1).reshape(-1, 3)
             origins, colors = np.repeat(places, 3, axis=0), np.tile(AXIS_COLORS, (len(poses), 1))
@@ -120,7 +120,7 @@ class PoseArrayDrawing(PosesDrawing[PoseArraySettings]):
     live, repeated = False, True
 
     def draw(self, message: Any) -> Archetypes:
-        """Return the shapes of the poses that are finite; none of an empty array."""
+        """Return the shapes of the finite poses; an empty array clears them."""
         poses = drawable(message.poses.array())
         if self.settings.shape != FLAT:
             return self.shapes(poses)
@@ -132,16 +132,16 @@ class PoseArrayDrawing(PosesDrawing[PoseArraySettings]):
 
 # --- covariances ----------------------------------------------------------------------------------
 
-# Of an outline, which has one point more: its first again.
+# Corners of an outline, which has one more point, since it repeats the first one.
 CORNERS = 48
-# An eigenvalue this much below zero, of the largest one, is rounding; more is no covariance.
+# Negative eigenvalues up to this share of the largest are rounding errors; others are invalid.
 _ROUNDING = 1e-9
-_LARGEST_AXIS = 100.0  # half an axis beyond this (metres) means "unknown", as 1e6 in a covariance
+_LARGEST_AXIS = 100.0  # a longer half axis (metres) means "unknown", such as 1e6 in a covariance
 _FILL_ALPHA = 45
 
 
 class Ellipse(NamedTuple):
-    """Standard deviations: metres along the longer axis and across it, and its direction (rad)."""
+    """Standard deviations along the longer axis and across it (metres), and its direction (rad)."""
 
     along: float
     across: float
@@ -149,14 +149,14 @@ class Ellipse(NamedTuple):
 
 
 def place_ellipse(covariance: Floats) -> Ellipse | None:
-    """Return how far the place scatters on the ground.
+    """Return the standard deviations of the position on the ground.
 
     Args:
         covariance: (36,) of a pose, row by row: x, y, z in m and the angles about x, y, z in rad.
 
     Returns:
-        None if it is unknown (all zero, negative, not finite) or no covariance at all. If one
-        direction is sure, ``across`` is zero.
+        None if it is unknown (all zero, negative, not finite) or not a valid covariance. If the
+        position is certain in one direction, ``across`` is zero.
     """
     xx, xy, yx, yy = (float(covariance[i]) for i in (0, 1, 6, 7))
     if not all(map(math.isfinite, (xx, xy, yx, yy))) or xx < 0 or yy < 0:
@@ -171,7 +171,7 @@ def place_ellipse(covariance: Floats) -> Ellipse | None:
 
 
 def heading_deviation(covariance: Floats) -> float | None:
-    """Return the standard deviation of the yaw, rad; None if it is unknown, as above."""
+    """Return the standard deviation of the yaw, rad; None if unknown, as in ``place_ellipse``."""
     variance = float(covariance[35])
     return math.sqrt(variance) if math.isfinite(variance) and variance > 0 else None
 
@@ -194,16 +194,16 @@ def sector_outline(deviation: float, sigma: float, radius: float) -> Floats:
 
 
 def outlines(pose: Floats, covariance: Floats, sigma: float, radius: float) -> list[Floats]:
-    """Return what is drawn of the covariance of a pose.
+    """Return the outlines that show the covariance of a pose.
 
     Args:
-        pose: (7,) metres and a quaternion x y z w, of which the yaw counts.
-        covariance: (36,) as above.
-        sigma: how many standard deviations the shapes are wide.
-        radius: of the sector, metres; 0 for none.
+        pose: (7,) metres and a quaternion x y z w, of which only the yaw counts.
+        covariance: (36,) as in ``place_ellipse``.
+        sigma: size of the shapes in standard deviations.
+        radius: radius of the sector, metres; 0 for none.
 
     Returns:
-        The outlines (49, 3) of the ellipse and of the sector, metres, as far as they are known.
+        The outlines (49, 3) of the ellipse and the sector, metres, as far as they are known.
     """
     lines = []
     ellipse, deviation = place_ellipse(covariance), heading_deviation(covariance)
@@ -216,7 +216,7 @@ def outlines(pose: Floats, covariance: Floats, sigma: float, radius: float) -> l
 
 
 def covariance_shapes(lines: Sequence[Floats], color: Color, radii: Any) -> list[rr.AsComponents]:
-    """Return outlines (49, 3) each, and the surfaces that they enclose, half transparent."""
+    """Return the shapes of outlines (49, 3) and of the surfaces in them, half transparent."""
     fan = np.array([(0, i, i + 1) for i in range(1, CORNERS)])
     triangles = [fan + (CORNERS + 1) * number for number in range(len(lines))]
     return [
@@ -230,7 +230,7 @@ def covariance_shapes(lines: Sequence[Floats], color: Color, radii: Any) -> list
 
 
 def _yaw_only(rotation: Floats) -> Floats:
-    """Return the turn about z alone of a quaternion x y z w, of length 1."""
+    """Return only the rotation about z of a quaternion x y z w, normalized."""
     length = math.hypot(rotation[2], rotation[3])
     if not 0 < length < math.inf:
         return np.array([0.0, 0.0, 0.0, 1.0])

@@ -1,6 +1,6 @@
-"""Message types that are drawn as a shape or two: paths, polygons, points, ranges, accelerations.
+"""Displays of types drawn as a shape or two: paths, polygons, points, ranges, accelerations.
 
-Each is its settings and a drawing; see ``drawing``.
+Each consists of settings and a drawing; see ``drawing``.
 """
 
 import math
@@ -35,7 +35,7 @@ class PathSettings(TopicSettings):
 
 
 class PathDrawing(Drawing[PathSettings]):
-    """A planned path as a line; an empty one clears it."""
+    """A planned path as a line; an empty path clears it."""
 
     key = "path"
     message_types = ("nav_msgs/msg/Path",)
@@ -64,7 +64,7 @@ class PolygonSettings(TopicSettings):
 
 
 class PolygonDrawing(Drawing[PolygonSettings]):
-    """A polygon, such as a robot's footprint, as a closed line; one without points clears it."""
+    """A polygon, such as a robot's footprint, as a closed line; an empty polygon clears it."""
 
     key = "polygon"
     message_types = ("geometry_msgs/msg/PolygonStamped",)
@@ -92,7 +92,7 @@ class PointStampedSettings(TopicSettings):
 
 
 class PointStampedDrawing(Drawing[PointStampedSettings]):
-    """The last points of one topic, such as those clicked in the page."""
+    """The last points of one topic, such as points clicked in the page."""
 
     key = "point_stamped"
     message_types = ("geometry_msgs/msg/PointStamped",)
@@ -110,7 +110,7 @@ class PointStampedDrawing(Drawing[PointStampedSettings]):
         if not (np.abs(place) <= LARGEST).all():
             raise ValueError("its point is not finite")
         self._history.begin(self.frame)
-        if self._last is None or message is not self._last[1]:  # not logged again
+        if self._last is None or message is not self._last[1]:  # not a repetition
             self._history.append(place)
         return [rr.Points3D.from_fields(positions=np.array(self._history))]
 
@@ -137,13 +137,13 @@ class RangeSettings(TopicSettings):
 
 
 class RangeDrawing(Drawing[RangeSettings]):
-    """The cone of radiation of a sensor up to what it measured, as in RViz."""
+    """A sensor's cone up to the range that it measured, as in RViz."""
 
     key = "range"
     message_types = ("sensor_msgs/msg/Range",)
 
     def style(self) -> list[rr.AsComponents]:
-        """Return the colour, and the triangles: around the tip, and of the base."""
+        """Return the colour and the triangles of the cone's side and base."""
         this = np.arange(_CORNERS) + 1
         following = np.roll(this, -1)
         side = np.column_stack([np.zeros_like(this), following, this])
@@ -152,12 +152,12 @@ class RangeDrawing(Drawing[RangeSettings]):
             rr.Mesh3D.from_fields(
                 triangle_indices=np.concatenate([side, base]),
                 albedo_factor=(*self.color, round(255 * self.settings.alpha)),
-                face_rendering="Front",  # else the far side shines through
+                face_rendering="Front",  # otherwise the far side shines through
             )
         ]
 
     def draw(self, message: Any) -> Archetypes:
-        """Return the cone along x; none where nothing was detected."""
+        """Return the cone along x; empty if nothing was detected."""
         reach, angle = displayed_range(message), float(message.field_of_view)
         if not (0.0 < angle and reach <= LARGEST):
             raise ValueError(f"its field of view is {angle:g} rad, its range {reach:g} m")
@@ -171,10 +171,10 @@ class RangeDrawing(Drawing[RangeSettings]):
 
 
 def displayed_range(message: Any) -> float:
-    """Return how far the cone goes, metres; 0 for none.
+    """Return the length of the cone of a Range message, metres; 0 for none.
 
-    A sensor that detects at one distance (``min_range`` is ``max_range``) reports -inf for
-    something in its range, and +inf for nothing.
+    A detector of one fixed distance (``min_range`` equals ``max_range``) reports -inf for an object
+    in its range, and +inf for none.
     """
     measured, least, most = message.range, message.min_range, message.max_range
     if least <= measured <= most:
@@ -185,9 +185,9 @@ def displayed_range(message: Any) -> float:
 # --- inertial sensors -----------------------------------------------------------------------------
 
 _AXES: tuple[Color, ...] = ((255, 60, 60), (60, 220, 60), (80, 120, 255))  # x, y, z
-_SLIMNESS = 40  # an axis is so many times longer than thick
-_PERIOD_NS = 45_000_000  # hundreds may come in a second
-_UNKNOWN = -1.0  # a covariance that begins so: the sensor does not measure it
+_SLIMNESS = 40  # ratio of an axis's length to its thickness
+_PERIOD_NS = 45_000_000  # between two messages drawn, since hundreds may come per second
+_UNKNOWN = -1.0  # a covariance that begins with this belongs to a value that is not measured
 
 
 @dataclass(frozen=True)
@@ -213,7 +213,7 @@ class ImuDrawing(Drawing[ImuSettings]):
         return [rr.Arrows3D.from_fields(radii=[radius])]
 
     def draw(self, message: Any) -> Archetypes:
-        """Return the arrows, some 20 times a second."""
+        """Return the arrows, at most about 20 times a second."""
         if 0 < self.stamp_ns - self._drawn_ns < _PERIOD_NS:
             return ()
         self._drawn_ns = self.stamp_ns
@@ -229,13 +229,13 @@ class ImuDrawing(Drawing[ImuSettings]):
             if not (np.abs(arrow) <= LARGEST).all():
                 raise ValueError("its acceleration is not finite")
             arrow *= self.settings.acceleration_scale
-            # It is measured in the sensor's own axes, which are turned as the sensor reports.
+            # It is measured in the sensor's own axes, rotated by the reported orientation.
             vectors.append(arrow if turn is None else turn @ arrow)
             colors.append(self.color)
         return [rr.Arrows3D.from_fields(vectors=vectors, colors=colors)]
 
     def _turn(self, message: Any) -> Floats | None:
-        """Return the measured orientation as a matrix (3, 3) from there to the sensor's frame."""
+        """Return the measured orientation, a (3, 3) matrix from the sensor's axes to its frame."""
         q = message.orientation
         values = np.array([q.x, q.y, q.z, q.w])
         if message.orientation_covariance[0] == _UNKNOWN:

@@ -1,4 +1,4 @@
-"""TF: logs every transform, so that what lies in a frame moves with it, and draws frames' axes."""
+"""Logs every transform of TF, so that entities move with their frames, and draws frames' axes."""
 
 import time
 from collections.abc import Collection, Iterable, Sequence
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 TF_ENTITY = "tf"
 TF_STATIC_ENTITY = "tf_static"
 FRAMES_ENTITY = "frames"
-_DEFAULT_LENGTH = 0.5  # axes, metres, while the robot's size is not known
-# For how long after a new description messages may still name the frames of the old one (seconds).
+_DEFAULT_LENGTH = 0.5  # length of axes while the robot's size is unknown, metres
+# How long after a new description messages may still name frames of the old one (seconds).
 _STRAGGLING = 1.0
 _UNIT = 0.01  # tf2's tolerance of the square of a quaternion's length
 
@@ -59,11 +59,11 @@ class TfDisplay(Display[AxesSettings]):
     def __init__(self, stage: "Stage") -> None:
         super().__init__(stage)
         self._settings = AxesSettings()
-        self._look: tuple[object, ...] = ()  # everything that drawn axes depend on
+        self._look: tuple[object, ...] = ()  # everything that the look of drawn axes depends on
         self._only: set[str] = set()  # frames that have axes; empty for all
         self._drawn: set[str] = set()
         self._links: set[str] = set()  # frames of the robots' links
-        self._shown_of: tuple[object, ...] | None = None  # the tree that _drawn is for
+        self._shown_of: tuple[object, ...] | None = None  # the tree that ``_drawn`` is for
         self._retired: set[str] = set()  # frames of links of the previous robot
         self._retired_at = 0.0
 
@@ -82,7 +82,7 @@ class TfDisplay(Display[AxesSettings]):
         self._draw(())
 
     def set_robot(self) -> None:
-        """Draw the axes of the links; the next flush hides those of links that are gone."""
+        """Draw the axes of the links; the next flush hides the axes of links that are gone."""
         old_links, self._links = self._links, set()
         for robot in self.stage.robots:
             if robot.description is not None:
@@ -120,9 +120,9 @@ class TfDisplay(Display[AxesSettings]):
         return LayoutPart(visible=((FRAMES_ENTITY, self._settings.visible),))
 
     def _show_connected(self) -> None:
-        """Draw axes in the frames of the tree shown: any other one would be an error in the view.
+        """Draw axes in the frames connected with the fixed frame.
 
-        Another robot's frames, say: it publishes to the same /tf.
+        The view would report an error for others, such as frames of another robot on the same /tf.
         """
         frames, fixed_frame = self.stage.frames, self.stage.fixed_frame
         if self._shown_of == (frames.version, fixed_frame):
@@ -143,7 +143,7 @@ class TfDisplay(Display[AxesSettings]):
         self._draw(new_frames)
 
     def _draw(self, frames: Collection[str]) -> None:
-        """Draw axes in ``frames``; in all of them if their look has changed."""
+        """Draw axes in ``frames``; in all frames if the look has changed."""
         settings, robot = self._settings, self.stage.robots[0]
         lengths = robot.axes_lengths
         names = settings.names and len(self._drawn) <= settings.names_up_to
@@ -156,7 +156,7 @@ class TfDisplay(Display[AxesSettings]):
             self._log(frame, frame, rr.TransformAxes3D(length, show_frame=names))
 
     def _hide(self, frames: Iterable[str]) -> None:
-        # Static data cannot be cleared, only overwritten; a frame that is gone would be an error.
+        # Static data cannot be cleared but overwritten, in a frame that exists.
         home = next((robot.home for robot in self.stage.robots if robot.home), "")
         for frame in self._drawn.intersection(frames):
             self._drawn.discard(frame)
@@ -179,10 +179,10 @@ _ROTATIONS = ColumnMaker(rr.Transform3D.columns(quaternion=np.zeros((1, 4))))
 
 
 def _usable(translations: Floats, rotations: Floats) -> NDArray[np.bool_]:
-    """Return of each row whether it is a transform: finite, with a quaternion of unit length."""
+    """Return a mask of the rows that are valid: finite, with a quaternion of unit length."""
     with np.errstate(all="ignore"):
         lengths, distances = (np.einsum("ij,ij->i", a, a) for a in (rotations, translations))
-        usable: NDArray[np.bool_] = np.abs(lengths - 1.0) <= _UNIT  # squares, both
+        usable: NDArray[np.bool_] = np.abs(lengths - 1.0) <= _UNIT  # both are squared lengths
         usable &= distances <= LARGEST**2
         return usable
 
@@ -198,31 +198,31 @@ def _name_columns(parents: tuple[str, ...], children: tuple[str, ...]) -> Sequen
 
 
 class TransformStream:
-    """Logs transforms, many at a time, and keeps the latest of each frame in ``frames``."""
+    """Logs transforms in batches, and stores the latest of each frame in ``frames``."""
 
     def __init__(self, recording: rr.RecordingStream, frames: FrameTree) -> None:
         self.recording = recording
         self._frames = frames
         self._pending: list[tuple[int, TfArrays]] = []
         self._static: dict[str, tuple[object, ...]] = {}
-        self._logged: dict[str, float] = {}  # child -> monotonic time of its last row
+        self._logged: dict[str, float] = {}  # monotonic time of each child's last row
         self._repeated_at = 0.0
-        self.ignored = ""  # the first frame whose transform was none
+        self.ignored = ""  # the first frame with an invalid transform
 
     def add(self, stamp_ns: int, transforms: TfArrays) -> None:
         """Add a message of /tf; it is logged at the next ``flush``.
 
         Args:
-            stamp_ns: in place of stamps of zero, or of 10 s and more after it, nanoseconds.
+            stamp_ns: its time, nanoseconds; replaces stamps that are zero, or more than 10 s later.
             transforms: the message.
         """
         if transforms.children:
             self._pending.append((stamp_ns, transforms))
 
     def add_static(self, transforms: TfArrays) -> None:
-        """Log a message of /tf_static: what changed in it, an entity a frame.
+        """Log the changed transforms of a message of /tf_static, on one entity per frame.
 
-        Several static chunks on one entity would survive in a file only in part.
+        Of several static chunks on one entity, a file would keep only a part.
         """
         transforms = self._only_usable(transforms)
         self._frames.update(transforms, static=True)
@@ -244,7 +244,7 @@ class TransformStream:
             )
 
     def _only_usable(self, transforms: TfArrays) -> TfArrays:
-        """Leave out what tf2 ignores, too: its numbers are no transform."""
+        """Return the valid transforms; tf2 ignores the others, too."""
         usable = _usable(transforms.translations, transforms.rotations)
         if usable.all():
             return transforms
@@ -267,7 +267,7 @@ class TransformStream:
             self._logged.pop(frame, None)
 
     def flush(self) -> bool:
-        """Log what was collected in one call; True if there was anything."""
+        """Log the collected transforms in one call; return whether there were any."""
         pending, self._pending = self._pending, []
         if not pending:
             return False
@@ -290,11 +290,11 @@ class TransformStream:
         return True
 
     def _remember(self, batch: Sequence[TfArrays], latest_ns: int) -> None:
-        """Update ``frames``, and log anew the frames that have not come for a while."""
+        """Update ``frames``, and log frames again that have not come for a while."""
         now = time.monotonic()
         for item in batch:
             self._frames.update(item)
-        # The list of frames is mostly the same object.
+        # The list of frames is usually the same object, so look at each only once.
         for children in {id(item.children): item.children for item in batch}.values():
             self._logged.update(dict.fromkeys(children, now))
         if is_old(self._repeated_at):
@@ -302,7 +302,7 @@ class TransformStream:
             self._repeat_slow(now, latest_ns)
 
     def _repeat_slow(self, now: float, stamp_ns: int) -> None:
-        """Log anew the frames that have not come for a while, at the time of the newest."""
+        """Log frames again that have not come for a while, at the time of the newest."""
         slow = tuple(child for child, when in self._logged.items() if is_old(when))
         if not slow:
             return

@@ -1,1 +1,1 @@
-"""The wheels of a robot: which they are, what they roll on, and how they drive it."""
+"""The driven wheels of a robot: how they are found, their round shapes, and their geometry."""

@@ -1,8 +1,8 @@
-"""Which of a robot's joints drive it: the wheels of a differential drive, found by their geometry.
+"""Finds the wheels of a differential drive among a robot's joints, by their geometry.
 
-A wheel turns about an axis that lies across the robot, reaches the ground with a round shape, is on
-the left or the right, and hangs on no joint that swivels it. Names decide only where that leaves
-several sets of wheels.
+A drive wheel turns about a lateral axis, reaches the ground with a round shape, is on the left or
+the right, and is not carried by a joint that swivels it. Names decide only if several sets of
+wheels remain.
 """
 
 import math
@@ -22,19 +22,19 @@ from onebot_description.model import RobotModel, quaternions
 
 Floats = NDArray[np.float64]
 
-_MIDDLE = 0.005  # m from the middle line; a wheel there is on neither side
-_GROUND = 0.1  # share of its radius that a wheel may end above the lowest one
-_ALIKE = 0.01  # m of radius and height by which the wheels of a set differ at most
-_ACROSS = math.cos(math.radians(1.0))  # cosine of the angle to the lateral axis, of wheels' axles
-_TRAIL = 0.1  # least share of its radius by which a caster's wheel trails what swivels it
-_VERTICAL = 0.9  # cosine of the angle to the vertical, of joints that swivel wheels
+_MIDDLE = 0.005  # m; a wheel closer to the middle line is on neither side
+_GROUND = 0.1  # a wheel on the ground is at most this fraction of its radius above the lowest one
+_ALIKE = 0.01  # relative difference of radii in a set; also m above the lowest wheel
+_ACROSS = math.cos(math.radians(1.0))  # cosine of the greatest angle of an axle to the lateral axis
+_TRAIL = 0.1  # a caster's wheel trails its swivel by at least this fraction of its radius
+_VERTICAL = 0.9  # cosine of the greatest angle of a swivel joint to the vertical
 _PASSIVE = re.compile(r"cast[eo]r|passive|free|idler|support|omni|dummy", re.IGNORECASE)
-# In the names of wheels and of their meshes.
+# Matches the names of omnidirectional wheels and of their meshes.
 _ROLLERS = re.compile(r"mec+anum|omni|swedish", re.IGNORECASE)
 
 
 class Axle(NamedTuple):
-    """A joint that turns, seen from the root link with all joints at 0."""
+    """A rotating joint, in the root link's frame with all joints at 0."""
 
     joint: Joint
     pose: Floats  # (4, 4) of the joint's frame
@@ -42,7 +42,7 @@ class Axle(NamedTuple):
 
     @property
     def across(self) -> bool:
-        """Whether it points to the left or to the right, as a wheel's does, but for a degree."""
+        """Whether it points to the left or to the right within a degree, as a wheel's axle does."""
         return abs(float(self.axis[1])) >= _ACROSS
 
     @property
@@ -51,13 +51,13 @@ class Axle(NamedTuple):
         return 1.0 if self.axis[1] > 0.0 else -1.0
 
     def middle(self, tyre: Tyre | None) -> Floats:
-        """The middle (3,) of the wheel."""
+        """Return the middle of the wheel, (3,), m; without a tyre the joint's origin."""
         position: Floats = self.pose[:3, 3]
         return position if tyre is None else position + tyre.offset * self.axis
 
 
 class DriveWheels(NamedTuple):
-    """The joints of a differential drive, the front ones first."""
+    """The wheel joints of a differential drive, from front to rear."""
 
     left: tuple[str, ...]
     right: tuple[str, ...]
@@ -65,15 +65,15 @@ class DriveWheels(NamedTuple):
 
 class _Wheel(NamedTuple):
     name: str  # the joint's
-    x: float  # its middle, in the frame of the root link, m
-    y: float
+    x: float  # of its middle, in the frame of the root link, m
+    y: float  # likewise
     bottom: float  # z where it touches the ground, m
     radius: float  # m
     link: str
 
 
 def link_places(description: Description) -> dict[str, Floats]:
-    """Return the pose (4, 4) of each link in the root link's frame, all joints at 0."""
+    """Return the pose (4, 4) of each link in the root link's frame, with all joints at 0."""
     model = RobotModel.from_description(description)
     places = {}
     for link, pose in zip(model.links, model.link_poses({}), strict=True):
@@ -84,7 +84,7 @@ def link_places(description: Description) -> dict[str, Floats]:
 
 
 def axles(description: Description, places: Mapping[str, Floats]) -> dict[str, Axle]:
-    """Return the continuous and revolute joints by name; ``places`` are the links'."""
+    """Return the continuous and revolute joints by name, placed by ``link_places``."""
     return {
         joint.name: Axle(joint, places[joint.child], places[joint.child][:3, :3] @ joint.axis)
         for joint in description.joints
@@ -93,10 +93,16 @@ def axles(description: Description, places: Mapping[str, Floats]) -> dict[str, A
 
 
 def find_wheels(description: Description, turning: Mapping[str, Axle], tyres: Tyres) -> DriveWheels:
-    """Return the wheels that drive the robot; ``turning`` are its ``axles``.
+    """Find the wheels that drive the robot.
+
+    Args:
+        description: the robot.
+        turning: its rotating joints; see ``axles``.
+        tyres: the round shapes of its links.
 
     Raises:
-        OneBotError: there are none, or several sets of them; with the joints that there are.
+        OneBotError: there are no such wheels, or several sets of them, or they are steered or
+            omnidirectional; the text lists the rotating joints.
     """
     rolling = _on_ground(_rolling(turning, tyres))
     swivels = {wheel.name: _swivel(description, wheel.name, turning) for wheel in rolling}
@@ -117,7 +123,7 @@ def find_wheels(description: Description, turning: Mapping[str, Axle], tyres: Ty
 
 
 def has_wheels(description: Description) -> bool:
-    """Return whether anything of a robot rolls; one whose root link is ``world`` stands still."""
+    """Return whether a robot has wheels; if its root link is ``world``, it stands still."""
     if description.root_link == WORLD_FRAME:
         return False
     tyres = Tyres(description, link_poses(description))
@@ -174,7 +180,7 @@ def _seen(axle: Axle) -> str:
 
 
 def _rolling(turning: Mapping[str, Axle], tyres: Tyres) -> list[_Wheel]:
-    """Return all that rolls, wherever it is: what turns without end about an axis across."""
+    """Return everything that rolls, at any height: continuous joints with a lateral axis."""
     wheels = []
     for name, axle in turning.items():
         if axle.joint.kind != "continuous" or not axle.across:
@@ -191,7 +197,7 @@ def _on_ground(wheels: Sequence[_Wheel]) -> list[_Wheel]:
 
 
 def _swivel(description: Description, name: str, turning: Mapping[str, Axle]) -> Joint | None:
-    """Return the joint about the vertical that carries this one."""
+    """Return the vertical joint that swivels the wheel of a joint; None if there is none."""
     above = {joint.child: joint for joint in description.joints}
     link = turning[name].joint.parent
     while joint := above.get(link):
@@ -202,7 +208,7 @@ def _swivel(description: Description, name: str, turning: Mapping[str, Axle]) ->
 
 
 def _is_steered(wheel: _Wheel, axle: Axle, swivel: Axle) -> bool:
-    """Whether a wheel is swivelled by a motor: a caster swivels without end, and trails."""
+    """Return whether a wheel is steered; a caster's swivel is continuous, and its wheel trails."""
     if _PASSIVE.search(f"{swivel.joint.name} {wheel.name} {wheel.link}"):
         return False
     x, y, _ = np.cross(axle.axis, (0.0, 0.0, 1.0))
@@ -211,7 +217,7 @@ def _is_steered(wheel: _Wheel, axle: Axle, swivel: Axle) -> bool:
 
 
 def _sets(wheels: Iterable[_Wheel]) -> list[list[_Wheel]]:
-    """Return wheels of like radius together, where there are as many on either side."""
+    """Group wheels of similar radius; keep groups with as many wheels left as right."""
     sets: list[list[_Wheel]] = []
     for wheel in sorted(wheels, key=lambda wheel: wheel.radius):
         if sets and wheel.radius <= sets[-1][0].radius * (1.0 + _ALIKE) + 1e-6:
@@ -228,6 +234,6 @@ def _is_passive(wheel: _Wheel) -> bool:
 def _has_rollers(description: Description, wheel: _Wheel) -> bool:
     link = next(link for link in description.links if link.name == wheel.link)
     shapes = [geometry.shape for geometry in (*link.collisions, *link.visuals)]
-    # The folders next to the file, not those of its user.
+    # Only the folders next to the file; those above may belong to the user.
     files = ["/".join(shape.uri.split("/")[-3:]) for shape in shapes if isinstance(shape, Mesh)]
     return any(map(_ROLLERS.search, (wheel.name, wheel.link, *files)))

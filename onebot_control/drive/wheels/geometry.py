@@ -1,4 +1,4 @@
-"""The wheels that drive a robot, and their separation and radius, read from its description."""
+"""The driven wheels of a robot, and their separation and radius, from its description."""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -18,34 +18,42 @@ Floats = NDArray[np.float64]
 
 _SAME = 1e-6  # m by which lengths may differ and still count as the same
 _STEPS = 200  # fixed-point iterations; four equal loads need one
-_LEAST_LOAD = 0.01  # a wheel has at least this share of the mean load
+_LEAST_LOAD = 0.01  # fraction of the mean load that each wheel carries at least
 
 
 class WheelGeometry(NamedTuple):
-    """What a differential drive's odometry rests on."""
+    """Wheel separation and radius of a differential drive, on which its odometry is based."""
 
-    separation: float  # distance between left and right wheels, m; of skid steer the effective one
-    radius: float  # all the wheels', m
+    separation: float  # distance between left and right wheels, m; effective for skid steer
+    radius: float  # of all driven wheels, m
 
 
 class Wheels:
-    """The wheels that drive a robot: read from the description once, for all who need them.
+    """The driven wheels of a robot, read from its description once.
 
     Attributes:
-        left: the driven joints on the left.
-        right: those on the right.
-        rigid: the first link of each link's rigid body, and the link's pose (4, 4) in its frame.
-        axles: the joints that turn, by name.
-        directions: of each driven joint 1 if a positive velocity drives forward, -1 if backward.
+        description: the robot.
+        left: names of the driven joints on the left.
+        right: names of the driven joints on the right.
+        rigid: for each link the first link of its rigid body, and its pose (4, 4) in that frame.
+        tyres: the round shapes of the robot's links.
+        axles: the rotating joints, by name.
+        directions: 1 for each driven joint whose positive velocity drives forward, else -1.
     """
 
     def __init__(
         self, description: Description, left: Sequence[str] = (), right: Sequence[str] = ()
     ) -> None:
-        """Take the wheels that are named, or where none are find them.
+        """Take the named wheels, or find the wheels if none are named.
+
+        Args:
+            description: the robot.
+            left: names of the driven joints on the left.
+            right: names of the driven joints on the right.
 
         Raises:
-            OneBotError: one is missing or turns about another axis, or none are found.
+            OneBotError: a named joint is missing or its axis is not lateral, or no wheels are
+                found.
         """
         self.description, self.rigid = description, link_poses(description)
         self.tyres = Tyres(description, self.rigid)
@@ -63,11 +71,15 @@ class Wheels:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The driven joints, those on the left first."""
+        """Names of the driven joints, those on the left first."""
         return (*self.left, *self.right)
 
     def geometry(self, separation: float = 0.0, radius: float = 0.0) -> WheelGeometry:
-        """Return the drive's geometry: what is given, and the description's where that is 0.
+        """Return the drive's geometry; an argument of 0 is read from the description.
+
+        Args:
+            separation: distance between left and right wheels, m.
+            radius: of the wheels, m.
 
         Raises:
             OneBotError: the description does not define it.
@@ -76,7 +88,7 @@ class Wheels:
 
     @cached_property
     def robot(self) -> Body:
-        """The robot as one rigid body in the frame of its root link, all joints at 0."""
+        """The robot as one rigid body in the frame of its root link, with all joints at 0."""
         body = Body(self.description.root_link)
         for link in self.description.links:
             body.add(link, self._places[link.name])
@@ -86,12 +98,12 @@ class Wheels:
     def separation(self) -> float:
         """The distance between the wheels of the two sides, m.
 
-        Across the driving direction; of wheels that stand in one line with it, the whole distance,
-        as diff_drive_controller has taken it. Of several wheels a side, the effective one; see
-        ``skid_separation``.
+        It is measured across the driving direction; if the wheels are in line with it, the whole
+        distance is taken, as diff_drive_controller does. With several wheels on a side it is the
+        effective separation; see ``skid_separation``.
 
         Raises:
-            OneBotError: left is not left of right.
+            OneBotError: the left wheels are not left of the right ones.
         """
         lefts, rights = (
             np.array([self.axles[name].middle(self.tyres.of(name)) for name in names])
@@ -115,10 +127,10 @@ class Wheels:
 
     @cached_property
     def radius(self) -> float:
-        """The one radius, m, of the round shapes that the wheels roll on.
+        """The radius of the driven wheels, m.
 
         Raises:
-            OneBotError: a link has no such shape, or they differ.
+            OneBotError: a wheel has no round shape, or the radii differ.
         """
         radii = {name: self._radius(name) for name in self.names}
         if max(radii.values()) - min(radii.values()) > _SAME:
@@ -168,17 +180,16 @@ class Wheels:
 
 
 def skid_separation(across: float, along: Floats, center: float) -> float:
-    """Return the separation of two wheels that would turn a robot as these do.
+    """Return the effective separation of a skid-steer drive: that of two wheels that turn it alike.
 
-    Wheels one behind the other cannot turn the robot without sliding sideways. The friction that
-    this takes opposes the whole sliding, so that the wheels slide forward and backward, too, and
-    turn the robot less. The robot turns about the point at which neither the forces nor the moments
-    of the friction, the same in all directions and in proportion to the load, accelerate it. For
-    four wheels with the centre of mass in the middle that gives across * (1 + (L / across)^2), L
-    being the wheelbase.
+    Wheels one behind the other cannot turn the robot without sliding sideways. Friction opposes the
+    whole sliding motion, so the wheels also slide forward and backward, and turn the robot less.
+    The robot turns about the point at which neither forces nor moments of this (isotropic Coulomb)
+    friction accelerate it, which a fixed-point iteration finds. For four equally loaded wheels the
+    closed form is across * (1 + (L / across)^2), with the wheelbase L.
 
     Args:
-        across: distance of the two sides, m.
+        across: distance between the two sides, m.
         along: (N,) positions of all wheels along the robot, m.
         center: position of the centre of mass along the robot, m.
     """

@@ -1,4 +1,4 @@
-"""The round shapes that wheels roll on, read from the robot's description."""
+"""Finds the round shapes that wheels roll on, in the robot's description."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -21,8 +21,8 @@ from onebot_description.errors import OneBotError
 Floats = NDArray[np.float64]
 
 _SAME = 1e-6  # m by which the radii of shapes that both touch the ground may differ
-# A cylinder or a sphere is round about the axle if its middle is no farther off than this share of
-# its radius; a mesh is round if its reaches in four directions differ by no more than this share.
+# A cylinder or sphere is round about the axle if its middle is within this fraction of its radius
+# from the axle; a mesh is round if its extents in four directions differ by no more than this.
 _ROUND = 0.05
 
 
@@ -30,11 +30,11 @@ class Tyre(NamedTuple):
     """The round shape that a wheel rolls on."""
 
     radius: float  # m
-    offset: float  # its middle's distance from the joint, along the joint's axis, m
+    offset: float  # of its middle from the joint, along the joint's axis, m
 
 
 class Tyres:
-    """The round shapes of a robot's links, by the joint that turns them."""
+    """Finds the round shapes of a robot's links, by the joint that turns them."""
 
     def __init__(self, description: Description, poses: Mapping[str, tuple[str, Floats]]) -> None:
         """Collect the shapes of each rigid body; ``poses`` are the links', by ``link_poses``."""
@@ -52,10 +52,10 @@ class Tyres:
                 shapes.setdefault(first, []).extend(placed)
 
     def of(self, name: str) -> Tyre | None:
-        """Return the shape on which the link turned by this joint rolls; None if none is round.
+        """Return the shape on which the link of joint ``name`` rolls; None if none is round.
 
-        Of the collisions, or if none of these is round of the visuals, the one with the largest
-        radius: it is what reaches the ground.
+        It is the largest round collision shape, which reaches the ground; if no collision shape is
+        round, the largest round visual.
         """
         if name not in self._tyres:
             self._tyres[name] = self._find(self._joints[name])
@@ -73,7 +73,7 @@ class Tyres:
 
 
 def _tyre(geometry: Geometry, pose: Floats, axis: Floats) -> Tyre | None:
-    """Return a shape as a wheel about ``axis``; None if it is not round about it."""
+    """Return a shape as a tyre about ``axis``; None if it is not round about it."""
     shape = geometry.shape
     if isinstance(shape, Mesh):
         return _round_mesh(shape, pose, axis)

@@ -1,1 +1,1 @@
-"""Parameters of YAML files and ROS nodes, as checked values."""
+"""Reads and checks parameters of YAML files and ROS nodes."""

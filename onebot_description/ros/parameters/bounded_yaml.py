@@ -1,8 +1,8 @@
-"""YAML that may be anything at all, read within bounds of size, depth and number of values.
+"""Reads untrusted YAML within bounds of size, depth and number of values.
 
-A small text can be large: aliases of aliases double what they stand for, and brackets in brackets
-end a parser that calls itself. So each text is first read as a flat series of events, which costs
-time in proportion to its length, and refused before a tree is made of it.
+A small text can expand to a huge tree by aliases of aliases, and nested brackets can overflow a
+recursive parser. Each text is therefore first parsed to a flat series of events, in linear time,
+and refused before a tree is built.
 """
 
 import os
@@ -40,9 +40,10 @@ def open_regular(file: Path) -> IO[bytes]:
 
 
 def load(text: str, loader: Any = SafeLoader) -> Any:
-    """Return what YAML stands for, as ``yaml.load`` does.
+    """Parse YAML, as ``yaml.load`` does.
 
-    Raises yaml.YAMLError if it is no YAML, or too much of it.
+    Raises:
+        yaml.YAMLError: the text is not YAML, or exceeds a bound.
     """
     _check(text, loader, aliases=True)
     try:
@@ -59,7 +60,7 @@ def compose(text: str, *, aliases: bool = True) -> yaml.Node | None:
 
 
 def _check(text: str, loader: Any, aliases: bool) -> None:
-    """Refuse what would be too large as a tree, with each alias replaced by what it stands for."""
+    """Refuse a text whose tree would be too large with all aliases expanded."""
     count = 0
     sizes: dict[str | None, int] = {}  # values that each anchor stands for
     begun: list[tuple[str | None, int]] = []  # maps and lists: the anchor, the values before

@@ -1,8 +1,8 @@
-"""YAML files of parameters, with the line of each: ROS 2 parameter files as rcl reads them, others.
+"""Reads YAML files of parameters, ROS 2 parameter files and others, with the line of each value.
 
-rcl reads a file only once, when the process starts, and its errors name neither the parameter nor
-the remedy. Reading it again, while the node runs, is ours. What the parameters may be is the
-business of the dataclass that describes them, see ``reader``.
+rcl reads a file only once, when the process starts, and its errors name neither the parameter nor a
+remedy. Here a file can be read again while the node runs. The dataclass of the parameters defines
+which values are valid; see ``reader``.
 """
 
 import functools
@@ -36,12 +36,12 @@ _NOT_FINITE = re.compile(r"([-+]?)\.?(inf|infinity|nan)", re.IGNORECASE)
 _INT64 = range(-(2**63), 2**63)
 
 Unknown = Callable[[Iterable[str]], list[Problem]]
-"""Reports those of some names that a node does not declare."""
+"""A function that returns a problem for each name that a node does not declare."""
 
 
 @dataclass
 class Parameters:
-    """Parameters that files hold for one node."""
+    """The parameters for one node in files."""
 
     values: dict[str, Any] = field(default_factory=dict)  # keys: dotted names
     places: dict[str, str] = field(default_factory=dict)  # file and line of each, joints.yaml:7
@@ -49,23 +49,28 @@ class Parameters:
     sections: list[str] = field(default_factory=list)  # node names that the files have
 
     def update(self, later: "Parameters") -> None:
-        """Add another file's, which override where both name a parameter."""
+        """Add the parameters of a later file, which override these."""
         self.values.update(later.values)
         self.places.update(later.places)
         self.shared = (self.shared - later.values.keys()) | later.shared
         self.sections += later.sections
 
     def drop_shared(self, unknown: Unknown) -> None:
-        """Drop what ``unknown`` finds in sections of several nodes: it is meant for another."""
+        """Drop unknown parameters in sections for several nodes, which are for other nodes."""
         for problem in unknown(self.shared):
             del self.values[problem.key], self.places[problem.key]
 
 
 def read_parameters(text: str, name: str, node: str) -> Parameters:
-    """Read the parameters that the YAML ``text`` of the file ``name`` holds for one node.
+    """Read the parameters for one node from the text of a ROS 2 parameter file.
 
-    ``node`` is its full name, such as ``/joint_state_publisher``. Raises ConfigError if the YAML is
-    broken, or not that of ROS 2 parameters.
+    Args:
+        text: the YAML.
+        name: of the file, for messages.
+        node: full name, such as ``/joint_state_publisher``.
+
+    Raises:
+        ConfigError: the YAML is broken, or not a ROS 2 parameter file.
     """
     merged = Parameters()
     for section, parameters in read_sections(text, name).items():
@@ -102,7 +107,7 @@ def read_sections(text: str, name: str) -> dict[str, Parameters]:
 
 
 def section_matches(section: str, node: str) -> bool:
-    """Whether a file's section name is for ``node``; ``*`` is one name, ``**`` any number."""
+    """Return whether a section is for ``node``; ``*`` matches one name, ``**`` any number."""
     pattern = "/" + section.strip("/")
     expression = re.escape(pattern).replace(r"/\*\*", r"(/\w+)*").replace(r"/\*", r"/\w+")
     return re.fullmatch(expression, node) is not None

@@ -1,21 +1,21 @@
-"""Parameters as checked dataclasses: what each may be is written once, beside its default.
+"""Defines parameters as checked dataclasses: each field has its default, description and rules.
 
-A field made by ``parameter`` is one ROS parameter or one key of a YAML file. A field that is itself
-a dataclass is a group (``camera.eye``), one of type ``Mapping[str, X]`` a map with names of the
-user's own (``motions.elbow.position``, where X is a dataclass, or ``zeros.elbow``)::
+A field made by ``parameter`` is one ROS parameter, or one key of a YAML file. A field that is a
+dataclass is a group (``camera.eye``); a field of type ``Mapping[str, X]`` is a map with names that
+the user chooses (``motions.elbow.position`` if X is a dataclass, or ``zeros.elbow``)::
 
     @dataclass(frozen=True)
     class PlotParameters:
-        rate: float = parameter(10.0, "samples a second, Hz", above=0.0, at_most=100.0)
+        rate: float = parameter(10.0, "samples per second, Hz", above=0.0, at_most=100.0)
         joints: tuple[str, ...] = parameter((), "the joints shown; empty: all")
 
         def check(self) -> Iterable[Problem]: ...  # what must hold between several parameters
 
     settings = read(PlotParameters, declare(node, PlotParameters))
 
-``read`` checks values, whichever file or node they are from; ``declare`` gives a node's parameters
-the same descriptions, ranges and read-only flags. A class may have ``REMEDIES``, names that are no
-longer parameters and what to write now.
+``read`` checks values from any file or node; ``declare`` gives a node's parameters the same
+descriptions, ranges and read-only flags. A class may have ``REMEDIES``: former parameters, and what
+to write instead.
 """
 
 import contextlib
@@ -109,7 +109,7 @@ def parameter(default: Any, description: str, **rules: Any) -> Any:
 
 
 class Same:
-    """As X of ``Mapping[str, X]``: the class that has this map, without the map itself."""
+    """Placeholder for X of ``Mapping[str, X]``: values are of the enclosing dataclass."""
 
 
 def group(kind: type[T], name: str = "") -> T:
@@ -259,9 +259,9 @@ def is_parameter(kind: type, name: str) -> bool:
 
 
 def unknown_parameters(kind: type, names: Iterable[str]) -> list[Problem]:
-    """Return a problem for each of ``names`` that is no parameter of the dataclass ``kind``.
+    """Return a problem for each of ``names`` that is not a parameter of the dataclass ``kind``.
 
-    Those that every node has are none.
+    Parameters that every node has are accepted.
     """
     problems: list[Problem] = []
     for name in names:
@@ -447,12 +447,20 @@ def _form(shape: _Group | _Map) -> str:
 def declare(
     node: "Node", kind: type, values: Values | None = None, fixed: Values | None = None
 ) -> dict[str, Any]:
-    """Declare every parameter of the dataclass ``kind``; return the values in force by dotted name.
+    """Declare every parameter of a dataclass on a node.
 
-    Their types are left open, so that ``read`` reports a wrong one with all else that is wrong; an
-    integer for a double is declared as a double. ``values`` replace the defaults, also of names
-    that only the user defines, None for one that the command line sets; ``fixed`` override the
-    command line.
+    Types are left open, so that ``read`` reports wrong ones with all other problems; an integer for
+    a double is declared as a double.
+
+    Args:
+        node: to declare them on.
+        kind: the dataclass.
+        values: replace the defaults, and add names that the user chooses; None for one that the
+            command line sets.
+        fixed: override the command line.
+
+    Returns:
+        The values in force, by dotted name.
     """
     first = {**defaults(kind), **(values or {}), **(fixed or {})}
     for name, default in first.items():
@@ -494,14 +502,14 @@ def _with_double(kind: type, parameter: "Parameter") -> "Parameter":
 
 
 def set_doubles(node: "Node", kind: type) -> None:
-    """Have an integer that is set for a double of the dataclass ``kind`` be one on ``node``."""
+    """Convert integers that are set for doubles of the dataclass ``kind`` on ``node``."""
     node.add_pre_set_parameters_callback(lambda given: [_with_double(kind, item) for item in given])
 
 
 def refuse_undeclared(node: "Node", kind: type) -> None:
-    """Refuse to set a parameter that ``node`` does not have, with its name and what would be right.
+    """Refuse to set unknown parameters, with a message that names them and suggests others.
 
-    rclpy refuses it as well, but names nothing. Integers for doubles are set as doubles.
+    rclpy would refuse them without naming them. Integers for doubles are set as doubles.
     """
     from rclpy.exceptions import ParameterNotDeclaredException
 

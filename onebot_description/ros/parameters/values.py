@@ -1,4 +1,4 @@
-"""The type and rules of one value, and the errors of a value that breaks them."""
+"""Checks the type and rules of one value, with errors that name a remedy."""
 
 import math
 import re
@@ -32,7 +32,7 @@ _EXAMPLES = {
 
 @dataclass(frozen=True)
 class Rule:
-    """What one value means and may be. Rules on numbers and strings are for each one in a list."""
+    """Description and rules of one value; in a list, rules apply to each element."""
 
     description: str = ""  # one line, with the unit
     name: str = ""  # the one in ROS or YAML, if it is not the field's; may hold dots

@@ -1,1 +1,1 @@
-"""ROS messages as bytes, as arrays and as objects, and from a JointState to its TFMessage."""
+"""Converts ROS messages between bytes, arrays and objects, and JointStates to TFMessages."""

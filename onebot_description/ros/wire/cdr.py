@@ -32,7 +32,7 @@ _STAMP = struct.Struct("<iI")
 
 
 class WireError(ValueError):
-    """Bytes that are not plain little-endian CDR."""
+    """The bytes are not plain little-endian CDR."""
 
 
 class Stamp(Protocol):

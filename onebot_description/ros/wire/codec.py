@@ -1,7 +1,7 @@
-"""Makes CDR of message objects, and message objects of CDR, for types made at run time.
+"""Serializes message objects to CDR and back, for message classes made at run time.
 
-The plan of a type follows from ``SLOT_TYPES`` of its class, and is made once. Messages are read by
-``Schema``, column by column; cdr.py says how they are laid out.
+How a type is written follows from ``SLOT_TYPES`` of its class, and is compiled once. ``Schema``
+reads messages, column by column; cdr.py describes the layout.
 """
 
 import array

@@ -29,7 +29,8 @@ def own_interfaces(kind: str) -> tuple[str, ...]:
 def interface_text(name: str) -> str:
     """Return the text of the file that defines an interface, such as ``std_srvs/srv/Trigger``.
 
-    An OneBotError says that there is none.
+    Raises:
+        OneBotError: there is no such interface.
     """
     package, kind, type_name = name.split("/")
     for folder in (*share_folders(), _OWN):

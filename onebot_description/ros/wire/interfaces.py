@@ -1,13 +1,13 @@
-"""Classes of messages, services and actions, whether or not a package has them.
+"""Provides classes of messages, services and actions, whether or not their package is installed.
 
     load_interface("control_msgs/action/FollowJointTrajectory")
 
-is the class of an installed package, else one that is made of the definition in the folder
-``definitions``. Both are the same on the wire: the type's name, hash and description, and every
-field; so a node of anyone's, with the genuine package, works with it unchanged.
+returns the class of an installed package, or else a class made from the definition in the folder
+``definitions``. Both are the same on the wire (the type's name, hash and description, and every
+field), so nodes that use the genuine package interoperate.
 
 rclpy loads the type support with the first publisher, subscription, service, client or conversion.
-Where it cannot be loaded, that raises an ``OneBotError`` that is also an ``ImportError``.
+If that fails, it raises a ``OneBotError`` that is also an ``ImportError``.
 """
 
 import functools
@@ -55,7 +55,8 @@ _IDL_NAMES = {  # of types in .msg files
 def load_interface(name: str) -> Any:
     """Return the class of an interface by its full name, such as ``std_srvs/srv/Trigger``.
 
-    An OneBotError says that there is none, or that an installed one cannot be used.
+    Raises:
+        OneBotError: there is none, or an installed one cannot be used.
     """
     package, kind, short = name.split("/")
     own = name in own_interfaces(kind)
