@@ -62,7 +62,12 @@ def run(quick: bool) -> Report:
     slowness = fastest([each.bare for each in alone]) / BARE_STEP
     results = [
         Result("OneBot's cycle", 1e3 * cycle, unit="ms"),
-        Result("what an arm with a gripper adds to it", 1e3 * added, _CYCLE * slowness, unit="ms"),
+        Result(
+            "what an arm with a gripper adds to it",
+            1e3 * added,
+            round(_CYCLE * slowness, 3),
+            unit="ms",
+        ),
     ]
     for arms, most in _STEP.items():
         setups = {f"arm{row}": RobotSetup(x=_APART * row) for row in range(arms)}
@@ -71,7 +76,7 @@ def run(quick: bool) -> Report:
         steps, bare = ([each.step for each in taken], [each.bare for each in taken])
         what = f"{7 * arms} joints:"
         results += [
-            Result(f"{what} a step", 1e6 * fastest(steps), most * slowness, unit="us"),
+            Result(f"{what} a step", 1e6 * fastest(steps), round(most * slowness, 1), unit="us"),
             Result(
                 f"{what} stepSimulation's time of the whole", over(bare, steps), at_least=_SHARE
             ),
