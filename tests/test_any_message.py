@@ -23,7 +23,7 @@ from onebot_bringup.bags.bag_recorder import BagRecorder
 from onebot_bringup.introspection.interfaces import installed, message_class
 from onebot_bringup.introspection.message_text import Style, to_csv, to_yaml
 from onebot_bringup.steering.steering_page import SteeringPage
-from onebot_bringup.viewer.automatic import MESSAGE_DISPLAYS
+from onebot_bringup.viewer.automatic import DRAWING_BY_TYPE
 from onebot_bringup.viewer.rerun_viewer import RerunViewer
 from onebot_control.velocity_controller import simulation_nodes
 from onebot_description.description import load_description, parse_description
@@ -161,7 +161,7 @@ def test_velocity_controller(start_node: Callable[..., Node], kind: str) -> None
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_rerun_viewer(start_node: Callable[..., Node], tmp_path: Path) -> None:
     """All displays, without a warning of numpy's in the node's output."""
-    types = sorted(MESSAGE_DISPLAYS.keys() & set(installed("msg")))
+    types = sorted(DRAWING_BY_TYPE.keys() & set(installed("msg")))
     offered = {f"/any{number}": kind for number, kind in enumerate(types)}
     node = start_node(
         RerunViewer,

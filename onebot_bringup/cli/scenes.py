@@ -9,8 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.serialization import serialize_message
@@ -35,6 +33,7 @@ from onebot_bringup.viewer.shown_robot import (
 from onebot_bringup.viewer.topics import ViewFeed
 from onebot_bringup.viewer.view_source import ViewSource
 from onebot_control.poses import prefixed
+from onebot_description.arrays import Floats
 from onebot_description.description import Description
 from onebot_description.description.description import Mesh
 from onebot_description.errors import OneBotError, listing
@@ -265,7 +264,6 @@ def _namespaces(topics: Sequence[str]) -> list[str]:
 
 # --- a description at given joint positions -----------------------------------------------------
 
-Floats = NDArray[np.float64]
 
 # Any time will do, but it is constant, so that pictures that show the time do not change.
 _NOW_NS = 1_700_000_000_000_000_000

@@ -10,13 +10,12 @@ from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from onebot_control.poses import Transform, compose, inverse
+from onebot_description.arrays import Floats
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.ros.wire.messages import TfArrays
 
-Floats = NDArray[np.float64]
 _MOST_ROWS = 100_000  # limit of rows in all blocks, since each new set of frames adds some
 _HISTORY_NS, _HISTORY_ROWS = 10_000_000_000, 1_000_000  # ten seconds, as in tf2
 _FOR_EVER = np.iinfo(np.int64).max

@@ -12,7 +12,6 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import LaserScan, Range
 from std_msgs.msg import String
@@ -21,12 +20,11 @@ from onebot_bringup.introspection.transforms import matrix
 from onebot_bringup.steering.followed_topics import FollowedTopics, FollowedTransforms, own_topics
 from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_bringup.steering.protocol import Velocity
+from onebot_description.arrays import Floats
 from onebot_description.description import Description, parse_description
 from onebot_description.errors import OneBotError
 from onebot_description.model.robot_model import RobotModel
 from onebot_description.ros.topic_subscription import TopicSubscription
-
-Floats = NDArray[np.float64]
 
 _TYPES = {
     "sensor_msgs/msg/LaserScan": LaserScan,

@@ -173,7 +173,7 @@ class SteeringPage(Node):
                 view=ViewProxy(self._viewer),
                 tools=tools,
                 robot=self._robot,
-                choose_topic=self._choices.__setitem__,
+                choose_topic=self._request_topic,
                 logger=self.get_logger(),
                 rate=self._settings.rate,
             )
@@ -182,6 +182,10 @@ class SteeringPage(Node):
         self._arbiter.changed = lambda: thread.call(server.notify)
         query = f"/?token={quote(access.token, safe='')}" if access.token else ""
         self._url = f"http://{reachable_as(listener)}{query}"
+
+    def _request_topic(self, page: str, topic: str) -> None:
+        """Steer a topic soon; of the requests of a page, the last one counts."""
+        self._choices[page] = topic
 
     def _announce(self) -> None:
         """Print the page's address and open it, once."""

@@ -21,11 +21,11 @@ from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_control.nodes.publishing import scene_transforms
 from onebot_control.poses import WORLD_FRAME, Transform
 from onebot_control.simulation import SimulatedRobot, Simulation
+from onebot_description.arrays import Floats
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
 from onebot_description.model.robot_model import JointArrays
-from onebot_description.ros.wire.cdr import Floats
 from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.messages import time_message, transforms_message
 

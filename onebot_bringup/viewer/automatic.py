@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 MOST_SHOWN, MOST_HEAVY = 40, 6
 _LISTED = 5  # topics named in a message
 
-MESSAGE_DISPLAYS: Mapping[str, type[Drawing[Any]]] = {
+DRAWING_BY_TYPE: Mapping[str, type[Drawing[Any]]] = {
     name: drawing for drawing in MESSAGE_DRAWINGS for name in drawing.message_types
 }
 """The drawing class of each message type."""
@@ -53,7 +53,7 @@ class TopicSelection:
         visible, crowded = set[str](), list[str]()
         room = {False: MOST_SHOWN, True: MOST_HEAVY}
         for topic in sorted(topics, key=lambda name: (name not in kept, name)):
-            drawing = MESSAGE_DISPLAYS[topics[topic]]
+            drawing = DRAWING_BY_TYPE[topics[topic]]
             settings = view.of(drawing)
             of_topics = {resolve(name): setting for name, setting in settings.topics.items()}
             is_excluded = is_hidden(topic) or topic in drawn_otherwise
@@ -80,7 +80,7 @@ class TopicSelection:
         """Return the topics whose type has a display and a readable definition, and problems."""
         readable, bad = {}, {}
         for topic, kind in published.items():
-            if kind in MESSAGE_DISPLAYS and kind not in bad:
+            if kind in DRAWING_BY_TYPE and kind not in bad:
                 try:
                     self.stage.message_type(kind)
                     readable[topic] = kind

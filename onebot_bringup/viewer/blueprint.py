@@ -9,7 +9,6 @@ from uuid import UUID
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
-from numpy.typing import NDArray
 
 from onebot_bringup.viewer.columns import TIMELINE
 from onebot_bringup.viewer.displays.display import LayoutPart, last
@@ -31,13 +30,12 @@ from onebot_bringup.viewer.view_config import (
     PanelsSettings,
     ViewConfig,
 )
+from onebot_description.arrays import Floats
 
 ROBOT_VIEW = "Robot"
 _BESIDE = "Plots and pictures"  # name of a tab
 _ROBOT_VIEW_ID = UUID("6f0b5f0e-3c1d-4a52-9a75-0b6c5d9a2e11")
 _IN_A_COLUMN = 4  # most views in a single column; more are laid out in two
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,10 @@ import rerun as rr
 import rerun.blueprint as rrb
 from IPython.display import display
 from ipywidgets import FloatSlider, VBox
-from numpy.typing import NDArray
 
 from onebot_bringup.viewer.robot_size import diagonal, fitting_eye, posed_bounds
 from onebot_bringup.viewer.scene import COLLISION_ENTITY, Scene
+from onebot_description.arrays import Floats
 from onebot_description.description import Description, Joint
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
@@ -27,7 +27,6 @@ from onebot_description.model import RobotModel
 if TYPE_CHECKING:
     from rerun.notebook import Viewer
 
-Floats = NDArray[np.float64]
 
 _SLIDERS = {"max_height": "320px", "overflow": "auto"}  # a long list scrolls
 

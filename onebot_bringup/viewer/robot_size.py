@@ -3,15 +3,13 @@
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from onebot_bringup.viewer.scene import marker_size
+from onebot_description.arrays import Floats
 from onebot_description.description.description import Description, Geometry, Link, Triple
 from onebot_description.errors import OneBotError
 from onebot_description.model.quaternions import from_rpy, to_matrix
 from onebot_description.model.robot_model import RobotModel
-
-Floats = NDArray[np.float64]
 
 
 def corners(geometry: Geometry) -> Floats:

@@ -19,16 +19,16 @@ from onebot_description.description.description import Description, Geometry, Me
 from onebot_description.errors import OneBotError, condensed, listing
 from onebot_description.model.quaternions import from_rpy
 
-Bytes = tuple[int, int, int, int]  # sRGB and alpha
+Rgba32 = tuple[int, int, int, int]  # sRGB and alpha
 
 VISUAL_ENTITY = "robot/visual"
 COLLISION_ENTITY = "robot/collision"
 
 # As in RViz ("RVIZ/ShadedRed"), shapes without a colour are red, so that they are noticed.
-DEFAULT_COLOR: Bytes = (255, 0, 0, 255)
-COLLISION_COLOR: Bytes = (255, 170, 0, 110)
+DEFAULT_COLOR: Rgba32 = (255, 0, 0, 255)
+COLLISION_COLOR: Rgba32 = (255, 170, 0, 110)
 # Colour of the box that replaces a shape that cannot be drawn; few robots have this colour.
-MISSING_COLOR: Bytes = (255, 0, 255, 255)
+MISSING_COLOR: Rgba32 = (255, 0, 255, 255)
 _MISSING = "missing"
 _MOST_REASONS = 10  # reasons named for missing shapes
 _MISSING_SIZE = 0.1  # m, if the size of the robot is unknown
@@ -81,7 +81,7 @@ class Scene:
             self._erase(path, home)
         return [*condensed(warnings), *_not_drawn(failures)]
 
-    def _draw(self, path: str, link: str, geometry: Geometry, color: Bytes | None) -> None:
+    def _draw(self, path: str, link: str, geometry: Geometry, color: Rgba32 | None) -> None:
         """Draw ``geometry`` in its file's own colours, or else in ``color``."""
         from onebot_bringup.viewer.shapes import file_state, load_shape  # imports trimesh
 
@@ -157,7 +157,7 @@ def _quaternion(geometry: Geometry) -> rr.Quaternion:
     return rr.Quaternion(xyzw=(x, y, z, w))
 
 
-def _bytes(color: Rgba | None) -> Bytes:
+def _bytes(color: Rgba | None) -> Rgba32:
     """Return a URDF colour as bytes; they reach the screen unchanged, as in RViz."""
     if color is None:
         return DEFAULT_COLOR

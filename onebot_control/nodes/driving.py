@@ -67,7 +67,7 @@ _LOCKED_EVERY = 60.0  # s between two warnings that a command is ignored because
 GetLoop = Callable[[], ControlLoop | None]  # None as long as there is no robot
 
 # Parameters of the world, with one value for all robots.
-_OF_THE_WORLD = ("update_rate", "real_time_factor", "use_sim_time", "world", "paused")
+_WORLD_PARAMETERS = ("update_rate", "real_time_factor", "use_sim_time", "world", "paused")
 
 
 class Driving:
@@ -360,7 +360,7 @@ def _is_simulated(nodes: Sequence[Node], settings: Sequence[ControlParameters]) 
     Raises:
         ConfigError: the nodes differ in a parameter of the world.
     """
-    for name in _OF_THE_WORLD:
+    for name in _WORLD_PARAMETERS:
         first, *other_values = [node.get_parameter(name).value for node in nodes]
         for node, value in zip(nodes[1:], other_values, strict=True):
             if value != first:
@@ -747,8 +747,9 @@ class RobotDriving:
         if loop is not None:
             # When many robots follow one, do not wait for a cycle each.
             follows = config == replace(previous_config, real_time_factor=self._driving.factor)
+            run = loop.post if follows else loop.call
             try:
-                (loop.post if follows else loop.call)(lambda: self._configure(loop, config))
+                run(lambda: self._configure(loop, config))
             except OneBotError as error:  # raised from this callback, it would end the process
                 self._refuse("parameters", f"parameters not applied, {_GOES_ON}: {error}")
         if config.real_time_factor != self._driving.factor:

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field, replace
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
-from numpy.typing import NDArray
 
 from onebot_control.physics.engine import logger
+from onebot_description.arrays import Floats
 from onebot_description.description.description import (
     MOVING_KINDS,
     Box,
@@ -30,8 +30,6 @@ from onebot_description.description.description import (
 from onebot_description.description.xml import to_text
 from onebot_description.errors import OneBotError
 from onebot_description.model import quaternions
-
-Floats = NDArray[np.float64]
 
 HUB = "hub"  # prefix of the names of hubs and of their joints
 _HUB = 0.01  # mass of a skidding wheel's hub, as a fraction of the wheel's

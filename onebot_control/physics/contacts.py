@@ -18,9 +18,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from onebot_control.physics.bodies import Body, Floats, link_poses, matrix, origin_of
+from onebot_control.physics.bodies import Body, link_poses, matrix, origin_of
 from onebot_control.physics.engine import engine, logger
 from onebot_control.physics.physics_settings import Settings
+from onebot_description.arrays import Floats
 from onebot_description.description.description import (
     Box,
     Cylinder,

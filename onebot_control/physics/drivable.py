@@ -21,9 +21,10 @@ import numpy as np
 
 from onebot_control.drive.wheels.geometry import Wheels
 from onebot_control.drive.wheels.tyres import Tyre
-from onebot_control.physics.bodies import Body, Floats, SkidAxle, link_poses, matrix, origin_of
+from onebot_control.physics.bodies import Body, SkidAxle, link_poses, matrix, origin_of
 from onebot_control.physics.contacts import with_contacts
 from onebot_control.physics.engine import logger
+from onebot_description.arrays import Floats
 from onebot_description.description.description import Description, Inertial, Joint, Link
 from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.model import quaternions

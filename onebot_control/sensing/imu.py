@@ -3,13 +3,11 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from onebot_control.poses import Quaternion
+from onebot_description.arrays import Floats
 from onebot_description.description.description import Imu, Noise
 from onebot_description.model import quaternions
-
-Floats = NDArray[np.float64]
 
 
 class Motion(NamedTuple):

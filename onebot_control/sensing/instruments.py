@@ -6,7 +6,6 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from onebot_control.driven_robot import Snapshot
 from onebot_control.physics.bodies import matrix
@@ -21,11 +20,10 @@ from onebot_control.sensing.surroundings import (
     SensedRobot,
     Surroundings,
 )
+from onebot_description.arrays import Floats
 from onebot_description.description import Description
 from onebot_description.description.description import Camera, Imu, Lidar, Sensor
 from onebot_description.model import quaternions
-
-Floats = NDArray[np.float64]
 
 # Rotation of a camera that looks along x, in its optical frame: z ahead, x right, y down (REP-103).
 _OPTICAL = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])

@@ -5,9 +5,9 @@ from numpy.typing import NDArray
 
 from onebot_control.sensing.noise import add_noise
 from onebot_control.sensing.rays import Rays
+from onebot_description.arrays import Floats
 from onebot_description.description.description import Fan, Lidar
 
-Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 
 _MARGIN = 1e-4  # m; a range that rounding lifts above the greatest one is still measured

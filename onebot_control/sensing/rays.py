@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onebot_control.sensing.solids import Rounds, Solid
+from onebot_description.arrays import Floats
 
-Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 Integers = NDArray[np.int32]
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from onebot_control.physics.bodies import matrix
 from onebot_control.physics.engine import logger
+from onebot_description.arrays import Floats
 from onebot_description.description.description import (
     Box,
     Capsule,
@@ -25,7 +26,6 @@ from onebot_description.description.description import (
 from onebot_description.description.meshes import has_colors, mesh_scene, surfaces
 from onebot_description.errors import OneBotError
 
-Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 Integers = NDArray[np.int32]
 

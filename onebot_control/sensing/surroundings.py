@@ -5,18 +5,16 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from onebot_control.physics.bodies import link_poses
 from onebot_control.poses import Quaternion, Transform, Triple
 from onebot_control.sensing.rays import NOTHING, Surface, Targets
 from onebot_control.sensing.solids import solid_of
+from onebot_description.arrays import Floats
 from onebot_description.description import Description
 from onebot_description.description.description import Geometry
 from onebot_description.model.quaternions import to_matrix
 from onebot_description.model.robot_model import RobotModel
-
-Floats = NDArray[np.float64]
 
 
 class SensedRobot(NamedTuple):

@@ -19,10 +19,9 @@ from collada.source import FloatSource, InputList
 from manifold3d import Manifold
 from numpy.typing import NDArray
 
+from onebot_description.arrays import Floats
 from onebot_description.cad.dimensions import Vector
 from onebot_description.cad.primitives import Part, to_mesh
-
-Floats = NDArray[np.float64]
 
 _EDGE = math.radians(38.0)  # surfaces are shaded smoothly up to this angle between faces
 _TOLERANCE = 1e-4  # m, that a surface may move when points are removed

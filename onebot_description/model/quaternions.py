@@ -4,9 +4,9 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Floats = NDArray[np.float64]
+from onebot_description.arrays import Floats
 
 
 def from_rpy(rpy: ArrayLike) -> Floats:

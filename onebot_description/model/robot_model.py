@@ -16,15 +16,14 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from onebot_description.arrays import Floats
 from onebot_description.description.description import MOVING_KINDS, Description, Joint, Mimic
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.joints.motion_limits import zero_position
 from onebot_description.model import quaternions
 from onebot_description.ros.wire.library import load_library
-
-Floats = NDArray[np.float64]
 
 _POSE = 7  # numbers in a transform: translation x y z, rotation x y z w
 _SLACK = 1e-9  # rad or m; a position this far beyond a limit is rounding

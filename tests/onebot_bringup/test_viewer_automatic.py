@@ -9,7 +9,7 @@ from nav_msgs.msg import Path
 
 from onebot_bringup.viewer import displays
 from onebot_bringup.viewer.automatic import (
-    MESSAGE_DISPLAYS,
+    DRAWING_BY_TYPE,
     MOST_SHOWN,
     OfferedTopic,
     TopicSelection,
@@ -53,7 +53,7 @@ def test_each_drawing_is_registered_and_each_type_has_one():
         found.update(drawing for drawing in subclasses if getattr(drawing, "key", ""))
     assert found == set(MESSAGE_DRAWINGS)
     types = [kind for drawing in MESSAGE_DRAWINGS for kind in drawing.message_types]
-    assert len(types) == len(set(types)) == len(MESSAGE_DISPLAYS)
+    assert len(types) == len(set(types)) == len(DRAWING_BY_TYPE)
 
 
 @pytest.mark.parametrize(

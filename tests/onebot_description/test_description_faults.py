@@ -46,7 +46,7 @@ def test_a_document_that_is_no_robot(tmp_path: Path, document: str | bytes, word
 
 
 def test_text_with_half_a_character_is_refused() -> None:
-    with pytest.raises(DescriptionError, match="character that is none"):
+    with pytest.raises(DescriptionError, match="invalid character"):
         parse_description("<robot name='\ud800'/>")
 
 

@@ -25,15 +25,14 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, ClassVar, Generic
 
-import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 
 from onebot_bringup.viewer.columns import ReadyColumn, entity_path, one_row
 from onebot_bringup.viewer.displays.display import COLORS, Display, LayoutPart, S, is_old
 from onebot_bringup.viewer.inbox import WARN_AFTER, MessageType, WantedTopic
 from onebot_bringup.viewer.settings import Color, one_of, setting
-from onebot_description.ros.parameters.reader import Same
+from onebot_description.arrays import Floats
+from onebot_description.ros.parameters.reader import OwnClass
 
 if TYPE_CHECKING:
     from onebot_bringup.viewer.stage import Stage
@@ -44,7 +43,6 @@ DEPTH, DEPTH_HEAVY = 100, 5  # messages queued in DDS, or for a transform
 _MOST_AWAITED_NS = 1_000_000_000  # longest lag of transforms for which messages wait
 
 Archetypes = Sequence[rr.AsComponents | ReadyColumn]
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -54,7 +52,7 @@ class TopicSettings:
     visible: bool = setting(True, "draw it")
     reliability: str = setting(AUTO, "auto: as the publishers offer", one_of(*_RELIABILITIES))
     depth: int = setting(0, "depth of the DDS queue; 0: the usual one")
-    topics: Mapping[str, Same] = setting({}, "settings of single topics")
+    topics: Mapping[str, OwnClass] = setting({}, "settings of single topics")
 
 
 # --- drawings -------------------------------------------------------------------------------------

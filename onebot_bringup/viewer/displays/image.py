@@ -18,9 +18,8 @@ from onebot_bringup.viewer.displays.drawing import (
     TopicSettings,
 )
 from onebot_bringup.viewer.settings import height, setting
+from onebot_description.arrays import Bytes
 from onebot_description.errors import printable
-
-Bytes = NDArray[np.uint8]
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 
 from onebot_bringup.viewer.columns import entity_path
 from onebot_bringup.viewer.displays.display import Display
 from onebot_bringup.viewer.settings import Color, setting
+from onebot_description.arrays import Floats
 from onebot_description.description.description import Description, Joint, Triple
 from onebot_description.model.quaternions import from_rpy, to_matrix
 
@@ -24,7 +24,6 @@ _STEP = math.radians(5.0)  # between two points of an arc
 # Widths on the screen, at any zoom (points).
 _ARC_WIDTH, _NEEDLE_WIDTH = 1.5, 2.0
 
-Floats = NDArray[np.float64]
 Strips = list[Floats]
 
 

@@ -10,9 +10,10 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from onebot_bringup.viewer.displays.display import LARGEST, SELDOM, drawable
-from onebot_bringup.viewer.displays.drawing import Archetypes, Drawing, Floats, TopicSettings
+from onebot_bringup.viewer.displays.drawing import Archetypes, Drawing, TopicSettings
 from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
 from onebot_bringup.viewer.settings import Color, color, setting
+from onebot_description.arrays import Floats
 from onebot_description.description.description import MOVING_KINDS, Description, Joint
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.model.robot_model import RobotModel

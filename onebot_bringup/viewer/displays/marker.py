@@ -30,7 +30,6 @@ from onebot_bringup.viewer.displays.marker_shapes import (
     MESH,
     TRIANGLE_LIST,
     Batch,
-    Floats,
     Kind,
     MarkerContent,
     MeshVariant,
@@ -38,6 +37,7 @@ from onebot_bringup.viewer.displays.marker_shapes import (
     rgba,
 )
 from onebot_bringup.viewer.settings import name_list, setting
+from onebot_description.arrays import Floats
 from onebot_description.errors import OneBotError, printable, shortened
 from onebot_description.model.quaternions import from_matrix, multiply, rotate
 

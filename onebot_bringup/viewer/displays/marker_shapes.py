@@ -14,11 +14,11 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from onebot_bringup.viewer.columns import ColumnMaker, ReadyColumn, one_row, ready
+from onebot_description.arrays import Floats
 from onebot_description.description.meshes import locate_mesh
 from onebot_description.description.packages import Resources
 from onebot_description.model.quaternions import rotate
 
-Floats = NDArray[np.float64]
 # A column, or a function that makes one and its numbers; it is called only if these have changed.
 Piece: TypeAlias = "ReadyColumn | tuple[Callable[[NDArray[Any]], ReadyColumn], NDArray[Any]]"
 

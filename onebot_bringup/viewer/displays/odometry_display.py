@@ -15,7 +15,6 @@ from onebot_bringup.viewer.displays.display import LARGEST, SELDOM, LayoutPart, 
 from onebot_bringup.viewer.displays.drawing import (
     Archetypes,
     Drawing,
-    Floats,
     History,
     NamedDisplay,
 )
@@ -28,6 +27,7 @@ from onebot_bringup.viewer.displays.pose_display import (
 )
 from onebot_bringup.viewer.inbox import WantedTopic, known_type
 from onebot_bringup.viewer.settings import Color, color, height, setting, topic
+from onebot_description.arrays import Floats
 from onebot_description.ros.parameters.reader import REQUIRED
 
 ODOMETRY = known_type("nav_msgs/msg/Odometry")

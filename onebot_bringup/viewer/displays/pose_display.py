@@ -16,10 +16,10 @@ from onebot_bringup.viewer.displays.display import drawable
 from onebot_bringup.viewer.displays.drawing import (
     Archetypes,
     Drawing,
-    Floats,
     TopicSettings,
 )
 from onebot_bringup.viewer.settings import Color, color, one_of, setting
+from onebot_description.arrays import Floats
 from onebot_description.model.quaternions import rotate, to_matrix
 
 ARROW, AXES, FLAT, SOLID = "Arrow", "Axes", "Arrow (Flat)", "Arrow (3D)"

@@ -14,11 +14,11 @@ from onebot_bringup.viewer.displays.display import LARGEST, SELDOM, drawable
 from onebot_bringup.viewer.displays.drawing import (
     Archetypes,
     Drawing,
-    Floats,
     History,
     TopicSettings,
 )
 from onebot_bringup.viewer.settings import Color, color, fraction, height, setting
+from onebot_description.arrays import Floats
 from onebot_description.model.quaternions import to_matrix
 from onebot_description.ros.parameters.reader import parameter
 

@@ -16,6 +16,7 @@ from onebot_bringup.viewer.columns import ColumnMaker, ReadyColumn, entity_path,
 from onebot_bringup.viewer.displays.display import LARGEST, Display, LayoutPart, is_old
 from onebot_bringup.viewer.inbox import OTHER_CLOCK_NS, MessageType, WantedTopic, one_by_one
 from onebot_bringup.viewer.settings import name_list, setting
+from onebot_description.arrays import Floats
 from onebot_description.ros.wire.messages import TfArrays, tf_arrays
 
 if TYPE_CHECKING:
@@ -28,8 +29,6 @@ _DEFAULT_LENGTH = 0.5  # length of axes while the robot's size is unknown, metre
 # How long after a new description messages may still name frames of the old one (seconds).
 _STRAGGLING = 1.0
 _UNIT = 0.01  # tf2's tolerance of the square of a quaternion's length
-
-Floats = NDArray[np.float64]
 
 
 def _stamp_ns(message: TfArrays) -> int:

@@ -11,16 +11,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from onebot_control.drive.wheels.tyres import Tyre, Tyres
 from onebot_control.physics.bodies import link_poses
 from onebot_control.poses import WORLD_FRAME
+from onebot_description.arrays import Floats
 from onebot_description.description.description import Description, Joint, Mesh
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel, quaternions
-
-Floats = NDArray[np.float64]
 
 _MIDDLE = 0.005  # m; a wheel closer to the middle line is on neither side
 _GROUND = 0.1  # a wheel on the ground is at most this fraction of its radius above the lowest one

@@ -5,16 +5,14 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from onebot_control.drive.wheels.finding import DriveWheels, axles, find_wheels, link_places
 from onebot_control.drive.wheels.tyres import Tyres
 from onebot_control.physics.bodies import Body, link_poses
+from onebot_description.arrays import Floats
 from onebot_description.description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.ros.parameters.reader import ConfigError, Problem
-
-Floats = NDArray[np.float64]
 
 _SAME = 1e-6  # m by which lengths may differ and still count as the same
 _STEPS = 200  # fixed-point iterations; four equal loads need one

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from onebot_control.physics.bodies import matrix
+from onebot_description.arrays import Floats
 from onebot_description.description.description import (
     Cylinder,
     Description,
@@ -17,8 +17,6 @@ from onebot_description.description.description import (
 )
 from onebot_description.description.meshes import mesh_corners
 from onebot_description.errors import OneBotError
-
-Floats = NDArray[np.float64]
 
 _SAME = 1e-6  # m by which the radii of shapes that both touch the ground may differ
 # A cylinder or sphere is round about the axle if its middle is within this fraction of its radius

@@ -108,7 +108,7 @@ def parameter(default: Any, description: str, **rules: Any) -> Any:
     return dataclasses.field(default=default, metadata=metadata)
 
 
-class Same:
+class OwnClass:
     """Placeholder for X of ``Mapping[str, X]``: values are of the enclosing dataclass."""
 
 
@@ -156,7 +156,7 @@ def _group(kind: Any) -> _Group:
     for item in dataclasses.fields(kind):
         rule = item.metadata.get(_RULE, Rule())
         default = item.default if item.default_factory is MISSING else item.default_factory()
-        if hints[item.name] == Mapping[str, Same]:
+        if hints[item.name] == Mapping[str, OwnClass]:
             maps.append((item.name, default))
             continue
         shape = _shape(hints[item.name], rule)

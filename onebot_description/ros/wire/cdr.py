@@ -13,11 +13,6 @@ with WireError.
 import struct
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
-
 NANO = 1_000_000_000  # nanoseconds in a second
 SYSTEM_TIME_NS = 10**18  # the year 2001: stamps of simulated time are less
 

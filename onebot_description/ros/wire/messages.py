@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from rclpy import serialization
 from std_msgs.msg import Header
 
-from onebot_description.ros.wire.cdr import NANO, Floats, nanoseconds
+from onebot_description.arrays import Floats
+from onebot_description.ros.wire.cdr import NANO, nanoseconds
 from onebot_description.ros.wire.interface_text import full_definition
 from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.schema import Schema

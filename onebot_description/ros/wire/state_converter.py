@@ -22,13 +22,13 @@ from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
 from rclpy.serialization import serialize_message
 
+from onebot_description.arrays import Floats
 from onebot_description.errors import listing
 from onebot_description.model import RobotModel
 from onebot_description.ros.wire.cdr import (
     DOUBLES_PER_TRANSFORM,
     NANO,
     STAMP,
-    Floats,
     WireError,
     Writer,
 )

@@ -1,0 +1,7 @@
+"""Types of NumPy arrays; comments beside them say their shapes and units."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Bytes = NDArray[np.uint8]
