@@ -1,7 +1,7 @@
 """joint_trajectory_controller's ROS interface: topics, action and service of one controller."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
@@ -28,7 +28,7 @@ from onebot_control.trajectories.tolerances import (
     TolerancesGiven,
     tolerance_problems,
 )
-from onebot_control.trajectories.trajectory import Waypoint
+from onebot_control.trajectories.trajectory import JointMotion, Waypoint
 from onebot_description.errors import OneBotError
 from onebot_description.ros.parameters.reader import ConfigError, Problem, declare
 from onebot_description.ros.wire.cdr import NANO, nanoseconds
@@ -44,6 +44,29 @@ _LATCHED_BY_ANY = QoSProfile(
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
     reliability=ReliabilityPolicy.BEST_EFFORT,
 )
+
+
+class _Seen(NamedTuple):
+    """How a controller's joints move in a cycle; see ``TrajectoryFollower``."""
+
+    stamp: int  # ns
+    names: tuple[str, ...]
+    desired: JointMotion
+    measured: JointMotion
+    error: tuple[float, ...]
+    time: float  # s
+    elapsed: float  # s
+
+    def fill(self, message: Any, desired: JointTrajectoryPoint, measured: Any) -> None:
+        """Fill the fields that ~/controller_state and the feedback have in common."""
+        message.header.stamp = time_message(self.stamp)
+        message.joint_names = list(self.names)
+        _fill(desired, *self.desired)
+        _fill(measured, self.measured.positions, self.measured.velocities)
+        _fill(message.error, self.error)
+        desired.time_from_start = Duration(seconds=self.time).to_msg()
+        measured.time_from_start = Duration(seconds=self.elapsed).to_msg()
+
 
 _Goal = tuple[TrajectoryGoal, TolerancesGiven | None]  # without tolerances: of the topic
 
@@ -63,6 +86,7 @@ class JointTrajectories(GoalNode[TrajectoryFollower, _Goal]):
         query = load_interface("control_msgs/srv/QueryTrajectoryState")
         self._state = node.create_publisher(state, "~/controller_state", _LATCHED)
         self._message = state()
+        self._seen = self._look(0)  # replaced whole: the thread of the feedback reads it, too
         topic = "~/joint_trajectory"
         node.create_subscription(JointTrajectory, topic, self._on_topic, ANY_PUBLISHER)
         scaling, topic = (
@@ -75,12 +99,11 @@ class JointTrajectories(GoalNode[TrajectoryFollower, _Goal]):
     def publish(self, stamp: int) -> None:
         """Publish ~/controller_state, if it is subscribed to."""
         super().publish(stamp)
+        self._seen = self._look(stamp)
         if not self._state.get_subscription_count():
             return
         arm, message = self._arm, self._message
-        message.header.stamp = time_message(stamp)
-        message.joint_names = list(arm.names)
-        self._fill_states(message.reference, message.feedback, message.error)
+        self._seen.fill(message, message.reference, message.feedback)
         _fill(message.output, arm.reference(self._robot().period))
         message.speed_scaling_factor = arm.scaling
         self._state.publish(message)
@@ -119,25 +142,13 @@ class JointTrajectories(GoalNode[TrajectoryFollower, _Goal]):
         return self._arm.start(trajectory, handle, tolerances)
 
     def _feedback(self) -> Any:
-        arm, feedback = self._arm, self._type.Feedback()
-        feedback.header.stamp = time_message(self._stamp)
-        feedback.joint_names = list(arm.names)
-        self._fill_states(feedback.desired, feedback.actual, feedback.error)
+        feedback = self._type.Feedback()
+        self._seen.fill(feedback, feedback.desired, feedback.actual)
         return feedback
 
-    def _fill_states(
-        self,
-        desired: JointTrajectoryPoint,
-        measured: JointTrajectoryPoint,
-        error: JointTrajectoryPoint,
-    ) -> None:
-        """Fill the fields that ~/controller_state and the feedback have in common."""
+    def _look(self, stamp: int) -> "_Seen":
         arm = self._arm
-        _fill(desired, *arm.desired)
-        _fill(measured, arm.measured.positions, arm.measured.velocities)
-        _fill(error, arm.error)
-        desired.time_from_start = Duration(seconds=arm.time).to_msg()
-        measured.time_from_start = Duration(seconds=arm.elapsed).to_msg()
+        return _Seen(stamp, arm.names, arm.desired, arm.measured, arm.error, arm.time, arm.elapsed)
 
     def _result(self, ended: Outcome | Cancelled) -> Any:
         if isinstance(ended, Cancelled):

@@ -4,14 +4,13 @@ Its floor is real time; the goal is scaled as in ``from_python``. A busy compute
 slow, but not another one.
 """
 
-import multiprocessing
+import json
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
-from functools import partial
+from pathlib import Path
 
 from geometry_msgs.msg import Twist
 from rclpy.node import Node
@@ -68,10 +67,9 @@ def run(quick: bool) -> Report:
     goal = round(_PACE / slowness, 1)
     results = [Result("by scans, lidar, maze: times real time", pace, at_least=goal)]
     seconds, runs = (0.2, 2) if quick else (6.0, 100)
-    with _busy(0 if quick else _BUSY_LOOPS), _workers(1 if quick else _WORKERS) as workers:
+    with _busy(0 if quick else _BUSY_LOOPS):
         for what, node in (("by scans", _ByScans), ("by a timer", _ByTimer)):
-            work = partial(_outcome, node)
-            outcomes = [pose for pose, _ in workers.map(work, [seconds] * runs)]
+            outcomes = _outcomes(node, seconds, runs, 1 if quick else _WORKERS)
             equal = outcomes.count(outcomes[0])
             text = f"{what}: equal outcomes of {runs} beside {_BUSY_LOOPS} busy loops"
             results.append(Result(text, equal, at_least=runs))
@@ -110,9 +108,28 @@ def _outcome(kind: type[_ByScans], seconds: float) -> tuple[tuple[float, ...], f
     return (pose.x, pose.y, pose.yaw, ahead), taken
 
 
-def _workers(count: int) -> ProcessPoolExecutor:
-    """Processes of their own: what one run leaves behind is in the next one of the same worker."""
-    return ProcessPoolExecutor(count, mp_context=multiprocessing.get_context("spawn"))
+def _outcomes(
+    kind: type[_ByScans], seconds: float, runs: int, workers: int
+) -> list[tuple[float, ...]]:
+    """Return where the robot is after each run; so many processes share the runs."""
+    words = [kind.__name__, str(seconds), str(runs // workers)]
+    command = [sys.executable, "-m", "tests.benchmarks.lockstep", *words]
+    folder = Path(__file__).parents[2]
+    processes = [
+        subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=folder)
+        for _ in range(workers)
+    ]
+    texts = [process.communicate()[0] for process in processes]
+    if any(process.returncode for process in processes):
+        raise WrongAnswer("a process of runs failed")
+    return [tuple(outcome) for text in texts for outcome in json.loads(text)]
+
+
+def _main(kind: str, seconds: str, runs: str) -> None:
+    """Print the outcomes of runs, for ``_outcomes``."""
+    kinds = {each.__name__: each for each in (_ByScans, _ByTimer)}
+    outcomes = [_outcome(kinds[kind], float(seconds))[0] for _ in range(int(runs))]
+    print(json.dumps(outcomes))
 
 
 @contextmanager
@@ -126,3 +143,7 @@ def _busy(count: int) -> Iterator[None]:
         for loop in loops:
             loop.kill()
             loop.wait()
+
+
+if __name__ == "__main__":
+    _main(*sys.argv[1:])
