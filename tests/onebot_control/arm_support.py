@@ -180,6 +180,8 @@ class WireArm:
 
         def answered() -> Any:
             if time.monotonic() >= start + _LOST * len(futures):
+                if futures:
+                    self.before_again()
                 futures.append(
                     self._action.send_goal_async(
                         goal, lambda each: self.feedback.append(each.feedback)
@@ -188,6 +190,9 @@ class WireArm:
             return next((future for future in futures if future.done()), None)
 
         return wait_for(answered, "the answer to a goal").result()
+
+    def before_again(self) -> None:
+        """Do what is needed before a goal is sent again that may have been followed already."""
 
     def send(self, goal: Any) -> Any:
         """The future of the result of a goal, which is accepted."""

@@ -79,6 +79,9 @@ class Arm(WireArm):
         for heard in (self.states, self.joints, self.feedback):
             heard.clear()
 
+    def before_again(self) -> None:
+        self.reset()
+
     def query(self, stamp: int) -> Any:
         """The answer of ~/query_state about a time, ns."""
         kind, name = control_msgs.srv.QueryTrajectoryState, f"{CONTROLLER}/query_state"
