@@ -46,7 +46,7 @@ _LATCHED_BY_ANY = QoSProfile(
 )
 
 
-class _Seen(NamedTuple):
+class _CycleState(NamedTuple):
     """How a controller's joints move in a cycle; see ``TrajectoryFollower``."""
 
     stamp: int  # ns
@@ -86,7 +86,9 @@ class JointTrajectories(GoalNode[TrajectoryFollower, _Goal]):
         query = load_interface("control_msgs/srv/QueryTrajectoryState")
         self._state = node.create_publisher(state, "~/controller_state", _LATCHED)
         self._message = state()
-        self._seen = self._look(0)  # replaced whole: the thread of the feedback reads it, too
+        self._cycle = self._cycle_state(
+            0
+        )  # replaced whole: the thread of the feedback reads it, too
         topic = "~/joint_trajectory"
         node.create_subscription(JointTrajectory, topic, self._on_topic, ANY_PUBLISHER)
         scaling, topic = (
@@ -99,11 +101,11 @@ class JointTrajectories(GoalNode[TrajectoryFollower, _Goal]):
     def publish(self, stamp: int) -> None:
         """Publish ~/controller_state, if it is subscribed to."""
         super().publish(stamp)
-        self._seen = self._look(stamp)
+        self._cycle = self._cycle_state(stamp)
         if not self._state.get_subscription_count():
             return
         arm, message = self._arm, self._message
-        self._seen.fill(message, message.reference, message.feedback)
+        self._cycle.fill(message, message.reference, message.feedback)
         _fill(message.output, arm.reference(self._robot().period))
         message.speed_scaling_factor = arm.scaling
         self._state.publish(message)
@@ -143,12 +145,14 @@ class JointTrajectories(GoalNode[TrajectoryFollower, _Goal]):
 
     def _feedback(self) -> Any:
         feedback = self._type.Feedback()
-        self._seen.fill(feedback, feedback.desired, feedback.actual)
+        self._cycle.fill(feedback, feedback.desired, feedback.actual)
         return feedback
 
-    def _look(self, stamp: int) -> "_Seen":
+    def _cycle_state(self, stamp: int) -> "_CycleState":
         arm = self._arm
-        return _Seen(stamp, arm.names, arm.desired, arm.measured, arm.error, arm.time, arm.elapsed)
+        return _CycleState(
+            stamp, arm.names, arm.desired, arm.measured, arm.error, arm.time, arm.elapsed
+        )
 
     def _result(self, ended: Outcome | Cancelled) -> Any:
         if isinstance(ended, Cancelled):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from onebot_control.physics.bodies import HUB, Body, SkidAxle, physics_urdf, rigid_bodies
 from onebot_control.physics.contacts import hold_hub, set_contact, soften
-from onebot_control.physics.engine import captured, engine, log, logger
+from onebot_control.physics.engine import captured, engine, log
 from onebot_control.physics.physics_settings import Settings
 from onebot_control.poses import Transform, compose, inverse
 from onebot_description.description.description import Description, Link, Mesh
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 FARTHEST = 10_000.0
 # Gears: fraction of the error that is corrected in a step, and the greatest force, N or Nm.
 _GEAR_CORRECTION, _GEAR_FORCE = 0.5, 1000.0
-_FILLED = 0.5  # a finger's mesh that fills less than this fraction of its hull is reported
 _SLAB = (FARTHEST, FARTHEST, 1.0)  # half the size of the ground's visual, m
 
 
@@ -181,11 +180,6 @@ def load_robot(
         grasps = joint.name in grasping
         set_contact(client, robot, index, moved[row], description, settings, grasps=grasps)
     set_contact(client, robot, -1, root, description, settings)
-    fingers = {name for gear in spawn.gears for name in (gear.name, gear.leader)}
-    _report_hulls(
-        description,
-        [body for joint, body in zip(moving, moved, strict=True) if joint.name in fingers],
-    )
     joints = {joint.name: indices[row] for row, joint in enumerate(moving)}
     for gear in spawn.gears:
         _mesh(client, robot, joints, gear)
@@ -197,31 +191,6 @@ def load_robot(
     dynamics = engine.getDynamicsInfo(robot, -1, physicsClientId=client)
     mass_frame = dynamics[3], dynamics[4]
     return LoadedRobot(client, ground, robot, joints, hubs, mass_frame, inverse(mass_frame))
-
-
-def _report_hulls(description: Description, fingers: Iterable[Body]) -> None:
-    """Warn of fingers with hollow or bent meshes, because objects touch their convex hulls."""
-    hollow = [
-        link.name
-        for body in fingers
-        for shape, _, link in body.collisions
-        if isinstance(shape, Mesh) and _filled(shape) < _FILLED
-    ]
-    if hollow:
-        logger.warning(
-            "%s: link %s: a collision mesh fills less than half of its convex hull, which is what "
-            "touches things; to grip well, fingers need boxes or several convex meshes",
-            description.source,
-            listing(dict.fromkeys(hollow)),
-        )
-
-
-def _filled(mesh: Mesh) -> float:
-    """Return the share of its convex hull that a mesh fills; 1 if it is not closed."""
-    from trimesh import Trimesh  # it takes long to import, and few grippers have meshes
-
-    solid = Trimesh(*read_mesh(mesh))
-    return float(solid.volume / solid.convex_hull.volume) if solid.is_volume else 1.0
 
 
 def _mesh(client: int, robot: int, joints: Mapping[str, int], gear: "Gear") -> None:

@@ -104,7 +104,7 @@ PUBLIC = {
         starts=HAND_DOWN,
     ),
     "xarm/xarm6_robot.urdf": XARM,
-    "xarm/xarm6_with_gripper.urdf": XARM_WITH_GRIPPER._replace(repaired=[*XARM.repaired, HOLLOW]),
+    "xarm/xarm6_with_gripper.urdf": XARM_WITH_GRIPPER._replace(repaired=[HOLLOW, *XARM.repaired]),
 }
 FILES = {
     **{name: (ARMS / f"{name}.urdf", arm) for name, arm in KNOWN.items()},
