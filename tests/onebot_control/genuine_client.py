@@ -374,6 +374,6 @@ def test_the_gripper_closes(arm: Arm) -> None:
     assert feedback
     for state in (*feedback, ended.result.state):
         assert list(state.name) == ["finger"]
-        assert 0.0 < state.position[0] <= 0.05
+        assert -1e-6 <= state.position[0] <= 0.05
         assert len(state.velocity) == len(state.effort) == 1
     assert ended.result.state.position[0] < 0.01
