@@ -16,6 +16,7 @@ Example:
 import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -161,7 +162,8 @@ class Simulation:
         setups = dict(robots) or {"": RobotSetup(x, y, yaw)}
         if sensors is True and model == ONEBOT:
             arguments = {"sensors_enabled": "true", **arguments}
-        description = _described(model, arguments)
+        description, scene = _read(model, arguments, world)
+        self._scene = scene
         self._values = [
             _values(setup, {**parameters, **setup.parameters}) for setup in setups.values()
         ]
@@ -173,7 +175,6 @@ class Simulation:
             )
             for (name, setup), values in zip(setups.items(), self._values, strict=True)
         ]
-        self._scene = scene = _world(world)
         self._sensor_file = "" if isinstance(sensors, bool) else str(sensors)
         self._fleet = fleet = Fleet.of(members, scene=scene)
         self._sensors = Sensors(scene, fleet.rate, fleet.world.settings.gravity)
@@ -688,6 +689,20 @@ class _Boxes(dict[str, RobotPose]):
 def _pose(transform: Transform) -> RobotPose:
     translation, rotation = transform
     return RobotPose(*translation, *quaternions.to_rpy(quaternions.to_matrix(rotation)))
+
+
+def _read(
+    model: "str | Path | Description",
+    arguments: Mapping[str, str],
+    world: "str | Path | Description",
+) -> tuple[Description, Description | None]:
+    """Return the robot and the world; two files are read at once, as xacro runs in processes."""
+    if isinstance(model, Description) or isinstance(world, Description) or not str(world):
+        return _described(model, arguments), _world(world)
+    with ThreadPoolExecutor(1) as other:
+        reading = other.submit(_world, world)
+        description = _described(model, arguments)
+    return description, reading.result()
 
 
 def _described(

@@ -159,14 +159,17 @@ def test_numbers_and_goals(result, cells):
 
 
 def test_table_in_a_readme(tmp_path):
-    """Whatever stood between the marks is replaced, as often as one likes."""
+    """What stood between the marks is replaced, as often as one likes; other rows stay."""
     readme = tmp_path / "README.md"
     readme.write_text(f"before\n{report.BEGIN}\nold\n{report.END}\nafter\n")
+    report.write_section(readme, "a machine", {"other": [Result("x", 1.0)]})
     for _ in range(2):
         report.write_section(readme, "a machine", REPORTS)
         section = readme.read_text()
         assert section.startswith("before\n") and section.endswith(f"{report.END}\nafter\n")
-        assert "old" not in section and "| some | speed | 12.0 Hz | at least 10 Hz |" in section
+        assert "old\n" not in section and "Rows of other benchmarks are older" in section
+        assert section.count("| some | speed | 12.0 Hz | at least 10 Hz |") == 1
+        assert section.count("| other | x | 1.00 |  |") == 1
 
 
 def test_mistakes_are_explained(tmp_path):

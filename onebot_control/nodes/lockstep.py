@@ -153,13 +153,15 @@ class Lockstep:
 
     def settle(self) -> None:
         """Run callbacks until none is ready; an exception in a callback is raised here."""
+        executors = [self._arms, self._executor] if self._arm_nodes else [self._executor]
         quiet = 0
         while quiet < _QUIET:
+            if any([_run_one(executor) for executor in executors]):
+                quiet = 0
+                continue
             # Without a timeout it runs all that is ready.
             self._robots.spin_until_future_complete(Future(), 0.0)
-            executors = [self._arms, self._executor] if self._arm_nodes else [self._executor]
-            ran = [_run_one(executor) for executor in executors]
-            quiet = 0 if any(ran) else quiet + 1
+            quiet += 1
 
     def close(self) -> None:
         """Destroy the nodes; the simulation continues without ROS."""

@@ -212,13 +212,14 @@ class Publishers:
         self._stamp.sec, self._stamp.nanosec = divmod(stamp_ns, NANO)
         if self._clock is not None:
             self._clock.publish(self._clock_message)
-        joints = self._joint_message
-        joints.position, joints.velocity, joints.effort = robot.broadcaster.values(snapshot.joints)
-        self._joint_states.publish(joints)
+        if _is_subscribed(self._joint_states):
+            joints, values = self._joint_message, robot.broadcaster.values(snapshot.joints)
+            joints.position, joints.velocity, joints.effort = values
+            self._joint_states.publish(joints)
         if self._stands:
             self._publish_origin(snapshot, stamp_ns)
             return
-        if self._limited is not None:
+        if self._limited is not None and _is_subscribed(self._limited):
             command = snapshot.command
             _fill_planar(self._limited_message.twist, command.linear, command.angular)
             self._limited.publish(self._limited_message)
@@ -232,18 +233,23 @@ class Publishers:
             self._publish_origin(snapshot, stamp_ns)
 
     def _publish_transforms(self, snapshot: Snapshot, stamp_ns: int, pose: Transform) -> None:
-        if self._robot.config.enable_odom_tf:
+        if self._robot.config.enable_odom_tf and _is_subscribed(self._tf):
             _fill_transform(self._transform.transform, pose)
             self._tf.publish(self._tf_message)
         if self._in_scene and self.publishes_truth and not self.localized:
             self._publish_true_origin(snapshot, stamp_ns)
 
     def _publish_odometry(self, snapshot: Snapshot, pose: Transform) -> None:
-        _fill_pose(self._odom_message.pose.pose, pose)
-        if not self._constant:
-            snapshot.covariance.fill(self._odom_message.pose.covariance)
-        _fill_planar(self._odom_message.twist.twist, *snapshot.twist)
-        self._odom.publish(self._odom_message)
+        if _is_subscribed(self._odom):
+            _fill_pose(self._odom_message.pose.pose, pose)
+            if not self._constant:
+                snapshot.covariance.fill(self._odom_message.pose.covariance)
+            _fill_planar(self._odom_message.twist.twist, *snapshot.twist)
+            self._odom.publish(self._odom_message)
+        if _is_subscribed(self._truth):
+            self._publish_ground_truth(snapshot)
+
+    def _publish_ground_truth(self, snapshot: Snapshot) -> None:
         truth: Transform = snapshot.pose
         if not self.world_frame:
             truth = compose(self._robot.odom_in_world.inverse().transform, truth)
@@ -283,7 +289,13 @@ class Publishers:
         _fill_transform(self._origin_transform.transform, origin)
         truth = FramesTransform(self.world_frame, self.odom_frame, stamp_ns, origin)
         self.truths.append(truth)
-        self._tf.publish(self._origin_message)
+        if _is_subscribed(self._tf):
+            self._tf.publish(self._origin_message)
+
+
+def _is_subscribed(publisher: Publisher) -> bool:
+    """Return whether a message would reach anybody: publishing costs much more than asking."""
+    return bool(publisher.get_subscription_count())
 
 
 class ScenePublisher:
@@ -319,7 +331,7 @@ class ScenePublisher:
             self._announced = True
             description = self._scene.description
             self._tf_static.publish(scene_transforms(description, self._world, stamp_ns))
-        if not self._rate.due() or not self._transforms:
+        if not self._rate.due() or not self._transforms or not _is_subscribed(self._tf):
             return
         self._stamp.sec, self._stamp.nanosec = divmod(stamp_ns, NANO)
         for transform, pose in zip(self._transforms, self._scene.poses, strict=True):

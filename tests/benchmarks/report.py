@@ -12,6 +12,7 @@ from typing import NamedTuple
 from onebot_description.errors import OneBotError
 from tests.readme import CHECKOUT
 
+_HEAD = "| Benchmark | What | Measured | Goal |\n| --- | --- | --- | --- |"
 BEGIN, END = "<!-- benchmarks -->", "<!-- /benchmarks -->"
 _PACKAGES = ("onebot-robots", "ros-jazzy-rclpy", "numpy", "rerun-sdk", "pybullet", "yourdfpy")
 
@@ -50,9 +51,12 @@ Report = Sequence[Result]
 
 def table(reports: dict[str, Report]) -> str:
     """Return the results of benchmarks, by name, as one table in Markdown."""
-    lines = [["Benchmark", "What", "Measured", "Goal"], ["---"] * 4]
-    lines += [[name, *result.row()] for name, report in reports.items() for result in report]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    return "\n".join([_HEAD, *_rows(reports)])
+
+
+def _rows(reports: dict[str, Report]) -> list[str]:
+    lines = [[name, *result.row()] for name, report in reports.items() for result in report]
+    return [f"| {' | '.join(line)} |" for line in lines]
 
 
 def machine() -> str:
@@ -85,14 +89,18 @@ def machine() -> str:
 
 
 def write_section(file: Path, machine: str, reports: dict[str, Report]) -> None:
-    """Replace what stands between the marks in ``file`` by the table.
+    """Write the table between the marks in ``file``; rows of other benchmarks stay in it.
 
     Raises:
         OneBotError: the file has no marks.
     """
     before, begin, rest = file.read_text(encoding="utf-8").partition(BEGIN)
-    _, end, after = rest.partition(END)
+    middle, end, after = rest.partition(END)
     if not (begin and end):
         raise OneBotError(f"{file}: has no lines {BEGIN} and {END} to put the table between")
-    section = f"Measured by `python -m tests.benchmarks` on: {machine}.\n\n{table(reports)}\n"
+    _, _, old = middle.partition(f"{_HEAD}\n")
+    kept = [row for row in old.splitlines() if row.split("|")[1].strip() not in reports]
+    older = " Rows of other benchmarks are older." if kept else ""
+    rows = "\n".join([_HEAD, *kept, *_rows(reports)])
+    section = f"Measured by `python -m tests.benchmarks` on: {machine}.{older}\n\n{rows}\n"
     file.write_text(f"{before}{begin}\n{section}{end}{after}", encoding="utf-8")
