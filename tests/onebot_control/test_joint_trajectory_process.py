@@ -175,8 +175,8 @@ def test_a_description_that_changes_in_mid_goal(peer: Peer) -> None:
 
         # What is set while it runs holds for other joints, too.
         assert peer.set_parameters(CONTROLLER, **{"constraints.goal_time": 5.0})[0].successful
-        result = arm.send(goal(point(20.0, 0.0, 0.0), joints=BOTH))
-        wait_for(lambda: positions(joints)["shoulder"] < 0.99, "the next start")
+        result = arm.send(goal(point(200.0, 0.0, 0.0), joints=BOTH))
+        wait_for(lambda: positions(joints)["shoulder"] < 0.9999, "the next start")
         topic.publish(String(data=urdf(UPPER)))
         text = "Current goal cancelled: the robot description has other joints."
         assert ending(result) == (ABORTED, -1, text)
