@@ -14,10 +14,13 @@ from unittest.mock import patch
 
 import rclpy
 from rclpy.context import Context
+from rclpy.event_handler import EventHandler
 from rclpy.executors import SingleThreadedExecutor, TimeoutException
 from rclpy.experimental.events_executor import EventsExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.task import Future
+from rclpy.waitable import NumberOfEntities
 
 from onebot_control.driven_robot import Snapshot
 from onebot_control.fleet import Divider, Fleet
@@ -39,6 +42,7 @@ T = TypeVar("T")
 _POLLS = 10.0  # Hz, in simulated time, of polls for publishers of commands and localizers
 _QUIET = 2  # passes without a ready callback; after the first, a message may be on its way
 _WAIT = 0.005  # s between checks whether topics are connected
+_KINDS = ("subscription", "timer", "client", "service")
 _SIMULATED = ["--ros-args", "-p", "use_sim_time:=true"]
 _PATIENCE = 10.0  # s to wait for topics to be connected
 
@@ -76,8 +80,8 @@ class Lockstep:
             domain = rclpy.get_default_context().get_domain_id()
             rclpy.init(args=_SIMULATED, domain_id=domain, context=self._context)
         self._robots = EventsExecutor(context=self._context)  # it is cheaper by far
-        self._executor = SingleThreadedExecutor()
-        self._arms = SingleThreadedExecutor(context=self._context)  # actions need one
+        self._executor = _Executor()
+        self._arms = _Executor(context=self._context)  # actions need one
         self._added: list[Node] = []
         self._arm_nodes: list[Node] = []
         self._nodes = [
@@ -153,15 +157,20 @@ class Lockstep:
 
     def settle(self) -> None:
         """Run callbacks until none is ready; an exception in a callback is raised here."""
-        executors = [self._arms, self._executor] if self._arm_nodes else [self._executor]
+        self._run_nodes()
         quiet = 0
         while quiet < _QUIET:
-            if any([_run_one(executor) for executor in executors]):
-                quiet = 0
-                continue
             # Without a timeout it runs all that is ready.
             self._robots.spin_until_future_complete(Future(), 0.0)
-            quiet += 1
+            quiet = 0 if self._run_nodes() else quiet + 1
+
+    def _run_nodes(self) -> bool:
+        """Run callbacks of the nodes under test until none is ready; return whether one was."""
+        executors = [self._arms, self._executor] if self._arm_nodes else [self._executor]
+        ran = False
+        while any([executor.run_one() for executor in executors]):
+            ran = True
+        return ran
 
     def close(self) -> None:
         """Destroy the nodes; the simulation continues without ROS."""
@@ -231,16 +240,62 @@ class Lockstep:
                     yield topic
 
 
-def _run_one(executor: SingleThreadedExecutor) -> bool:
-    """Run one callback of an executor's nodes; return whether one was ready."""
-    try:
-        handler, _, _ = executor.wait_for_ready_callbacks(timeout_sec=0.0)
-    except TimeoutException:
-        return False
-    handler()
-    if (error := handler.exception()) is not None:
-        raise error
-    return True
+class _Executor(SingleThreadedExecutor):
+    """Runs callbacks one by one; it sees sooner than rclpy's own executor that none is ready.
+
+    In a control cycle hardly any callback is ready, and making sure of that took rclpy as long as
+    the physics.
+    """
+
+    def run_one(self) -> bool:
+        """Run one callback; return whether one was ready."""
+        if self._is_idle():
+            return False
+        try:
+            handler, _, _ = self.wait_for_ready_callbacks(timeout_sec=0.0)
+        except TimeoutException:
+            return False
+        handler()
+        if (error := handler.exception()) is not None:
+            raise error
+        return True
+
+    def _is_idle(self) -> bool:
+        nodes = self.get_nodes()
+        if any(guard for node in nodes for guard in node.guards):
+            return False  # waiting would take their trigger from rclpy
+        if any(not task.done() for task, _, _ in self._tasks):
+            return False
+        subscriptions = [each.handle for node in nodes for each in node.subscriptions]
+        timers = [each.handle for node in nodes for each in node.timers]
+        clients = [each.handle for node in nodes for each in node.clients]
+        services = [each.handle for node in nodes for each in node.services]
+        # Events, of QoS, can wait until a message comes.
+        actions = [
+            each for node in nodes for each in node.waitables if not isinstance(each, EventHandler)
+        ]
+        counts = NumberOfEntities(len(subscriptions), 0, len(timers), len(clients), len(services))
+        for action in actions:
+            counts += action.get_num_entities()
+        wait_set = rclpy_implementation.WaitSet(
+            *(counts.num_subscriptions, counts.num_guard_conditions, counts.num_timers),
+            *(counts.num_clients, counts.num_services, counts.num_events, self.context.handle),
+        )
+        wait_set.clear_entities()
+        for add, handles in (
+            (wait_set.add_subscription, subscriptions),
+            (wait_set.add_timer, timers),
+            (wait_set.add_client, clients),
+            (wait_set.add_service, services),
+        ):
+            for handle in handles:
+                add(handle)
+        for action in actions:
+            action.add_to_wait_set(wait_set)
+        wait_set.wait(0)
+        return not any(map(wait_set.get_ready_entities, _KINDS)) and not any(
+            action.is_ready(wait_set) for action in actions
+        )
 
 
 class SteppedLoop(ControlLoop):
