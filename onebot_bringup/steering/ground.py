@@ -23,7 +23,7 @@ from onebot_bringup.introspection.transforms import TransformError
 from onebot_bringup.steering.followed_topics import FollowedTopics, FollowedTransforms, own_topics
 from onebot_bringup.steering.obstacles import Readings
 from onebot_bringup.steering.odometry_topic import OdometryTopic
-from onebot_control.poses import Transform, compose, yaw_of
+from onebot_description.geometry.poses import Transform, compose, yaw_of
 from onebot_description.ros.topic_subscription import TopicSubscription
 from onebot_description.ros.wire.messages import OdometrySample
 

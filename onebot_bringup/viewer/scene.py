@@ -17,7 +17,7 @@ import rerun as rr
 from onebot_bringup.viewer.columns import entity_path
 from onebot_description.description.description import Description, Geometry, Mesh, Rgba
 from onebot_description.errors import OneBotError, condensed, listing
-from onebot_description.model.quaternions import from_rpy
+from onebot_description.geometry.quaternions import from_rpy
 
 Rgba32 = tuple[int, int, int, int]  # sRGB and alpha
 

@@ -13,7 +13,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from onebot_control.poses import Transform
+from onebot_description.geometry.poses import Transform
 from onebot_description.ros.discovery import node_name
 from onebot_description.ros.wire.cdr import NANO
 from onebot_description.ros.wire.interfaces import TFMessage

@@ -16,8 +16,9 @@ from onebot_bringup.viewer.columns import entity_path
 from onebot_bringup.viewer.displays.display import Display
 from onebot_bringup.viewer.settings import Color, setting
 from onebot_description.arrays import Floats
-from onebot_description.description.description import Description, Joint, Triple
-from onebot_description.model.quaternions import from_rpy, to_matrix
+from onebot_description.description.description import Description, Joint
+from onebot_description.geometry.poses import Triple
+from onebot_description.geometry.quaternions import from_rpy, to_matrix
 
 RANGES_ENTITY = "joint_ranges"
 _STEP = math.radians(5.0)  # between two points of an arc
