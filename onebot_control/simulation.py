@@ -153,7 +153,7 @@ class Simulation:
             ValueError: the seed is out of range.
         """
         self._seed, self._noisy = _checked_seed(seed), noise
-        self._ros: Lockstep | None = None
+        self._ros: Lockstep[Simulation] | None = None
         self._kept: deque[Moment] | None = None
         if robots and (x or y or yaw):
             raise OneBotError("x, y and yaw are of one robot; of several, give each its own")
@@ -332,7 +332,7 @@ class Simulation:
             raise ValueError("direction is zero")
         return self._distance(LinkPose(np.eye(3), start), way / length, ())
 
-    def ros(self, domain_id: int | None = None) -> "Lockstep":
+    def ros(self, domain_id: int | None = None) -> "Lockstep[Simulation]":
         """Publish the robots on ROS topics, and run nodes of this process in step with them.
 
         Args:

@@ -12,8 +12,8 @@ import numpy as np
 
 from onebot_description.arrays import Floats
 from onebot_description.errors import OneBotError, did_you_mean
-from onebot_description.geometry.matrices import of_pose
-from onebot_description.geometry.poses import IDENTITY, Transform, compose, inverse
+from onebot_description.geometry.matrices import of_transform
+from onebot_description.geometry.poses import IDENTITY, Transform, compose, inverse, of_arrays
 from onebot_description.geometry.quaternions import slerp
 from onebot_description.ros.wire.messages import TfArrays
 
@@ -273,8 +273,7 @@ class FrameTree:
         pose, top = np.eye(4), self.top(frame)
         while frame != top:
             block, row = self._places[frame]
-            translation, rotation = block.at(row, time_ns)
-            pose = of_pose(translation.tolist(), rotation.tolist()) @ pose
+            pose = of_transform(of_arrays(*block.at(row, time_ns))) @ pose
             frame = block.parents[row]
         return pose
 
@@ -331,8 +330,7 @@ class FrameTree:
         transform = IDENTITY
         for child, down in steps:
             block, row = self._places[child]
-            (x, y, z), (a, b, c, w) = (values.tolist() for values in block.at(row, time_ns))
-            step = (x, y, z), (a, b, c, w)
+            step = of_arrays(*block.at(row, time_ns))
             transform = compose(transform, step if down else inverse(step))
         return StampedTransform(time_ns, transform)
 

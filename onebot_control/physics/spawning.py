@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from onebot_control.physics.bodies import HUB, Body, SkidAxle, physics_urdf, rigid_bodies
+from onebot_control.physics.bodies import HUB, SkidAxle, physics_urdf, rigid_bodies
 from onebot_control.physics.contacts import hold_hub, set_contact, soften
 from onebot_control.physics.engine import captured, engine, log
 from onebot_control.physics.physics_settings import Settings
@@ -19,6 +19,7 @@ from onebot_description.description.description import Description, Link, Mesh, 
 from onebot_description.description.meshes import read_mesh
 from onebot_description.errors import OneBotError, listing
 from onebot_description.geometry.poses import Transform, compose, inverse
+from onebot_description.model.rigid_bodies import Body
 
 # m; farther out, rounding errors are not small compared with a wheel's contact depth (micrometres).
 FARTHEST = 10_000.0

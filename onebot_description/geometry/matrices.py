@@ -1,23 +1,20 @@
 """Homogeneous transforms as matrices (..., 4, 4): rotation, translation in m, last row 0 0 0 1."""
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
 from onebot_description.arrays import Floats
 from onebot_description.geometry import quaternions
-from onebot_description.geometry.poses import Origin, rows_of, rpy_of_rows
+from onebot_description.geometry.poses import Origin, Transform, rows_of, rpy_of_rows
 
 
-def of_pose(translation: Sequence[float], rotation: Sequence[float]) -> Floats:
-    """Return the matrix of one pose, ten times as fast as ``of_poses``.
+def of_transform(transform: Transform) -> Floats:
+    """Return the matrix of one transform, ten times as fast as ``of_poses``.
 
-    Args:
-        translation: (3,), m.
-        rotation: (4,), quaternion x y z w of any length; of length 0 for no rotation.
+    Its quaternion may be of any length; of length 0 it is no rotation.
     """
-    (x, y, z, w), (at_x, at_y, at_z) = rotation, translation
+    (at_x, at_y, at_z), (x, y, z, w) = transform
     length = math.hypot(x, y, z, w) or 1.0
     first, second, third = rows_of((x / length, y / length, z / length, w / length))
     return np.array(
@@ -36,7 +33,8 @@ def of_poses(poses: Floats) -> Floats:
 
 def transformed(points: Floats, matrix: Floats) -> Floats:
     """Return points (N, 3) of a frame, m, in its parent, in which it is at ``matrix`` (4, 4)."""
-    return points @ matrix[:3, :3].T + matrix[:3, 3]
+    moved: Floats = points @ matrix[:3, :3].T + matrix[:3, 3]
+    return moved
 
 
 def of_origin(origin: Origin) -> Floats:

@@ -151,6 +151,12 @@ def compose(outer: Transform, inner: Transform) -> Transform:
     return (a + x, b + y, c + z), multiply(outer[1], inner[1])
 
 
+def of_arrays(translation: "Floats", rotation: "Floats") -> Transform:
+    """Return a translation (3,), m, and a rotation (4,), x y z w, as a transform."""
+    (x, y, z), (a, b, c, w) = translation.tolist(), rotation.tolist()
+    return (x, y, z), (a, b, c, w)
+
+
 def inverse(transform: Transform) -> Transform:
     """Return the transform that undoes ``transform``."""
     back = conjugate(transform[1])

@@ -217,9 +217,9 @@ class RobotModel:
         fixed = [joint for joint in description.joints if joint.kind not in MOVING_KINDS]
         self.joints = tuple(joint.name for joint in moving)
         self.moving, self.fixed = JointArrays.of(moving), JointArrays.of(fixed)
-        self.lower = _limits(moving, "lower", -np.inf)
-        self.upper = _limits(moving, "upper", np.inf)
-        self.velocity = _limits(moving, "velocity", np.inf)
+        self.lower, self.upper = np.array([joint.range for joint in moving]).reshape(-1, 2).T
+        speeds = [math.inf if joint.velocity is None else joint.velocity for joint in moving]
+        self.velocity: Floats = np.array(speeds, float)
         self._rows = {name: row for row, name in enumerate(self.joints)}
         self._mimics = {joint.name: joint.mimic for joint in moving if joint.mimic is not None}
 
@@ -342,12 +342,3 @@ class RobotModel:
                 f"of shape (..., {len(self.joints)}), not {q.shape}"
             )
         return q
-
-
-def _limits(joints: Sequence[Joint], limit: str, none: float) -> Floats:
-    """Return one limit of each joint, or ``none``; continuous joints have only a speed limit."""
-    values = [
-        None if joint.kind == "continuous" and limit != "velocity" else getattr(joint, limit)
-        for joint in joints
-    ]
-    return np.array([none if value is None else value for value in values], np.float64)

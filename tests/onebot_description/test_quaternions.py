@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
 from onebot_description.geometry import matrices, quaternions
-from onebot_description.geometry.poses import Origin
+from onebot_description.geometry.poses import ZERO, Origin, of_arrays
 
 
 @given(st.tuples(*[st.floats(-3.2, 3.2)] * 3))
@@ -67,9 +67,9 @@ def test_matrices_of_poses():
     turns = Rotation.from_quat(poses[0, :, 3:]).as_matrix()
     np.testing.assert_allclose(expected[0, :, :3, :3], turns, atol=1e-12)
     np.testing.assert_array_equal(expected[..., :3, 3], poses[..., :3])
-    found = matrices.of_pose(*np.split(poses[1, 2], [3]))
+    found = matrices.of_transform(of_arrays(*np.split(poses[1, 2], [3])))
     np.testing.assert_allclose(found, expected[1, 2], atol=1e-15)
-    np.testing.assert_array_equal(matrices.of_pose((0, 0, 0), (0, 0, 0, 0)), np.eye(4))
+    np.testing.assert_array_equal(matrices.of_transform((ZERO, (0.0, 0.0, 0.0, 0.0))), np.eye(4))
 
 
 def test_points_are_those_of_the_parent():
