@@ -7,12 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from onebot_description.arrays import Floats
 from onebot_description.description import Joint, Mimic
 from onebot_description.description.checks import cycles
 from onebot_description.errors import did_you_mean
 from onebot_description.joints.chains import followers
 from onebot_description.joints.config import Dependent
-from onebot_description.joints.motion_limits import FloatArray, JointLimits
+from onebot_description.joints.motion_limits import JointLimits
 from onebot_description.ros.parameters.reader import Problem
 
 _Mimics = dict[str, Mimic]  # keys: the joints that follow
@@ -26,8 +27,8 @@ class Following:
     """
 
     leader: NDArray[np.intp]  # (N,), index
-    factor: FloatArray  # (N,)
-    offset: FloatArray  # (N,), rad or m
+    factor: Floats  # (N,)
+    offset: Floats  # (N,), rad or m
 
     @property
     def follows(self) -> NDArray[np.bool_]:
