@@ -15,7 +15,7 @@ from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-_FOLDER = "onebot_description/ros/wire"
+_FOLDER = "onebot_description/compiled"
 # The oldest glibc that pip has tags for, where it is not 2.17.
 _OLDEST_GLIBC = {"x86_64": (2, 5), "i686": (2, 5)}
 

@@ -32,12 +32,12 @@ from onebot_control.physics import (
     Twist,
 )
 from onebot_control.physics.drivable import Follower, commandable, drivable
-from onebot_control.poses import PlanarPose, scaled, yaw_of
 from onebot_control.trajectories.following import Outcome
 from onebot_control.trajectories.goal import FollowedJoint
 from onebot_control.trajectories.trajectory import JointMotion
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean
+from onebot_description.geometry.poses import PlanarPose, scaled, yaw_of
 from onebot_description.ros.parameters.reader import ConfigError, Problem
 
 _STANDING = WheelGeometry(1.0, 1.0)  # placeholder for a robot without wheels: its odometry is zero
@@ -211,7 +211,8 @@ class DrivenSpawn(NamedTuple):
         In a linkage, such as fingers, several rotating joints are geared to one.
         """
         kinds = {joint.name: joint.kind for joint in self.spawn.description.joints}
-        leaders = [gear.leader for gear in self.spawn.gears if kinds[gear.name] != "prismatic"]
+        gears = self.spawn.gears.items()
+        leaders = [mimic.joint for name, mimic in gears if kinds[name] != "prismatic"]
         has_linkage = len(leaders) > len({*leaders})
         return has_linkage or bool(self.spawn.fixed_base and self.spawn.commanded)
 
@@ -287,7 +288,7 @@ class DrivenRobot:
         """
         self.wheels, self.plant, self.held = part.wheels, plant, part.held
         self.joints = (*plant.joints, *(follower.name for follower in part.followers))
-        self._followers = [(self.joints.index(each.leader), each) for each in part.followers]
+        self._followers = [(self.joints.index(each.mimic.joint), each) for each in part.followers]
         self.description, self._starts = description, part.spawn.starts
         self._left, self._right = (
             Side(names, self.wheels.directions if self.wheels else {}, plant.joints)
@@ -540,7 +541,7 @@ class DrivenRobot:
             at = follower.at(positions[leader])
             moves = follower.lower < at < follower.upper
             positions.append(at)
-            velocities.append(follower.multiplier * velocities[leader] if moves else 0.0)
+            velocities.append(follower.mimic.multiplier * velocities[leader] if moves else 0.0)
             efforts.append(0.0)
         return JointStates(tuple(positions), tuple(velocities), tuple(efforts))
 

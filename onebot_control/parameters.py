@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from onebot_control.drive.odometry import DiffDriveKinematics
 from onebot_control.drive.speed_limiter import SpeedLimits
+from onebot_control.frame_names import WORLD_FRAME
 from onebot_control.joint_controllers import (
     JOINT_CONTROLLERS,
     JointController,
     TrajectoryController,
     named,
 )
-from onebot_control.poses import WORLD_FRAME
 from onebot_description.description.packages import package_share
 from onebot_description.errors import did_you_mean
 from onebot_description.ros.parameters.files import (

@@ -29,7 +29,6 @@ from onebot_control.drive.wheels.finding import has_wheels
 from onebot_control.driven_robot import DrivenRobot, Snapshot
 from onebot_control.fleet import Fleet, Member
 from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
-from onebot_control.poses import PlanarPose, Transform
 from onebot_control.sensing.instruments import Frame, Instrument, SensedWorld, Sensors
 from onebot_control.sensing.lidar import angles
 from onebot_control.sensing.rays import Rays, cast
@@ -49,7 +48,7 @@ from onebot_description.description import Description, load_description
 from onebot_description.description.description import Lidar
 from onebot_description.description.loading import load_sensors, load_world
 from onebot_description.errors import OneBotError, did_you_mean, listing
-from onebot_description.model import quaternions
+from onebot_description.geometry.poses import PlanarPose, Transform, to_rpy
 from onebot_description.ros.parameters.reader import ConfigError, Problem
 
 if TYPE_CHECKING:
@@ -155,7 +154,7 @@ class Simulation:
             ValueError: the seed is out of range.
         """
         self._seed, self._noisy = _checked_seed(seed), noise
-        self._ros: Lockstep | None = None
+        self._ros: Lockstep[Simulation] | None = None
         self._kept: deque[Moment] | None = None
         if robots and (x or y or yaw):
             raise OneBotError("x, y and yaw are of one robot; of several, give each its own")
@@ -334,7 +333,7 @@ class Simulation:
             raise ValueError("direction is zero")
         return self._distance(LinkPose(np.eye(3), start), way / length, ())
 
-    def ros(self, domain_id: int | None = None) -> "Lockstep":
+    def ros(self, domain_id: int | None = None) -> "Lockstep[Simulation]":
         """Publish the robots on ROS topics, and run nodes of this process in step with them.
 
         Args:
@@ -688,7 +687,7 @@ class _Boxes(dict[str, RobotPose]):
 
 def _pose(transform: Transform) -> RobotPose:
     translation, rotation = transform
-    return RobotPose(*translation, *quaternions.to_rpy(quaternions.to_matrix(rotation)))
+    return RobotPose(*translation, *to_rpy(rotation))
 
 
 def _read(

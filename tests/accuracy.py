@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from onebot_control import Simulation
 from onebot_control.drive.odometry import DiffDriveKinematics, Odometry
-from onebot_control.poses import PlanarPose
 from onebot_description.description import Description, load_description
 from onebot_description.errors import OneBotError
+from onebot_description.geometry.poses import PlanarPose
 from tests.readme import CHECKOUT
 
 ONEBOT = "package://onebot_description/urdf/onebot.urdf.xacro"

@@ -122,7 +122,7 @@ def _is_installed(name: str) -> bool:
 
 
 def _library() -> Verdict:
-    from onebot_description.ros.wire.library import load_library
+    from onebot_description.compiled.library import load_library
 
     try:
         load_library()

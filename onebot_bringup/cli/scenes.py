@@ -32,7 +32,7 @@ from onebot_bringup.viewer.shown_robot import (
 )
 from onebot_bringup.viewer.topics import ViewFeed
 from onebot_bringup.viewer.view_source import ViewSource
-from onebot_control.poses import prefixed
+from onebot_control.frame_names import prefixed
 from onebot_description.arrays import Floats
 from onebot_description.description import Description
 from onebot_description.description.description import Mesh

@@ -31,7 +31,7 @@ from onebot_bringup.launch.nodes import (
 from onebot_bringup.launcher.launcher import Launcher
 from onebot_bringup.steering.page_parameters import PageParameters
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters, view_file
-from onebot_control.poses import prefixed
+from onebot_control.frame_names import prefixed
 from onebot_description.errors import UsageError
 
 _VIEWER = "steering_viewer"  # differs from rerun_viewer, which the robot may start later

@@ -146,11 +146,12 @@ def _shown(stamp_ns: int, transform: Any, precision: int) -> str:
     """Return the text that tf2_echo prints of a transform."""
     import numpy as np
 
-    from onebot_description.model.quaternions import to_matrix, to_rpy
+    from onebot_description.geometry.poses import rpy_of_rows
+    from onebot_description.geometry.quaternions import to_matrix
 
     translation, quaternion = transform
-    rotation = to_matrix(np.array(quaternion))
-    angles = to_rpy(rotation)
+    rotation = to_matrix(np.array(quaternion)).tolist()
+    angles = rpy_of_rows(rotation)
 
     def vector(numbers: Iterable[float]) -> str:
         return f"[{', '.join(f'{number:.{precision}f}' for number in numbers)}]"

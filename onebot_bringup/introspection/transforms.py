@@ -3,7 +3,6 @@
 Rules and error messages are tf2's.
 """
 
-import math
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Iterable, Mapping
@@ -11,9 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from onebot_control.poses import Transform, compose, inverse
 from onebot_description.arrays import Floats
 from onebot_description.errors import OneBotError, did_you_mean
+from onebot_description.geometry.matrices import of_transform
+from onebot_description.geometry.poses import IDENTITY, Transform, compose, inverse, of_arrays
+from onebot_description.geometry.quaternions import slerp
 from onebot_description.ros.wire.messages import TfArrays
 
 _MOST_ROWS = 100_000  # limit of rows in all blocks, since each new set of frames adds some
@@ -21,7 +22,6 @@ _HISTORY_NS, _HISTORY_ROWS = 10_000_000_000, 1_000_000  # ten seconds, as in tf2
 _FOR_EVER = np.iinfo(np.int64).max
 _LATE_NS = 1_000_000_000  # if a message is older than the latest by more, the clock was set back
 _UNIT = 0.01  # maximum error of the squared length of a quaternion, as in tf2
-_IDENTITY: Transform = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 _NANO = 1e-9
 
 
@@ -96,18 +96,7 @@ class _Block:
         part = min(1.0, max(0.0, (time_ns - start) / max(1, end - start)))
         shift = earlier.translations[row]
         shift = shift + part * (later.translations[row] - shift)
-        return shift, _slerp(earlier.rotations[row], later.rotations[row], part)
-
-
-def _slerp(first: Floats, second: Floats, part: float) -> Floats:
-    """Interpolate rotations spherically along the shorter arc."""
-    product = float(first @ second)
-    angle = math.acos(min(1.0, abs(product)))
-    if angle < 1e-9:
-        return first
-    left = math.sin((1.0 - part) * angle) / math.sin(angle)
-    right = math.copysign(math.sin(part * angle) / math.sin(angle), product)
-    return left * first + right * second
+        return shift, slerp(earlier.rotations[row], later.rotations[row], part)
 
 
 class FrameTree:
@@ -284,7 +273,8 @@ class FrameTree:
         pose, top = np.eye(4), self.top(frame)
         while frame != top:
             block, row = self._places[frame]
-            pose, frame = matrix(*block.at(row, time_ns)) @ pose, block.parents[row]
+            pose = of_transform(of_arrays(*block.at(row, time_ns))) @ pose
+            frame = block.parents[row]
         return pose
 
     def span(self, frame: str) -> tuple[int, int] | None:
@@ -337,31 +327,12 @@ class FrameTree:
                 f"{time_ns * _NANO:.6f} but the earliest data is at time {oldest * _NANO:.6f}, "
                 f"when looking up transform from frame [{source}] to frame [{target}]"
             )
-        transform = _IDENTITY
+        transform = IDENTITY
         for child, down in steps:
             block, row = self._places[child]
-            (x, y, z), (a, b, c, w) = (values.tolist() for values in block.at(row, time_ns))
-            step = (x, y, z), (a, b, c, w)
+            step = of_arrays(*block.at(row, time_ns))
             transform = compose(transform, step if down else inverse(step))
         return StampedTransform(time_ns, transform)
-
-
-def matrix(translation: Floats, rotation: Floats) -> Floats:
-    """Return the (4, 4) matrix of one transform, ten times as fast as with array operations.
-
-    A quaternion of length 0 is no rotation.
-    """
-    (x, y, z, w), (at_x, at_y, at_z) = np.asarray(rotation).tolist(), translation.tolist()
-    length = math.hypot(x, y, z, w) or 1.0
-    x, y, z, w = x / length, y / length, z / length, w / length
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w), at_x],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w), at_y],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y), at_z],
-            [0.0, 0.0, 0.0, 1.0],
-        ]
-    )
 
 
 def _problem(parent: str, child: str, translation: Floats, rotation: Floats) -> str:

@@ -13,7 +13,7 @@ from typing import Any, NoReturn
 from onebot_bringup.steering.page_parameters import PageParameters
 from onebot_bringup.viewer.settings import FrameSettings
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
-from onebot_control.poses import prefixed
+from onebot_control.frame_names import prefixed
 from onebot_description.description.packages import PACKAGE_PATH, use_package_path
 from onebot_description.errors import UsageError, did_you_mean, printable
 from onebot_description.joints.config import JointsConfig

@@ -36,7 +36,7 @@ from onebot_bringup.launch.nodes import (
 from onebot_bringup.launcher.console import wants_colour
 from onebot_bringup.launcher.launcher import Launcher
 from onebot_bringup.viewer.viewer_parameters import view_file
-from onebot_control.poses import WORLD_FRAME, prefixed
+from onebot_control.frame_names import WORLD_FRAME, prefixed
 from onebot_description.errors import OneBotError, UsageError, did_you_mean
 from onebot_description.ros.discovery import discovery_variables
 from onebot_description.ros.process_start import blas_variables

@@ -15,7 +15,7 @@ import yaml
 
 from onebot_bringup.launch.arguments import Argument, node_parameters
 from onebot_bringup.launcher.process import NodeProcess, OnExit, python_node
-from onebot_control.poses import WORLD_FRAME
+from onebot_control.frame_names import WORLD_FRAME
 
 if TYPE_CHECKING:
     from onebot_bringup.launch.robots import PlacedRobot

@@ -156,7 +156,8 @@ def in_rows(count: int, description: Description) -> list[PlacedRobot]:
 
 def reach(description: Description) -> float:
     """Return the largest horizontal distance of a robot's parts from its root link's origin, m."""
-    from onebot_description.model import RobotModel, quaternions
+    from onebot_description.geometry import quaternions
+    from onebot_description.model import RobotModel
 
     model = RobotModel.from_description(description)
     poses = model.link_poses(np.zeros(len(model.joints)))

@@ -23,7 +23,7 @@ from onebot_bringup.introspection.transforms import TransformError
 from onebot_bringup.steering.followed_topics import FollowedTopics, FollowedTransforms, own_topics
 from onebot_bringup.steering.obstacles import Readings
 from onebot_bringup.steering.odometry_topic import OdometryTopic
-from onebot_control.poses import Transform, compose, yaw_of
+from onebot_description.geometry.poses import Transform, compose, of_arrays, yaw_of
 from onebot_description.ros.topic_subscription import TopicSubscription
 from onebot_description.ros.wire.messages import OdometrySample
 
@@ -124,7 +124,8 @@ class Ground:
         frame = frame or self._frame(odometry)
         robot = None
         if odometry is not None:
-            robot = self._pose(frame, odometry.frame_id, _transform(odometry))
+            pose = of_arrays(odometry.translation, odometry.rotation)
+            robot = self._pose(frame, odometry.frame_id, pose)
         base = odometry.child_frame_id if odometry is not None else ""
         return {
             "frame": frame,
@@ -176,9 +177,3 @@ class Ground:
                 return None
         pose = {"x": transform[0][0], "y": transform[0][1], "yaw": yaw_of(*transform[1])}
         return pose if all(map(math.isfinite, pose.values())) else None
-
-
-def _transform(sample: OdometrySample) -> Transform:
-    x, y, z = sample.translation.tolist()
-    a, b, c, w = sample.rotation.tolist()
-    return (x, y, z), (a, b, c, w)

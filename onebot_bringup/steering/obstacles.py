@@ -16,13 +16,13 @@ from rclpy.node import Node
 from sensor_msgs.msg import LaserScan, Range
 from std_msgs.msg import String
 
-from onebot_bringup.introspection.transforms import matrix
 from onebot_bringup.steering.followed_topics import FollowedTopics, FollowedTransforms, own_topics
 from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_bringup.steering.protocol import Velocity
 from onebot_description.arrays import Floats
 from onebot_description.description import Description, parse_description
 from onebot_description.errors import OneBotError
+from onebot_description.geometry.matrices import transformed
 from onebot_description.model.robot_model import RobotModel
 from onebot_description.ros.topic_subscription import TopicSubscription
 
@@ -67,8 +67,7 @@ class Readings(NamedTuple):
 
     def points(self, sensor: Floats) -> Floats:
         """Return the points (N, 3), m, that a sensor at a pose (4, 4) has hit."""
-        points: Floats = self.ranges[:, None] * self.directions @ sensor[:3, :3].T + sensor[:3, 3]
-        return points
+        return transformed(self.ranges[:, None] * self.directions, sensor)
 
     @classmethod
     def _level(cls, angles: Floats, ranges: Floats) -> "Readings":
@@ -87,8 +86,7 @@ class Footprint(NamedTuple):
         """Return the footprint of a robot; None if it has no shapes."""
         from onebot_control.sensing.solids import solid_of
 
-        link_poses = zip(robot.link_names, RobotModel(robot).link_poses({}), strict=True)
-        poses = {name: matrix(pose[:3], pose[3:]) for name, pose in link_poses}
+        poses = RobotModel(robot).link_matrices({})
         shapes = [
             (shape, poses[link.name])
             for link in robot.links

@@ -9,7 +9,7 @@ from nav_msgs.msg import Odometry
 from rclpy.node import Node
 
 from onebot_bringup.steering.followed_topics import FollowedTopics
-from onebot_control.poses import yaw_of
+from onebot_description.geometry.poses import yaw_of
 from onebot_description.ros.discovery import node_name
 from onebot_description.ros.topic_subscription import TopicSubscription
 from onebot_description.ros.wire.messages import OdometrySample, odometry_sample

@@ -10,8 +10,8 @@ from rclpy.node import Node
 
 from onebot_bringup.steering.command_topic import CommandTopic, namespace_of
 from onebot_bringup.steering.protocol import ProtocolError, number, read_request, text
-from onebot_control.poses import about_z
 from onebot_description.errors import OneBotError
+from onebot_description.geometry.poses import about_z
 from onebot_description.ros.topic_subscription import RCLError
 
 _DEPTH = 10

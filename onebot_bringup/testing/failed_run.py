@@ -18,12 +18,13 @@ from onebot_bringup.viewer.rendering import render
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.shown_robot import ROBOT_DESCRIPTION, WORLD_DESCRIPTION, RobotToShow
 from onebot_bringup.viewer.view_config import ViewConfig
+from onebot_control.frame_names import WORLD_FRAME
 from onebot_control.nodes.publishing import scene_transforms
-from onebot_control.poses import WORLD_FRAME, Transform
 from onebot_control.simulation import SimulatedRobot, Simulation
 from onebot_description.arrays import Floats
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError
+from onebot_description.geometry.poses import Transform
 from onebot_description.model import RobotModel
 from onebot_description.model.robot_model import JointArrays
 from onebot_description.ros.wire.interfaces import TFMessage

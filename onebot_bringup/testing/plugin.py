@@ -55,7 +55,7 @@ def ros_domain(request: pytest.FixtureRequest) -> Iterator[int]:
 @pytest.fixture
 def ros_simulation(
     simulation: Callable[..., Simulation], ros_domain: int
-) -> Iterator[Callable[..., Lockstep]]:
+) -> Iterator[Callable[..., Lockstep[Simulation]]]:
     """Return a function that makes simulations with ROS nodes in step.
 
     Its arguments are those of ``Simulation``; it returns the ``Lockstep`` that has the simulation.
@@ -65,9 +65,9 @@ def ros_simulation(
     from onebot_description.errors import OneBotError
 
     with ExitStack() as stack:
-        made: list[Lockstep] = []
+        made: list[Lockstep[Simulation]] = []
 
-        def make(*args: Any, **arguments: Any) -> Lockstep:
+        def make(*args: Any, **arguments: Any) -> Lockstep[Simulation]:
             if made:
                 text = "a test has one simulation with nodes in step"
                 raise OneBotError(f"{text}; robots={{...}} puts several robots into it")

@@ -6,9 +6,10 @@ import numpy as np
 
 from onebot_bringup.viewer.scene import marker_size
 from onebot_description.arrays import Floats
-from onebot_description.description.description import Description, Geometry, Link, Triple
+from onebot_description.description.description import Description, Geometry, Link
 from onebot_description.errors import OneBotError
-from onebot_description.model.quaternions import from_rpy, to_matrix
+from onebot_description.geometry import matrices
+from onebot_description.geometry.poses import Triple
 from onebot_description.model.robot_model import RobotModel
 
 
@@ -19,9 +20,7 @@ def corners(geometry: Geometry) -> Floats:
     low, high = load_shape(geometry.shape).bounds
     grid = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
     local = np.where(grid == 1, high, low)
-    turned = np.asarray(local @ to_matrix(from_rpy(geometry.origin.rpy)).T, np.float64)
-    moved: Floats = turned + np.array(geometry.origin.xyz)
-    return moved
+    return matrices.transformed(local, matrices.of_origin(geometry.origin))
 
 
 def robot_bounds(description: Description, poses: Mapping[str, Floats]) -> Floats | None:
@@ -35,8 +34,7 @@ def robot_bounds(description: Description, poses: Mapping[str, Floats]) -> Float
     marker = marker_size(description)
     for link in description.links:
         if link.name in poses and (cloud := link_corners(link, marker)) is not None:
-            pose = poses[link.name]
-            clouds.append(cloud @ pose[:3, :3].T + pose[:3, 3])
+            clouds.append(matrices.transformed(cloud, poses[link.name]))
     return box_around(np.concatenate(clouds)) if clouds else None
 
 
@@ -87,10 +85,7 @@ def posed_bounds(description: Description, model: RobotModel, positions: Floats)
         model: its kinematics.
         positions: (M,) joint positions, rad or m.
     """
-    link_poses = model.link_poses(positions)
-    poses = np.tile(np.eye(4), (len(link_poses), 1, 1))
-    poses[:, :3, 3], poses[:, :3, :3] = link_poses[:, :3], to_matrix(link_poses[:, 3:])
-    return robot_bounds(description, dict(zip(model.links, poses, strict=True)))
+    return robot_bounds(description, model.link_matrices(positions))
 
 
 def fitting_eye(bounds: Floats) -> tuple[Triple, Triple]:

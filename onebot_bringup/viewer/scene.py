@@ -17,7 +17,7 @@ import rerun as rr
 from onebot_bringup.viewer.columns import entity_path
 from onebot_description.description.description import Description, Geometry, Mesh, Rgba
 from onebot_description.errors import OneBotError, condensed, listing
-from onebot_description.model.quaternions import from_rpy
+from onebot_description.geometry.poses import from_rpy
 
 Rgba32 = tuple[int, int, int, int]  # sRGB and alpha
 
@@ -153,8 +153,7 @@ def _not_drawn(failures: Mapping[str, Sequence[str]]) -> list[str]:
 
 
 def _quaternion(geometry: Geometry) -> rr.Quaternion:
-    x, y, z, w = from_rpy(geometry.origin.rpy).tolist()
-    return rr.Quaternion(xyzw=(x, y, z, w))
+    return rr.Quaternion(xyzw=from_rpy(geometry.origin.rpy))
 
 
 def _bytes(color: Rgba | None) -> Rgba32:

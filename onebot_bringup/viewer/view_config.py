@@ -68,9 +68,9 @@ from onebot_bringup.viewer.settings import (
     topic_list,
     vector,
 )
-from onebot_description.description.description import Triple
 from onebot_description.description.packages import package_share
 from onebot_description.errors import OneBotError
+from onebot_description.geometry.poses import Triple
 from onebot_description.ros.parameters.files import read_map, read_text
 from onebot_description.ros.parameters.reader import as_map, group, read, values_of
 

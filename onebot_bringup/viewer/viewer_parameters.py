@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from onebot_control.poses import prefixed
+from onebot_control.frame_names import prefixed
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.ros.parameters.reader import parameter
 from onebot_description.ros.parameters.values import MAX_PORT

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 
-from onebot_control.poses import PlanarPose
+from onebot_description.geometry.poses import PlanarPose
 
 _STRETCH = 1.0  # m or rad over which the two are compared
 _MOST = 0.1  # fraction of a stretch by which they may differ

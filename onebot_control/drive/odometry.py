@@ -5,7 +5,7 @@ from array import array
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
-from onebot_control.poses import PlanarPose, Triple
+from onebot_description.geometry.poses import PlanarPose, Triple
 
 if TYPE_CHECKING:
     import numpy as np

@@ -37,12 +37,12 @@ from onebot_control.nodes.spinning import NodeThread
 from onebot_control.parameters import ControlConfig, ControlParameters
 from onebot_control.physics.engine import logger as simulation_log
 from onebot_control.physics.scene_bodies import load_scene
-from onebot_control.poses import PlanarPose, yaw_of
 from onebot_control.sensing.instruments import Sensors
 from onebot_control.sensing.surroundings import SensedRobot
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.loading import load_sensors
 from onebot_description.errors import OneBotError, did_you_mean, listing, printable
+from onebot_description.geometry.poses import PlanarPose, yaw_of
 from onebot_description.ros.message_age import boot_time
 from onebot_description.ros.node import (
     DescriptionTopic,

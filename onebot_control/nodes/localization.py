@@ -13,7 +13,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from onebot_control.poses import Transform
+from onebot_description.geometry.poses import Transform, of_arrays
 from onebot_description.ros.discovery import node_name
 from onebot_description.ros.wire.cdr import NANO
 from onebot_description.ros.wire.interfaces import TFMessage
@@ -59,10 +59,8 @@ class TransformsOf:
         for row, name in enumerate(message.children):
             child = name.removeprefix("/")
             if child in self.children:
-                x, y, z = map(float, message.translations[row])
-                a, b, c, w = map(float, message.rotations[row])
                 parent, stamp_ns = message.parents[row], int(message.stamps_ns[row])
-                transform = (x, y, z), (a, b, c, w)
+                transform = of_arrays(message.translations[row], message.rotations[row])
                 yield FramesTransform(parent.removeprefix("/"), child, stamp_ns, transform)
 
 

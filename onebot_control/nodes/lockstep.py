@@ -8,8 +8,8 @@ effect in the next cycle, and only then the physics moves on.
 
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, TypeVar
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, Generic, Protocol, TypeVar
 from unittest.mock import patch
 
 import rclpy
@@ -28,14 +28,13 @@ from onebot_control.nodes.control_loop import ControlLoop
 from onebot_control.nodes.driving import Driving
 from onebot_control.nodes.sensing import Sensing
 from onebot_control.parameters import MANAGER, ControlParameters
+from onebot_control.sensing.instruments import Sensors
+from onebot_description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.ros.discovery import configure_discovery, use_local_discovery
 from onebot_description.ros.message_age import WakeDetector
 from onebot_description.ros.node import RosArguments
 from onebot_description.ros.wire.definition import type_name
-
-if TYPE_CHECKING:
-    from onebot_control.simulation import Simulation
 
 T = TypeVar("T")
 
@@ -47,7 +46,26 @@ _SIMULATED = ["--ros-args", "-p", "use_sim_time:=true"]
 _PATIENCE = 10.0  # s to wait for topics to be connected
 
 
-class Lockstep:
+class _Simulation(Protocol):
+    """What nodes in step need of their simulation; see ``Simulation``."""
+
+    robots: Mapping[str, Any]
+    _fleet: Fleet
+    _noisy: bool
+    _ros: Any
+    _scene: Description | None
+    _sensor_file: str
+    _sensors: Sensors
+    _values: list[dict[str, Any]]  # parameters of the robots' controllers
+
+    @property
+    def seed(self) -> int: ...
+
+
+S = TypeVar("S", bound=_Simulation)
+
+
+class Lockstep(Generic[S]):
     """Runs nodes in step with a simulation; ``Simulation.ros`` creates it.
 
     Nodes that work by callbacks and by timers on simulated time behave identically in each run.
@@ -57,7 +75,7 @@ class Lockstep:
         simulation: the simulation that the nodes are in step with.
     """
 
-    def __init__(self, simulation: "Simulation", domain_id: int | None = None) -> None:
+    def __init__(self, simulation: S, domain_id: int | None = None) -> None:
         """Create the nodes of the simulation's robots.
 
         rclpy's default context is initialized, with use_sim_time for all nodes, unless it is

@@ -22,11 +22,12 @@ from std_msgs.msg import String
 
 from onebot_control.driven_robot import DrivenRobot, Snapshot
 from onebot_control.fleet import Divider
+from onebot_control.frame_names import prefixed
 from onebot_control.nodes.localization import FramesTransform
 from onebot_control.parameters import ControlConfig
 from onebot_control.physics import SceneBodies, Twist
-from onebot_control.poses import PlanarPose, Transform, compose, inverse, prefixed
 from onebot_description.description import Description
+from onebot_description.geometry.poses import PlanarPose, Transform, compose, inverse
 from onebot_description.model.robot_model import JointArrays
 from onebot_description.ros.node import LATCHED, OnlyPublisher
 from onebot_description.ros.parameters.reader import Problem

@@ -25,9 +25,9 @@ from sensor_msgs.msg import (
 from sensor_msgs.msg import Imu as ImuMessage
 from std_msgs.msg import Header
 
+from onebot_control.frame_names import prefixed
 from onebot_control.nodes.sensing import Channel
 from onebot_control.parameters import ControlConfig
-from onebot_control.poses import prefixed
 from onebot_control.sensing.camera import focal_length
 from onebot_control.sensing.instruments import Instrument, measuring_rate
 from onebot_control.sensing.lidar import angles, met

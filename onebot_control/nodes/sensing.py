@@ -8,10 +8,10 @@ from typing import Any, Protocol
 
 from onebot_control.driven_robot import Snapshot
 from onebot_control.fleet import Divider
-from onebot_control.poses import Transform
 from onebot_control.sensing.instruments import Frame, Instrument, Sensors
 from onebot_control.sensing.surroundings import SensedRobot
 from onebot_description.description.description import Camera, Imu, Lidar
+from onebot_description.geometry.poses import Transform
 
 # How many measurements of a sensor may wait; also the order in which a robot's sensors measure.
 _WAITING = {Imu: 50, Lidar: 4, Camera: 1}

@@ -1,13 +1,11 @@
-"""Merges a robot's links to rigid bodies, and writes the URDF of these bodies for PyBullet.
+"""Writes the URDF of a robot's rigid bodies for PyBullet, one link for each body.
 
-PyBullet gives a link without ``<inertial>`` a mass of 1 kg, even when it merges links, and
-simulates fixed joints like moving ones. Here the masses of links that fixed joints connect are
-added up as written, and each rigid body becomes one link.
+PyBullet itself gives a link without ``<inertial>`` a mass of 1 kg, even when it merges links, and
+simulates fixed joints like moving ones.
 """
 
-import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
@@ -19,17 +17,15 @@ from onebot_description.description.description import (
     Box,
     Cylinder,
     Description,
-    Inertial,
     Joint,
-    Link,
     Mesh,
-    Origin,
     Shape,
     Sphere,
 )
 from onebot_description.description.xml import to_text
 from onebot_description.errors import OneBotError
-from onebot_description.model import quaternions
+from onebot_description.geometry import matrices
+from onebot_description.model.rigid_bodies import Body, merged_bodies, rigid_frames
 
 HUB = "hub"  # prefix of the names of hubs and of their joints
 _HUB = 0.01  # mass of a skidding wheel's hub, as a fraction of the wheel's
@@ -50,55 +46,6 @@ class SkidAxle(Joint):
     """
 
 
-@dataclass
-class Body:
-    """One rigid body, in the frame of its first link, which is not fixed to any other."""
-
-    link: str  # name of that link
-    mass: float = 0.0  # kg
-    center: Floats = field(default_factory=lambda: np.zeros(3))  # centre of mass, m
-    inertia: Floats = field(default_factory=lambda: np.zeros((3, 3)))  # about it, kg m^2
-    # Each shape, with its pose (4, 4) in the body, and its link.
-    collisions: list[tuple[Shape, Floats, Link]] = field(default_factory=list)
-    friction: float | None = None  # lateral coefficient, the minimum of its links
-
-    def add(self, link: Link, pose: Floats) -> None:
-        """Add the mass and the shapes of ``link``, whose frame is at ``pose`` (4, 4)."""
-        for collision in link.collisions:
-            self.collisions.append((collision.shape, pose @ matrix(collision.origin), link))
-        if link.friction is not None:
-            least = link.friction if self.friction is None else self.friction
-            self.friction = min(link.friction, least)
-        if link.inertial is not None:
-            where = pose @ matrix(link.inertial.origin)
-            xx, xy, xz, yy, yz, zz = link.inertial.inertia
-            moments = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-            turn = where[:3, :3]
-            self.add_mass(link.inertial.mass, where[:3, 3], turn @ moments @ turn.T)
-
-    @property
-    def inertial(self) -> Inertial:
-        """Mass, centre and inertia as an Inertial, in the axes of the body."""
-        x, y, z = self.center.tolist()
-        return Inertial(
-            Origin((x, y, z)), self.mass, tuple(self.inertia[np.triu_indices(3)].tolist())
-        )
-
-    def add_mass(self, mass: float, center: Floats, inertia: Floats) -> None:
-        """Add a mass (kg) with its centre (3,), m, and inertia (3, 3) about it, kg m^2.
-
-        Inertias are combined by the parallel axis theorem.
-        """
-        total = self.mass + mass
-        if total > 0:
-            apart = center - self.center
-            reduced = self.mass * mass / total
-            self.inertia += reduced * (apart @ apart * np.eye(3) - np.outer(apart, apart))
-            self.center = self.center + apart * (mass / total)
-        self.inertia += inertia
-        self.mass = total
-
-
 def rigid_bodies(description: Description) -> dict[str, Body]:
     """Return the rigid bodies by the name of their first link, the root's first.
 
@@ -107,13 +54,9 @@ def rigid_bodies(description: Description) -> dict[str, Body]:
     """
     if problems := [*_joint_problems(description), *link_problems(description)]:
         raise OneBotError("\n".join(problems))
+    bodies = merged_bodies(description)
     firsts = [description.root_link, *(joint.child for joint in description.moving_joints)]
-    bodies = {link: Body(link) for link in firsts}
-    poses = link_poses(description)
-    for link in description.links:
-        first, pose = poses[link.name]
-        bodies[first].add(link, pose)
-    return bodies
+    return {link: bodies[link] for link in firsts}
 
 
 def _joint_problems(description: Description) -> Iterator[str]:
@@ -141,30 +84,6 @@ def link_problems(description: Description) -> Iterator[str]:
             yield f"{where} <mass>: {link.inertial.mass:g} must be 0 or more"
         if link.friction is not None and link.friction < 0:
             yield f"{where} <lateral_friction>: {link.friction:g} must be 0 or more"
-
-
-def link_poses(description: Description) -> dict[str, tuple[str, Floats]]:
-    """Return for each link the first link of its rigid body, and its pose (4, 4) in that frame."""
-    above = {joint.child: joint for joint in description.joints if joint.kind == "fixed"}
-    poses = {}
-    for link in description.link_names:
-        first, pose = link, np.eye(4)
-        while first in above:
-            joint = above[first]
-            pose = matrix(joint.origin) @ pose
-            first = joint.parent
-        poses[link] = first, pose
-    return poses
-
-
-def matrix(origin: Origin) -> Floats:
-    """Return the homogeneous transform (4, 4) of a URDF origin."""
-    result = np.eye(4)
-    if any(origin.rpy):  # Most are not rotated.
-        rotation = quaternions.from_rpy(np.array(origin.rpy, float))
-        result[:3, :3] = quaternions.to_matrix(rotation)
-    result[:3, 3] = origin.xyz
-    return result
 
 
 def physics_urdf(
@@ -205,10 +124,10 @@ def physics_urdf(
             problems.append(str(error))
     if problems:
         raise OneBotError("\n".join(problems))
-    poses = link_poses(description)
+    frames = rigid_frames(description)
     for row, joint in enumerate(description.moving_joints):
-        parent, pose = poses[joint.parent]
-        place, carrier = pose @ matrix(joint.origin), numbers[parent]
+        parent, pose = frames[joint.parent]
+        place, carrier = pose @ matrices.of_origin(joint.origin), numbers[parent]
         if isinstance(joint, SkidAxle):
             hub = f"{HUB}{row}"
             robot.append(_link(hub, _inertial(description, bodies[joint.child], _HUB)))
@@ -328,19 +247,7 @@ def _joint(joint: Joint, name: str, place: Floats, parent: str, child: str) -> E
     return result
 
 
-def origin_of(pose: Floats) -> Origin:
-    """Return the URDF origin of a transform (4, 4)."""
-    turn = pose[:3, :3]
-    flat = math.hypot(turn[0, 0], turn[1, 0])
-    if flat > 1e-9:
-        roll, yaw = math.atan2(turn[2, 1], turn[2, 2]), math.atan2(turn[1, 0], turn[0, 0])
-    else:  # Gimbal lock: roll and yaw rotate about the same axis.
-        roll, yaw = 0.0, math.atan2(-turn[0, 1], turn[1, 1])
-    x, y, z = pose[:3, 3].tolist()
-    return Origin((x, y, z), (roll, math.atan2(-turn[2, 0], flat), yaw))
-
-
 def _origin(pose: Floats) -> Element:
     """Return the ``<origin>`` of a transform (4, 4)."""
-    xyz, rpy = origin_of(pose)
+    xyz, rpy = matrices.to_origin(pose)
     return Element("origin", xyz=_numbers(xyz), rpy=_numbers(rpy))

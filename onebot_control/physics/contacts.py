@@ -14,11 +14,10 @@ URDF does not specify all that a simulation needs, and PyBullet's defaults are u
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from onebot_control.physics.bodies import Body, link_poses, matrix, origin_of
+from onebot_control.drive.wheels.tyres import Tyre
 from onebot_control.physics.engine import engine, logger
 from onebot_control.physics.physics_settings import Settings
 from onebot_description.arrays import Floats
@@ -30,15 +29,14 @@ from onebot_description.description.description import (
     Joint,
     Link,
     Mesh,
-    Origin,
     Shape,
     Sphere,
 )
 from onebot_description.description.meshes import mesh_corners
 from onebot_description.errors import OneBotError
-
-if TYPE_CHECKING:
-    from onebot_control.drive.wheels.tyres import Tyre
+from onebot_description.geometry import matrices
+from onebot_description.geometry.poses import Origin
+from onebot_description.model.rigid_bodies import Body, rigid_frames
 
 _THIN = 0.006  # m; a wheel that is no wider touches the ground in one place
 _WIDTH = 0.004  # m, width of the cylinder that replaces a wider wheel
@@ -66,7 +64,7 @@ _SAG = 1e-4
 
 def with_contacts(
     description: Description,
-    tyres: Mapping[str, "Tyre | None"],
+    tyres: Mapping[str, Tyre | None],
     casters: Collection[str],
     moved: Collection[str] = (),
 ) -> tuple[Link, ...]:
@@ -88,12 +86,12 @@ class _Contacts:
     def __init__(
         self,
         robot: Description,
-        tyres: Mapping[str, "Tyre | None"],
+        tyres: Mapping[str, Tyre | None],
         casters: Collection[str],
         moved: Collection[str],
     ) -> None:
         self._robot, self._tyres, self._casters, self._moved = robot, tyres, casters, moved
-        self._poses = link_poses(robot)
+        self._poses = rigid_frames(robot)
         self._joints = {joint.child: joint for joint in robot.joints}
         # A single caster's load follows from the mass alone, so it needs no shrinking.
         self._shrinks = sum(map(self._rolls_on_caster, robot.joints)) > 1
@@ -135,14 +133,14 @@ class _Contacts:
         heights = [-math.inf]
         for joint in self._robot.joints:
             if tyre := self._tyres.get(joint.name):
-                place = self._poses[joint.parent][1] @ matrix(joint.origin)
+                place = self._poses[joint.parent][1] @ matrices.of_origin(joint.origin)
                 middle = place @ np.array([*(tyre.offset * value for value in joint.axis), 1.0])
                 heights.append(float(middle[2]) - tyre.radius)
         return max(heights)
 
     def _gap(self, link: Link, geometry: Geometry) -> float:
         """Return the height of a shape above the ground, m."""
-        pose = self._poses[link.name][1] @ matrix(geometry.origin)
+        pose = self._poses[link.name][1] @ matrices.of_origin(geometry.origin)
         return _bottom(geometry.shape, pose) - self._ground
 
     def _wheel(self, link: Link, joint: Joint) -> Link:
@@ -168,9 +166,9 @@ class _Contacts:
             depth, lift = (_LEVEL, _LIFT) if is_round else (self._depth, self._lift)
             if -depth < gap < lift:
                 most = max(most, lift - gap)
-                place = pose @ matrix(geometry.origin)
+                place = pose @ matrices.of_origin(geometry.origin)
                 place[2, 3] += lift - gap
-                geometry = replace(geometry, origin=origin_of(np.linalg.inv(pose) @ place))
+                geometry = replace(geometry, origin=matrices.to_origin(np.linalg.inv(pose) @ place))
             collisions.append(geometry)
         if most > _LEVEL:
             logger.warning(
@@ -203,7 +201,7 @@ def _is_thin(shape: Shape) -> bool:
     return isinstance(shape, Sphere) or (isinstance(shape, Cylinder) and shape.length <= _THIN)
 
 
-def _thin(joint: Joint, tyre: "Tyre") -> Geometry:
+def _thin(joint: Joint, tyre: Tyre) -> Geometry:
     """Return a thin wheel on the axle of ``joint``."""
     x, y, z = joint.axis
     # A cylinder lies along z.

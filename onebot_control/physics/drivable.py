@@ -21,14 +21,23 @@ import numpy as np
 
 from onebot_control.drive.wheels.geometry import Wheels
 from onebot_control.drive.wheels.tyres import Tyre
-from onebot_control.physics.bodies import Body, SkidAxle, link_poses, matrix, origin_of
+from onebot_control.physics.bodies import SkidAxle
 from onebot_control.physics.contacts import with_contacts
 from onebot_control.physics.engine import logger
 from onebot_description.arrays import Floats
-from onebot_description.description.description import Description, Inertial, Joint, Link, Mesh
+from onebot_description.description.description import (
+    Description,
+    Inertial,
+    Joint,
+    Link,
+    Mesh,
+    Mimic,
+)
 from onebot_description.description.meshes import read_mesh
 from onebot_description.errors import OneBotError, did_you_mean, listing
-from onebot_description.model import quaternions
+from onebot_description.geometry import matrices, quaternions
+from onebot_description.geometry.poses import about
+from onebot_description.model.rigid_bodies import Body, merged_bodies, rigid_frames
 
 _GRAVITY = 9.81  # m/s^2
 # Least moment of inertia of a wheel, as a fraction of the robot's mass at the rim: with less, the
@@ -46,24 +55,13 @@ class Follower(NamedTuple):
     """A joint that mimics a wheel or caster; only its published position moves."""
 
     name: str
-    leader: str  # joint of a wheel or caster, or an earlier follower
-    multiplier: float
-    offset: float  # rad or m
+    mimic: Mimic  # of a joint of a wheel or caster, or of an earlier follower
     lower: float  # least position, rad or m
     upper: float
 
     def at(self, position: float) -> float:
         """Return its position, rad or m, when its leader is at ``position``."""
-        return min(max(self.multiplier * position + self.offset, self.lower), self.upper)
-
-
-class Gear(NamedTuple):
-    """A joint that a gear moves to multiplier * position + offset of a commanded joint."""
-
-    name: str
-    leader: str  # the commanded joint
-    multiplier: float
-    offset: float  # rad or m
+        return min(max(self.mimic.at(position), self.lower), self.upper)
 
 
 class Drivable(NamedTuple):
@@ -72,7 +70,7 @@ class Drivable(NamedTuple):
     description: Description
     held: Mapping[str, float]  # positions of joints that are fixed now, by name
     followers: Sequence[Follower]  # fixed joints that mimic wheels or casters; leaders first
-    gears: Sequence[Gear] = ()
+    gears: Mapping[str, Mimic] = MappingProxyType({})  # joints that follow commanded ones
     starts: Mapping[str, float] = MappingProxyType({})  # of moving joints except wheels, rad or m
 
 
@@ -115,9 +113,10 @@ def drivable(
         contacts = with_contacts(rigid, tyres, casters, {*roles.starts, *roles.passive})
         links = [_massive(wheels, link) for link in contacts]
     links = _with_rotors(replace(rigid, links=tuple(links)), roles.starts)
-    gears, starts = list(roles.gears.values()), {**roles.starts, **roles.passive}
-    _report_hulls(rigid, {name for gear in gears for name in (gear.name, gear.leader)})
-    return Drivable(replace(rigid, links=tuple(links)), roles.held, roles.followers, gears, starts)
+    _report_hulls(rigid, {*roles.gears, *(mimic.joint for mimic in roles.gears.values())})
+    starts = {**roles.starts, **roles.passive}
+    rigid = replace(rigid, links=tuple(links))
+    return Drivable(rigid, roles.held, roles.followers, roles.gears, starts)
 
 
 def commandable(description: Description, wheels: Wheels | None) -> list[str]:
@@ -162,7 +161,7 @@ class _Roles:
         held: positions of joints that nothing moves, by name.
         followers: joints that mimic wheels and casters; leaders first.
         fixed: start positions of both of these, by name.
-        gears: joints that mimic commanded ones, by name.
+        gears: how joints follow commanded ones, by name.
         starts: start positions of commanded joints and gears, by name.
         passive: start positions of joints that swing freely, by name.
     """
@@ -191,7 +190,7 @@ class _Roles:
         self._positions: dict[str, float] = {}
         self.fixed: dict[str, float] = {}
         self.followers: list[Follower] = []
-        self.gears: dict[str, Gear] = {}
+        self.gears: dict[str, Mimic] = {}
         self.starts: dict[str, float] = {}
         for joint in self._joints.values():
             self._place(joint)
@@ -221,25 +220,20 @@ class _Roles:
         elif mimic is None:
             position = self.fixed[name] = _within(joint, self._given.get(name, 0.0))
         else:
-            leader = self._place(self._joints[mimic.joint])
-            position = self._follow(joint, mimic.joint, mimic.multiplier, mimic.offset, leader)
+            position = self._follow(joint, mimic, self._place(self._joints[mimic.joint]))
         self._positions[name] = position
         return position
 
-    def _follow(
-        self, joint: Joint, leader: str, multiplier: float, offset: float, at: float
-    ) -> float:
+    def _follow(self, joint: Joint, mimic: Mimic, at: float) -> float:
         """Decide how a mimic joint is simulated; ``at`` is its leader's start position."""
         name = joint.name
-        if leader in self.starts and multiplier:
-            self.starts[name] = multiplier * at + offset
-            if gear := self.gears.get(leader):
-                offset += multiplier * gear.offset
-                leader, multiplier = gear.leader, multiplier * gear.multiplier
-            self.gears[name] = Gear(name, leader, multiplier, offset)
+        if mimic.joint in self.starts and mimic.multiplier:
+            self.starts[name] = mimic.at(at)
+            gear = self.gears.get(mimic.joint)
+            self.gears[name] = mimic.after(gear) if gear else mimic
             return self.starts[name]
-        follower = Follower(name, leader, multiplier, offset, *joint.range)
-        if leader in (*self._rolling, *(each.name for each in self.followers)):
+        follower = Follower(name, mimic, *joint.range)
+        if mimic.joint in (*self._rolling, *(each.name for each in self.followers)):
             self.followers.append(follower)
         self.fixed[name] = follower.at(at)
         return self.fixed[name]
@@ -292,7 +286,7 @@ def _report_hulls(rigid: Description, fingers: Collection[str]) -> None:
     if not fingers:
         return
     moved = {joint.child for joint in rigid.joints if joint.name in fingers}
-    poses = link_poses(rigid)
+    poses = rigid_frames(rigid)
     hollow = [
         link.name
         for link in rigid.links
@@ -327,10 +321,7 @@ def _with_rotors(rigid: Description, moved: Collection[str]) -> Sequence[Link]:
     """
     if not moved:
         return rigid.links
-    bodies, poses = dict[str, Body](), link_poses(rigid)
-    for link in rigid.links:
-        first, pose = poses[link.name]
-        bodies.setdefault(first, Body(first)).add(link, pose)
+    bodies = merged_bodies(rigid)
     joints = {joint.child: joint for joint in rigid.joints if joint.name in moved}
     if weightless := [link for link in joints if bodies[link].mass <= 0.0]:
         logger.warning(
@@ -383,14 +374,14 @@ def casters_of(wheels: Wheels, commanded: Collection[str] = ()) -> Collection[st
 
 def _fixed(joint: Joint, position: float) -> Joint:
     """Return a joint fixed at a position."""
+    if not position:
+        return replace(joint, kind="fixed", mimic=None)
     moved = np.eye(4)
-    axis = np.array(joint.axis)
     if joint.kind == "prismatic":
-        moved[:3, 3] = axis * position
+        moved[:3, 3] = np.array(joint.axis) * position
     else:
-        half = position / 2.0
-        moved[:3, :3] = quaternions.to_matrix(np.array([*axis * math.sin(half), math.cos(half)]))
-    origin = origin_of(matrix(joint.origin) @ moved) if position else joint.origin
+        moved[:3, :3] = quaternions.to_matrix(about(joint.axis, position))
+    origin = matrices.to_origin(matrices.of_origin(joint.origin) @ moved)
     return replace(joint, kind="fixed", origin=origin, mimic=None)
 
 
@@ -429,7 +420,7 @@ def _massive(wheels: Wheels, link: Link) -> Link:
 
 def _no_lighter(inertial: Inertial, joint: Joint, least: float) -> Inertial:
     """Return the inertia of a wheel, with at least ``least`` kg m^2 about its axle."""
-    along = matrix(inertial.origin)[:3, :3].T @ np.array(joint.axis)
+    along = matrices.of_origin(inertial.origin)[:3, :3].T @ np.array(joint.axis)
     rows, columns = np.triu_indices(3)
     tensor = np.zeros((3, 3))
     tensor[rows, columns] = tensor[columns, rows] = inertial.inertia
@@ -440,11 +431,8 @@ def _no_lighter(inertial: Inertial, joint: Joint, least: float) -> Inertial:
 
 def _ring(wheels: Wheels, name: str, tyre: Tyre) -> Inertial | None:
     """Return the whole mass of a skidding wheel for the wheel's own link; None without mass."""
-    joint, body = wheels.axles[name].joint, Body(name)
-    for link in wheels.description.links:
-        first, pose = wheels.rigid[link.name]
-        if first == joint.child:
-            body.add(link, pose)
+    joint = wheels.axles[name].joint
+    body = merged_bodies(wheels.description)[joint.child]
     if body.mass <= 0.0:
         return None
     body.inertia = _thin_ring(np.array(joint.axis), _moment(wheels, name, tyre, body.mass))

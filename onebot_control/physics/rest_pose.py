@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from operator import itemgetter
 from typing import NamedTuple
 
+from onebot_control.frame_names import WORLD_FRAME
 from onebot_control.physics.engine import engine, logger
 from onebot_control.physics.physics_settings import Settings
 from onebot_control.physics.scene_bodies import SceneBodies
@@ -15,8 +16,10 @@ from onebot_control.physics.spawning import (
     load_robot,
     make_world,
 )
-from onebot_control.poses import (
-    WORLD_FRAME,
+from onebot_description.description import Description
+from onebot_description.description.sizes import LARGEST_ROBOT
+from onebot_description.errors import OneBotError, listing
+from onebot_description.geometry.poses import (
     Quaternion,
     Transform,
     Triple,
@@ -24,9 +27,6 @@ from onebot_control.poses import (
     multiply,
     yaw_of,
 )
-from onebot_description.description import Description
-from onebot_description.description.sizes import LARGEST_ROBOT
-from onebot_description.errors import OneBotError, listing
 
 # A robot that is faster than this after the settling time gets a warning, m/s and rad/s.
 _MAX_SPEED = 1e-3

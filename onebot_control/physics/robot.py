@@ -3,22 +3,28 @@
 import math
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from onebot_control.physics.engine import engine
+from onebot_control.physics.physics_settings import Settings
 from onebot_control.physics.rest_pose import RestPose
 from onebot_control.physics.spawning import (
     LoadedRobot,
     RobotSpawn,
+    SpawnPose,
     checked_spawn_pose,
     load_robot,
 )
-from onebot_control.poses import Quaternion, Transform, Triple, conjugate, cross, rotate
 from onebot_description.description.description import Joint
 from onebot_description.errors import OneBotError, did_you_mean
-
-if TYPE_CHECKING:
-    from onebot_control.physics.world import World
+from onebot_description.geometry.poses import (
+    Quaternion,
+    Transform,
+    Triple,
+    conjugate,
+    cross,
+    rotate,
+)
 
 _EFFORT = 3  # column of the effort in getJointStates
 _MOVING = 1e-4  # rad/s or m/s from which a motor has to overcome the full friction of its joint
@@ -66,6 +72,23 @@ class MassVelocity(NamedTuple):
         return Twist((x - a, y - b, z - c), turning)
 
 
+class _World(Protocol):
+    """What a robot needs of its world; see ``World``."""
+
+    client: int
+    settings: Settings
+
+    @property
+    def robots(self) -> Sequence["Robot"]: ...
+
+    @property
+    def scene(self) -> object | None: ...
+
+    def check_open(self) -> None: ...
+
+    def stand(self, robot: "Robot", where: SpawnPose, *, at_start: bool) -> None: ...
+
+
 class Robot:
     """One simulated robot, which moves when its world steps.
 
@@ -77,7 +100,7 @@ class Robot:
     with the reference r at the end of the step, which it reaches unless a limit prevents it.
     """
 
-    world: "World"
+    world: _World
     spawn: RobotSpawn
     joints: tuple[str, ...]  # names of the moving joints, in the description's order
     driven: tuple[str, ...]  # names of the joints that follow velocities, in the given order
@@ -91,7 +114,7 @@ class Robot:
     positions: tuple[float, ...]  # of the joints, in the order of ``joints``, as last read
     finite: bool  # whether the state last read was finite
 
-    def __init__(self, world: "World", spawn: RobotSpawn) -> None:
+    def __init__(self, world: _World, spawn: RobotSpawn) -> None:
         """Look up the joints; ``load`` adds the robot to its world.
 
         Raises:

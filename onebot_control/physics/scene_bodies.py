@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from onebot_control.physics.bodies import Body, link_poses, link_problems, origin_of
+from onebot_control.physics.bodies import link_problems
 from onebot_control.physics.engine import engine
 from onebot_control.physics.physics_settings import Settings
 from onebot_control.physics.spawning import (
@@ -19,11 +19,12 @@ from onebot_control.physics.spawning import (
     load_robot,
     make_world,
 )
-from onebot_control.poses import Transform
 from onebot_description.description.description import Description
 from onebot_description.description.loading import load_world
 from onebot_description.errors import OneBotError
-from onebot_description.model.quaternions import from_rpy
+from onebot_description.geometry import matrices
+from onebot_description.geometry.poses import Transform
+from onebot_description.model.rigid_bodies import Body, rigid_frames
 
 _DEPTH = 1e-3  # m; bodies that touch penetrate each other by less
 # m. PyBullet separates bodies gently that overlap by up to 15 mm, as measured; deeper ones are
@@ -73,12 +74,12 @@ class SceneBodies:
         Raises:
             OneBotError: something cannot be simulated, a line for each problem.
         """
-        self._firsts = {link: first for link, (first, _) in link_poses(description).items()}
+        self._firsts = {link: first for link, (first, _) in rigid_frames(description).items()}
         self.description = description
         if problems := [*link_problems(description), *self._joint_problems()]:
             raise OneBotError("\n".join(problems))
         joints = tuple(replace(joint, kind="fixed") for joint in description.joints)
-        poses = link_poses(replace(description, joints=joints))  # poses in the root link's frame
+        poses = rigid_frames(replace(description, joints=joints))  # poses in the root link's frame
         # Each shape becomes a body of its own: in each step, PyBullet checks all shapes of a body,
         # but only bodies that are nearby.
         self._fixed = []
@@ -90,11 +91,7 @@ class SceneBodies:
                     self._fixed[-1].add(part, poses[link.name][1])
         self.links = tuple(joint.child for joint in description.joints if joint.kind == "floating")
         self._free = [self._part(link) for link in self.links]
-        self._starts: list[Transform] = []
-        for name in self.links:
-            origin = origin_of(poses[name][1])
-            x, y, z, w = from_rpy(origin.rpy).tolist()
-            self._starts.append((origin.xyz, (x, y, z, w)))
+        self._starts = [matrices.to_origin(poses[name][1]).transform for name in self.links]
         self.poses: Sequence[Transform] = self._starts
         self.finite = True
 

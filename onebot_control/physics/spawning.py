@@ -6,22 +6,20 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from onebot_control.physics.bodies import HUB, Body, SkidAxle, physics_urdf, rigid_bodies
+from onebot_control.physics.bodies import HUB, SkidAxle, physics_urdf, rigid_bodies
 from onebot_control.physics.contacts import hold_hub, set_contact, soften
 from onebot_control.physics.engine import captured, engine, log
 from onebot_control.physics.physics_settings import Settings
-from onebot_control.poses import Transform, compose, inverse
-from onebot_description.description.description import Description, Link, Mesh
+from onebot_description.description.description import Description, Link, Mesh, Mimic
 from onebot_description.description.meshes import read_mesh
 from onebot_description.errors import OneBotError, listing
-
-if TYPE_CHECKING:
-    from onebot_control.physics.drivable import Gear
+from onebot_description.geometry.poses import Transform, compose, inverse
+from onebot_description.model.rigid_bodies import Body
 
 # m; farther out, rounding errors are not small compared with a wheel's contact depth (micrometres).
 FARTHEST = 10_000.0
@@ -40,7 +38,7 @@ class RobotSpawn(NamedTuple):
     yaw: float = 0.0  # heading, rad
     name: str = ""  # for error messages
     commanded: Sequence[str] = ()  # joints with a motor that follows positions
-    gears: Sequence["Gear"] = ()  # joints that follow commanded ones
+    gears: Mapping[str, Mimic] = MappingProxyType({})  # how joints follow commanded ones, by name
     starts: Mapping[str, float] = MappingProxyType({})  # start positions of joints; others are at 0
     fixed_base: bool = False  # whether the root link stands still
 
@@ -151,7 +149,7 @@ def load_robot(
         OneBotError: the robot cannot be simulated.
     """
     description, motors = spawn.description, {*spawn.driven, *spawn.commanded}
-    grasping = {*spawn.commanded, *(gear.name for gear in spawn.gears)}
+    grasping = {*spawn.commanded, *spawn.gears}
     bodies = rigid_bodies(description)
     if not (spawn.fixed_base or any(body.collisions for body in bodies.values())):
         raise OneBotError(
@@ -181,8 +179,8 @@ def load_robot(
         set_contact(client, robot, index, moved[row], description, settings, grasps=grasps)
     set_contact(client, robot, -1, root, description, settings)
     joints = {joint.name: indices[row] for row, joint in enumerate(moving)}
-    for gear in spawn.gears:
-        _mesh(client, robot, joints, gear)
+    for name, mimic in spawn.gears.items():
+        _mesh(client, robot, joints[name], joints[mimic.joint], mimic)
     skidding = [joints[joint.name] for joint in moving if isinstance(joint, SkidAxle)]
     soften(client, robot, skidding, sum(body.mass for body in bodies.values()), settings)
     for damping in ("linearDamping", "angularDamping"):
@@ -193,9 +191,8 @@ def load_robot(
     return LoadedRobot(client, ground, robot, joints, hubs, mass_frame, inverse(mass_frame))
 
 
-def _mesh(client: int, robot: int, joints: Mapping[str, int], gear: "Gear") -> None:
+def _mesh(client: int, robot: int, follower: int, leader: int, mimic: Mimic) -> None:
     """Make a joint follow another one, as if by gear wheels."""
-    leader, follower = joints[gear.leader], joints[gear.name]
     constraint = engine.createConstraint(
         robot,
         leader,
@@ -209,8 +206,8 @@ def _mesh(client: int, robot: int, joints: Mapping[str, int], gear: "Gear") -> N
     )
     engine.changeConstraint(
         constraint,
-        gearRatio=-1.0 / gear.multiplier,
-        relativePositionTarget=-gear.offset / gear.multiplier,
+        gearRatio=-1.0 / mimic.multiplier,
+        relativePositionTarget=-mimic.offset / mimic.multiplier,
         erp=_GEAR_CORRECTION,
         maxForce=_GEAR_FORCE,
         physicsClientId=client,

@@ -9,9 +9,9 @@ from onebot_control.physics.rest_pose import RestPose, pose_on, settle
 from onebot_control.physics.robot import Robot
 from onebot_control.physics.scene_bodies import SceneBodies
 from onebot_control.physics.spawning import RobotSpawn, SpawnPose, make_world
-from onebot_control.poses import Transform
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, listing
+from onebot_description.geometry.poses import Transform
 
 # With arms, the solver stops once an iteration changes no velocity by more than the square root of
 # this, rad/s or m/s: a step of seven joints takes half the time, one of a linkage a fifth, and

@@ -4,10 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from onebot_control.poses import Quaternion
 from onebot_description.arrays import Floats
 from onebot_description.description.description import Imu, Noise
-from onebot_description.model import quaternions
+from onebot_description.geometry import quaternions
+from onebot_description.geometry.poses import Quaternion
 
 
 class Motion(NamedTuple):

@@ -8,8 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from onebot_control.driven_robot import Snapshot
-from onebot_control.physics.bodies import matrix
-from onebot_control.poses import Quaternion, Transform
 from onebot_control.sensing import camera, imu, lidar
 from onebot_control.sensing.noise import add_noise, bias, noise_of
 from onebot_control.sensing.rays import NOTHING, Hits, Rays, cast
@@ -23,7 +21,8 @@ from onebot_control.sensing.surroundings import (
 from onebot_description.arrays import Floats
 from onebot_description.description import Description
 from onebot_description.description.description import Camera, Imu, Lidar, Sensor
-from onebot_description.model import quaternions
+from onebot_description.geometry import matrices, quaternions
+from onebot_description.geometry.poses import Quaternion, Transform
 
 # Rotation of a camera that looks along x, in its optical frame: z ahead, x right, y down (REP-103).
 _OPTICAL = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
@@ -89,7 +88,7 @@ class Instrument:
         self.sensor, self.row, self._noisy, self._seed = sensor, row, noisy, seed
         self.rate = measuring_rate(sensor, cycles)
         self._name = f"{namespace}/{sensor.link}/{sensor.name}"
-        self._mount = matrix(sensor.origin)
+        self._mount = matrices.of_origin(sensor.origin)
 
     def reseed(self, seed: int) -> None:
         """Use another seed for all noise from now on."""

@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from onebot_control.physics.bodies import matrix
 from onebot_control.physics.engine import logger
 from onebot_description.arrays import Floats
 from onebot_description.description.description import (
@@ -25,6 +24,7 @@ from onebot_description.description.description import (
 )
 from onebot_description.description.meshes import has_colors, mesh_scene, surfaces
 from onebot_description.errors import OneBotError
+from onebot_description.geometry import matrices
 
 Singles = NDArray[np.float32]
 Integers = NDArray[np.int32]
@@ -130,9 +130,9 @@ def solid_of(geometries: Iterable[tuple[Geometry, Floats]]) -> Solid:
     for geometry, link in geometries:
         color = geometry.color or _PLAIN
         for part, height in _parts(geometry) if color[3] > 0.0 else ():  # 0: hidden on purpose
-            pose = link @ matrix(geometry.origin)
+            pose = link @ matrices.of_origin(geometry.origin)
             pose[:3, 3] += height * pose[:3, 2]
-            corners.append(part.corners @ pose[:3, :3].T + pose[:3, 3])
+            corners.append(matrices.transformed(part.corners, pose))
             faces.append(part.faces + corner_count)
             look = np.array(color[:3]) if part.colors is None else part.colors
             colors.append(np.broadcast_to(look, (len(part.faces), 3)))

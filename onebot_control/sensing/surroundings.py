@@ -6,14 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from onebot_control.physics.bodies import link_poses
-from onebot_control.poses import Quaternion, Transform, Triple
 from onebot_control.sensing.rays import NOTHING, Surface, Targets
 from onebot_control.sensing.solids import solid_of
 from onebot_description.arrays import Floats
 from onebot_description.description import Description
 from onebot_description.description.description import Geometry
-from onebot_description.model.quaternions import to_matrix
+from onebot_description.geometry.poses import Quaternion, Transform, Triple
+from onebot_description.geometry.quaternions import to_matrix
+from onebot_description.model.rigid_bodies import rigid_frames
 from onebot_description.model.robot_model import RobotModel
 
 
@@ -51,7 +51,7 @@ class Surroundings:
     def __init__(self, world: Description | None, robots: Sequence[SensedRobot]) -> None:
         """Build all surfaces; robots of the same description share theirs."""
         self._made: dict[tuple[Geometry, ...], Surface] = {}
-        firsts = link_poses(world) if world else {}
+        firsts = rigid_frames(world) if world else {}
         boxes = [joint.child for joint in world.joints if joint.kind == "floating"] if world else []
         parts: dict[str, list[tuple[Geometry, Floats]]] = {name: [] for name in ("", *boxes)}
         for link in world.links if world else ():

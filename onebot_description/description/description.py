@@ -12,23 +12,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 from onebot_description.errors import DescriptionError, listing
+from onebot_description.geometry.poses import ZERO, Origin, Triple
 
-Triple = tuple[float, float, float]
 Rgba = tuple[float, float, float, float]
 Moments = tuple[float, float, float, float, float, float]  # ixx ixy ixz iyy iyz izz, kg m^2
 
 JOINT_KINDS = ("fixed", "revolute", "continuous", "prismatic", "floating", "planar")
 MOVING_KINDS = ("revolute", "continuous", "prismatic")  # kinds with one degree of freedom
 MESH_SUFFIXES = (".dae", ".glb", ".gltf", ".obj", ".stl")
-
-ZERO: Triple = (0.0, 0.0, 0.0)
-
-
-class Origin(NamedTuple):
-    """A pose in the frame of a parent, as URDF writes it."""
-
-    xyz: Triple = ZERO  # m
-    rpy: Triple = ZERO  # roll, pitch, yaw about the parent's fixed axes, rad
 
 
 @dataclass(frozen=True)
@@ -128,6 +119,14 @@ class Mimic:
     joint: str  # the leader, which may follow another joint itself
     multiplier: float = 1.0  # without unit, or m/rad or rad/m between joints of different kinds
     offset: float = 0.0  # rad, or m for a prismatic joint
+
+    def at(self, position: float) -> float:
+        """Return the joint's position, rad or m, when its leader is at ``position``."""
+        return self.multiplier * position + self.offset
+
+    def after(self, leader: "Mimic") -> "Mimic":
+        """Return how the joint follows the leader of its leader, which follows as ``leader``."""
+        return Mimic(leader.joint, self.multiplier * leader.multiplier, self.at(leader.offset))
 
 
 @dataclass(frozen=True)

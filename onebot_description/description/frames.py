@@ -1,24 +1,23 @@
-"""Frames of a robot by their SDFormat names, and their poses with all moving joints at 0.
-
-numpy is imported late, because importing it takes longer than everything here, and few robots need
-it.
-"""
+"""Frames of a robot by their SDFormat names, and their poses with all moving joints at 0."""
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
 
-from onebot_description.description.description import Joint, Origin, Triple
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+from onebot_description.description.description import Joint
+from onebot_description.geometry.poses import (
+    Origin,
+    Transform,
+    Triple,
+    compose,
+    from_rpy,
+    inverse,
+    multiply,
+    to_rpy,
+)
 
 _MODEL = "__model__"  # SDFormat's name of the frame of a robot's first link
 
-Placed = tuple[str, "NDArray[np.float64]", "NDArray[np.float64]"]
 
-
-def placed(link: str, origin: Origin, joints: Iterable[Joint]) -> Placed:
+def placed(link: str, origin: Origin, joints: Iterable[Joint]) -> tuple[str, Transform]:
     """Express a pose on a link in the frame of the topmost link above it.
 
     Args:
@@ -27,19 +26,13 @@ def placed(link: str, origin: Origin, joints: Iterable[Joint]) -> Placed:
         joints: to follow upwards.
 
     Returns:
-        The topmost link, translation (3,), m, and unit quaternion (4,), x y z w.
+        The topmost link, and the pose in its frame.
     """
-    import numpy as np
-
-    from onebot_description.model import quaternions
-
     above = {joint.child: joint for joint in joints}
-    at, turn = np.array(origin.xyz), quaternions.from_rpy(origin.rpy)
+    pose = origin.transform
     while joint := above.pop(link, None):
-        outer = quaternions.from_rpy(joint.origin.rpy)
-        at = quaternions.rotate(outer, at) + joint.origin.xyz
-        turn, link = quaternions.multiply(outer, turn), joint.parent
-    return link, at, turn
+        pose, link = compose(joint.origin.transform, pose), joint.parent
+    return link, pose
 
 
 class Frames:
@@ -70,20 +63,11 @@ class Frames:
 
     def relative(self, origin: Origin, frame: str, link: str) -> Origin:
         """Convert ``origin`` from the frame of the link ``frame`` to that of ``link``."""
-        from onebot_description.model import quaternions
-
-        _, at, turn = placed(frame, origin, self._joints)
-        _, base, base_turn = placed(link, Origin(), self._joints)
-        back = base_turn * (-1.0, -1.0, -1.0, 1.0)
-        x, y, z = quaternions.rotate(back, at - base).tolist()
-        matrix = quaternions.to_matrix(quaternions.multiply(back, turn))
-        return Origin((x, y, z), quaternions.to_rpy(matrix))
+        _, pose = placed(frame, origin, self._joints)
+        _, base = placed(link, Origin(), self._joints)
+        return Origin.from_transform(compose(inverse(base), pose))
 
     def turned(self, rpy: Triple, origin: Origin, link: str) -> Triple:
         """Return, in the topmost link, roll, pitch, yaw of ``rpy`` relative to ``origin``."""
-        from onebot_description.model import quaternions
-
-        turn = placed(link, origin, self._joints)[2]
-        return quaternions.to_rpy(
-            quaternions.to_matrix(quaternions.multiply(turn, quaternions.from_rpy(rpy)))
-        )
+        _, (_, rotation) = placed(link, origin, self._joints)
+        return to_rpy(multiply(rotation, from_rpy(rpy)))

@@ -15,7 +15,6 @@ from xml.etree import ElementTree
 from onebot_description.description.description import (
     JOINT_KINDS,
     MOVING_KINDS,
-    ZERO,
     Box,
     Capsule,
     Cylinder,
@@ -26,16 +25,15 @@ from onebot_description.description.description import (
     Material,
     Mesh,
     Mimic,
-    Origin,
     Rgba,
     Shape,
     Sphere,
-    Triple,
 )
 from onebot_description.description.meshes import locate_mesh
 from onebot_description.description.packages import Resources
 from onebot_description.description.xml import Document
 from onebot_description.errors import DescriptionError, clipped, did_you_mean, listing, printable
+from onebot_description.geometry.poses import ZERO, Origin, Triple
 
 Element = ElementTree.Element
 

@@ -11,17 +11,14 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import fields, replace
 
 from onebot_description.description.description import (
-    ZERO,
     Camera,
     Fan,
     Imu,
     Joint,
     Lidar,
     Noise,
-    Origin,
     Reference,
     Sensor,
-    Triple,
     clashes,
 )
 from onebot_description.description.frames import Frames, placed
@@ -41,6 +38,7 @@ from onebot_description.description.sensor_outputs import (
     word_of,
 )
 from onebot_description.errors import did_you_mean
+from onebot_description.geometry.poses import ZERO, Origin, Triple
 from onebot_description.ros.parameters.values import Rule, ValueType
 
 _KINDS = {
@@ -403,8 +401,8 @@ class _Block:
         if is_there or next(iter(sensor.topics)) not in ("scan", "range", "imu"):
             return
         fixed = [joint for joint in joints if joint.kind == "fixed"]
-        body, at, turn = placed(sensor.link, sensor.origin, fixed)
-        frame_body, place, direction = placed(sensor.frame, Origin(), fixed)
+        body, (at, turn) = placed(sensor.link, sensor.origin, fixed)
+        frame_body, (place, direction) = placed(sensor.frame, Origin(), fixed)
         apart = math.dist(at, place)
         cosine = abs(sum(map(operator.mul, turn, direction)))  # cosine of half the angle
         angle = 2 * math.acos(min(1.0, cosine))

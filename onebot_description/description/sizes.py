@@ -3,17 +3,10 @@
 import math
 from collections.abc import Iterator, Mapping
 
-from onebot_description.description.description import (
-    ZERO,
-    Box,
-    Description,
-    Mesh,
-    Shape,
-    Sphere,
-    Triple,
-)
+from onebot_description.description.description import Box, Description, Mesh, Shape, Sphere
 from onebot_description.description.meshes import mesh_corners
 from onebot_description.errors import OneBotError
+from onebot_description.geometry.poses import ZERO, Triple
 
 # m; no larger robot is known. A description without moving joints may be a world.
 LARGEST_ROBOT = 20.0

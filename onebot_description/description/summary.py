@@ -19,11 +19,11 @@ from onebot_description.description.description import (
     Sensor,
     Shape,
     Sphere,
-    Triple,
 )
 from onebot_description.description.tree_text import aligned, branches, cell
 from onebot_description.description.xml import shown_path
 from onebot_description.errors import printable
+from onebot_description.geometry.poses import Triple
 
 _HEADINGS = ("link", "joint", "kind", "axis", "range", "at most", "mass", "shape")
 _SENSOR_HEADINGS = ("sensor", "measures", "rate", "topic", "type", "frame")

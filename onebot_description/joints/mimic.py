@@ -7,15 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from onebot_description.description import Joint
+from onebot_description.arrays import Floats
+from onebot_description.description import Joint, Mimic
 from onebot_description.description.checks import cycles
 from onebot_description.errors import did_you_mean
+from onebot_description.joints.chains import followers
 from onebot_description.joints.config import Dependent
-from onebot_description.joints.motion_limits import FloatArray, JointLimits
+from onebot_description.joints.motion_limits import JointLimits
 from onebot_description.ros.parameters.reader import Problem
 
-Followers = dict[str, Dependent]  # keys: the joints that follow
-_Chain = tuple[str, float, float]  # leader, and factor and offset of the whole chain
+_Mimics = dict[str, Mimic]  # keys: the joints that follow
 
 
 @dataclass(frozen=True)
@@ -26,8 +27,8 @@ class Following:
     """
 
     leader: NDArray[np.intp]  # (N,), index
-    factor: FloatArray  # (N,)
-    offset: FloatArray  # (N,), rad or m
+    factor: Floats  # (N,)
+    offset: Floats  # (N,), rad or m
 
     @property
     def follows(self) -> NDArray[np.bool_]:
@@ -83,58 +84,43 @@ def resolve(
 
 def _mimics(
     joints: Sequence[Joint], dependent: Mapping[str, Dependent], use_mimic_tags: bool
-) -> Followers:
+) -> _Mimics:
     """Return the leader of each joint that is to follow."""
     tags = {joint.name: joint.mimic for joint in joints if joint.mimic and use_mimic_tags}
-    followers = {n: Dependent(tag.joint, tag.multiplier, tag.offset) for n, tag in tags.items()}
-    return followers | {j.name: dependent[j.name] for j in joints if j.name in dependent}
+    chosen = {j.name: dependent[j.name] for j in joints if j.name in dependent}
+    return tags | {n: Mimic(each.parent, each.factor, each.offset) for n, each in chosen.items()}
 
 
 def _without_leader(
-    joints: Sequence[Joint], all_joints: Sequence[Joint], mimics: Followers
+    joints: Sequence[Joint], all_joints: Sequence[Joint], mimics: _Mimics
 ) -> dict[str, str]:
     """Return what is wrong with the followers of joints that do not move."""
     names = {joint.name for joint in joints}
     kinds = {joint.name: joint.kind for joint in all_joints}
     problems = {}
     for name, mimic in mimics.items():
-        if mimic.parent in names:
+        if mimic.joint in names:
             continue
-        wrong = f"is {kinds[mimic.parent]}" if mimic.parent in kinds else "does not exist"
-        hint = did_you_mean(mimic.parent, names, "joints that move")
-        problems[name] = f'joint "{name}" follows "{mimic.parent}", which {wrong}{hint}'
+        wrong = f"is {kinds[mimic.joint]}" if mimic.joint in kinds else "does not exist"
+        hint = did_you_mean(mimic.joint, names, "joints that move")
+        problems[name] = f'joint "{name}" follows "{mimic.joint}", which {wrong}{hint}'
     return problems
 
 
-def _circles(mimics: Followers) -> list[list[str]]:
+def _circles(mimics: _Mimics) -> list[list[str]]:
     """Return each circle as its joints, in the order in which they follow."""
-    parents = {name: mimic.parent for name, mimic in mimics.items()}
+    parents = {name: mimic.joint for name, mimic in mimics.items()}
     return [circle[::-1] for circle in cycles(parents)]
 
 
-def _reduced(joints: Sequence[Joint], mimics: Followers) -> Following:
+def _reduced(joints: Sequence[Joint], mimics: _Mimics) -> Following:
     index = {joint.name: number for number, joint in enumerate(joints)}
-    count = len(joints)
-    leader, factor, offset = np.arange(count), np.ones(count), np.zeros(count)
-    chains: dict[str, _Chain] = {}
-    for name, number in index.items():
-        root, factor[number], offset[number] = _chain(name, mimics, chains)
-        leader[number] = index[root]
-    return Following(leader, factor, offset)
-
-
-def _chain(name: str, mimics: Followers, known: dict[str, _Chain]) -> _Chain:
-    """Return the chain that starts at ``name``, and remember the chains inside it."""
-    followers = []
-    while name in mimics and name not in known:
-        followers.append(name)
-        name = mimics[name].parent
-    chain = known.get(name, (name, 1.0, 0.0))
-    for follower in reversed(followers):
-        (leader, factor, offset), mimic = chain, mimics[follower]
-        chain = leader, factor * mimic.factor, offset * mimic.factor + mimic.offset
-        known[follower] = chain
-    return chain
+    reduced = followers(index, mimics, index.keys() - mimics.keys()).values()
+    return Following(
+        np.array([index[mimic.joint] for mimic in reduced], np.intp),
+        np.array([mimic.multiplier for mimic in reduced], np.float64),
+        np.array([mimic.offset for mimic in reduced], np.float64),
+    )
 
 
 def _narrow(

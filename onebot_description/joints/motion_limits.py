@@ -5,21 +5,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from onebot_description.arrays import Floats
 from onebot_description.description.description import MOVING_KINDS, Joint
 from onebot_description.ros.parameters.reader import Problem
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class JointLimits:
     """Limits of N joints, in rad and rad/s (m and m/s); infinite where there is none."""
 
-    lower: FloatArray  # (N,)
-    upper: FloatArray  # (N,)
-    velocity: FloatArray  # (N,), >= 0
+    lower: Floats  # (N,)
+    upper: Floats  # (N,)
+    velocity: Floats  # (N,), >= 0
 
 
 def movable(joints: Sequence[Joint]) -> tuple[Joint, ...]:

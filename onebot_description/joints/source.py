@@ -11,13 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from onebot_description.arrays import Floats
 from onebot_description.description import Joint
 from onebot_description.errors import did_you_mean
 from onebot_description.joints import mimic
 from onebot_description.joints.config import JointsConfig
 from onebot_description.joints.mimic import Following
 from onebot_description.joints.motion_limits import (
-    FloatArray,
     JointLimits,
     joint_limits,
     movable,
@@ -48,7 +48,7 @@ class Plan:
     following: Following
     limits: JointLimits  # after mimic joints are taken into account
     endless: NDArray[np.bool_]  # (N,) True for continuous joints without followers
-    zeros: FloatArray  # (N,) positions of joints that nothing moves
+    zeros: Floats  # (N,) positions of joints that nothing moves
     motions: tuple[Motion, ...]  # N; followers' are not used
     unsuitable: tuple[Problem, ...]  # parameters that do not suit the joints and are ignored
     reports: tuple[Problem, ...]  # all warnings, including these and motions beyond limits
@@ -387,7 +387,7 @@ class JointStateSource:
         turns = np.round((self._asked() - self._position) / TURN)
         self._position = self._position + np.where(turning, TURN * turns, 0.0)
 
-    def sample(self, time: float) -> tuple[FloatArray, FloatArray]:
+    def sample(self, time: float) -> tuple[Floats, Floats]:
         """Advance the joints to ``time``.
 
         Args:
@@ -402,7 +402,7 @@ class JointStateSource:
         self._time = time
         return self._reported()
 
-    def efforts(self) -> FloatArray:
+    def efforts(self) -> Floats:
         """Return the received efforts (N,) in N m or N; 0 for joints without one."""
         efforts = np.nan_to_num(self.received.effort)
         return np.asarray(efforts[self._plan.following.leader])
@@ -421,25 +421,25 @@ class JointStateSource:
         self._velocity = np.clip(velocity, -limits.velocity, limits.velocity)
         self._position = position
 
-    def _asked(self) -> FloatArray:
+    def _asked(self) -> Floats:
         """The motions' positions of now; the present one where a motion's cannot be computed."""
         times = np.maximum(self._elapsed - self._origins, 0.0).tolist()
         motions = zip(self._plan.motions, times, self._starts.tolist(), strict=True)
         positions = np.array([motion.at(time, start) for motion, time, start in motions], float)
         return np.where(np.isfinite(positions), positions, self._position)
 
-    def _toward(self, target: FloatArray, step: float) -> FloatArray:
+    def _toward(self, target: Floats, step: float) -> Floats:
         """Move from the present positions to ``target`` as far as the velocity limits allow."""
         way = target - self._position
         reach = self._plan.limits.velocity * step
         near = np.abs(way) <= reach * (1.0 + _ROUNDING)
         return np.where(near, target, self._position + np.clip(way, -reach, reach))
 
-    def _follow(self, leading: FloatArray) -> FloatArray:
+    def _follow(self, leading: Floats) -> Floats:
         following = self._plan.following
         return np.asarray(leading[following.leader] * following.factor + following.offset)
 
-    def _reported(self) -> tuple[FloatArray, FloatArray]:
+    def _reported(self) -> tuple[Floats, Floats]:
         """Return positions and velocities; received ones override the motions."""
         endless = self._plan.endless
         position = np.where(endless, wrapped(self._position), self._position)
@@ -467,7 +467,7 @@ class JointStateSource:
         self.received.copy_from(previous.received, pairs)
 
 
-def wrapped(angle: FloatArray) -> FloatArray:
+def wrapped(angle: Floats) -> Floats:
     """Return angles wrapped to -pi..pi, in rad; those in range are unchanged."""
     beyond = np.abs(angle) > math.pi
     return np.asarray(np.where(beyond, np.remainder(angle + math.pi, TURN) - math.pi, angle))

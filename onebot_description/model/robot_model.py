@@ -13,17 +13,18 @@ description, which are computed once; _kinematics.c evaluates them for many stat
 import ctypes
 import functools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from onebot_description.arrays import Floats
+from onebot_description.compiled.library import load_library
 from onebot_description.description.description import MOVING_KINDS, Description, Joint, Mimic
 from onebot_description.errors import OneBotError, did_you_mean
+from onebot_description.geometry import matrices, quaternions
+from onebot_description.joints.chains import followers
 from onebot_description.joints.motion_limits import zero_position
-from onebot_description.model import quaternions
-from onebot_description.ros.wire.library import load_library
 
 _POSE = 7  # numbers in a transform: translation x y z, rotation x y z w
 _SLACK = 1e-9  # rad or m; a position this far beyond a limit is rounding
@@ -216,9 +217,9 @@ class RobotModel:
         fixed = [joint for joint in description.joints if joint.kind not in MOVING_KINDS]
         self.joints = tuple(joint.name for joint in moving)
         self.moving, self.fixed = JointArrays.of(moving), JointArrays.of(fixed)
-        self.lower = _limits(moving, "lower", -np.inf)
-        self.upper = _limits(moving, "upper", np.inf)
-        self.velocity = _limits(moving, "velocity", np.inf)
+        self.lower, self.upper = np.array([joint.range for joint in moving]).reshape(-1, 2).T
+        speeds = [math.inf if joint.velocity is None else joint.velocity for joint in moving]
+        self.velocity: Floats = np.array(speeds, float)
         self._rows = {name: row for row, name in enumerate(self.joints)}
         self._mimics = {joint.name: joint.mimic for joint in moving if joint.mimic is not None}
 
@@ -243,22 +244,13 @@ class RobotModel:
             hint = did_you_mean(joint, self.joints, "joints")
             raise OneBotError(f'robot "{self.name}" has no moving joint "{joint}"{hint}') from None
 
-    def follower(self, joint: str, given: Mapping[str, object]) -> Mimic | None:
-        """Return how ``joint`` follows one of the ``given`` joints; None if it follows none.
+    def followers(self, given: Iterable[str]) -> dict[str, Mimic]:
+        """Return how the moving joints follow the ``given`` ones; those that do not are left out.
 
-        Chains of mimic joints are followed up to the first given joint, which may be ``joint``
+        Chains of mimic joints are followed up to the first given joint, which may be the joint
         itself: a value given for a mimic joint overrides its leader's.
         """
-        multiplier, offset = 1.0, 0.0
-        while joint not in given:
-            mimic = self._mimics.get(joint)
-            if mimic is None:
-                return None
-            # outer(inner(q)) = m (m' q + o') + o
-            offset += multiplier * mimic.offset
-            multiplier *= mimic.multiplier
-            joint = mimic.joint
-        return Mimic(joint, multiplier, offset)
+        return followers(self.joints, self._mimics, given)
 
     def positions(self, given: Mapping[str, float]) -> Floats:
         """Positions of all moving joints, (M,), from some of them by name.
@@ -270,11 +262,8 @@ class RobotModel:
         free = (name for name in self.joints if name not in self._mimics)
         everything = {**dict.fromkeys(free, 0.0), **given}
         result = np.zeros(len(self.joints))
-        for row, name in enumerate(self.joints):
-            follower = self.follower(name, everything)
-            if follower is not None:
-                leading = everything[follower.joint]
-                result[row] = leading * follower.multiplier + follower.offset
+        for name, mimic in self.followers(everything).items():
+            result[self._rows[name]] = mimic.at(everything[mimic.joint])
         return result
 
     def pose(self, given: Mapping[str, float]) -> Floats:
@@ -330,6 +319,15 @@ class RobotModel:
         """
         return self._tree.poses(self._checked(positions))
 
+    def link_matrices(self, positions: ArrayLike | Mapping[str, float]) -> dict[str, Floats]:
+        """Return the pose (4, 4) of each link in the root link's frame, by name.
+
+        Args:
+            positions: (M,) in the order of ``joints``, radians or metres; or by name.
+        """
+        poses = matrices.of_poses(self.link_poses(positions))
+        return dict(zip(self.links, poses, strict=True))
+
     @functools.cached_property
     def _tree(self) -> LinkTree:
         return LinkTree(self.links, self.root_link, self.moving, self.fixed)
@@ -344,12 +342,3 @@ class RobotModel:
                 f"of shape (..., {len(self.joints)}), not {q.shape}"
             )
         return q
-
-
-def _limits(joints: Sequence[Joint], limit: str, none: float) -> Floats:
-    """Return one limit of each joint, or ``none``; continuous joints have only a speed limit."""
-    values = [
-        None if joint.kind == "continuous" and limit != "velocity" else getattr(joint, limit)
-        for joint in joints
-    ]
-    return np.array([none if value is None else value for value in values], np.float64)

@@ -18,8 +18,8 @@ from onebot_control.driven_robot import Snapshot
 from onebot_control.fleet import Fleet, Member
 from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
 from onebot_control.physics.engine import engine
-from onebot_control.poses import PlanarPose, yaw_of
 from onebot_description.description import load_description
+from onebot_description.geometry.poses import PlanarPose, yaw_of
 from tests.benchmarks.measuring import MODEL, WrongAnswer, in_turn, median, over
 from tests.benchmarks.report import Report, Result
 

@@ -35,15 +35,16 @@ TESTS: dict[str, tuple[str, ...]] = {
     "onebot_control/drive/diff_drive.py": _control("diff_drive"),
     "onebot_control/driven_robot.py": _control("driven_robot", "fleet", "joint_state_broadcaster"),
     "onebot_control/fleet.py": _control("fleet"),
+    "onebot_control/frame_names.py": _control("frame_names"),
     "onebot_control/nodes/control_loop.py": _control("control_loop"),
     "onebot_control/drive/wheels/finding.py": _control("wheels_finding", "wheels_geometry"),
     "onebot_control/drive/wheels/geometry.py": _control("wheels_geometry"),
-    "onebot_control/poses.py": _control("poses", "simulation_values"),
     "onebot_control/parameters.py": _control("control_config", "control_files"),
     "onebot_control/physics/bodies.py": _control("simulation_bodies", *_SIMULATION),
     "onebot_control/physics/rest_pose.py": _control("simulation_settling", "scene", *_SIMULATION),
     "onebot_control/physics/scene_bodies.py": _control("scene"),
     "onebot_control/physics/physics_settings.py": _control("simulation_values", "world"),
+    "onebot_description/joints/chains.py": _description("joints_mimic", "robot_model"),
     "onebot_description/joints/config.py": _description("joints_config", "joints_source"),
     "onebot_description/joints/motions.py": _description(
         "joints_tracks", "joints_violations", *_SOURCE
@@ -56,7 +57,10 @@ TESTS: dict[str, tuple[str, ...]] = {
     "onebot_description/description/expressions.py": _description("expressions"),
     "onebot_description/description/expansion.py": _description("expressions", *_CHECKS),
     "onebot_description/description/xacro.py": _description("xacro_arguments", *_CHECKS),
-    "onebot_description/model/quaternions.py": _description("robot_model"),
+    "onebot_description/geometry/matrices.py": _description("quaternions"),
+    "onebot_description/geometry/poses.py": _description("poses"),
+    "onebot_description/geometry/quaternions.py": _description("quaternions"),
+    "onebot_description/model/rigid_bodies.py": _control("simulation_bodies", *_SIMULATION),
     "onebot_description/model/robot_model.py": _description("robot_model"),
     "onebot_description/ros/parameters/reader.py": (
         *_description(*_READER),
@@ -120,8 +124,6 @@ EQUIVALENT: dict[str, set[str]] = {
     "onebot_control/drive/wheels/finding.py": {
         # Without wheels there is no ground to be on.
         "_on_ground: ground = min((wheel.bottom for wheel in wheels), default= -1.0)",
-        # There are as many poses as links.
-        "link_places: for link, pose in zip(model.links, model.link_poses({}), strict=False):",
         # The axis is that of a wheel, and so has neither x nor z but for a degree.
         "_is_steered: x, y, _ = np.cross(axle.axis, (0.0, -1.0, 1.0))",
         "_is_steered: trail = x * (wheel.x - swivel.pose[0, 3]) + y * (wheel.y - swivel.pose[ 0, 3])",  # noqa: E501
@@ -177,11 +179,9 @@ EQUIVALENT: dict[str, set[str]] = {
         # The position is the same either way but for rounding.
         "JointStateSource._toward: near = np.abs(way) < reach * (1.0 + _ROUNDING)",
     },
-    "onebot_description/model/quaternions.py": {
+    "onebot_description/geometry/quaternions.py": {
         # Zeros, divided by whatever.
         "normalized: unit = rotation / np.where(length > 0.0, length, 2.0)",
-        # Both ways give the same rotation there.
-        "to_rpy: if abs(zx) >= 1.0 - 1e-12:",
     },
     "onebot_description/model/robot_model.py": {
         # The library is loaded again, and is the same.

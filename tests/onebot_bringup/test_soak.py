@@ -16,7 +16,7 @@ from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 
-from onebot_control.poses import PlanarPose
+from onebot_description.geometry.poses import PlanarPose
 from tests.ros_support import NodeProcess, Peer
 from tests.support import wait_for
 

@@ -9,7 +9,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import LaserScan, Range
 
 from onebot_bringup.steering.obstacles import Footprint, Readings, described
-from onebot_description.model.quaternions import from_rpy, to_matrix
+from onebot_description.geometry.quaternions import from_rpy, to_matrix
 from tests.onebot_bringup.steering_support import steered
 from tests.onebot_control.control_support import CASTER, SEPARATION, urdf, wheel
 from tests.onebot_control.test_sensors_process import HALF, room

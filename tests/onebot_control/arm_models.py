@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from onebot_description.description import Description, load_description, parse_description
-from onebot_description.description.description import Joint, Origin
+from onebot_description.description.description import Joint
+from onebot_description.geometry.poses import Origin
 
 GRAVITY = 9.81  # m/s^2
 MRM = "package://mrm_description/urdf/mrm.xacro"

@@ -12,6 +12,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from onebot_control.nodes.lockstep import Lockstep
+from onebot_control.simulation import Simulation
 from onebot_description.ros.wire.cdr import nanoseconds
 from onebot_description.ros.wire.interfaces import load_interface
 from onebot_description.ros.wire.messages import time_message
@@ -110,7 +111,7 @@ class ArmClient(Node):
 class SteppedArm:
     """A controller of joints in step with its client: simulated time passes while it waits."""
 
-    def __init__(self, ros: Lockstep, client: ArmClient | None = None) -> None:
+    def __init__(self, ros: Lockstep[Simulation], client: ArmClient | None = None) -> None:
         self.ros, self.simulation = ros, ros.simulation
         self.client = client or ArmClient()
         ros.add(self.client)

@@ -9,8 +9,8 @@ from onebot_control.driven_robot import DrivenRobot, DrivenSpawn, Snapshot
 from onebot_control.fleet import Fleet, Member
 from onebot_control.parameters import ControlConfig
 from onebot_control.physics import JointStates, MassVelocity, Pose, Robot, Twist
-from onebot_control.poses import rotate
 from onebot_description.description import Description, parse_description
+from onebot_description.geometry.poses import rotate
 
 SEPARATION, RADIUS = 0.3, 0.06  # m
 WHEELS = {

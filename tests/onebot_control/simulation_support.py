@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from onebot_control.physics import Robot, RobotSpawn, Settings, World
-from onebot_control.poses import yaw_of
 from onebot_description.description import Description, parse_description
+from onebot_description.geometry.poses import yaw_of
 
 ROBOTS = Path(__file__).resolve().parent.parent / "robots"
 URDF = (ROBOTS / "diff_drive.urdf").read_text()

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from onebot_control.poses import PlanarPose
 from onebot_description.description import load_description
+from onebot_description.geometry.poses import PlanarPose
 from tests.accuracy import (
     ODOMETRY_GOAL,
     ONEBOT,

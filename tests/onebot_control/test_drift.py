@@ -8,9 +8,9 @@ from onebot_control.driven_robot import DrivenRobot
 from onebot_control.fleet import Fleet, Member
 from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
 from onebot_control.physics.scene_bodies import load_scene
-from onebot_control.poses import PlanarPose
 from onebot_description.description import load_description
 from onebot_description.description.packages import package_share
+from onebot_description.geometry.poses import PlanarPose
 from tests.onebot_control.control_support import alone, config, cycle, ideal_drive, robot
 
 ROBOTS = Path(__file__).parents[1] / "robots"

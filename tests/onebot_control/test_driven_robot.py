@@ -8,7 +8,6 @@ import pytest
 
 from onebot_control.driven_robot import DrivenRobot, Snapshot
 from onebot_control.physics import JointStates, Robot
-from onebot_control.poses import PlanarPose
 from onebot_control.sensing.surroundings import (
     Placed,
     RobotState,
@@ -17,6 +16,7 @@ from onebot_control.sensing.surroundings import (
 )
 from onebot_description.description import parse_description
 from onebot_description.errors import OneBotError
+from onebot_description.geometry.poses import PlanarPose
 from tests.onebot_control.control_support import (
     CASTER,
     RADIUS,

@@ -7,10 +7,10 @@ import pytest
 from onebot_control.driven_robot import Snapshot
 from onebot_control.fleet import Fleet, Member
 from onebot_control.physics import World
-from onebot_control.poses import PlanarPose
 from onebot_description.description import Description, parse_description
 from onebot_description.description.loading import load_world
 from onebot_description.errors import OneBotError
+from onebot_description.geometry.poses import PlanarPose
 from tests.onebot_control.control_support import CASTER, config, robot, wheel
 
 STARTS = [PlanarPose(), PlanarPose(2.0, 1.0, 1.5)]

@@ -77,13 +77,13 @@ WEAK = """<robot name="weak">
 
 
 @pytest.fixture
-def arm(ros_simulation: Callable[..., Lockstep]) -> SteppedArm:
+def arm(ros_simulation: Callable[..., Lockstep[Simulation]]) -> SteppedArm:
     """MRM and its client."""
     return SteppedArm(ros_simulation(MRM))
 
 
 @pytest.fixture
-def watched_arm(ros_simulation: Callable[..., Lockstep]) -> SteppedArm:
+def watched_arm(ros_simulation: Callable[..., Lockstep[Simulation]]) -> SteppedArm:
     """The same, whose client keeps the controller's states."""
     ros = ros_simulation(MRM)
     return SteppedArm(ros, ArmClient(states=True))
@@ -240,7 +240,9 @@ def test_a_goal_that_is_late_is_aborted(arm: SteppedArm) -> None:
     assert arm.ending(arm.send(goal(point(0.1, 0.3), **tolerances))) == SUCCESS
 
 
-def test_a_motor_that_is_too_weak_is_noticed(ros_simulation: Callable[..., Lockstep]) -> None:
+def test_a_motor_that_is_too_weak_is_noticed(
+    ros_simulation: Callable[..., Lockstep[Simulation]],
+) -> None:
     """It cannot lift its bar: the effort is at its limit, and the goal is aborted."""
     arm = SteppedArm(ros_simulation(parse_description(WEAK)))
     tolerance = [JointTolerance(name="hinge", position=0.2)]
@@ -558,7 +560,7 @@ class Watched(ArmClient):
 
 
 @pytest.fixture
-def watched(ros_simulation: Callable[..., Lockstep]) -> Iterator[SteppedArm]:
+def watched(ros_simulation: Callable[..., Lockstep[Simulation]]) -> Iterator[SteppedArm]:
     """MRM, whose joint states are finite, within its limits and there in each cycle."""
     ros = ros_simulation(MRM)
     client = Watched()

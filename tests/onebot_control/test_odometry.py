@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from onebot_control.drive.odometry import DiffDriveKinematics, Odometry, RollingMean
-from onebot_control.poses import PlanarPose
+from onebot_description.geometry.poses import PlanarPose
 
 KINEMATICS = DiffDriveKinematics(0.3, 0.06, 0.06)
 DT = 0.01

@@ -26,6 +26,7 @@ from onebot_control.nodes import controller_node
 from onebot_control.nodes.driving import controller_nodes
 from onebot_control.nodes.lockstep import Lockstep
 from onebot_control.parameters import read_joint_controllers
+from onebot_control.simulation import Simulation
 from onebot_description.description import Description, parse_description
 from onebot_description.ros.wire.cdr import nanoseconds
 from onebot_description.ros.wire.interfaces import load_interface
@@ -132,7 +133,7 @@ class Client(Node):
 class Stepped:
     """The robot in step with its client: simulated time passes while it waits."""
 
-    def __init__(self, ros: Lockstep) -> None:
+    def __init__(self, ros: Lockstep[Simulation]) -> None:
         self.ros, self.simulation, self.client = ros, ros.simulation, Client()
         ros.add(self.client)
         for action in (self.client.arm, self.client.gripper):
@@ -190,7 +191,9 @@ class Stepped:
 
 @pytest.fixture
 def start(
-    ros_simulation: Callable[..., Lockstep], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    ros_simulation: Callable[..., Lockstep[Simulation]],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
 ) -> Callable[..., Stepped]:
     """Start the robot with the controllers of a control file."""
     member = simulation_module._member

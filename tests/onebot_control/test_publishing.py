@@ -18,8 +18,8 @@ from std_msgs.msg import Header
 from onebot_control.driven_robot import DrivenRobot, Snapshot
 from onebot_control.nodes.publishing import Frames, Publishers
 from onebot_control.physics import MassVelocity
-from onebot_control.poses import PlanarPose
 from onebot_description.description import parse_description
+from onebot_description.geometry.poses import PlanarPose
 from onebot_description.ros.wire.cdr import NANO
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_control.control_support import IdealPlant, config, cycle, ideal_drive, robot

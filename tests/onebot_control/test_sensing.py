@@ -32,12 +32,12 @@ from onebot_description.description.description import (
     Imu,
     Lidar,
     Noise,
-    Origin,
     Reference,
     Sensor,
 )
 from onebot_description.description.loading import load_world
-from onebot_description.model import quaternions
+from onebot_description.geometry import quaternions
+from onebot_description.geometry.poses import Origin
 from tests.onebot_control.control_support import WHEELS, robot
 from tests.support import wait_for
 

@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from onebot_control.physics import Settings
 from onebot_control.physics.spawning import engine, make_world
-from onebot_control.poses import yaw_of
 from onebot_description.description import parse_description
 from onebot_description.description.description import Box
 from onebot_description.errors import OneBotError
+from onebot_description.geometry.poses import yaw_of
 from tests.onebot_control.simulation_support import DRIVEN, LEFT, robot, simulate
 
 _QUICK = Settings(settling=1.0, iterations=50)

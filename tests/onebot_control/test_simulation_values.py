@@ -4,71 +4,14 @@ import math
 import sys
 from typing import cast
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
 
 from onebot_control.physics import Robot, RobotSpawn, Settings, World
 from onebot_control.physics.spawning import checked_spawn_pose
-from onebot_control.poses import (
-    about_z,
-    compose,
-    conjugate,
-    cross,
-    inverse,
-    multiply,
-    rotate,
-)
 from onebot_description.errors import OneBotError
 from tests.onebot_control.simulation_support import DRIVEN, LEFT, RIGHT, robot
-
-coordinate = st.floats(-10.0, 10.0)
-triple = st.tuples(coordinate, coordinate, coordinate)
-angle = st.floats(-3.0, 3.0)
-rotation = st.tuples(angle, angle, angle).map(
-    lambda rpy: tuple(Rotation.from_euler("xyz", rpy).as_quat().tolist())
-)
-transform = st.tuples(triple, rotation)
-
-
-def _matrix(value):
-    result = np.eye(4)
-    result[:3, :3], result[:3, 3] = Rotation.from_quat(value[1]).as_matrix(), value[0]
-    return result
-
-
-@given(transform, transform, triple)
-def test_transforms_are_those_of_matrices(outer, inner, point):
-    a, b = _matrix(outer), _matrix(inner)
-    np.testing.assert_allclose(_matrix(compose(outer, inner)), a @ b, atol=1e-9)
-    np.testing.assert_allclose(_matrix(inverse(outer)), np.linalg.inv(a), atol=1e-9)
-    turn = a[:3, :3]
-    np.testing.assert_allclose(rotate(outer[1], point), turn @ point, atol=1e-9)
-    np.testing.assert_allclose(rotate(conjugate(outer[1]), point), turn.T @ point, atol=1e-9)
-
-
-@given(rotation, rotation)
-def test_a_product_of_rotations_is_a_unit_quaternion_with_its_sign(first, second):
-    """Hamilton's product itself, not only the rotation that it stands for."""
-    i, j, k = (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)
-    assert (multiply(i, j), multiply(j, k), multiply(k, i)) == (k, i, j)
-    assert multiply(j, i) == conjugate(k)
-    product = multiply(first, second)
-    assert math.hypot(*product) == pytest.approx(1.0)
-    assert multiply(first, conjugate(first)) == pytest.approx((0, 0, 0, 1), abs=1e-12)
-
-
-@given(triple, triple)
-def test_vector_product(first, second):
-    assert cross(first, second) == pytest.approx(tuple(np.cross(first, second)), abs=1e-12)
-
-
-@given(angle)
-def test_a_rotation_about_the_vertical(yaw):
-    expected = (math.cos(yaw), math.sin(yaw), 0.0)
-    assert rotate(about_z(yaw), (1.0, 0.0, 0.0)) == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize("name", ["rate", "iterations", "gravity", "friction", "settling"])

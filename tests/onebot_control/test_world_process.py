@@ -12,8 +12,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from onebot_control.poses import Transform, compose
 from onebot_description.description import load_description
+from onebot_description.geometry.poses import Transform, compose
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_control.control_support import urdf
 from tests.onebot_control.node_support import MODULE, NODE, Driver, twist, x

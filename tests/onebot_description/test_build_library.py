@@ -16,13 +16,14 @@ import pytest
 from packaging.tags import sys_tags
 from packaging.utils import parse_wheel_filename
 
-from onebot_description.ros.wire import build_library
-from onebot_description.ros.wire.build_library import BuildError
+from onebot_description.compiled import build_library
+from onebot_description.compiled.build_library import BuildError
 
 pytestmark = pytest.mark.checkout
 
 CHECKOUT = Path(__file__).parents[2]
-FOLDER = "onebot_description/ros/wire"
+FOLDER = "onebot_description/compiled"
+WIRE = "onebot_description/ros/wire"
 HAS_ZIG = importlib.util.find_spec("ziglang") is not None
 needs_compiler = pytest.mark.skipif(
     not (build_library.find_system_compilers() or HAS_ZIG), reason="no C compiler here"
@@ -30,8 +31,8 @@ needs_compiler = pytest.mark.skipif(
 USE_MESSAGE = """
 from rclpy.serialization import deserialize_message, serialize_message
 from geometry_msgs.msg import TransformStamped
-from onebot_description.ros.wire.build_library import LIBRARY
-from onebot_description.ros.wire.library import load_library
+from onebot_description.compiled.build_library import LIBRARY
+from onebot_description.compiled.library import load_library
 from onebot_description.ros.wire.interfaces import TFMessage
 message = TFMessage(transforms=[TransformStamped()])
 assert deserialize_message(serialize_message(message), TFMessage) == message
@@ -70,7 +71,8 @@ def checkout(tmp_path: Path) -> Path:
     """A project with just what TFMessage needs, nothing compiled in it."""
     project = tmp_path / "project"
     unwanted = shutil.ignore_patterns("*.so", "__pycache__", ".build-*")
-    shutil.copytree(CHECKOUT / FOLDER, project / FOLDER, ignore=unwanted)
+    for folder in (FOLDER, WIRE):
+        shutil.copytree(CHECKOUT / folder, project / folder, ignore=unwanted)
     for name in (
         "__init__.py",
         "errors.py",
@@ -100,7 +102,7 @@ def test_missing_library(checkout: Path) -> None:
     result = run("-c", USE_MESSAGE, cwd=checkout)
     assert result.returncode == 1
     last = result.stderr.splitlines()[-1]
-    command = "python -m onebot_description.ros.wire.build_library"
+    command = "python -m onebot_description.compiled.build_library"
     assert last.endswith(f"_library.so is not built. Build it with: {command}")
 
     built = run(*command.split()[1:], cwd=checkout)
@@ -132,7 +134,7 @@ raise SystemExit(main(["robot_state_publisher", "onebot_description/urdf/onebot.
 def test_outdated_or_broken_library(checkout: Path) -> None:
     library = checkout / FOLDER / "_library.so"
     shutil.copy(build_library.LIBRARY, library)  # of the same sources
-    source = checkout / FOLDER / "_type_support.c"
+    source = checkout / WIRE / "_type_support.c"
     source.write_text(source.read_text() + "\n")
     outdated = run("-c", USE_MESSAGE, cwd=checkout)
     assert "is not built from the present source. Build it with: python -m" in outdated.stderr
@@ -176,7 +178,7 @@ def test_useless_output(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None
 @pytest.mark.skipif(HAS_ZIG, reason="ziglang is a compiler")
 def test_no_compiler(tmp_path: Path) -> None:
     target = str(tmp_path / "library.so")
-    arguments = ("-m", "onebot_description.ros.wire.build_library", target)
+    arguments = ("-m", "onebot_description.compiled.build_library", target)
     result = run(*arguments, cwd=CHECKOUT, PATH=str(tmp_path), CC="")
     assert result.returncode == 1
     assert "There is no C compiler: none of cc, gcc and clang is on the PATH." in result.stderr

@@ -8,20 +8,12 @@ import pytest
 import yourdfpy
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
 
 from onebot_description.description import Mimic, parse_description
 from onebot_description.errors import OneBotError
-from onebot_description.model import RobotModel, quaternions
+from onebot_description.geometry.matrices import of_poses
+from onebot_description.model import RobotModel
 from tests.random_robots import chain, robots
-
-
-def _matrices(values):
-    matrices = np.zeros((*values.shape[:-1], 4, 4))
-    matrices[..., :3, 3] = values[..., :3]
-    matrices[..., :3, :3] = quaternions.to_matrix(values[..., 3:])
-    matrices[..., 3, 3] = 1.0
-    return matrices
 
 
 def _peer(urdf):
@@ -44,12 +36,12 @@ def test_joint_transforms_equal_yourdfpys(urdf, data):
         # yourdfpy knows no chains of mimics: give it the position, not the rule.
         joint = dataclasses.replace(peer.joint_map[name], mimic=None)
         expected, _ = peer._forward_kinematics_joint(joint, q[row])
-        actual = _matrices(model.moving.transforms(q))[row]
+        actual = of_poses(model.moving.transforms(q))[row]
         np.testing.assert_allclose(actual, expected, atol=1e-9)
     for row, child in enumerate(model.fixed.children):
         joint = next(j for j in peer.robot.joints if j.child == child)
         expected, _ = peer._forward_kinematics_joint(joint)
-        np.testing.assert_allclose(_matrices(model.fixed.constant)[row], expected, atol=1e-9)
+        np.testing.assert_allclose(of_poses(model.fixed.constant)[row], expected, atol=1e-9)
 
 
 @settings(deadline=None, max_examples=50)
@@ -58,9 +50,9 @@ def test_link_poses_are_the_chain_of_transforms(urdf, data):
     model = RobotModel.from_description(parse_description(urdf))
     size = len(model.joints)
     batch = np.array(data.draw(st.lists(st.floats(-3, 3), min_size=3 * size, max_size=3 * size)))
-    poses = _matrices(model.link_poses(batch.reshape(3, size)))
-    steps = _matrices(model.moving.transforms(batch.reshape(3, size)))
-    fixed = np.broadcast_to(_matrices(model.fixed.constant), (3, len(model.fixed.children), 4, 4))
+    poses = of_poses(model.link_poses(batch.reshape(3, size)))
+    steps = of_poses(model.moving.transforms(batch.reshape(3, size)))
+    fixed = np.broadcast_to(of_poses(model.fixed.constant), (3, len(model.fixed.children), 4, 4))
     edges = [*zip(model.moving.parents, model.moving.children, steps.swapaxes(0, 1), strict=True)]
     edges += [*zip(model.fixed.parents, model.fixed.children, fixed.swapaxes(0, 1), strict=True)]
     assert len(edges) == len(model.links) - 1
@@ -69,28 +61,6 @@ def test_link_poses_are_the_chain_of_transforms(urdf, data):
         np.testing.assert_allclose(poses[:, model.links.index(child)], expected, atol=1e-9)
     root = poses[:, model.links.index(model.root_link)]
     np.testing.assert_array_equal(root, np.broadcast_to(np.eye(4), root.shape))
-
-
-@given(st.tuples(*[st.floats(-3.2, 3.2)] * 3))
-def test_rpy_is_the_urdf_convention(rpy):
-    """Roll, pitch, yaw turn about the fixed axes, as scipy's extrinsic xyz."""
-    expected = Rotation.from_euler("xyz", rpy)
-    quaternion = quaternions.from_rpy(rpy)
-    np.testing.assert_allclose(
-        quaternions.to_matrix(3.0 * quaternion), expected.as_matrix(), atol=1e-12
-    )
-    assert (Rotation.from_quat(quaternion) * expected.inv()).magnitude() < 1e-9
-    found = quaternions.to_rpy(expected.as_matrix())
-    assert (Rotation.from_euler("xyz", found) * expected.inv()).magnitude() < 1e-6
-
-
-def test_rpy_of_a_quarter_turn():
-    """Up and down, where roll and yaw turn about the same axis: the yaw is zero, as in tf2."""
-    for pitch in (-np.pi / 2, np.pi / 2):
-        turn = Rotation.from_euler("xyz", (0.3, pitch, 0.5))
-        roll, found, yaw = quaternions.to_rpy(turn.as_matrix())
-        assert (found, yaw) == (pytest.approx(pitch), 0.0)
-        assert (Rotation.from_euler("xyz", (roll, found, yaw)) * turn.inv()).magnitude() < 1e-6
 
 
 def _formula(joints, q):
@@ -190,11 +160,11 @@ def test_a_chain_of_mimics_is_folded_from_its_leader(rules, leader):
 def test_who_determines_a_joint():
     """Itself if it is given, else the first given one that it follows; None if there is none."""
     model = _mimic_chain((2.0, 0.5), (-1.0, 0.25))
-    assert model.follower("joint_0", {"joint_0": 0}) == Mimic("joint_0", 1.0, 0.0)
-    assert model.follower("joint_0", {"joint_1": 0, "joint_2": 0}) == Mimic("joint_1", 2.0, 0.5)
-    assert model.follower("joint_0", {"joint_2": 0}) == Mimic("joint_2", -2.0, 1.0)
-    assert model.follower("joint_0", {}) is None
-    assert model.follower("joint_2", {"joint_0": 0, "joint_1": 0}) is None
+    assert model.followers({"joint_0": 0})["joint_0"] == Mimic("joint_0", 1.0, 0.0)
+    assert model.followers({"joint_1": 0, "joint_2": 0})["joint_0"] == Mimic("joint_1", 2.0, 0.5)
+    assert model.followers({"joint_2": 0})["joint_0"] == Mimic("joint_2", -2.0, 1.0)
+    assert "joint_0" not in model.followers({})
+    assert "joint_2" not in model.followers({"joint_0": 0, "joint_1": 0})
 
 
 def test_what_nothing_determines_stands_at_zero_and_its_followers_at_their_offset():
@@ -202,32 +172,6 @@ def test_what_nothing_determines_stands_at_zero_and_its_followers_at_their_offse
     np.testing.assert_allclose(model.positions({}), [1.0, 0.25, 0.0])
     np.testing.assert_allclose(model.positions({"joint_0": 3.0}), [3.0, 0.25, 0.0])
     np.testing.assert_allclose(model.positions({"joint_1": 1.0}), [2.5, 1.0, 0.0])
-
-
-def test_a_quaternion_of_no_length_is_no_rotation():
-    np.testing.assert_array_equal(quaternions.normalized(np.zeros((2, 4))), [[0, 0, 0, 1]] * 2)
-    np.testing.assert_array_equal(quaternions.to_matrix(np.zeros(4)), np.eye(3))
-    batch = np.array([[0, 0, 0, 1e-9], [0, 0, 0.2, 0.2]])
-    quarter = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
-    np.testing.assert_allclose(quaternions.to_matrix(batch), [np.eye(3), quarter], atol=1e-12)
-
-
-def test_quaternion_products_are_hamiltons():
-    i, j, k, one = np.eye(4)
-    np.testing.assert_array_equal(quaternions.multiply(i, j), k)
-    np.testing.assert_array_equal(quaternions.multiply(j, i), -k)
-    np.testing.assert_array_equal(quaternions.multiply(k, k), -one)
-    a, b = np.random.default_rng(1).normal(size=(2, 5, 4))
-    product = Rotation.from_quat(a) * Rotation.from_quat(b)
-    found = quaternions.normalized(quaternions.multiply(a, b))
-    np.testing.assert_allclose(product.as_matrix(), Rotation.from_quat(found).as_matrix())
-    np.testing.assert_allclose(quaternions.to_matrix(found), product.as_matrix(), atol=1e-12)
-    np.testing.assert_allclose(quaternions.from_rpy([0.0, 0.0, np.pi]), k, atol=1e-15)
-    np.testing.assert_allclose(
-        quaternions.rotate(quaternions.from_rpy([np.pi / 2, 0, 0]), np.array([0.0, 1.0, 0.0])),
-        [0, 0, 1],
-        atol=1e-15,
-    )
 
 
 def test_unknown_joint_and_wrong_size_are_named():

@@ -25,9 +25,9 @@ from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from type_description_interfaces.srv import GetTypeDescription
 
+from onebot_description.compiled.library import load_library
 from onebot_description.ros.wire import interfaces, message_class, type_support
 from onebot_description.ros.wire.interfaces import TFMessage
-from onebot_description.ros.wire.library import load_library
 from tests.ros_support import node_here, spin_until
 from tests.support import lines_of_ours
 

@@ -16,8 +16,9 @@ from onebot_bringup.viewer.columns import entity_path
 from onebot_bringup.viewer.displays.display import Display
 from onebot_bringup.viewer.settings import Color, setting
 from onebot_description.arrays import Floats
-from onebot_description.description.description import Description, Joint, Triple
-from onebot_description.model.quaternions import from_rpy, to_matrix
+from onebot_description.description.description import Description, Joint
+from onebot_description.geometry import matrices, quaternions
+from onebot_description.geometry.poses import Triple, about
 
 RANGES_ENTITY = "joint_ranges"
 _STEP = math.radians(5.0)  # between two points of an arc
@@ -113,19 +114,21 @@ def scale_strips(joint: Joint, radius: float) -> Strips:
         radius: radius of the arc, m.
     """
     lower, upper = limits(joint)
-    turn, across = to_matrix(from_rpy(joint.origin.rpy)), _across(joint.axis)
+    across = _across(joint.axis)
     if joint.kind == "revolute":
         # More than one turn would overlap itself.
         upper = min(upper, lower + 2 * math.pi)
         count = max(2, math.ceil((upper - lower) / _STEP) + 1)
-        rays = [_turned(across, joint.axis, q) for q in np.linspace(lower, upper, count)]
-        strips = [radius * np.array(rays)]
+        turns = np.array([about(joint.axis, q) for q in np.linspace(lower, upper, count)])
+        rays = quaternions.rotate(turns, across)
+        strips = [radius * rays]
         strips += [np.outer((0.9 * radius, 1.1 * radius), ray) for ray in (rays[0], rays[-1])]
     else:
         ends = np.outer((lower, upper), joint.axis)
         tick = 0.2 * radius * across
         strips = [ends, *(np.array([end - tick, end + tick]) for end in ends)]
-    return [strip @ turn.T + np.array(joint.origin.xyz) for strip in strips]
+    pose = matrices.of_origin(joint.origin)
+    return [matrices.transformed(strip, pose) for strip in strips]
 
 
 def needle_strips(joint: Joint, radius: float) -> Strips:
@@ -150,9 +153,3 @@ def _across(axis: Triple) -> Floats:
     across = start - (start @ along) * along
     square: Floats = across / np.linalg.norm(across)
     return square
-
-
-def _turned(vector: Floats, axis: Triple, angle: float) -> Floats:
-    """Return ``vector``, which is square to ``axis``, turned about it (Rodrigues' formula)."""
-    turned: Floats = math.cos(angle) * vector + math.sin(angle) * np.cross(np.array(axis), vector)
-    return turned

@@ -195,8 +195,7 @@ class LinkMotion:
         moving = description.moving_joints
         self._rests = {joint.name: rests[joint.name] for joint in moving if joint.mimic is None}
         given = {**self._rests, **dict.fromkeys(names)}
-        leaders = ((joint, model.follower(joint, given)) for joint in model.joints)
-        self._leaders = {joint: leader for joint, leader in leaders if leader is not None}
+        self._leaders = model.followers(given)
         moved = {joint for joint, leader in self._leaders.items() if leader.joint in names}
         above = {joint.child: joint for joint in description.joints}
         link = link or last_link(above, moved)

@@ -16,7 +16,7 @@ from onebot_bringup.viewer.displays.display import LARGEST, SELDOM
 from onebot_bringup.viewer.displays.drawing import AUTO, Drawing, TopicSettings
 from onebot_bringup.viewer.inbox import message_type
 from onebot_bringup.viewer.settings import fraction, one_of, setting
-from onebot_description.model.quaternions import normalized
+from onebot_description.geometry.quaternions import normalized
 
 UPDATES = "_updates"  # suffix of the topic of updates
 # The definition is here, since map_msgs need not be installed.

@@ -39,7 +39,7 @@ from onebot_bringup.viewer.displays.marker_shapes import (
 from onebot_bringup.viewer.settings import name_list, setting
 from onebot_description.arrays import Floats
 from onebot_description.errors import OneBotError, printable, shortened
-from onebot_description.model.quaternions import from_matrix, multiply, rotate
+from onebot_description.geometry.quaternions import from_matrix, multiply, rotate
 
 if TYPE_CHECKING:
     from onebot_bringup.viewer.stage import Stage

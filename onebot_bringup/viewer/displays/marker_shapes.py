@@ -17,7 +17,7 @@ from onebot_bringup.viewer.columns import ColumnMaker, ReadyColumn, one_row, rea
 from onebot_description.arrays import Floats
 from onebot_description.description.meshes import locate_mesh
 from onebot_description.description.packages import Resources
-from onebot_description.model.quaternions import rotate
+from onebot_description.geometry.quaternions import rotate
 
 # A column, or a function that makes one and its numbers; it is called only if these have changed.
 Piece: TypeAlias = "ReadyColumn | tuple[Callable[[NDArray[Any]], ReadyColumn], NDArray[Any]]"

@@ -20,7 +20,7 @@ from onebot_bringup.viewer.displays.drawing import (
 )
 from onebot_bringup.viewer.settings import Color, color, one_of, setting
 from onebot_description.arrays import Floats
-from onebot_description.model.quaternions import rotate, to_matrix
+from onebot_description.geometry.quaternions import rotate, to_matrix
 
 ARROW, AXES, FLAT, SOLID = "Arrow", "Axes", "Arrow (Flat)", "Arrow (3D)"
 AXIS_COLORS = np.array([(204, 51, 51), (51, 204, 51), (51, 102, 255)], np.uint8)

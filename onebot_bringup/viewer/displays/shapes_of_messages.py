@@ -19,7 +19,7 @@ from onebot_bringup.viewer.displays.drawing import (
 )
 from onebot_bringup.viewer.settings import Color, color, fraction, height, setting
 from onebot_description.arrays import Floats
-from onebot_description.model.quaternions import to_matrix
+from onebot_description.geometry.quaternions import to_matrix
 from onebot_description.ros.parameters.reader import parameter
 
 # --- paths ----------------------------------------------------------------------------------------

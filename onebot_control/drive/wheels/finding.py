@@ -13,12 +13,12 @@ from typing import NamedTuple
 import numpy as np
 
 from onebot_control.drive.wheels.tyres import Tyre, Tyres
-from onebot_control.physics.bodies import link_poses
-from onebot_control.poses import WORLD_FRAME
+from onebot_control.frame_names import WORLD_FRAME
 from onebot_description.arrays import Floats
 from onebot_description.description.description import Description, Joint, Mesh
 from onebot_description.errors import OneBotError
-from onebot_description.model import RobotModel, quaternions
+from onebot_description.model import RobotModel
+from onebot_description.model.rigid_bodies import rigid_frames
 
 _MIDDLE = 0.005  # m; a wheel closer to the middle line is on neither side
 _GROUND = 0.1  # a wheel on the ground is at most this fraction of its radius above the lowest one
@@ -70,19 +70,13 @@ class _Wheel(NamedTuple):
     link: str
 
 
-def link_places(description: Description) -> dict[str, Floats]:
-    """Return the pose (4, 4) of each link in the root link's frame, with all joints at 0."""
-    model = RobotModel.from_description(description)
-    places = {}
-    for link, pose in zip(model.links, model.link_poses({}), strict=True):
-        places[link] = np.eye(4)
-        places[link][:3, :3] = quaternions.to_matrix(pose[3:])
-        places[link][:3, 3] = pose[:3]
-    return places
-
-
 def axles(description: Description, places: Mapping[str, Floats]) -> dict[str, Axle]:
-    """Return the continuous and revolute joints by name, placed by ``link_places``."""
+    """Return the continuous and revolute joints by name.
+
+    Args:
+        description: the robot.
+        places: the pose (4, 4) of each link in the root link's frame, with all joints at 0.
+    """
     return {
         joint.name: Axle(joint, places[joint.child], places[joint.child][:3, :3] @ joint.axis)
         for joint in description.joints
@@ -124,8 +118,9 @@ def has_wheels(description: Description) -> bool:
     """Return whether a robot has wheels; if its root link is ``world``, it stands still."""
     if description.root_link == WORLD_FRAME:
         return False
-    tyres = Tyres(description, link_poses(description))
-    return bool(_rolling(axles(description, link_places(description)), tyres))
+    tyres = Tyres(description, rigid_frames(description))
+    places = RobotModel.from_description(description).link_matrices({})
+    return bool(_rolling(axles(description, places), tyres))
 
 
 def _why_not_one_set(

@@ -6,12 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from onebot_control.drive.wheels.finding import DriveWheels, axles, find_wheels, link_places
+from onebot_control.drive.wheels.finding import DriveWheels, axles, find_wheels
 from onebot_control.drive.wheels.tyres import Tyres
-from onebot_control.physics.bodies import Body, link_poses
 from onebot_description.arrays import Floats
 from onebot_description.description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean
+from onebot_description.model import RobotModel
+from onebot_description.model.rigid_bodies import Body, rigid_frames
 from onebot_description.ros.parameters.reader import ConfigError, Problem
 
 _SAME = 1e-6  # m by which lengths may differ and still count as the same
@@ -53,9 +54,9 @@ class Wheels:
             OneBotError: a named joint is missing or its axis is not lateral, or no wheels are
                 found.
         """
-        self.description, self.rigid = description, link_poses(description)
+        self.description, self.rigid = description, rigid_frames(description)
         self.tyres = Tyres(description, self.rigid)
-        self._places = link_places(description)
+        self._places = RobotModel.from_description(description).link_matrices({})
         self.axles = axles(description, self._places)
         if left or right:
             self._check_names(left_wheel_names=left, right_wheel_names=right)

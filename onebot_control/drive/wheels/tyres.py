@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from onebot_control.physics.bodies import matrix
 from onebot_description.arrays import Floats
 from onebot_description.description.description import (
     Cylinder,
@@ -17,6 +16,7 @@ from onebot_description.description.description import (
 )
 from onebot_description.description.meshes import mesh_corners
 from onebot_description.errors import OneBotError
+from onebot_description.geometry import matrices
 
 _SAME = 1e-6  # m by which the radii of shapes that both touch the ground may differ
 # A cylinder or sphere is round about the axle if its middle is within this fraction of its radius
@@ -35,7 +35,7 @@ class Tyres:
     """Finds the round shapes of a robot's links, by the joint that turns them."""
 
     def __init__(self, description: Description, poses: Mapping[str, tuple[str, Floats]]) -> None:
-        """Collect the shapes of each rigid body; ``poses`` are the links', by ``link_poses``."""
+        """Collect the shapes of each rigid body; ``poses`` are the links', by ``rigid_frames``."""
         self._joints = {joint.name: joint for joint in description.joints}
         self._collisions: dict[str, list[tuple[Geometry, Floats]]] = {}
         self._visuals: dict[str, list[tuple[Geometry, Floats]]] = {}
@@ -46,8 +46,8 @@ class Tyres:
                 (self._collisions, link.collisions),
                 (self._visuals, link.visuals),
             ):
-                placed = [(geometry, pose @ matrix(geometry.origin)) for geometry in geometries]
-                shapes.setdefault(first, []).extend(placed)
+                places = [pose @ matrices.of_origin(geometry.origin) for geometry in geometries]
+                shapes.setdefault(first, []).extend(zip(geometries, places, strict=True))
 
     def of(self, name: str) -> Tyre | None:
         """Return the shape on which the link of joint ``name`` rolls; None if none is round.
@@ -88,7 +88,7 @@ def _round_mesh(mesh: Mesh, pose: Floats, axis: Floats) -> Tyre | None:
         corners = mesh_corners(mesh) * np.array(mesh.scale)
     except OneBotError:  # reported by who needs the mesh
         return None
-    corners = corners @ pose[:3, :3].T + pose[:3, 3]
+    corners = matrices.transformed(corners, pose)
     along = corners @ axis
     outward = corners - np.outer(along, axis)
     side = np.cross(axis, [1.0, 0.0, 0.0] if abs(axis[0]) < 0.9 else [0.0, 1.0, 0.0])

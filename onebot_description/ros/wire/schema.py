@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from onebot_description.compiled.library import load_library
 from onebot_description.errors import did_you_mean
 from onebot_description.ros.wire.cdr import ENCAPSULATION, HEADER, WireError
 from onebot_description.ros.wire.definition import (
@@ -38,7 +39,6 @@ from onebot_description.ros.wire.definition import (
     files,
     short_name,
 )
-from onebot_description.ros.wire.library import load_library
 
 # A definition may come from anywhere.
 _MAX_FIELDS = 10_000

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from rclpy.serialization import serialize_message
 
 from onebot_description.arrays import Floats
+from onebot_description.compiled.library import load_library
 from onebot_description.errors import listing
 from onebot_description.model import RobotModel
 from onebot_description.ros.wire.cdr import (
@@ -33,7 +34,6 @@ from onebot_description.ros.wire.cdr import (
     Writer,
 )
 from onebot_description.ros.wire.interfaces import TFMessage
-from onebot_description.ros.wire.library import load_library
 from onebot_description.ros.wire.messages import (
     LARGEST_KEPT,
     JointStateArrays,
@@ -116,17 +116,13 @@ class JointStatePlan:
 
     def __init__(self, model: RobotModel, names: Sequence[str], frame_prefix: str) -> None:
         first = {name: column for column, name in reversed(list(enumerate(names)))}
-        followers = [
-            (row, follower)
-            for row, joint in enumerate(model.joints)
-            if (follower := model.follower(joint, first)) is not None
-        ]
-        rows = [row for row, _ in followers]
+        followers = model.followers(first)
+        rows = [model.row(joint) for joint in followers]
         self.names, self.rows = tuple(names), np.array(rows, np.int64)
         self.joints = model.moving.take(rows)
-        self.columns = np.array([first[follower.joint] for _, follower in followers], np.intp)
-        self.multiplier = np.array([follower.multiplier for _, follower in followers], float)
-        self.offset = np.array([follower.offset for _, follower in followers], float)
+        self.columns = np.array([first[mimic.joint] for mimic in followers.values()], np.intp)
+        self.multiplier = np.array([mimic.multiplier for mimic in followers.values()], float)
+        self.offset = np.array([mimic.offset for mimic in followers.values()], float)
         self.parents = [frame_prefix + parent for parent in self.joints.parents]
         self.children = [frame_prefix + child for child in self.joints.children]
 

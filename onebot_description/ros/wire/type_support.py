@@ -18,10 +18,10 @@ from rosidl_parser.definition import (
     NamespacedType,
 )
 
+from onebot_description.compiled.library import load_library
 from onebot_description.errors import OneBotError
 from onebot_description.ros.wire.codec import pack, schema_of, unpack
 from onebot_description.ros.wire.interface_text import share_folders
-from onebot_description.ros.wire.library import load_library
 from onebot_description.ros.wire.message_class import (
     MessageField,
     class_of,

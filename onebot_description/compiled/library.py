@@ -3,10 +3,10 @@
 import ctypes
 import functools
 
+from onebot_description.compiled import build_library
 from onebot_description.errors import OneBotError
-from onebot_description.ros.wire import build_library
 
-_REMEDY = "Build it with: python -m onebot_description.ros.wire.build_library"
+_REMEDY = "Build it with: python -m onebot_description.compiled.build_library"
 
 
 class LibraryError(OneBotError, ImportError):

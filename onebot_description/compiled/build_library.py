@@ -1,6 +1,6 @@
 """Compiles the library of this package; needs a C compiler or the ``ziglang`` wheel.
 
-``python -m onebot_description.ros.wire.build_library [TARGET]`` builds it in place, or as
+``python -m onebot_description.compiled.build_library [TARGET]`` builds it in place, or as
 ``TARGET``.
 The build hook of the wheel loads this file by its path, before the package can be imported: only
 the standard library may be used here.
@@ -17,15 +17,15 @@ import tempfile
 import zlib
 from pathlib import Path
 
-_FOLDER = Path(__file__).parent
-_MODEL = _FOLDER.parents[1] / "model"
+_PACKAGE = Path(__file__).parents[1]
+_WIRE, _MODEL = _PACKAGE / "ros" / "wire", _PACKAGE / "model"
 SOURCES = (
-    _FOLDER / "_type_support.c",
-    _FOLDER / "_schema.c",
-    _FOLDER / "_state_converter.c",
+    _WIRE / "_type_support.c",
+    _WIRE / "_schema.c",
+    _WIRE / "_state_converter.c",
     _MODEL / "_kinematics.c",
 )
-_HEADERS = (_FOLDER / "_program.h", _MODEL / "_joint.h")
+_HEADERS = (_WIRE / "_program.h", _MODEL / "_joint.h")
 LIBRARY = Path(__file__).with_name("_library.so")
 
 # The oldest C library that the ROS 2 wheels themselves run on.
@@ -143,7 +143,7 @@ def main(arguments: list[str] | None = None) -> int:
     arguments = sys.argv[1:] if arguments is None else arguments
     if len(arguments) > 1 or any(argument.startswith("-") for argument in arguments):
         print(
-            "usage: python -m onebot_description.ros.wire.build_library [TARGET]", file=sys.stderr
+            "usage: python -m onebot_description.compiled.build_library [TARGET]", file=sys.stderr
         )
         return 2
     target = Path(arguments[0]) if arguments else LIBRARY

@@ -1,0 +1,18 @@
+"""Names of frames, and diff_drive_controller's prefix for them."""
+
+WORLD_FRAME = "world"  # the default of the parameter world_frame_id
+
+
+def prefixed(frame: str, enabled: bool, prefix: str, namespace: str) -> str:
+    """Return the name of a frame with diff_drive_controller's prefix.
+
+    Args:
+        frame: the name without prefix.
+        enabled: the parameter tf_frame_prefix_enable.
+        prefix: the parameter tf_frame_prefix; if empty, the namespace is the prefix.
+        namespace: the node's.
+    """
+    if not enabled:
+        return frame
+    words = (prefix or namespace).removesuffix("/").removeprefix("/")
+    return f"{words}/{frame}" if words else frame

@@ -1,0 +1,1 @@
+"""The compiled library of this package: building and loading it."""

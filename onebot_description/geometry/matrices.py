@@ -1,0 +1,52 @@
+"""Homogeneous transforms as matrices (..., 4, 4): rotation, translation in m, last row 0 0 0 1."""
+
+import math
+
+import numpy as np
+
+from onebot_description.arrays import Floats
+from onebot_description.geometry import quaternions
+from onebot_description.geometry.poses import Origin, Transform, rows_of, rpy_of_rows
+
+
+def of_transform(transform: Transform) -> Floats:
+    """Return the matrix of one transform, ten times as fast as ``of_poses``.
+
+    Its quaternion may be of any length; of length 0 it is no rotation.
+    """
+    (at_x, at_y, at_z), (x, y, z, w) = transform
+    length = math.hypot(x, y, z, w) or 1.0
+    first, second, third = rows_of((x / length, y / length, z / length, w / length))
+    return np.array(
+        [[*first, at_x], [*second, at_y], [*third, at_z], [0.0, 0.0, 0.0, 1.0]],
+    )
+
+
+def of_poses(poses: Floats) -> Floats:
+    """Return the matrices (..., 4, 4) of poses (..., 7): x y z in m, quaternion x y z w."""
+    matrices = np.zeros((*poses.shape[:-1], 4, 4))
+    matrices[..., :3, :3] = quaternions.to_matrix(poses[..., 3:])
+    matrices[..., :3, 3] = poses[..., :3]
+    matrices[..., 3, 3] = 1.0
+    return matrices
+
+
+def transformed(points: Floats, matrix: Floats) -> Floats:
+    """Return points (N, 3) of a frame, m, in its parent, in which it is at ``matrix`` (4, 4)."""
+    moved: Floats = points @ matrix[:3, :3].T + matrix[:3, 3]
+    return moved
+
+
+def of_origin(origin: Origin) -> Floats:
+    """Return the matrix of a URDF origin."""
+    matrix = np.eye(4)
+    if any(origin.rpy):  # Most are not rotated.
+        matrix[:3, :3] = quaternions.to_matrix(quaternions.from_rpy(origin.rpy))
+    matrix[:3, 3] = origin.xyz
+    return matrix
+
+
+def to_origin(matrix: Floats) -> Origin:
+    """Return the URDF origin of a matrix; at a pitch of a quarter turn it has no roll."""
+    x, y, z = matrix[:3, 3].tolist()
+    return Origin((x, y, z), rpy_of_rows(matrix[:3, :3].tolist(), keeps_yaw=True))

@@ -1,0 +1,67 @@
+"""Rotations as arrays of unit quaternions (..., 4), x y z w, as in geometry_msgs."""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from onebot_description.arrays import Floats
+from onebot_description.geometry import poses
+
+
+def from_rpy(rpy: ArrayLike) -> Floats:
+    """Return the quaternions (..., 4) of fixed-axis roll, pitch, yaw (..., 3), rad."""
+    angles = np.asarray(rpy, float) / 2.0
+    return _stacked(poses.of_half_angles(_parts(np.sin(angles)), _parts(np.cos(angles))))
+
+
+def from_matrix(matrix: Floats) -> Floats:
+    """Return the quaternion (4,), x y z w, of a rotation matrix (3, 3)."""
+    return np.array(poses.from_rpy(poses.rpy_of_rows(matrix.tolist())))
+
+
+def multiply(a: Floats, b: Floats) -> Floats:
+    """Return the Hamilton product a (x) b: the rotation b, then a. Shapes (..., 4) broadcast."""
+    return _stacked(poses.multiply(_parts(a), _parts(b)))
+
+
+def rotate(rotation: Floats, vector: Floats) -> Floats:
+    """Rotate vectors (..., 3) by unit quaternions (..., 4); shapes broadcast."""
+    return _stacked(poses.rotate(_parts(rotation), _parts(vector)))
+
+
+def normalized(rotation: Floats) -> Floats:
+    """Return unit quaternions (..., 4) for quaternions of any length; the identity for 0."""
+    length = np.linalg.norm(rotation, axis=-1, keepdims=True)
+    unit = rotation / np.where(length > 0.0, length, 1.0)
+    return np.where(length > 0.0, unit, (0.0, 0.0, 0.0, 1.0))
+
+
+def to_matrix(rotation: ArrayLike) -> Floats:
+    """Return the rotation matrices (..., 3, 3) of quaternions (..., 4); the identity for 0."""
+    rows = poses.rows_of(_parts(normalized(np.asarray(rotation, float))))
+    return np.stack([_stacked(row) for row in rows], axis=-2)
+
+
+def slerp(first: Floats, second: Floats, part: float) -> Floats:
+    """Interpolate two rotations (4,) spherically along the shorter arc; ``part`` is 0 to 1.
+
+    The formula is that of K. Shoemake, "Animating Rotation with Quaternion Curves", 1985.
+    """
+    product = float(first @ second)
+    angle = math.acos(min(1.0, abs(product)))
+    if angle < 1e-9:
+        return first
+    left = math.sin((1.0 - part) * angle) / math.sin(angle)
+    right = math.copysign(math.sin(part * angle) / math.sin(angle), product)
+    return left * first + right * second
+
+
+def _parts(array: Floats) -> Any:
+    """Return the components of the last axis."""
+    return np.moveaxis(array, -1, 0)
+
+
+def _stacked(parts: tuple[Floats, ...]) -> Floats:
+    return np.stack(parts, axis=-1)

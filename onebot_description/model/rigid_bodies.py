@@ -1,0 +1,87 @@
+"""The rigid bodies of a robot: links that fixed joints connect, and their mass and shapes together.
+
+Here masses are added up as written; a link without ``<inertial>`` has none.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from onebot_description.arrays import Floats
+from onebot_description.description.description import Description, Inertial, Link, Shape
+from onebot_description.geometry import matrices
+from onebot_description.geometry.poses import Origin
+
+
+def rigid_frames(description: Description) -> dict[str, tuple[str, Floats]]:
+    """Return for each link the first link of its rigid body, and its pose (4, 4) in that frame."""
+    above = {joint.child: joint for joint in description.joints if joint.kind == "fixed"}
+    frames = {}
+    for link in description.link_names:
+        first, pose = link, np.eye(4)
+        while first in above:
+            joint = above[first]
+            pose = matrices.of_origin(joint.origin) @ pose
+            first = joint.parent
+        frames[link] = first, pose
+    return frames
+
+
+@dataclass
+class Body:
+    """One rigid body, in the frame of its first link, which is not fixed to any other."""
+
+    link: str  # name of that link
+    mass: float = 0.0  # kg
+    center: Floats = field(default_factory=lambda: np.zeros(3))  # centre of mass, m
+    inertia: Floats = field(default_factory=lambda: np.zeros((3, 3)))  # about it, kg m^2
+    # Each shape, with its pose (4, 4) in the body, and its link.
+    collisions: list[tuple[Shape, Floats, Link]] = field(default_factory=list)
+    friction: float | None = None  # lateral coefficient, the minimum of its links
+
+    def add(self, link: Link, pose: Floats) -> None:
+        """Add the mass and the shapes of ``link``, whose frame is at ``pose`` (4, 4)."""
+        for collision in link.collisions:
+            place = pose @ matrices.of_origin(collision.origin)
+            self.collisions.append((collision.shape, place, link))
+        if link.friction is not None:
+            least = link.friction if self.friction is None else self.friction
+            self.friction = min(link.friction, least)
+        if link.inertial is not None:
+            where = pose @ matrices.of_origin(link.inertial.origin)
+            xx, xy, xz, yy, yz, zz = link.inertial.inertia
+            moments = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+            turn = where[:3, :3]
+            self.add_mass(link.inertial.mass, where[:3, 3], turn @ moments @ turn.T)
+
+    @property
+    def inertial(self) -> Inertial:
+        """Mass, centre and inertia as an Inertial, in the axes of the body."""
+        x, y, z = self.center.tolist()
+        return Inertial(
+            Origin((x, y, z)), self.mass, tuple(self.inertia[np.triu_indices(3)].tolist())
+        )
+
+    def add_mass(self, mass: float, center: Floats, inertia: Floats) -> None:
+        """Add a mass (kg) with its centre (3,), m, and inertia (3, 3) about it, kg m^2.
+
+        Inertias are combined by the parallel axis theorem.
+        """
+        total = self.mass + mass
+        if total > 0:
+            apart = center - self.center
+            reduced = self.mass * mass / total
+            self.inertia += reduced * (apart @ apart * np.eye(3) - np.outer(apart, apart))
+            self.center = self.center + apart * (mass / total)
+        self.inertia += inertia
+        self.mass = total
+
+
+def merged_bodies(description: Description) -> dict[str, Body]:
+    """Return the rigid bodies by the name of their first link."""
+    bodies: dict[str, Body] = {}
+    frames = rigid_frames(description)
+    for link in description.links:
+        first, pose = frames[link.name]
+        bodies.setdefault(first, Body(first)).add(link, pose)
+    return bodies

@@ -1,0 +1,89 @@
+"""Rotations and homogeneous transforms as arrays."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation, Slerp
+
+from onebot_description.geometry import matrices, quaternions
+from onebot_description.geometry.poses import ZERO, Origin, of_arrays
+
+
+@given(st.tuples(*[st.floats(-3.2, 3.2)] * 3))
+def test_rpy_is_the_urdf_convention(rpy):
+    """Roll, pitch, yaw turn about the fixed axes, as scipy's extrinsic xyz."""
+    expected = Rotation.from_euler("xyz", rpy)
+    quaternion = quaternions.from_rpy(rpy)
+    np.testing.assert_allclose(
+        quaternions.to_matrix(3.0 * quaternion), expected.as_matrix(), atol=1e-12
+    )
+    assert (Rotation.from_quat(quaternion) * expected.inv()).magnitude() < 1e-9
+    found = quaternions.from_matrix(expected.as_matrix())
+    assert (Rotation.from_quat(found) * expected.inv()).magnitude() < 1e-6
+
+
+def test_a_quaternion_of_no_length_is_no_rotation():
+    np.testing.assert_array_equal(quaternions.normalized(np.zeros((2, 4))), [[0, 0, 0, 1]] * 2)
+    np.testing.assert_array_equal(quaternions.to_matrix(np.zeros(4)), np.eye(3))
+    batch = np.array([[0, 0, 0, 1e-9], [0, 0, 0.2, 0.2]])
+    quarter = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
+    np.testing.assert_allclose(quaternions.to_matrix(batch), [np.eye(3), quarter], atol=1e-12)
+
+
+def test_quaternion_products_are_hamiltons():
+    i, j, k, one = np.eye(4)
+    np.testing.assert_array_equal(quaternions.multiply(i, j), k)
+    np.testing.assert_array_equal(quaternions.multiply(j, i), -k)
+    np.testing.assert_array_equal(quaternions.multiply(k, k), -one)
+    a, b = np.random.default_rng(1).normal(size=(2, 5, 4))
+    product = Rotation.from_quat(a) * Rotation.from_quat(b)
+    found = quaternions.normalized(quaternions.multiply(a, b))
+    np.testing.assert_allclose(product.as_matrix(), Rotation.from_quat(found).as_matrix())
+    np.testing.assert_allclose(quaternions.to_matrix(found), product.as_matrix(), atol=1e-12)
+    np.testing.assert_allclose(quaternions.from_rpy([0.0, 0.0, np.pi]), k, atol=1e-15)
+    np.testing.assert_allclose(
+        quaternions.rotate(quaternions.from_rpy([np.pi / 2, 0, 0]), np.array([0.0, 1.0, 0.0])),
+        [0, 0, 1],
+        atol=1e-15,
+    )
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_interpolation_takes_the_shorter_arc(sign):
+    ends = Rotation.from_euler("xyz", [(0.1, -0.4, 0.2), (1.0, 0.3, -0.9)])
+    first, second = ends.as_quat()
+    for part in (0.0, 0.3, 1.0):
+        found = Rotation.from_quat(quaternions.slerp(first, sign * second, part))
+        assert (Slerp([0, 1], ends)(part) * found.inv()).magnitude() < 1e-7
+    assert (quaternions.slerp(first, first, 0.5) == first).all()
+
+
+def test_matrices_of_poses():
+    generator = np.random.default_rng(2)
+    poses = generator.normal(size=(2, 3, 7))
+    expected = matrices.of_poses(poses)
+    assert expected.shape == (2, 3, 4, 4) and (expected[..., 3, :] == (0, 0, 0, 1)).all()
+    turns = Rotation.from_quat(poses[0, :, 3:]).as_matrix()
+    np.testing.assert_allclose(expected[0, :, :3, :3], turns, atol=1e-12)
+    np.testing.assert_array_equal(expected[..., :3, 3], poses[..., :3])
+    found = matrices.of_transform(of_arrays(*np.split(poses[1, 2], [3])))
+    np.testing.assert_allclose(found, expected[1, 2], atol=1e-15)
+    np.testing.assert_array_equal(matrices.of_transform((ZERO, (0.0, 0.0, 0.0, 0.0))), np.eye(4))
+
+
+def test_points_are_those_of_the_parent():
+    matrix = matrices.of_origin(Origin((1.0, 2.0, 3.0), (0.0, 0.0, np.pi / 2)))
+    found = matrices.transformed(np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.5]]), matrix)
+    np.testing.assert_allclose(found, [[1.0, 3.0, 3.0], [0.0, 2.0, 3.5]], atol=1e-15)
+
+
+@pytest.mark.parametrize("rpy", [(0.0, 0.0, 0.0), (0.3, -0.2, 1.0), (0.0, np.pi / 2, 0.7)])
+def test_origins(rpy):
+    """At a pitch of a quarter turn, an origin has no roll."""
+    origin = Origin((1.0, 2.0, 3.0), rpy)
+    matrix = matrices.of_origin(origin)
+    turn = Rotation.from_euler("xyz", rpy).as_matrix()
+    np.testing.assert_allclose(matrix[:3, :3], turn, atol=1e-12)
+    back = matrices.to_origin(matrix)
+    assert back.xyz == origin.xyz and back.rpy == pytest.approx(rpy)
