@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from rclpy.parameter import Parameter
 
     from onebot_control.drive.wheels.geometry import WheelGeometry
-    from onebot_description.ros.node import RosArguments
+    from onebot_description.ros.command_line import RosArguments
 
 BROADCASTER = "joint_state_broadcaster"
 MANAGER = "controller_manager"

@@ -82,13 +82,8 @@ from typing import TYPE_CHECKING
 from rclpy.node import Node
 
 from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
-from onebot_description.ros.node import (
-    RosArguments,
-    at_stop,
-    ros_args,
-    run_described_node,
-    split_robots,
-)
+from onebot_description.ros.command_line import RosArguments, ros_args, split_robots
+from onebot_description.ros.run_node import at_stop, run_described_node
 
 if TYPE_CHECKING:
     from onebot_control.nodes.driving import Driving

@@ -48,15 +48,8 @@ from onebot_description.errors import DescriptionError, OneBotError, listing
 from onebot_description.file_watch import FileWatch, in_background
 from onebot_description.joints.config import JointsConfig
 from onebot_description.joints.source import JointStateSource, Plan
-from onebot_description.ros.node import (
-    DescriptionTopic,
-    RosArguments,
-    Throttled,
-    described_by,
-    is_path,
-    run_described_node,
-    steady_timer,
-)
+from onebot_description.ros.command_line import RosArguments
+from onebot_description.ros.description_topic import DescriptionTopic, described_by, is_path
 from onebot_description.ros.parameters.files import LiveParameters, Parameters, read_files
 from onebot_description.ros.parameters.reader import (
     ConfigError,
@@ -68,6 +61,9 @@ from onebot_description.ros.parameters.reader import (
     set_doubles,
 )
 from onebot_description.ros.parameters.values import plain
+from onebot_description.ros.run_node import run_described_node
+from onebot_description.ros.steady_timer import steady_timer
+from onebot_description.ros.throttled import Throttled
 
 
 class JointParameters:

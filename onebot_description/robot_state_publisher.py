@@ -47,18 +47,14 @@ from onebot_description.description_files import DescriptionFiles, Source
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
 from onebot_description.ros.clock_check import StampCheck
-from onebot_description.ros.node import (
-    LATCHED,
-    DiscoveryServerCheck,
-    RosArguments,
-    Throttled,
-    ros_args,
-    run_described_node,
-    split_robots,
-    steady_timer,
-    warn_of_two_robots,
-)
+from onebot_description.ros.command_line import RosArguments, ros_args, split_robots
+from onebot_description.ros.description_topic import warn_of_two_robots
+from onebot_description.ros.node_graph import DiscoveryServerCheck
 from onebot_description.ros.parameters.reader import declare, read, refuse_undeclared
+from onebot_description.ros.run_node import run_described_node
+from onebot_description.ros.steady_timer import steady_timer
+from onebot_description.ros.throttled import Throttled
+from onebot_description.ros.topic_qos import LATCHED
 from onebot_description.ros.wire.cdr import NANO
 from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.state_converter import StateConverter

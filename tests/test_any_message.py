@@ -29,7 +29,7 @@ from onebot_control.velocity_controller import simulation_nodes
 from onebot_description.description import load_description, parse_description
 from onebot_description.joint_state_publisher import JointStatePublisher
 from onebot_description.robot_state_publisher import RobotStatePublisher
-from onebot_description.ros.node import RosArguments
+from onebot_description.ros.command_line import RosArguments
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.any_message import broken, messages, received, serialized
 from tests.support import wait_for

@@ -6,12 +6,8 @@ from collections.abc import Callable, Container, Iterable, Mapping
 from rclpy.node import Node
 
 from onebot_bringup.introspection.transforms import FrameTree
-from onebot_description.ros.topic_subscription import (
-    TopicSubscription,
-    TypeConflictError,
-    compatible_qos,
-    offers,
-)
+from onebot_description.ros.topic_qos import compatible_qos
+from onebot_description.ros.topic_subscription import TopicSubscription, TypeConflictError, offers
 from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.messages import tf_arrays
 

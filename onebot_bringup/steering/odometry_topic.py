@@ -10,7 +10,7 @@ from rclpy.node import Node
 
 from onebot_bringup.steering.followed_topics import FollowedTopics
 from onebot_control.poses import yaw_of
-from onebot_description.ros.discovery import node_name
+from onebot_description.ros.node_graph import node_name
 from onebot_description.ros.topic_subscription import TopicSubscription
 from onebot_description.ros.wire.messages import OdometrySample, odometry_sample
 

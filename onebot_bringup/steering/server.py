@@ -18,7 +18,7 @@ from onebot_bringup.steering.protocol import ChooseTopic, ProtocolError, message
 from onebot_bringup.steering.tool_requests import ToolRequests
 from onebot_bringup.steering.view_proxy import ViewProxy
 from onebot_description.ros.message_age import boot_time
-from onebot_description.ros.node import Throttled
+from onebot_description.ros.throttled import Throttled
 
 STATIC = Path(__file__).parent / "static"
 STATE_PERIOD = 0.1  # s

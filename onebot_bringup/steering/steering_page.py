@@ -49,7 +49,6 @@ from dataclasses import asdict, replace
 from typing import Any
 from urllib.parse import quote
 
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from onebot_bringup.serving.http_server import ServerThread
@@ -85,8 +84,10 @@ from onebot_bringup.steering.tools import ToolPublishers
 from onebot_bringup.steering.view_proxy import Viewer, ViewProxy
 from onebot_description.errors import OneBotError
 from onebot_description.ros.message_age import WAKE
-from onebot_description.ros.node import Throttled, run_node
 from onebot_description.ros.parameters.reader import declare, read, refuse_undeclared
+from onebot_description.ros.run_node import run_node
+from onebot_description.ros.steady_timer import steady_timer
+from onebot_description.ros.throttled import Throttled
 
 _TIMEOUT_PERIOD = 0.05  # s between checks of the driver's timeout
 _GRAPH_PERIOD = 0.25  # s between polls of the ROS graph
@@ -143,14 +144,13 @@ class SteeringPage(Node):
         )
         self._thread = OtherThread(self)
         self._serve()
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
         if settings.await_view:
-            self.create_timer(settings.await_view, self._announce, clock=steady)
+            steady_timer(self, settings.await_view, self._announce)
         else:
             self._announce()
-        self.create_timer(1.0 / settings.rate, self._arbiter.tick, clock=steady)
-        self.create_timer(_TIMEOUT_PERIOD, self._check_driver, clock=steady)
-        self.create_timer(_GRAPH_PERIOD, self._poll_graph, clock=steady)
+        steady_timer(self, 1.0 / settings.rate, self._arbiter.tick)
+        steady_timer(self, _TIMEOUT_PERIOD, self._check_driver)
+        steady_timer(self, _GRAPH_PERIOD, self._poll_graph)
 
     def _serve(self) -> None:
         settings = self._settings

@@ -8,13 +8,11 @@ from onebot_bringup.viewer.inbox import WantedTopic
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_description.errors import OneBotError
 from onebot_description.ros.clock_check import StampCheck
+from onebot_description.ros.topic_qos import compatible_qos, is_reliable, is_transient_local
 from onebot_description.ros.topic_subscription import (
     TopicSubscription,
     TypeConflictError,
     choose_type,
-    compatible_qos,
-    is_reliable,
-    is_transient_local,
     offers,
 )
 from onebot_description.ros.wire.cdr import HEADER

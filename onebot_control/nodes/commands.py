@@ -11,7 +11,9 @@ from std_msgs.msg import Bool
 
 from onebot_description.ros.clock_check import StampCheck
 from onebot_description.ros.message_age import Age, Delivery, SenderClock
-from onebot_description.ros.node import LATCHED, Lasting
+from onebot_description.ros.node_graph import Lasting
+from onebot_description.ros.throttled import Warn
+from onebot_description.ros.topic_qos import LATCHED
 from onebot_description.ros.topic_subscription import TopicSubscription, choose_type, offers
 from onebot_description.ros.wire.cdr import nanoseconds
 
@@ -22,8 +24,6 @@ _TWIST = f"{_PACKAGE}Twist"
 _TYPES = {_TWIST: Twist, f"{_PACKAGE}TwistStamped": TwistStamped}
 _USUAL = "cmd_vel"  # tutorials publish commands there
 _SETTLED = 2.0  # s after which a subscriber of cmd_vel would have been discovered
-
-Warn = Callable[[str, str], None]  # key, text
 
 
 class Command(NamedTuple):

@@ -21,9 +21,9 @@ from onebot_control.joint_controllers import JointController, JointFollower, nam
 from onebot_control.nodes.control_loop import ControlLoop
 from onebot_control.trajectories.following import INVALID_GOAL, SUCCESSFUL, Outcome
 from onebot_description.errors import OneBotError
-from onebot_description.ros.node import Throttled
 from onebot_description.ros.parameters.reader import declare, refuse_undeclared
 from onebot_description.ros.parameters.values import plain
+from onebot_description.ros.throttled import Throttled
 from onebot_description.ros.wire.interfaces import load_interface
 
 ANY_PUBLISHER = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)

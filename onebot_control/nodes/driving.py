@@ -43,15 +43,11 @@ from onebot_control.sensing.surroundings import SensedRobot
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.loading import load_sensors
 from onebot_description.errors import OneBotError, did_you_mean, listing, printable
+from onebot_description.ros.command_line import RosArguments
+from onebot_description.ros.description_topic import DescriptionTopic, described_by, is_path
 from onebot_description.ros.message_age import boot_time
-from onebot_description.ros.node import (
-    DescriptionTopic,
-    RosArguments,
-    Throttled,
-    described_by,
-    is_path,
-)
 from onebot_description.ros.parameters.reader import ConfigError, Problem, refuse_undeclared
+from onebot_description.ros.throttled import Throttled
 from onebot_description.ros.wire.cdr import NANO
 
 if TYPE_CHECKING:

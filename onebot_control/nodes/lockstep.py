@@ -26,9 +26,9 @@ from onebot_control.nodes.driving import Driving
 from onebot_control.nodes.sensing import Sensing
 from onebot_control.parameters import MANAGER, ControlParameters
 from onebot_description.errors import OneBotError, did_you_mean, listing
+from onebot_description.ros.command_line import RosArguments
 from onebot_description.ros.discovery import configure_discovery, use_local_discovery
 from onebot_description.ros.message_age import WakeDetector
-from onebot_description.ros.node import RosArguments
 from onebot_description.ros.wire.definition import type_name
 
 if TYPE_CHECKING:

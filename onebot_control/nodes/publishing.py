@@ -28,8 +28,9 @@ from onebot_control.physics import SceneBodies, Twist
 from onebot_control.poses import PlanarPose, Transform, compose, inverse, prefixed
 from onebot_description.description import Description
 from onebot_description.model.robot_model import JointArrays
-from onebot_description.ros.node import LATCHED, OnlyPublisher
+from onebot_description.ros.node_graph import OnlyPublisher
 from onebot_description.ros.parameters.reader import Problem
+from onebot_description.ros.topic_qos import LATCHED
 from onebot_description.ros.wire.cdr import NANO
 from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.messages import time_message, transforms_message

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from rclpy.node import Node
 
-from onebot_description.ros.node import Throttled
+from onebot_description.ros.throttled import Throttled
 from onebot_description.ros.wire.cdr import HEADER, NANO, SYSTEM_TIME_NS, stamp_at
 
 _PERIOD_NS = 1 * NANO  # between two samples: a check between them costs a tenth of a microsecond

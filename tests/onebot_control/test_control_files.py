@@ -25,7 +25,7 @@ from onebot_control.parameters import (
     unknown_by_node,
 )
 from onebot_description.errors import OneBotError
-from onebot_description.ros.node import RosArguments
+from onebot_description.ros.command_line import RosArguments
 from onebot_description.ros.parameters.files import Parameters
 from onebot_description.ros.parameters.reader import ConfigError, Problem
 from tests.ros_support import ros_args
