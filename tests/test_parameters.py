@@ -116,7 +116,7 @@ def test_velocity_controller(
     assert remedy in refused(node, "use_stamped_vel")
     assert refused(node, "linear.x") == "linear.x: no such parameter"
     # A control loop that does not answer is a warning, and no error in the node's callback.
-    node.driving.stop()
+    node.interface.stop()
     monkeypatch.setattr(control_loop, "_PATIENCE", 0.0)
     assert node.set_parameters([Parameter("cmd_vel_timeout", value=0.7)])[0].successful
 

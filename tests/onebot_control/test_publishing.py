@@ -16,7 +16,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from onebot_control.driven_robot import DrivenRobot, Snapshot
-from onebot_control.nodes.publishing import Frames, Publishers
+from onebot_control.nodes.frames import Frames
+from onebot_control.nodes.publishing import Publishers
 from onebot_control.physics import MassVelocity
 from onebot_control.poses import PlanarPose
 from onebot_description.description import parse_description
@@ -216,11 +217,12 @@ def frame_problems(
     """What is wrong with the frames of a robot of the namespace /a, as messages."""
     around = parse_description(f'<robot name="w">{scene}</robot>', "w.urdf") if scene else None
 
-    def of(namespace: str, chosen: Mapping[str, Any]) -> Frames:
-        return Frames.of(config(**chosen), robot(), namespace, in_scene=around is not None)
+    def frames(namespace: str, chosen: Mapping[str, Any]) -> Frames:
+        in_scene = around is not None
+        return Frames.from_parameters(config(**chosen), robot(), namespace, in_scene=in_scene)
 
-    beside = {name: of(name, chosen) for name, chosen in others.items()}
-    return [each.message() for each in of("/a", values).problems(beside, around)]
+    beside = {name: frames(name, chosen) for name, chosen in others.items()}
+    return [each.message() for each in frames("/a", values).problems(beside, around)]
 
 
 WALLED = '<link name="floor"/>' + part("wall").replace("world", "floor")

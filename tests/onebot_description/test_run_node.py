@@ -1,4 +1,4 @@
-"""Running nodes: their ROS arguments, errors and signals; warnings that are logged only so often."""
+"""Running nodes: ROS arguments, errors and signals; warnings that are logged only so often."""
 
 import ctypes
 import os
