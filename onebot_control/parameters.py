@@ -474,7 +474,7 @@ class ControlParameters:
         self.declared = SimulationConfig if self.stands else ControlConfig
         file = read_control_files(arguments.files, namespace, name)
         self.joints = read_joint_controllers(arguments.files, namespace)
-        names = [n for to, n in arguments.names if to in ("", name)]
+        names = arguments.names_for(name)
         if problems := unknown_parameters(self.declared, names):
             raise ConfigError(problems)
         # Values of files are used unless -p sets them. If files have several sections for a node,

@@ -3,14 +3,19 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
 
-from onebot_control.nodes.robot_interface import GOES_ON, RobotInterface, SharedWorld
+from onebot_control.nodes.robot_interface import RobotInterface, SharedWorld
 from onebot_control.parameters import ControlConfig
 from onebot_description.description.loading import load_sensors
 from onebot_description.errors import OneBotError
-from onebot_description.ros.parameters.reader import ConfigError, Problem, refuse_undeclared
+from onebot_description.ros.description_topic import GOES_ON
+from onebot_description.ros.parameters.reader import (
+    ConfigError,
+    Problem,
+    follow_changes,
+    refuse_undeclared,
+)
 
 
 class ParameterChanges:
@@ -20,22 +25,18 @@ class ParameterChanges:
         """Accept changes from now on."""
         self._robot, self._world, self._settings = robot, world, robot.settings
         refuse_undeclared(robot.node, robot.settings.declared)
-        robot.node.add_on_set_parameters_callback(self._validate)
-        robot.node.add_post_set_parameters_callback(self._apply)
+        follow_changes(robot.node, self._check, self._apply)
 
-    def _validate(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+    def _check(self, parameters: Sequence[Parameter]) -> None:
+        """Raise OneBotError if the changes cannot be applied."""
         slot = self._robot.slot
-        try:
-            config = self._settings.changed(parameters, self._world.simulated)
-            self._check_effect(config)
-            if slot.loop is not None:
-                slot.robot.fitted(config)
-                if config.sensors and config.sensors != self._settings.config.sensors:
-                    load_sensors(config.sensors, slot.robot.description)
-                self._world.check_frames(slot.row, self._robot.frames(config))
-        except OneBotError as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
+        config = self._settings.changed(parameters, self._world.simulated)
+        self._check_effect(config)
+        if slot.loop is not None:
+            slot.robot.fitted(config)
+            if config.sensors and config.sensors != self._settings.config.sensors:
+                load_sensors(config.sensors, slot.robot.description)
+            self._world.check_frames(slot.row, self._robot.frames(config))
 
     def _check_effect(self, config: ControlConfig) -> None:
         """Refuse changes of TF parameters that would have no effect.

@@ -20,14 +20,10 @@ from onebot_control.nodes.sensing import Channel, Sensing
 from onebot_control.nodes.step_topics import StepTopics
 from onebot_control.parameters import ControlConfig, ControlParameters
 from onebot_control.sensing.surroundings import SensedRobot
-from onebot_description.description import Description, load_description, parse_description
+from onebot_description.description import Description, load_description
 from onebot_description.errors import OneBotError
 from onebot_description.ros.description_topic import DescriptionTopic, described_by, is_path
-from onebot_description.ros.parameters.reader import ConfigError
 from onebot_description.ros.throttled import Throttled
-
-GOES_ON = "the robot goes on as before"
-"""What an error adds about a change that is refused."""
 
 
 class SharedWorld(Protocol):
@@ -187,7 +183,8 @@ class RobotInterface:
         elif text:
             self._start(described_by(text))
         if not file and not is_path(text):
-            DescriptionTopic(self.node, self._on_description, lambda: self.description is not None)
+            places = self.settings.places
+            DescriptionTopic(self.node, lambda: self.description, self._use, places)
 
     def _start(self, description: Description) -> None:
         """Use the first description; start if all robots have one."""
@@ -198,22 +195,14 @@ class RobotInterface:
             self.description = None
             raise
 
-    def _on_description(self, urdf: str) -> None:
+    def _use(self, description: Description) -> None:
+        """Start with a description that was published, or change to it."""
         previous = self.description
-        if previous is not None and previous.urdf == urdf:
-            return
-        try:
-            description = parse_description(urdf, "robot_description")
-            if self.slot.loop is None:
-                self._start(description)
-            elif previous is not None and description.urdf != previous.urdf:
-                self._change(description, previous)
-                self.node.get_logger().info("now driving by the changed robot description")
-        except OneBotError as error:
-            places = self.settings.places
-            reason = error.located(places) if isinstance(error, ConfigError) else error
-            goes_on = "still waiting for one" if self.slot.loop is None else GOES_ON
-            self.refuse("description", f"robot_description not applied, {goes_on}:\n{reason}")
+        if self.slot.loop is None:
+            self._start(description)
+        elif previous is not None:
+            self._change(description, previous)
+            self.node.get_logger().info("now driving by the changed robot description")
 
     def _change(self, description: Description, previous: Description) -> None:
         if (description.links, description.joints) != (previous.links, previous.joints):

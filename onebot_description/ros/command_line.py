@@ -12,6 +12,10 @@ class RosArguments(NamedTuple):
     names: tuple[tuple[str, str], ...] = ()  # of the parameters set by -p: (node or "", parameter)
     others: tuple[str, ...] = ()  # arguments that are not for ROS, without the program's name
 
+    def names_for(self, node: str) -> list[str]:
+        """Return the names of the parameters that -p sets for a ``node``."""
+        return [name for target, name in self.names if target in ("", node)]
+
     def joined(self, own: Sequence[str]) -> "RosArguments":
         """Return these with a node's ``own`` ROS arguments added, which override them."""
         more = ros_arguments(["", *(ros_args(own) or ())])
