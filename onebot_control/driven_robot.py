@@ -156,7 +156,7 @@ class DrivenSpawn(NamedTuple):
     controlled: Mapping[str, Sequence[str]]  # joints of each controller, by the controller's name
 
     @classmethod
-    def of(
+    def from_description(
         cls,
         description: Description,
         config: ControlConfig,

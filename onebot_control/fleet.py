@@ -6,7 +6,7 @@ Example:
     >>> from onebot_description.description import load_description
     >>> description = load_description("package://onebot_description/urdf/onebot.urdf.xacro")
     >>> config = ControlConfig.from_parameters({"cmd_vel_timeout": 0.5})
-    >>> with Fleet.of([Member(description, config)]) as fleet:
+    >>> with Fleet.from_members([Member(description, config)]) as fleet:
     ...     fleet.robots[0].accept(0.2, 0.0)
     ...     [snapshot] = fleet.cycle()
     >>> snapshot.tick
@@ -62,7 +62,7 @@ class Fleet:
         self.robots, self.world = list(robots), world
 
     @classmethod
-    def of(
+    def from_members(
         cls,
         members: Sequence[Member],
         settings: Settings = Settings(),  # noqa: B008 - it is frozen
@@ -215,7 +215,7 @@ class Divider:
 
 def _part(member: Member) -> DrivenSpawn:
     with located(member):
-        return DrivenSpawn.of(
+        return DrivenSpawn.from_description(
             member.description,
             member.config,
             member.name,

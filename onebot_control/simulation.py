@@ -175,7 +175,7 @@ class Simulation:
         ]
         self._scene = scene = _world(world)
         self._sensor_file = "" if isinstance(sensors, bool) else str(sensors)
-        self._fleet = fleet = Fleet.of(members, scene=scene)
+        self._fleet = fleet = Fleet.from_members(members, scene=scene)
         self._sensors = Sensors(scene, fleet.rate, fleet.world.settings.gravity)
         self.robots: Mapping[str, SimulatedRobot] = MappingProxyType(
             {name: SimulatedRobot(self, name, row) for row, name in enumerate(setups)}

@@ -109,7 +109,7 @@ class RobotStatePublisher(Node):
             ),
             post_callback=self._clock_jumped,
         )
-        self._check = StampCheck.of(self, "joint_states")
+        self._check = StampCheck.from_topic(self, "joint_states")
         self.create_subscription(
             JointState, "joint_states", self._on_joint_state, qos_profile_sensor_data, raw=True
         )

@@ -68,7 +68,7 @@ class JointCommands:
         if description is not self._description:
             joints = description.moving_joints if description is not None else ()
             self._description = description
-            self._joints = {joint.name: SteeredJoint.of(joint) for joint in joints}
+            self._joints = {joint.name: SteeredJoint.from_joint(joint) for joint in joints}
         needed = watched or any(each.stopping for each in self._controllers.values())
         topics = own_topics(self._node, namespace, robots, {_STATE}) if needed else {}
         prefix = f"{namespace}/"

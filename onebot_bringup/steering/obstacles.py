@@ -83,7 +83,7 @@ class Footprint(NamedTuple):
     links: tuple[str, ...]  # the first is the root
 
     @classmethod
-    def of(cls, robot: Description) -> "Footprint | None":
+    def from_description(cls, robot: Description) -> "Footprint | None":
         """Return the footprint of a robot; None if it has no shapes."""
         from onebot_control.sensing.solids import solid_of
 
@@ -228,4 +228,4 @@ class Obstacles:
 
     def _on_robot(self, _: str, message: String) -> None:
         self.robot = robot = described(message.data)
-        self._footprint = Footprint.of(robot) if robot is not None else None
+        self._footprint = Footprint.from_description(robot) if robot is not None else None

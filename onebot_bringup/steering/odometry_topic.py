@@ -32,7 +32,7 @@ def choose_odometry(
         subscribers: all nodes that subscribe to the command topic.
     """
 
-    def of(nodes: Collection[str]) -> str:
+    def published_by(nodes: Collection[str]) -> str:
         topics = [topic for topic, names in publishers.items() if not set(nodes).isdisjoint(names)]
         if len(topics) > 1:  # a simulation publishes the ground truth, too
             topics = [topic for topic in topics if topic.endswith("/odom")]
@@ -40,7 +40,9 @@ def choose_odometry(
 
     sibling = f"{commands.rpartition('/')[0]}/odom"
     only = next(iter(publishers)) if len(publishers) == 1 else ""
-    return of(controllers) or (sibling if sibling in publishers else of(subscribers) or only)
+    return published_by(controllers) or (
+        sibling if sibling in publishers else published_by(subscribers) or only
+    )
 
 
 class OdometryTopic:

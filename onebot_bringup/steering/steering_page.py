@@ -100,7 +100,7 @@ class SteeringParameters(PageParameters):
     """The node's parameters with full topic names."""
 
     @classmethod
-    def of(cls, node: Node) -> "SteeringParameters":
+    def from_node(cls, node: Node) -> "SteeringParameters":
         settings = read(cls, declare(node, cls))
         refuse_undeclared(node, cls)
         topics: dict[str, Any] = {n: _topic(node, n, getattr(settings, n)) for n in _TOPICS}
@@ -124,7 +124,7 @@ class SteeringPage(Node):
     def __init__(self) -> None:
         super().__init__("steering_page")
         self._server: ServerThread | None = None
-        self._settings = settings = SteeringParameters.of(self)
+        self._settings = settings = SteeringParameters.from_node(self)
         self._commands = CommandTopic(self, settings.topic, self._on_lock)
         self._odometry = OdometryTopic(self, settings.odom_topic)
         self._controllers = Controllers(self, self._on_controllers)

@@ -78,7 +78,7 @@ class ViewFeed:
         }
 
     def _make(self, name: str, topic: WantedTopic) -> TopicSubscription:
-        check = StampCheck.of(self._node, name)
+        check = StampCheck.from_topic(self._node, name)
         stamped = {} if topic.latched else _STAMPED
 
         def received(kind: str, data: bytes) -> None:

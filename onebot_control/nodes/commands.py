@@ -97,7 +97,7 @@ class CommandSubscription:
         self._usual = node.resolve_topic_name(_USUAL)
         self._unreceived = Lasting(_SETTLED)
         self._choice = choice
-        self._check = StampCheck.of(node, _TOPIC)
+        self._check = StampCheck.from_topic(node, _TOPIC)
         self._wanted = _TWIST if choice == "auto" else f"{_PACKAGE}{choice}"
         self._sender, self._age = SenderClock(), Age(0.0, 0.0)
         self._subscription = TopicSubscription(

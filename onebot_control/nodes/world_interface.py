@@ -163,7 +163,7 @@ class WorldInterface:
         for robot, member in zip(self.robots, members, strict=True):
             with located(member):
                 self.check_frames(robot.slot.row, robot.frames())
-        return Fleet.of(members, scene=self.scene)
+        return Fleet.from_members(members, scene=self.scene)
 
     def check_frames(self, row: int, frames: Frames) -> None:
         """Check the frames that the robot in ``row`` would have; all robots must be described.

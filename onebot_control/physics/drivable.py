@@ -93,7 +93,7 @@ def drivable(
     Raises:
         OneBotError: a named joint does not move, or a commanded one mimics another.
     """
-    tyres = {name: wheels.tyres.of(name) for name in wheels.names} if wheels else {}
+    tyres = {name: wheels.tyres.tyre(name) for name in wheels.names} if wheels else {}
     casters = casters_of(wheels, commanded) if wheels else ()
     roles = _Roles(description, {*tyres, *casters}, commanded, positions)
     _report_unlimited(description, {*roles.starts} - {*roles.gears})
@@ -413,7 +413,7 @@ def _massive(wheels: Wheels, link: Link) -> Link:
     """Return a link; a driven wheel gets the inertia that the simulation needs."""
     first, _ = wheels.rigid[link.name]
     driven = {wheels.axles[name].joint.child: name for name in wheels.names}
-    tyre = wheels.tyres.of(driven[first]) if first in driven else None
+    tyre = wheels.tyres.tyre(driven[first]) if first in driven else None
     if tyre is None:
         return link
     if len(driven) > 2:
@@ -459,7 +459,7 @@ def _moment(wheels: Wheels, name: str, tyre: Tyre, mass: float) -> float:
     """
     robot_body = wheels.robot
     places = {
-        wheel: wheels.axles[wheel].middle(wheels.tyres.of(wheel)) - robot_body.center
+        wheel: wheels.axles[wheel].middle(wheels.tyres.tyre(wheel)) - robot_body.center
         for wheel in wheels.names
     }
     _, y, z = places[name]

@@ -33,7 +33,7 @@ class StampCheck:
         self._ahead: list[int] = []  # ns, of the stamps
 
     @classmethod
-    def of(cls, node: Node, topic: str) -> "StampCheck":
+    def from_topic(cls, node: Node, topic: str) -> "StampCheck":
         """Return a StampCheck for a topic that a node subscribes to."""
 
         def is_simulated() -> bool:

@@ -60,7 +60,7 @@ def _measure(robots: int, quick: bool) -> tuple[list[float], list[float]]:
         )
         for row in range(robots)
     ]
-    with Fleet.of(members) as fleet:
+    with Fleet.from_members(members) as fleet:
         _check_arcs(fleet, 0.3 if quick else _DRIVEN)
         # As the node does: what lives need not be looked through for garbage again and again.
         gc.collect()

@@ -38,7 +38,7 @@ def scan(angle: float, *ranges: float) -> Readings:
 
 @pytest.fixture
 def footprint() -> Footprint:
-    return Footprint.of(described(ROBOT))
+    return Footprint.from_description(described(ROBOT))
 
 
 @pytest.mark.parametrize(
@@ -100,7 +100,7 @@ def test_frames_have_the_prefix_of_the_robot(footprint):
     assert footprint.root_frame("base") == "base"
     assert footprint.root_frame("robot1/lidar") == "robot1/base"
     assert described("<robot") is None
-    assert Footprint.of(described('<robot name="x"><link name="a"/></robot>')) is None
+    assert Footprint.from_description(described('<robot name="x"><link name="a"/></robot>')) is None
 
 
 def sensor(topic: str, kind: str, place: str, rays: int, half: float) -> str:
@@ -141,7 +141,7 @@ def test_every_sensor_counts_in_the_direction_driven(
     robot = urdf(wheel("left", sides), wheel("right", -sides), CASTER, FRONT, sensors)
     Path(model).write_text(robot)
     simulated = ros_args(world=room(tmp_path), sensor_noise=False)
-    footprint = Footprint.of(described(robot))
+    footprint = Footprint.from_description(described(robot))
     reach = footprint.high[0] if speed > 0.0 else -footprint.low[0]
     with (
         Peer(ros_domain) as peer,

@@ -140,7 +140,7 @@ class IdealWorld:
 
 def driven_robot(description: Description, config: ControlConfig, plant: Robot) -> DrivenRobot:
     """A robot in this plant."""
-    part = DrivenSpawn.of(description, config)
+    part = DrivenSpawn.from_description(description, config)
     return DrivenRobot(part, description, config, plant)
 
 
@@ -152,7 +152,7 @@ def ideal_drive(plant: IdealPlant | None = None, **values: Any) -> DrivenRobot:
 
 def alone(description: Description, config: ControlConfig) -> Fleet:
     """A robot in a world of its own."""
-    return Fleet.of([Member(description, config)])
+    return Fleet.from_members([Member(description, config)])
 
 
 def cycle(drive: DrivenRobot) -> Snapshot:

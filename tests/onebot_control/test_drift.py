@@ -64,7 +64,7 @@ def test_walls_and_ramps_are_no_reason_to_warn(world: str) -> None:
     """Nor is another robot in the way: wheels slip there, as those of a real robot do."""
     limits = ControlConfig.from_parameters(LIMITS)
     members = [Member(load_description(ONEBOT), limits), Member(robot(), config(x=-0.6), "other")]
-    with Fleet.of(members, scene=load_scene(world)) as fleet:
+    with Fleet.from_members(members, scene=load_scene(world)) as fleet:
         for cycle in range(1100):
             fleet.robots[0].accept(0.3, 0.4 if 800 < cycle < 1100 else 0.0)
             fleet.robots[1].accept(0.4, 0.0)

@@ -67,7 +67,7 @@ def test_it_is_what_the_node_simulates():
     description = load_description(simulation.ONEBOT)
     values = read_control_files([default_control_file()], "/", "velocity_controller").values
     config = ControlConfig.from_parameters(values)
-    with Fleet.of([Member(description, config)]) as fleet, Simulation() as ours:
+    with Fleet.from_members([Member(description, config)]) as fleet, Simulation() as ours:
         for cycle in range(300):
             command = (0.5, 0.3 * math.sin(0.02 * cycle))
             ours.robot.drive(*command)
