@@ -102,9 +102,8 @@ class Findings:
             warnings: further warnings to include in it.
         """
         if self.by_severity("error"):
-            raise DescriptionError(
-                self.by_severity("error", "problem"), (*warnings, *self.by_severity("warning"))
-            )
+            found = self.by_severity("warning")
+            raise DescriptionError(self.by_severity("error", "problem"), (*warnings, *found))
 
     def where(self, element: Element) -> str:
         """Return where ``element`` was written, for example ``robot.urdf:12``."""

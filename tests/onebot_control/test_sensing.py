@@ -433,9 +433,8 @@ def test_an_imu_measures_the_truth_s_derivatives(scene, command, expected):
     """In each cycle, also while it speeds up; the rate where that is steady."""
     onebot = load_description("package://onebot_description/urdf/onebot.urdf.xacro")
     config = ControlConfig.from_parameters({"x": 1.0, "cmd_vel_timeout": 9.0})
-    with Fleet.from_members(
-        [Member(onebot, config)], scene=load_world(scene) if scene else None
-    ) as fleet:
+    around = load_world(scene) if scene else None
+    with Fleet.from_members([Member(onebot, config)], scene=around) as fleet:
         fleet.robots[0].accept(*command)
         snapshots = [fleet.cycle()[0] for _ in range(300)]
         period = fleet.period
