@@ -15,7 +15,7 @@ from operator import itemgetter
 from queue import Empty, SimpleQueue
 from typing import Any, TypeVar
 
-from onebot_control.driven_robot import DrivenRobot, Snapshot
+from onebot_control.controlled_robot import ControlledRobot, Snapshot
 from onebot_control.fleet import Fleet
 from onebot_control.nodes.real_time import PaceMeter
 from onebot_description.errors import OneBotError
@@ -385,7 +385,7 @@ class RobotSlot:
         self.loop: ControlLoop | None = None
 
     @property
-    def robot(self) -> DrivenRobot:
+    def robot(self) -> ControlledRobot:
         """The robot, which another one replaces when its description changes."""
         return self.running.fleet.robots[self.row]
 

@@ -15,7 +15,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-from onebot_control.driven_robot import DrivenRobot
+from onebot_control.controlled_robot import ControlledRobot
 from onebot_control.joint_controllers import JointController, JointFollower, named
 from onebot_control.nodes.control_loop import ControlLoop
 from onebot_control.trajectories.following import INVALID_GOAL, SUCCESSFUL, Outcome
@@ -70,7 +70,7 @@ class ControllerNode(Generic[F]):
         self,
         node: Node,
         controller: JointController[F],
-        robot: Callable[[], DrivenRobot],
+        robot: Callable[[], ControlledRobot],
         loop: ControlLoop,
         refused: Callable[[], str],
         clock: Clock,

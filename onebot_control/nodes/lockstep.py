@@ -19,7 +19,7 @@ from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.node import Node
 from rclpy.task import Future
 
-from onebot_control.driven_robot import Snapshot
+from onebot_control.controlled_robot import Snapshot
 from onebot_control.fleet import Divider, Fleet
 from onebot_control.nodes.control_loop import ControlLoop
 from onebot_control.nodes.sensing import Sensing

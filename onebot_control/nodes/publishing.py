@@ -18,8 +18,8 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
+from onebot_control.controlled_robot import ControlledRobot, Snapshot
 from onebot_control.drive.odometry import fill_diagonal
-from onebot_control.driven_robot import DrivenRobot, Snapshot
 from onebot_control.fleet import Divider
 from onebot_control.nodes.frames import Frames
 from onebot_control.nodes.localization import FramesTransform
@@ -69,7 +69,7 @@ class Publishers:
             self._clock = node.create_publisher(Clock, "/clock", _DEPTH)
             OnlyPublisher(node, "/clock", _TWO_CLOCKS, own=True)
 
-    def use(self, robot: DrivenRobot) -> None:
+    def use(self, robot: ControlledRobot) -> None:
         """Publish this robot from now on, with its current parameters."""
         self._robot, config = robot, robot.config
         self._in_scene = robot.plant.world.scene is not None  # there, odom drifts from the truth

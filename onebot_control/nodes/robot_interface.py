@@ -6,7 +6,7 @@ from typing import Protocol
 from rclpy.clock import Clock
 from rclpy.node import Node
 
-from onebot_control.driven_robot import DrivenRobot, Snapshot, joints_of, wheels_of
+from onebot_control.controlled_robot import ControlledRobot, Snapshot, joints_of, wheels_of
 from onebot_control.fleet import Member
 from onebot_control.nodes.commands import RobotCommands
 from onebot_control.nodes.control_loop import ControlLoop, RobotSlot
@@ -137,7 +137,7 @@ class RobotInterface:
 
     # The control loop --------------------------------------------------------------------------
 
-    def prepare(self, robot: DrivenRobot, sensing: Sensing) -> None:
+    def prepare(self, robot: ControlledRobot, sensing: Sensing) -> None:
         """Publish ``robot`` and measure with its sensors, as soon as the control loop starts."""
         self._sensing = sensing
         self.publishing.use(robot)
@@ -237,14 +237,14 @@ class RobotInterface:
         assert self.description is not None
         return self.sensors.update(self.slot.row, self.description, config)
 
-    def _sense(self, robot: DrivenRobot, channels: Sequence[Channel] = ()) -> None:
+    def _sense(self, robot: ControlledRobot, channels: Sequence[Channel] = ()) -> None:
         """Use these sensors; call it in the control thread, or before that starts."""
         assert self._sensing is not None
         sensed = SensedRobot(robot.description, robot.joints, robot.held)
         self._sensing.enter(self.slot.row, sensed, channels)
 
 
-def _check_joints(robot: DrivenRobot, description: Description) -> None:
+def _check_joints(robot: ControlledRobot, description: Description) -> None:
     """Raise OneBotError if a joint controller would have no joint in another description."""
     wheels = wheels_of(description, robot.config) if robot.wheels else None
     for name, controller in robot.controllers.items():

@@ -8,7 +8,7 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
-from onebot_control.driven_robot import DrivenRobot
+from onebot_control.controlled_robot import ControlledRobot
 from onebot_control.nodes.control_loop import RobotSlot
 from onebot_control.poses import PlanarPose, yaw_of
 from onebot_description.errors import OneBotError
@@ -55,7 +55,7 @@ class RobotServices:
     def _on_pose(
         self,
         topic: str,
-        use: Callable[[DrivenRobot, str, PlanarPose], None],
+        use: Callable[[ControlledRobot, str, PlanarPose], None],
         message: PoseStamped,
     ) -> None:
         pose, frame = planar_pose(message), message.header.frame_id
@@ -68,7 +68,7 @@ class RobotServices:
         except (OneBotError, ValueError) as error:
             self._warn(topic, f"~/{topic} is ignored: {error}")
 
-    def _teleport(self, robot: DrivenRobot, frame: str, pose: PlanarPose) -> None:
+    def _teleport(self, robot: ControlledRobot, frame: str, pose: PlanarPose) -> None:
         world, odom = robot.world_frame, self._odom_frame()
         if frame == odom or not (frame or world):
             pose = robot.odom_in_world.compose(pose)
@@ -76,7 +76,7 @@ class RobotServices:
             raise OneBotError(f'no frame "{frame}" here; write {world or odom} or {odom}')
         robot.teleport(pose)
 
-    def _place_odometry(self, robot: DrivenRobot, frame: str, pose: PlanarPose) -> None:
+    def _place_odometry(self, robot: ControlledRobot, frame: str, pose: PlanarPose) -> None:
         odom = self._odom_frame()
         if frame not in ("", odom):
             raise OneBotError(f'the odometry\'s frame is "{odom}", not "{frame}"')

@@ -8,7 +8,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from onebot_control.driven_robot import Snapshot
+from onebot_control.controlled_robot import Snapshot
 from onebot_control.fleet import Divider, Fleet, located
 from onebot_control.nodes.control_loop import ControlLoop
 from onebot_control.nodes.frames import Frames, check_frames

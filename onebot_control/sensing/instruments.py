@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from onebot_control.driven_robot import Snapshot
+from onebot_control.controlled_robot import Snapshot
 from onebot_control.physics.bodies import matrix
 from onebot_control.poses import Quaternion, Transform
 from onebot_control.sensing import camera, imu, lidar

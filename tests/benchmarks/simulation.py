@@ -13,8 +13,8 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
+from onebot_control.controlled_robot import Snapshot
 from onebot_control.drive.odometry import Odometry
-from onebot_control.driven_robot import Snapshot
 from onebot_control.fleet import Fleet, Member
 from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
 from onebot_control.physics.engine import engine

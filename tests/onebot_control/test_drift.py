@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from onebot_control.driven_robot import DrivenRobot
+from onebot_control.controlled_robot import ControlledRobot
 from onebot_control.fleet import Fleet, Member
 from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
 from onebot_control.physics.scene_bodies import load_scene
@@ -18,7 +18,7 @@ ONEBOT = package_share("onebot_description") / "urdf/onebot.urdf.xacro"
 LIMITS = read_control_files([default_control_file()], "/", "velocity_controller").values
 
 
-def drifted(drive: DrivenRobot, linear: float, angular: float, seconds: float = 20.0) -> str:
+def drifted(drive: ControlledRobot, linear: float, angular: float, seconds: float = 20.0) -> str:
     """Drive; return the warning."""
     for _ in range(round(seconds / drive.period)):
         drive.accept(linear, angular)

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from onebot_control.driven_robot import Snapshot
+from onebot_control.controlled_robot import Snapshot
 from onebot_control.fleet import Fleet, Member
 from onebot_control.physics import World
 from onebot_control.poses import PlanarPose

@@ -15,7 +15,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
-from onebot_control.driven_robot import DrivenRobot, Snapshot
+from onebot_control.controlled_robot import ControlledRobot, Snapshot
 from onebot_control.nodes.frames import Frames
 from onebot_control.nodes.publishing import Publishers
 from onebot_control.physics import MassVelocity
@@ -95,7 +95,7 @@ class Subscriptions:
         for name, count in product(TOPICS, counts):
             wait_for(lambda name=name, count=count: count(name), f"{name} to be found")
 
-    def last(self, drive: DrivenRobot, snapshot: Snapshot) -> dict[str, Any]:
+    def last(self, drive: ControlledRobot, snapshot: Snapshot) -> dict[str, Any]:
         """What is received of ``snapshot``."""
         self.publishers.use(drive)
         before = {name: len(received) for name, received in self.received.items()}
@@ -120,7 +120,7 @@ PARAMETERS = {
 }
 
 
-def driven(**parameters: Any) -> tuple[DrivenRobot, Snapshot]:
+def driven(**parameters: Any) -> tuple[ControlledRobot, Snapshot]:
     """A robot on its way, and how it is."""
     drive = ideal_drive(IdealPlant(left=0.3, right=-0.7), **{**PARAMETERS, **parameters})
     drive.teleport(PlanarPose(1.0, -2.0, 0.5))

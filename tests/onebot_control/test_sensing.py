@@ -12,7 +12,7 @@ import pytest
 import trimesh
 from PIL import Image
 
-from onebot_control.driven_robot import Snapshot
+from onebot_control.controlled_robot import Snapshot
 from onebot_control.fleet import Fleet, Member
 from onebot_control.nodes.sensing import Channel, SensingThread
 from onebot_control.parameters import ControlConfig

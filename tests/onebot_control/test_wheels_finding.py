@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import trimesh
 
+from onebot_control.controlled_robot import wheels_of
 from onebot_control.drive.wheels import tyres
 from onebot_control.drive.wheels.geometry import Wheels
-from onebot_control.driven_robot import wheels_of
 from onebot_control.parameters import ControlConfig
 from onebot_control.physics.drivable import commandable, drivable
 from onebot_description.description import Description, load_description, parse_description

@@ -145,7 +145,7 @@ DEFAULT_CONTROLLER = TrajectoryController(DEFAULT_JOINT_CONTROLLER)
 """The controller of joints that is used if the control file names none."""
 
 
-class DrivenSpawn(NamedTuple):
+class PreparedRobot(NamedTuple):
     """What to simulate and to control of a robot, before it enters a world."""
 
     wheels: Wheels | None  # None: its base stands still
@@ -164,7 +164,7 @@ class DrivenSpawn(NamedTuple):
         controllers: Sequence[JointController[Any]] = (),
         *,
         stands: bool = False,
-    ) -> "DrivenSpawn":
+    ) -> "PreparedRobot":
         """Prepare a robot for a world.
 
         Args:
@@ -252,7 +252,7 @@ def _check_claims(
         raise ConfigError(problems)
 
 
-class DrivenRobot:
+class ControlledRobot:
     """A simulated robot with its controllers and odometry.
 
     Attributes:
@@ -269,7 +269,7 @@ class DrivenRobot:
 
     def __init__(
         self,
-        part: DrivenSpawn,
+        prepared: PreparedRobot,
         description: Description,
         config: ControlConfig,
         plant: Robot,
@@ -277,7 +277,7 @@ class DrivenRobot:
         """Start at rest where the plant is, with odometry at zero.
 
         Args:
-            part: the robot, prepared for its world.
+            prepared: the robot, prepared for its world.
             description: the robot as read, before it was prepared.
             config: its parameters.
             plant: the simulated robot.
@@ -285,16 +285,16 @@ class DrivenRobot:
         Raises:
             OneBotError: see ``fitted``.
         """
-        self.wheels, self.plant, self.held = part.wheels, plant, part.held
-        self.joints = (*plant.joints, *(follower.name for follower in part.followers))
-        self._followers = [(self.joints.index(each.leader), each) for each in part.followers]
-        self.description, self._starts = description, part.spawn.starts
+        self.wheels, self.plant, self.held = prepared.wheels, plant, prepared.held
+        self.joints = (*plant.joints, *(follower.name for follower in prepared.followers))
+        self._followers = [(self.joints.index(each.leader), each) for each in prepared.followers]
+        self.description, self._starts = description, prepared.spawn.starts
         self._left, self._right = (
             Side(names, self.wheels.directions if self.wheels else {}, plant.joints)
             for names in ((self.wheels.left, self.wheels.right) if self.wheels else ((), ()))
         )
-        self.controllers = {controller.name: controller for controller in part.controllers}
-        self._controlled = part.controlled
+        self.controllers = {controller.name: controller for controller in prepared.controllers}
+        self._controlled = prepared.controlled
         self.arms: dict[str, JointFollower] = {}
         self.finished: list[tuple[str, Outcome]] = []
         self.start(config)
@@ -499,7 +499,7 @@ class DrivenRobot:
         """Name of the frame of true poses; "" if they are in the odometry's frame."""
         return self.config.world_frame(in_scene=self.plant.world.scene is not None)
 
-    def continue_from(self, other: "DrivenRobot") -> None:
+    def continue_from(self, other: "ControlledRobot") -> None:
         """Take over odometry, cycle count and arms of the robot that this one replaces."""
         odometry = other.controller.odometry
         self.controller.odometry.set_pose(*odometry.pose, odometry.covariance)
@@ -507,7 +507,7 @@ class DrivenRobot:
         self.drift.restart()
         self._continue_arms(other)
 
-    def _continue_arms(self, other: "DrivenRobot") -> None:
+    def _continue_arms(self, other: "ControlledRobot") -> None:
         """Take over the arms' positions; arms with the same joints keep moving."""
         self.finished = other.finished
         if not self.arms:
