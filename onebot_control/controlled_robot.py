@@ -31,7 +31,7 @@ from onebot_control.physics import (
     RobotSpawn,
     Twist,
 )
-from onebot_control.physics.drivable import Follower, commandable, drivable
+from onebot_control.physics.simulated_model import Follower, commandable, simulated_model
 from onebot_control.poses import PlanarPose, scaled, yaw_of
 from onebot_control.trajectories.following import Outcome
 from onebot_control.trajectories.goal import FollowedJoint
@@ -185,7 +185,7 @@ class PreparedRobot(NamedTuple):
         controllers = [each for each in candidates if controlled[each.name]]
         _check_claims(description, wheels, controllers, controlled)
         commanded = tuple([joint for joints in controlled.values() for joint in joints])
-        simulated, held, followers, gears, starts = drivable(
+        simulated, held, followers, gears, starts = simulated_model(
             description, wheels, commanded, config.initial_positions
         )
         if name:

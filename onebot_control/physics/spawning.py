@@ -21,7 +21,7 @@ from onebot_description.description.meshes import read_mesh
 from onebot_description.errors import OneBotError, listing
 
 if TYPE_CHECKING:
-    from onebot_control.physics.drivable import Gear
+    from onebot_control.physics.simulated_model import Gear
 
 # m; farther out, rounding errors are not small compared with a wheel's contact depth (micrometres).
 FARTHEST = 10_000.0

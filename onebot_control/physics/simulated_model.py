@@ -66,7 +66,7 @@ class Gear(NamedTuple):
     offset: float  # rad or m
 
 
-class Drivable(NamedTuple):
+class SimulatedModel(NamedTuple):
     """A description that is prepared for the simulation."""
 
     description: Description
@@ -76,12 +76,12 @@ class Drivable(NamedTuple):
     starts: Mapping[str, float] = MappingProxyType({})  # of moving joints except wheels, rad or m
 
 
-def drivable(
+def simulated_model(
     description: Description,
     wheels: Wheels | None,
     commanded: Collection[str] = (),
     positions: Mapping[str, float] = MappingProxyType({}),
-) -> Drivable:
+) -> SimulatedModel:
     """Prepare a robot for the simulation.
 
     Args:
@@ -117,7 +117,9 @@ def drivable(
     links = _with_rotors(replace(rigid, links=tuple(links)), roles.starts)
     gears, starts = list(roles.gears.values()), {**roles.starts, **roles.passive}
     _report_hulls(rigid, {name for gear in gears for name in (gear.name, gear.leader)})
-    return Drivable(replace(rigid, links=tuple(links)), roles.held, roles.followers, gears, starts)
+    return SimulatedModel(
+        replace(rigid, links=tuple(links)), roles.held, roles.followers, gears, starts
+    )
 
 
 def commandable(description: Description, wheels: Wheels | None) -> list[str]:
