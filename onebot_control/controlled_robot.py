@@ -27,7 +27,7 @@ from onebot_control.physics import (
     JointStates,
     MassVelocity,
     Pose,
-    Robot,
+    RobotBody,
     RobotSpawn,
     Twist,
 )
@@ -272,7 +272,7 @@ class ControlledRobot:
         prepared: PreparedRobot,
         description: Description,
         config: ControlConfig,
-        plant: Robot,
+        plant: RobotBody,
     ) -> None:
         """Start at rest where the plant is, with odometry at zero.
 

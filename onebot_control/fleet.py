@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 from onebot_control.controlled_robot import ControlledRobot, PreparedRobot, Snapshot
 from onebot_control.joint_controllers import JointController
 from onebot_control.parameters import ControlConfig
-from onebot_control.physics import Robot, Settings, World
+from onebot_control.physics import RobotBody, Settings, World
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError
 from onebot_description.ros.parameters.reader import ConfigError
@@ -224,7 +224,7 @@ def _prepared(member: Member) -> PreparedRobot:
         )
 
 
-def _controlled(member: Member, prepared: PreparedRobot, plant: Robot) -> ControlledRobot:
+def _controlled(member: Member, prepared: PreparedRobot, plant: RobotBody) -> ControlledRobot:
     with located(member):
         return ControlledRobot(prepared, member.description, member.config, plant)
 

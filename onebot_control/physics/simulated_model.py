@@ -274,7 +274,8 @@ def _report_unlimited(description: Description, motors: Collection[str]) -> None
 def _positioned(joint: Joint, *, is_gear: bool) -> Joint:
     """Return a joint with a motor that follows positions, or with a gear.
 
-    A gear keeps to its leader's limits. The motor accounts for the joint's friction; see ``Robot``.
+    A gear keeps to its leader's limits. The motor accounts for the joint's friction; see
+    ``RobotBody``.
     """
     joint = replace(
         joint, effort=joint.effort or _UNLIMITED, velocity=joint.velocity or None, mimic=None

@@ -34,7 +34,7 @@ class RobotSpawn(NamedTuple):
     """A robot to add to a world, with the start pose of its root link's frame."""
 
     description: Description
-    driven: Sequence[str]  # joints with a motor that follows velocities; see ``Robot``
+    driven: Sequence[str]  # joints with a motor that follows velocities; see ``RobotBody``
     x: float = 0.0  # m
     y: float = 0.0  # m
     yaw: float = 0.0  # heading, rad

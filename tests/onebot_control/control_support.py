@@ -8,7 +8,7 @@ from onebot_control.controlled_robot import ControlledRobot, PreparedRobot, Snap
 from onebot_control.drive.odometry import DiffDriveKinematics, Odometry
 from onebot_control.fleet import Fleet, Member
 from onebot_control.parameters import ControlConfig
-from onebot_control.physics import JointStates, MassVelocity, Pose, Robot, Twist
+from onebot_control.physics import JointStates, MassVelocity, Pose, RobotBody, Twist
 from onebot_control.poses import rotate
 from onebot_description.description import Description, parse_description
 
@@ -139,7 +139,7 @@ class IdealWorld:
 
 
 def controlled_robot(
-    description: Description, config: ControlConfig, plant: Robot
+    description: Description, config: ControlConfig, plant: RobotBody
 ) -> ControlledRobot:
     """A robot in this plant."""
     part = PreparedRobot.from_description(description, config)
@@ -149,7 +149,7 @@ def controlled_robot(
 def ideal_drive(plant: IdealPlant | None = None, **values: Any) -> ControlledRobot:
     """A drive of the ideal plant."""
     chosen = config(**values)
-    return controlled_robot(robot(), chosen, cast(Robot, plant or IdealPlant()))
+    return controlled_robot(robot(), chosen, cast(RobotBody, plant or IdealPlant()))
 
 
 def alone(description: Description, config: ControlConfig) -> Fleet:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from onebot_control.controlled_robot import ControlledRobot, Snapshot
-from onebot_control.physics import JointStates, Robot
+from onebot_control.physics import JointStates, RobotBody
 from onebot_control.poses import PlanarPose
 from onebot_control.sensing.surroundings import (
     Placed,
@@ -285,7 +285,7 @@ def test_several_wheels_a_side_count_by_their_mean(by_position: bool) -> None:
         "right_wheel_names": ["right_wheel_joint", "right_2_joint"],
     }
     chosen = config(position_feedback=by_position, **names)
-    drive = controlled_robot(robot(*wheels), chosen, cast(Robot, FourWheels()))
+    drive = controlled_robot(robot(*wheels), chosen, cast(RobotBody, FourWheels()))
     snapshot = run(drive, 0.5, 0.3, 20)
     assert snapshot.twist == pytest.approx((0.5, 0.3))
 

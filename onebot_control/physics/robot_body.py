@@ -66,7 +66,7 @@ class MassVelocity(NamedTuple):
         return Twist((x - a, y - b, z - c), turning)
 
 
-class Robot:
+class RobotBody:
     """One simulated robot, which moves when its world steps.
 
     A motor makes each driven joint follow a velocity, and each commanded joint follow positions,
@@ -258,7 +258,7 @@ class Robot:
         self._efforts = (0.0,) * len(self.joints)
         self._update(self._read_joints())
 
-    def continue_from(self, other: "Robot") -> None:
+    def continue_from(self, other: "RobotBody") -> None:
         """Take over pose, velocity and motors of the same robot in another world."""
         body, client = self.parts.body, self.world.client
         self.parts.place(other.pose)
