@@ -173,7 +173,7 @@ class Simulation:
             )
             for (name, setup), values in zip(setups.items(), self._values, strict=True)
         ]
-        self._scene = scene = _world(world)
+        self._scene = scene = _loaded_scene(world)
         self._sensor_file = "" if isinstance(sensors, bool) else str(sensors)
         self._fleet = fleet = Fleet.from_members(members, scene=scene)
         self._sensors = Sensors(scene, fleet.rate, fleet.world.settings.gravity)
@@ -705,7 +705,7 @@ def _member(name: str, description: Description, config: ControlConfig) -> Membe
     return Member(description, config, name, stands=not has_drive)
 
 
-def _world(world: "str | Path | Description") -> Description | None:
+def _loaded_scene(world: "str | Path | Description") -> Description | None:
     if isinstance(world, Description):
         return world
     return load_world(str(world)) if str(world) else None

@@ -101,21 +101,21 @@ class Lockstep:
             ControlParameters(node, RosArguments(), {**values, **common})
             for node, values in zip(self._nodes, simulation._values, strict=True)
         ]
-        world = WorldInterface(
+        interface = WorldInterface(
             self._nodes, settings, simulation._scene, simulated=True, seed=simulation.seed
         )
-        for interface, robot in zip(world.robots, fleet.robots, strict=True):
-            interface.description = robot.description
-        for row, interface in enumerate(world.robots):
-            world.check_frames(row, interface.frames())
-        world.start(SteppedLoop(fleet, world.publish), Sensing(simulation._sensors))
+        for robot_interface, robot in zip(interface.robots, fleet.robots, strict=True):
+            robot_interface.description = robot.description
+        for row, robot_interface in enumerate(interface.robots):
+            interface.check_frames(row, robot_interface.frames())
+        interface.start(SteppedLoop(fleet, interface.publish), Sensing(simulation._sensors))
         self._poll_due = Divider(_POLLS, fleet.rate)
         for node in self._nodes:
             self._robots.add_node(node)
-        self._arm_nodes = world.arm_nodes
+        self._arm_nodes = interface.arm_nodes
         for node in self._arm_nodes:
             self._arms.add_node(node)
-        return world
+        return interface
 
     def add(self, *nodes: Node, timeout: float = _PATIENCE) -> None:
         """Put nodes in step, and wait until they are connected with the robots' topics.

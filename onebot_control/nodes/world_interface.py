@@ -108,12 +108,12 @@ class WorldInterface:
         """
         settings = list(map(ControlParameters, nodes, arguments))
         scene = load_scene(settings[0].config.world)
-        world = cls(nodes, settings, scene, simulated=_is_simulated(nodes, settings))
-        steady_timer(nodes[0], _POLL_PERIOD, world.poll)
+        interface = cls(nodes, settings, scene, simulated=_is_simulated(nodes, settings))
+        steady_timer(nodes[0], _POLL_PERIOD, interface.poll)
         # Last, when all attributes exist: from here on, ``stop`` may be called at any time.
-        for robot in world.robots:
+        for robot in interface.robots:
             robot.describe(file)
-        return world
+        return interface
 
     def stop(self) -> None:
         """Stop the control loop, and with it the robots."""
