@@ -5,13 +5,11 @@ import time
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from nav_msgs.msg import Odometry
 from rclpy.node import Node
 
 from onebot_bringup.steering.followed_topics import FollowedTopics
 from onebot_control.poses import yaw_of
 from onebot_description.ros.node_graph import node_name
-from onebot_description.ros.topic_subscription import TopicSubscription
 from onebot_description.ros.wire.messages import OdometrySample, odometry_sample
 
 _ODOMETRY = "nav_msgs/msg/Odometry"
@@ -50,7 +48,7 @@ class OdometryTopic:
 
     def __init__(self, node: Node, fixed: str) -> None:
         self._node, self._fixed = node, fixed
-        self._topics = FollowedTopics(node, 1, self._subscription)
+        self._topics = FollowedTopics(node, 1, self._receive)
         self._data: tuple[bytes, float] | None = None
         self.topic = ""  # full name; "" for none
 
@@ -98,10 +96,7 @@ class OdometryTopic:
         rounded = {name: round(value, 6) for name, value in values.items()}
         return {"topic": self.topic, **rounded}
 
-    def _subscription(self, name: str, _: str) -> TopicSubscription:
-        return TopicSubscription(self._node, name, self._receive, lambda _: Odometry)
-
-    def _receive(self, _: str, data: bytes) -> None:
+    def _receive(self, _topic: str, _kind: str, data: bytes) -> None:
         self._data = data, time.monotonic()
 
     def _publishers(self) -> dict[str, list[str]]:

@@ -72,6 +72,7 @@ from onebot_bringup.steering.command_topic import (
     namespace_of,
 )
 from onebot_bringup.steering.controllers import Controllers
+from onebot_bringup.steering.followed_topics import RobotNamespace
 from onebot_bringup.steering.ground import Ground
 from onebot_bringup.steering.joint_commands import JointCommands
 from onebot_bringup.steering.obstacles import Obstacles
@@ -269,14 +270,14 @@ class SteeringPage(Node):
         self._odometry.update(commands.topic, robots, subscribers)
         self._topics = command_topics(self)
         self._robots = commanded_robots(self, self._topics)
-        namespace = namespace_of(commands.topic)
-        other_namespaces = {namespace_of(robot.topic) for robot in self._robots} - {namespace}
-        self._ground.update(namespace, other_namespaces)
-        watched = self._arbiter.state.pages > 0
-        self._cameras.update(namespace, other_namespaces, watched)
+        name = namespace_of(commands.topic)
+        others = {namespace_of(robot.topic) for robot in self._robots} - {name}
+        namespace, watched = RobotNamespace(name, others), self._arbiter.state.pages > 0
+        self._ground.update(namespace)
+        self._cameras.update(namespace, watched)
         self._viewer.publish_cameras(self._cameras.topics)
-        self._obstacles.update(namespace, other_namespaces, watched)
-        self._joints.update(namespace, other_namespaces, self._obstacles.robot, watched)
+        self._obstacles.update(namespace, watched)
+        self._joints.update(namespace, self._obstacles.robot, watched)
         self._viewer.update()
         if previous != (commands.kind, commands.topic, len(commands.listeners)):
             self._arbiter.changed()
