@@ -6,7 +6,7 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from onebot_control.drive.diff_drive import DiffDriveController, DriveCommand, WheelStates
+from onebot_control.drive.diff_drive import DiffDriveController, WheelCommand, WheelStates
 from onebot_control.drive.drift import DriftCheck
 from onebot_control.drive.odometry import DiffDriveKinematics, PoseCovariance
 from onebot_control.drive.wheels.geometry import WheelGeometry, Wheels
@@ -59,7 +59,7 @@ class Snapshot(NamedTuple):
     pose: Pose  # true pose in the world
     mass_velocity: MassVelocity  # true velocity, in the simulation's own time
     pace: float  # simulated seconds per second of the clock
-    command: DriveCommand  # the command in force, and the wheels' velocities for it
+    command: WheelCommand  # the command in force, and the wheels' velocities for it
 
     @property
     def velocity(self) -> Twist:
@@ -309,7 +309,7 @@ class ControlledRobot:
         self.controller = DiffDriveController(config, kinematics)
         self._use(config)
         self.ticks, self._observed = 0, -1
-        self._command = DriveCommand(0.0, 0.0, 0.0, 0.0)
+        self._command = WheelCommand(0.0, 0.0, 0.0, 0.0)
         self.drift = DriftCheck(skids=self.wheels is not None and len(self.wheels.names) > 2)
         self._reset_arms()
         self.arms = {

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from onebot_control.physics.engine import engine
 from onebot_control.physics.rest_pose import RestPose
 from onebot_control.physics.spawning import (
-    LoadedRobot,
+    LoadedBody,
     RobotSpawn,
     checked_spawn_pose,
     load_robot,
@@ -86,7 +86,7 @@ class RobotBody:
     # Returns the positions of ``commanded``, rad or m, at a time in s after the state was read.
     reference: Callable[[float], Sequence[float]]
     rest_pose: RestPose  # height and tilt at rest on level ground
-    parts: LoadedRobot
+    parts: LoadedBody
     pose: Transform  # the root link's frame, as last read
     positions: tuple[float, ...]  # of the joints, in the order of ``joints``, as last read
     finite: bool  # whether the state last read was finite
