@@ -9,7 +9,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Bool
 
-from onebot_control.nodes.control_loop import ControlLoop, RobotSlot
+from onebot_control.nodes.control_loop import ControlLoop, LoopSlot
 from onebot_description.ros.clock_check import StampCheck
 from onebot_description.ros.message_age import Age, Delivery, SenderClock, boot_time
 from onebot_description.ros.node_graph import Lasting
@@ -170,7 +170,7 @@ class CommandSubscription:
         self._received(Command(twist.linear.x, twist.angular.z, stamp, self._age))
 
 
-class RobotCommands:
+class CommandGate:
     """Passes the commands of one robot to the control loop, unless the robot is locked.
 
     Attributes:
@@ -179,7 +179,7 @@ class RobotCommands:
         answered: stamp of the newest command, ns.
     """
 
-    def __init__(self, node: Node, slot: RobotSlot, choice: str | None, warn: Throttled) -> None:
+    def __init__(self, node: Node, slot: LoopSlot, choice: str | None, warn: Throttled) -> None:
         """Subscribe.
 
         Args:

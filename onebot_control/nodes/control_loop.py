@@ -372,7 +372,7 @@ class ControlLoop:
             self._running.release()
 
 
-class RobotSlot:
+class LoopSlot:
     """The place of one robot in the control loop, through which the threads of its nodes reach it.
 
     Attributes:

@@ -13,7 +13,7 @@ from onebot_control.joint_controllers import (
     TrajectoryController,
 )
 from onebot_control.nodes.commands import CommandLock
-from onebot_control.nodes.control_loop import RobotSlot
+from onebot_control.nodes.control_loop import LoopSlot
 
 if TYPE_CHECKING:
     from onebot_control.nodes.controller_node import ControllerNode
@@ -37,7 +37,7 @@ class JointControllerNodes:
     """Creates the node of each joint controller of a robot, and publishes its state."""
 
     def __init__(
-        self, beside: Node, slot: RobotSlot, lock: CommandLock, clock: Clock | None
+        self, beside: Node, slot: LoopSlot, lock: CommandLock, clock: Clock | None
     ) -> None:
         """Create the nodes, with their topics, actions and services.
 

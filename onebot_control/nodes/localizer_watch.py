@@ -9,7 +9,7 @@ from onebot_control.nodes.localization import FramesTransform, Localizer, Transf
 from onebot_control.nodes.publishing import Publishers
 
 
-class RobotLocalization:
+class LocalizerCheck:
     """Publishes the truth of one robot on TF, unless another node publishes a parent of odom."""
 
     def __init__(self, node: Node, publishing: Publishers) -> None:
@@ -62,7 +62,7 @@ class RobotLocalization:
 class LocalizerWatch:
     """Looks for localizers of all robots of a world."""
 
-    def __init__(self, nodes: Sequence[Node], robots: Sequence[RobotLocalization]) -> None:
+    def __init__(self, nodes: Sequence[Node], robots: Sequence[LocalizerCheck]) -> None:
         """Prepare; ``poll`` subscribes.
 
         Args:

@@ -8,11 +8,11 @@ from rclpy.node import Node
 
 from onebot_control.controlled_robot import ControlledRobot, Snapshot, joints_of, wheels_of
 from onebot_control.fleet import Member
-from onebot_control.nodes.commands import RobotCommands
-from onebot_control.nodes.control_loop import ControlLoop, RobotSlot
+from onebot_control.nodes.commands import CommandGate
+from onebot_control.nodes.control_loop import ControlLoop, LoopSlot
 from onebot_control.nodes.frames import Frames
 from onebot_control.nodes.joint_controller_nodes import JointControllerNodes
-from onebot_control.nodes.localizer_watch import RobotLocalization
+from onebot_control.nodes.localizer_watch import LocalizerCheck
 from onebot_control.nodes.publishing import Publishers
 from onebot_control.nodes.robot_sensors import RobotSensors
 from onebot_control.nodes.robot_services import RobotServices
@@ -84,12 +84,12 @@ class RobotInterface:
         self._arms: JointControllerNodes | None = None
         self._warn = Throttled(node.get_logger().warning)
         self.refuse = Throttled(lambda text: node.get_logger().error(text))
-        self.slot, config, stands = RobotSlot(row), settings.config, settings.stands
+        self.slot, config, stands = LoopSlot(row), settings.config, settings.stands
         self.publishing = Publishers(node, clock=world.simulated and row == 0, stands=stands)
-        self.localization = RobotLocalization(node, self.publishing)
+        self.localization = LocalizerCheck(node, self.publishing)
         self.sensors = RobotSensors(node, self.sense_again, world.seed)
         choice = None if stands else config.cmd_vel_type
-        self.commands = RobotCommands(node, self.slot, choice, self._warn)
+        self.commands = CommandGate(node, self.slot, choice, self._warn)
         self.step_topics = StepTopics(node, self.sensors, self.commands)
         self.step_topics.choose(config.step_topics)
         odom = None if stands else lambda: self.publishing.odom_frame

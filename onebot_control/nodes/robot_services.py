@@ -9,7 +9,7 @@ from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
 from onebot_control.controlled_robot import ControlledRobot
-from onebot_control.nodes.control_loop import RobotSlot
+from onebot_control.nodes.control_loop import LoopSlot
 from onebot_control.poses import PlanarPose, yaw_of
 from onebot_description.errors import OneBotError
 from onebot_description.ros.throttled import Warn
@@ -26,7 +26,7 @@ class RobotServices:
     """
 
     def __init__(
-        self, node: Node, slot: RobotSlot, odom_frame: Callable[[], str] | None, warn: Warn
+        self, node: Node, slot: LoopSlot, odom_frame: Callable[[], str] | None, warn: Warn
     ) -> None:
         """Subscribe, and offer the services.
 

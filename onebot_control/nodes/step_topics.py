@@ -4,7 +4,7 @@ from collections.abc import Sequence, Set
 
 from rclpy.node import Node
 
-from onebot_control.nodes.commands import RobotCommands
+from onebot_control.nodes.commands import CommandGate
 from onebot_control.nodes.robot_sensors import RobotSensors
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.ros.wire.cdr import NANO
@@ -13,7 +13,7 @@ from onebot_description.ros.wire.cdr import NANO
 class StepTopics:
     """The topics of one robot's parameter step_topics, whose messages commands have to answer."""
 
-    def __init__(self, node: Node, sensors: RobotSensors, commands: RobotCommands) -> None:
+    def __init__(self, node: Node, sensors: RobotSensors, commands: CommandGate) -> None:
         """Wait for nothing; call ``choose`` afterwards.
 
         Args:
