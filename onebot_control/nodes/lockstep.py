@@ -22,9 +22,10 @@ from rclpy.task import Future
 from onebot_control.controlled_robot import Snapshot
 from onebot_control.fleet import Divider, Fleet
 from onebot_control.nodes.control_loop import ControlLoop
+from onebot_control.nodes.control_parameters import ControlParameters
 from onebot_control.nodes.sensing import Sensing
 from onebot_control.nodes.world_interface import WorldInterface
-from onebot_control.parameters import MANAGER, ControlParameters
+from onebot_control.parameters import MANAGER
 from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.ros.command_line import RosArguments
 from onebot_description.ros.discovery import configure_discovery, use_local_discovery

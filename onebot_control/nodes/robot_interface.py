@@ -10,6 +10,7 @@ from onebot_control.controlled_robot import ControlledRobot, Snapshot, joints_of
 from onebot_control.fleet import Member
 from onebot_control.nodes.commands import CommandGate
 from onebot_control.nodes.control_loop import ControlLoop, LoopSlot
+from onebot_control.nodes.control_parameters import ControlParameters
 from onebot_control.nodes.frames import Frames
 from onebot_control.nodes.joint_controller_nodes import JointControllerNodes
 from onebot_control.nodes.localizer_watch import LocalizerCheck
@@ -18,7 +19,7 @@ from onebot_control.nodes.robot_sensors import RobotSensors
 from onebot_control.nodes.robot_services import RobotServices
 from onebot_control.nodes.sensing import Channel, Sensing
 from onebot_control.nodes.step_topics import StepTopics
-from onebot_control.parameters import ControlConfig, ControlParameters
+from onebot_control.parameters import ControlConfig
 from onebot_control.sensing.surroundings import SensedRobot
 from onebot_description.description import Description, load_description
 from onebot_description.errors import OneBotError

@@ -11,6 +11,7 @@ from rclpy.parameter import Parameter
 from onebot_control.controlled_robot import Snapshot
 from onebot_control.fleet import Divider, Fleet, located
 from onebot_control.nodes.control_loop import ControlLoop
+from onebot_control.nodes.control_parameters import ControlParameters
 from onebot_control.nodes.frames import Frames, check_frames
 from onebot_control.nodes.localizer_watch import LocalizerWatch
 from onebot_control.nodes.parameter_changes import ParameterChanges
@@ -20,7 +21,6 @@ from onebot_control.nodes.robot_interface import RobotInterface
 from onebot_control.nodes.sensing import Sensing, SensingThread
 from onebot_control.nodes.simulation_services import SimulationServices
 from onebot_control.nodes.spinning import NodeThread
-from onebot_control.parameters import ControlParameters
 from onebot_control.physics.engine import logger as simulation_log
 from onebot_control.physics.scene_bodies import load_scene
 from onebot_control.sensing.instruments import Sensors

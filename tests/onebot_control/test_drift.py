@@ -4,9 +4,10 @@ from pathlib import Path
 
 import pytest
 
+from onebot_control.control_files import default_control_file, read_control_files
 from onebot_control.controlled_robot import ControlledRobot
 from onebot_control.fleet import Fleet, Member
-from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
+from onebot_control.parameters import ControlConfig
 from onebot_control.physics.scene_bodies import load_scene
 from onebot_control.poses import PlanarPose
 from onebot_description.description import load_description

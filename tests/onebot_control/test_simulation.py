@@ -10,8 +10,9 @@ import pytest
 
 import onebot_control
 from onebot_control import OneBotError, RobotSetup, SimulatedRobot, Simulation, simulation
+from onebot_control.control_files import default_control_file, read_control_files
 from onebot_control.fleet import Fleet, Member
-from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
+from onebot_control.parameters import ControlConfig
 from onebot_description import load_description
 from onebot_description.description import parse_description
 from tests.onebot_control.control_support import urdf
