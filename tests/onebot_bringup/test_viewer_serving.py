@@ -381,10 +381,8 @@ def test_browsers_that_hold_connections_do_not_keep_the_page_from_stopping(capfd
         ("onebot_bringup.steering.steering_page", "rerun"),
         ("onebot_control.nodes.world_interface", "embreex"),  # most robots have no sensors
         ("onebot_control.nodes.world_interface", "numpy.random"),
-        (
-            "onebot_control.control_files",
-            "numpy",
-        ),  # its threads keep bringups from forking for xacro
+        # Its threads keep bringups from forking for xacro.
+        ("onebot_control.control_files", "numpy"),
     ],
 )
 def test_a_large_library_is_imported_only_where_it_is_used(module, library):
