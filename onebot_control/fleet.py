@@ -6,7 +6,7 @@ Example:
     >>> from onebot_description.description import load_description
     >>> description = load_description("package://onebot_description/urdf/onebot.urdf.xacro")
     >>> config = ControlConfig.from_parameters({"cmd_vel_timeout": 0.5})
-    >>> with Fleet.of([Member(description, config)]) as fleet:
+    >>> with Fleet.from_members([Member(description, config)]) as fleet:
     ...     fleet.robots[0].accept(0.2, 0.0)
     ...     [snapshot] = fleet.cycle()
     >>> snapshot.tick
@@ -19,10 +19,10 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from onebot_control.driven_robot import DrivenRobot, DrivenSpawn, Snapshot
+from onebot_control.controlled_robot import ControlledRobot, PreparedRobot, Snapshot
 from onebot_control.joint_controllers import JointController
 from onebot_control.parameters import ControlConfig
-from onebot_control.physics import Robot, Settings, World
+from onebot_control.physics import RobotBody, Settings, World
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError
 from onebot_description.ros.parameters.reader import ConfigError
@@ -58,11 +58,11 @@ class Fleet:
         world: the physics they share.
     """
 
-    def __init__(self, robots: Sequence[DrivenRobot], world: World) -> None:
+    def __init__(self, robots: Sequence[ControlledRobot], world: World) -> None:
         self.robots, self.world = list(robots), world
 
     @classmethod
-    def of(
+    def from_members(
         cls,
         members: Sequence[Member],
         settings: Settings = Settings(),  # noqa: B008 - it is frozen
@@ -79,13 +79,13 @@ class Fleet:
             OneBotError: config and description of a robot do not suit each other, it cannot be
                 simulated, or two robots start in the same place.
         """
-        parts = [_part(member) for member in members]
+        prepared_robots = [_prepared(member) for member in members]
         fitted = settings.fitted(members[0].config.update_rate)
-        if any(part.converges_slowly for part in parts):
+        if any(prepared.converges_slowly for prepared in prepared_robots):
             fitted = replace(fitted, iterations=max(fitted.iterations, _ARM_ITERATIONS))
-        world = World([part.spawn for part in parts], fitted, scene)
+        world = World([prepared.spawn for prepared in prepared_robots], fitted, scene)
         try:
-            robots = map(_driven, members, parts, world.robots)
+            robots = map(_controlled, members, prepared_robots, world.robots)
             return cls(list(robots), world)
         except BaseException:
             world.close()
@@ -163,19 +163,19 @@ class Fleet:
         old = self.robots[row]
         controllers = [*old.controllers.values()]
         member = Member(description, old.config, controllers=controllers, stands=old.wheels is None)
-        part = _part(member)
-        here = part.spawn._replace(**old.true_pose._asdict())
+        prepared = _prepared(member)
+        here = prepared.spawn._replace(**old.true_pose._asdict())
         world = self.world.replaced(row, here)
         try:
-            robot = _driven(member, part, world.robots[row])
+            robot = _controlled(member, prepared, world.robots[row])
         except BaseException:
             world.close()
             raise
         robot.continue_from(old)
         self.world.close()
         self.world, self.robots[row] = world, robot
-        for driven, plant in zip(self.robots, world.robots, strict=True):
-            driven.plant = plant
+        for robot, plant in zip(self.robots, world.robots, strict=True):
+            robot.plant = plant
 
     def close(self) -> None:
         """Free the world."""
@@ -213,9 +213,9 @@ class Divider:
         return picked
 
 
-def _part(member: Member) -> DrivenSpawn:
+def _prepared(member: Member) -> PreparedRobot:
     with located(member):
-        return DrivenSpawn.of(
+        return PreparedRobot.from_description(
             member.description,
             member.config,
             member.name,
@@ -224,9 +224,9 @@ def _part(member: Member) -> DrivenSpawn:
         )
 
 
-def _driven(member: Member, part: DrivenSpawn, plant: Robot) -> DrivenRobot:
+def _controlled(member: Member, prepared: PreparedRobot, plant: RobotBody) -> ControlledRobot:
     with located(member):
-        return DrivenRobot(part, member.description, member.config, plant)
+        return ControlledRobot(prepared, member.description, member.config, plant)
 
 
 @contextmanager

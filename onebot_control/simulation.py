@@ -25,10 +25,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from onebot_control.control_files import default_control_file, read_control_files
+from onebot_control.controlled_robot import ControlledRobot, Snapshot
 from onebot_control.drive.wheels.finding import has_wheels
-from onebot_control.driven_robot import DrivenRobot, Snapshot
 from onebot_control.fleet import Fleet, Member
-from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
+from onebot_control.parameters import ControlConfig
 from onebot_control.sensing.instruments import Frame, Instrument, SensedWorld, Sensors
 from onebot_control.sensing.lidar import angles
 from onebot_control.sensing.rays import Rays, cast
@@ -175,7 +176,7 @@ class Simulation:
             for (name, setup), values in zip(setups.items(), self._values, strict=True)
         ]
         self._sensor_file = "" if isinstance(sensors, bool) else str(sensors)
-        self._fleet = fleet = Fleet.of(members, scene=scene)
+        self._fleet = fleet = Fleet.from_members(members, scene=scene)
         self._sensors = Sensors(scene, fleet.rate, fleet.world.settings.gravity)
         self.robots: Mapping[str, SimulatedRobot] = MappingProxyType(
             {name: SimulatedRobot(self, name, row) for row, name in enumerate(setups)}
@@ -290,8 +291,8 @@ class Simulation:
             fleet.stamp,
             [snapshot.pose for snapshot in snapshots],
             [
-                {**driven.held, **dict(zip(driven.joints, snapshot.joints.positions, strict=True))}
-                for driven, snapshot in zip(fleet.robots, snapshots, strict=True)
+                {**robot.held, **dict(zip(robot.joints, snapshot.joints.positions, strict=True))}
+                for robot, snapshot in zip(fleet.robots, snapshots, strict=True)
             ],
             self._boxes(),
         )
@@ -387,7 +388,7 @@ class Simulation:
         fleet = self._fleet
         for robot in self.robots.values():
             if robot._command is not None:
-                robot._driven.accept(*robot._command)
+                robot._controlled.accept(*robot._command)
         self._before = fleet.begin()
         if self._kept is not None and fleet.ticks % self._kept_every == 0:
             self._kept.append(self._moment(self._before))
@@ -489,7 +490,7 @@ class SimulatedRobot:
 
     @property
     def _trajectories(self) -> list[TrajectoryFollower]:
-        arms = self._driven.arms.values()
+        arms = self._controlled.arms.values()
         return [arm for arm in arms if isinstance(arm, TrajectoryFollower)]
 
     def teleport(self, x: float, y: float, yaw: float = 0.0) -> None:
@@ -504,45 +505,45 @@ class SimulatedRobot:
             OneBotError: something is in the way; then nothing has changed.
             ValueError: a value is not finite.
         """
-        self._driven.teleport(PlanarPose(x, y, yaw))
-        self._driven.observe()
+        self._controlled.teleport(PlanarPose(x, y, yaw))
+        self._controlled.observe()
         self._simulation._frame = None
 
     @property
     def description(self) -> Description:
         """The robot's description: its links, joints and sensors as read from the URDF."""
-        return self._driven.description
+        return self._controlled.description
 
     @property
     def has_wheels(self) -> bool:
         """Whether the robot drives on wheels; otherwise its base stands still."""
-        return self._driven.wheels is not None
+        return self._controlled.wheels is not None
 
     @property
     def wheel_separation(self) -> float:
         """Distance between the wheels, m: the parameter, or the value from the URDF."""
-        return self._driven.geometry.separation
+        return self._controlled.geometry.separation
 
     @property
     def wheel_radius(self) -> float:
         """Radius of the driven wheels, m: the parameter, or the value from the URDF."""
-        return self._driven.geometry.radius
+        return self._controlled.geometry.radius
 
     @property
     def pose(self) -> RobotPose:
         """The true pose of the robot's root link in the world."""
-        return _pose(self._driven.snapshot().pose)
+        return _pose(self._controlled.snapshot().pose)
 
     @property
     def twist(self) -> PlanarVelocity:
         """The true velocity of the robot's root link, in its own axes."""
-        linear, angular = self._driven.snapshot().velocity
+        linear, angular = self._controlled.snapshot().velocity
         return PlanarVelocity(linear[0], angular[2])
 
     @property
     def odometry(self) -> OdometryReading:
         """Pose and velocity by the wheels' odometry."""
-        snapshot = self._driven.snapshot()
+        snapshot = self._controlled.snapshot()
         x, y, yaw = snapshot.odometry
         xx, xy, yy, xt, yt, tt = snapshot.covariance
         covariance = ((xx, xy, xt), (xy, yy, yt), (xt, yt, tt))
@@ -551,15 +552,15 @@ class SimulatedRobot:
     @property
     def command(self) -> PlanarVelocity:
         """The limited velocity that the controller set in the last cycle, as in ~/cmd_vel_out."""
-        command = self._driven.snapshot().command
+        command = self._controlled.snapshot().command
         return PlanarVelocity(command.linear, command.angular)
 
     @property
     def joints(self) -> Mapping[str, JointState]:
         """The states of the moving joints, by name; an unknown name raises OneBotError."""
-        states = zip(*self._driven.snapshot().joints, strict=True)
+        states = zip(*self._controlled.snapshot().joints, strict=True)
         return Joints(
-            zip(self._driven.joints, (JointState(*state) for state in states), strict=True)
+            zip(self._controlled.joints, (JointState(*state) for state in states), strict=True)
         )
 
     def scan(self, sensor: str = "") -> Scan:
@@ -633,17 +634,17 @@ class SimulatedRobot:
         return f"{self._name or 'robot'} at x {x:.3f} m, y {y:.3f} m, yaw {yaw:.3f} rad"
 
     @property
-    def _driven(self) -> DrivenRobot:
+    def _controlled(self) -> ControlledRobot:
         return self._simulation._fleet.robots[self._row]
 
     def _equip(self, file: str, noisy: bool) -> None:
         """Set up the sensors of the description, and of a ``file``; "" for none."""
-        driven, simulation = self._driven, self._simulation
-        robot = SensedRobot(driven.description, driven.joints, driven.held)
+        controlled, simulation = self._controlled, self._simulation
+        robot = SensedRobot(controlled.description, controlled.joints, controlled.held)
         simulation._sensors.enter(self._row, robot)
-        sensors = list(driven.description.sensors)
+        sensors = list(controlled.description.sensors)
         if file:
-            sensors += load_sensors(file, driven.description).sensors
+            sensors += load_sensors(file, controlled.description).sensors
         space, rate, seed = f"/{self._name}", simulation._fleet.rate, simulation.seed
         self._instruments = [
             Instrument(sensor, self._row, space, rate, noisy, seed) for sensor in sensors
@@ -697,9 +698,9 @@ def _read(
 ) -> tuple[Description, Description | None]:
     """Return the robot and the world; two files are read at once, as xacro runs in processes."""
     if isinstance(model, Description) or isinstance(world, Description) or not str(world):
-        return _described(model, arguments), _world(world)
+        return _described(model, arguments), _loaded_scene(world)
     with ThreadPoolExecutor(1) as other:
-        reading = other.submit(_world, world)
+        reading = other.submit(_loaded_scene, world)
         description = _described(model, arguments)
     return description, reading.result()
 
@@ -719,7 +720,7 @@ def _member(name: str, description: Description, config: ControlConfig) -> Membe
     return Member(description, config, name, stands=not has_drive)
 
 
-def _world(world: "str | Path | Description") -> Description | None:
+def _loaded_scene(world: "str | Path | Description") -> Description | None:
     if isinstance(world, Description):
         return world
     return load_world(str(world)) if str(world) else None

@@ -81,17 +81,13 @@ from typing import TYPE_CHECKING
 
 from rclpy.node import Node
 
-from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
-from onebot_description.ros.node import (
-    RosArguments,
-    at_stop,
-    ros_args,
-    run_described_node,
-    split_robots,
-)
+from onebot_control.control_files import default_control_file, read_control_files
+from onebot_control.parameters import ControlConfig
+from onebot_description.ros.command_line import RosArguments, ros_args, split_robots
+from onebot_description.ros.run_node import at_stop, run_described_node
 
 if TYPE_CHECKING:
-    from onebot_control.nodes.driving import Driving
+    from onebot_control.nodes.world_interface import WorldInterface
 
 # Seconds after which Python hands the GIL to the control thread; the default is 5 ms.
 _SWITCH_INTERVAL = 0.0005
@@ -102,12 +98,12 @@ class SimulationNode(Node):
 
     def __init__(self, name: str, arguments: Sequence[str] | None = None) -> None:
         super().__init__(name, cli_args=ros_args(arguments))
-        self.driving: Driving | None = None
+        self.interface: WorldInterface | None = None
 
     def destroy_node(self) -> None:
         """Stop the control loop, and with it all robots of the world; then destroy the node."""
-        if self.driving is not None:
-            self.driving.stop()
+        if self.interface is not None:
+            self.interface.stop()
         super().destroy_node()
 
 
@@ -127,13 +123,13 @@ def simulation_nodes(
     """
     nodes = [SimulationNode(name, words) for words in robots] or [SimulationNode(name)]
     # Imported only now: DDS discovery runs meanwhile.
-    from onebot_control.nodes.driving import Driving
+    from onebot_control.nodes.world_interface import WorldInterface
 
     node_arguments = [arguments.joined(words) for words in robots] or [arguments]
-    driving = Driving.described(nodes, file, node_arguments)
-    at_stop(driving.stop)
+    interface = WorldInterface.from_descriptions(nodes, file, node_arguments)
+    at_stop(interface.stop)
     for node in nodes:
-        node.driving = driving
+        node.interface = interface
     return nodes
 
 

@@ -32,7 +32,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from rcl_interfaces.msg import SetParametersResult
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -42,20 +41,18 @@ from rclpy.timer import Timer
 from rclpy.validate_topic_name import validate_topic_name
 from sensor_msgs.msg import JointState
 
-from onebot_description.description import Description, load_description, parse_description
+from onebot_description.description import Description, load_description
 from onebot_description.description_files import DescriptionFiles, Source
 from onebot_description.errors import DescriptionError, OneBotError, listing
 from onebot_description.file_watch import FileWatch, in_background
 from onebot_description.joints.config import JointsConfig
 from onebot_description.joints.source import JointStateSource, Plan
-from onebot_description.ros.node import (
+from onebot_description.ros.command_line import RosArguments
+from onebot_description.ros.description_topic import (
+    GOES_ON,
     DescriptionTopic,
-    RosArguments,
-    Throttled,
     described_by,
     is_path,
-    run_described_node,
-    steady_timer,
 )
 from onebot_description.ros.parameters.files import LiveParameters, Parameters, read_files
 from onebot_description.ros.parameters.reader import (
@@ -64,10 +61,14 @@ from onebot_description.ros.parameters.reader import (
     declare,
     defaults,
     descriptor,
+    follow_changes,
     ros_parameter,
     set_doubles,
 )
 from onebot_description.ros.parameters.values import plain
+from onebot_description.ros.run_node import run_described_node
+from onebot_description.ros.steady_timer import steady_timer
+from onebot_description.ros.throttled import Throttled
 
 
 class JointParameters:
@@ -89,7 +90,7 @@ class JointParameters:
         self.describing = False
         set_doubles(node, JointsConfig)
         self.live = LiveParameters(arguments.files, self._name, JointsConfig)
-        set_names = [name for to, name in arguments.names if to in ("", node.get_name())]
+        set_names = arguments.names_for(node.get_name())
         self.values = self._declare(set_names)
         self.live.pin(set_names, self.values)
         if self.live.warning:
@@ -203,7 +204,6 @@ class JointsState:
 
 
 _POLL_EVERY = 0.05  # seconds
-_GOES_ON = "the robot goes on as before"
 
 
 class JointFiles:
@@ -242,7 +242,7 @@ class JointFiles:
         self._watch.watch(self._live.files)
         saved, removed = self._watch.poll()
         for file in removed:
-            self._log.warning(f"{file} was removed: {_GOES_ON}")
+            self._log.warning(f"{file} was removed: {GOES_ON}")
         self._saved += saved
         self._is_unread |= bool(saved)
         if self._is_unread and self._reading is None:
@@ -269,7 +269,7 @@ class JointFiles:
             if description is not None and description.urdf != state.description.urdf:
                 self._node.replace(description)
         except DescriptionError as error:
-            self._log.error(f"{path} not applied, {_GOES_ON}:\n{error}")
+            self._log.error(f"{path} not applied, {GOES_ON}:\n{error}")
 
     def _finish(self, reading: "Future[Parameters]") -> None:
         try:
@@ -279,7 +279,7 @@ class JointFiles:
 
     def _refuse(self, error: OneBotError, unsuitable: Parameters | None = None) -> None:
         self._is_refused, self._unsuitable = True, unsuitable
-        self._log.error(f"{self._names} not applied, {_GOES_ON}:\n{error}")
+        self._log.error(f"{self._names} not applied, {GOES_ON}:\n{error}")
 
     @property
     def _names(self) -> str:
@@ -403,15 +403,13 @@ class JointStatePublisher(Node):
         super().__init__("joint_state_publisher", allow_undeclared_parameters=True)
         self._reported: set[Problem] = set()
         self._warn = Throttled(self.get_logger().warning)
-        self._refuse = Throttled(lambda text: self.get_logger().error(text))
         self._settings = JointParameters(self, arguments)
         self.state = JointsState(self._settings.values, self._settings.config)
         self._output = JointStatesOut(self)
         self._input = JointStatesIn(self, self._on_joint_state)
         self._files = JointFiles(self, description_file, self._settings.live)
         self._start(description_file)
-        self.add_on_set_parameters_callback(self._validate)
-        self.add_post_set_parameters_callback(self._accept)
+        follow_changes(self, self._check, self._accept)
         self._files.watch()
 
     def _start(self, description_file: str | None) -> None:
@@ -423,18 +421,13 @@ class JointStatePublisher(Node):
             self._use(described_by(text))
         else:
             self._input.subscribe(self.state.config.source_list)
-            DescriptionTopic(self, self._on_description, lambda: self.state.source is not None)
+            DescriptionTopic(self, lambda: self.state.description, self.replace)
 
     # Parameters ------------------------------------------------------------------------------
 
-    def _validate(self, parameters: Sequence[Parameter]) -> SetParametersResult:
-        if self._settings.describing:
-            return SetParametersResult(successful=True)
-        try:
+    def _check(self, parameters: Sequence[Parameter]) -> None:
+        if not self._settings.describing:
             self._next = self._prepare(parameters)
-        except OneBotError as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
 
     def _prepare(self, parameters: Sequence[Parameter]) -> JointsState:
         """Check parameters against each other, the files and the robot; change nothing."""
@@ -525,16 +518,6 @@ class JointStatePublisher(Node):
         self._reported = set(state.source.reports)
 
     # Messages --------------------------------------------------------------------------------
-
-    def _on_description(self, urdf: str) -> None:
-        current = self.state.description
-        if current is not None and urdf == current.urdf:
-            return
-        try:
-            self.replace(parse_description(urdf, "robot_description"))
-        except OneBotError as error:
-            goes_on = "still waiting for one" if current is None else _GOES_ON
-            self._refuse("description", f"robot_description not applied, {goes_on}:\n{error}")
 
     def _on_joint_state(self, topic: str, message: JointState) -> None:
         if self.state.source is None:

@@ -32,7 +32,6 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import JumpThreshold, TimeJump
 from rclpy.duration import Duration
 from rclpy.node import Node
@@ -47,18 +46,19 @@ from onebot_description.description_files import DescriptionFiles, Source
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
 from onebot_description.ros.clock_check import StampCheck
-from onebot_description.ros.node import (
-    LATCHED,
-    DiscoveryServerCheck,
-    RosArguments,
-    Throttled,
-    ros_args,
-    run_described_node,
-    split_robots,
-    steady_timer,
-    warn_of_two_robots,
+from onebot_description.ros.command_line import RosArguments, ros_args, split_robots
+from onebot_description.ros.description_topic import warn_of_two_robots
+from onebot_description.ros.node_graph import DiscoveryServerCheck
+from onebot_description.ros.parameters.reader import (
+    declare,
+    follow_changes,
+    read,
+    refuse_undeclared,
 )
-from onebot_description.ros.parameters.reader import declare, read, refuse_undeclared
+from onebot_description.ros.run_node import run_described_node
+from onebot_description.ros.steady_timer import steady_timer
+from onebot_description.ros.throttled import Throttled
+from onebot_description.ros.topic_qos import LATCHED
 from onebot_description.ros.wire.cdr import NANO
 from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.state_converter import StateConverter
@@ -102,15 +102,14 @@ class RobotStatePublisher(Node):
         self._apply_description()
         self._apply()
         refuse_undeclared(self, StateParameters)
-        self.add_on_set_parameters_callback(self._validate)
-        self.add_post_set_parameters_callback(self._changed)
+        follow_changes(self, self._validate, self._changed)
         self._jumps = self.get_clock().create_jump_callback(
             JumpThreshold(
                 min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True
             ),
             post_callback=self._clock_jumped,
         )
-        self._check = StampCheck.of(self, "joint_states")
+        self._check = StampCheck.from_topic(self, "joint_states")
         self.create_subscription(
             JointState, "joint_states", self._on_joint_state, qos_profile_sensor_data, raw=True
         )
@@ -152,17 +151,13 @@ class RobotStatePublisher(Node):
             if parameter.name in self._values
         }
 
-    def _validate(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+    def _validate(self, parameters: Sequence[Parameter]) -> None:
         changes = self._changes(parameters)
-        try:
-            read(StateParameters, {**self._values, **changes})
-            urdf = changes.get("robot_description", self._accepted[0].urdf)
-            if urdf != self._accepted[0].urdf:
-                description = _parse(urdf)
-                self._accepted = description, RobotModel.from_description(description)
-        except OneBotError as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
+        read(StateParameters, {**self._values, **changes})
+        urdf = changes.get("robot_description", self._accepted[0].urdf)
+        if urdf != self._accepted[0].urdf:
+            description = _parse(urdf)
+            self._accepted = description, RobotModel.from_description(description)
 
     def _changed(self, parameters: Sequence[Parameter]) -> None:
         changes = self._changes(parameters)

@@ -21,7 +21,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from onebot_description.ros import node as ros_node
+from onebot_description.ros import run_node
 from onebot_description.ros.discovery import configure_discovery
 from tests.support import PATIENCE, wait_for
 
@@ -68,7 +68,7 @@ class Peer:
 
     def _spin(self) -> None:
         try:
-            ros_node.spin_until(self._ended, self._executor)
+            run_node.spin_until(self._ended, self._executor)
         except ExternalShutdownException:
             pass
 

@@ -29,7 +29,7 @@ from onebot_control.velocity_controller import simulation_nodes
 from onebot_description.description import load_description, parse_description
 from onebot_description.joint_state_publisher import JointStatePublisher
 from onebot_description.robot_state_publisher import RobotStatePublisher
-from onebot_description.ros.node import RosArguments
+from onebot_description.ros.command_line import RosArguments
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.any_message import broken, messages, received, serialized
 from tests.support import wait_for
@@ -143,18 +143,20 @@ def test_velocity_controller(start_node: Callable[..., Node], kind: str) -> None
         left_wheel_names="[left_wheel_joint]",
         right_wheel_names="[right_wheel_joint]",
     )
-    published, driving = Published(node), node.driving
+    published, interface = Published(node), node.interface
 
     def driven() -> None:
         # The control loop takes the message before the next one comes.
-        driving.loop.call(lambda: None)
-        assert driving._failure is None
+        interface.loop.call(lambda: None)
+        assert interface._failure is None
 
     feed(node, driven, ("teleport", "set_odometry", "description"))
     feed(node, driven, ("cmd_vel",), examples=60)
-    ticks = driving.loop.fleet.ticks
-    wait_for(lambda: driving._failure or driving.loop.fleet.ticks > ticks + 10, "control cycles")
-    assert driving._failure is None
+    ticks = interface.loop.fleet.ticks
+    wait_for(
+        lambda: interface._failure or interface.loop.fleet.ticks > ticks + 10, "control cycles"
+    )
+    assert interface._failure is None
     assert published.not_finite == []
 
 

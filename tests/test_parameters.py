@@ -13,13 +13,13 @@ from rclpy.parameter import Parameter
 from onebot_bringup.bags.bag_recorder import BagRecorder
 from onebot_bringup.steering.steering_page import SteeringPage
 from onebot_bringup.viewer.rerun_viewer import RerunViewer
+from onebot_control.control_files import default_control_file
 from onebot_control.nodes import control_loop
-from onebot_control.parameters import default_control_file
 from onebot_control.velocity_controller import simulation_nodes
 from onebot_description.description import load_description
 from onebot_description.joint_state_publisher import JointStatePublisher
 from onebot_description.robot_state_publisher import RobotStatePublisher
-from onebot_description.ros.node import RosArguments
+from onebot_description.ros.command_line import RosArguments
 from onebot_description.ros.parameters.reader import leaves
 from tests.readme_tables import PARAMETERS
 
@@ -116,7 +116,7 @@ def test_velocity_controller(
     assert remedy in refused(node, "use_stamped_vel")
     assert refused(node, "linear.x") == "linear.x: no such parameter"
     # A control loop that does not answer is a warning, and no error in the node's callback.
-    node.driving.stop()
+    node.interface.stop()
     monkeypatch.setattr(control_loop, "_PATIENCE", 0.0)
     assert node.set_parameters([Parameter("cmd_vel_timeout", value=0.7)])[0].successful
 

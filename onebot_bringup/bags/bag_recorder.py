@@ -28,15 +28,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile
 
 from onebot_bringup.bags.writer import BagWriter, Qos, RecordedTopic
 from onebot_bringup.introspection.interfaces import is_hidden, message_class
 from onebot_description.errors import OneBotError
-from onebot_description.ros.node import Throttled, ends_node, run_node
 from onebot_description.ros.parameters.reader import (
     REQUIRED,
     declare,
@@ -44,14 +41,19 @@ from onebot_description.ros.parameters.reader import (
     read,
     refuse_undeclared,
 )
-from onebot_description.ros.topic_subscription import (
-    TopicSubscription,
-    TypeConflictError,
-    choose_type,
+from onebot_description.ros.run_node import ends_node, run_node
+from onebot_description.ros.steady_timer import steady_timer
+from onebot_description.ros.throttled import Throttled
+from onebot_description.ros.topic_qos import (
     compatible_qos,
     exceeds,
     is_reliable,
     is_transient_local,
+)
+from onebot_description.ros.topic_subscription import (
+    TopicSubscription,
+    TypeConflictError,
+    choose_type,
     offers,
 )
 from onebot_description.ros.wire.interface_text import full_definition
@@ -119,10 +121,8 @@ class BagRecorder(Node):
         self._bag = BagWriter(folder, compress=parameters.compression == "zstd")
         self._topics = TopicRecorder(self, self._bag, selection)
         self._next_write = 0.0
-        # ROS time will not do here: it may stand still or run fast.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(_POLL_PERIOD, self._topics.poll, clock=steady)
-        self.create_timer(_WRITE_PERIOD, self._write, clock=steady)
+        steady_timer(self, _POLL_PERIOD, self._topics.poll)
+        steady_timer(self, _WRITE_PERIOD, self._write)
         self.get_logger().info(f"recording to {self._bag.folder}")
         self._topics.poll()
 
@@ -200,8 +200,7 @@ class TopicRecorder:
         self._counts: dict[str, Any] = {}
         self._polls = 0
         self._polled = math.inf
-        self._warned: set[str] = set()
-        self._warn_of_loss = Throttled(node.get_logger().warning)
+        self._warn = Throttled(node.get_logger().warning)
 
     @property
     def lost(self) -> int:
@@ -215,7 +214,7 @@ class TopicRecorder:
         """
         self._report_absence()
         if not self._now():
-            self._warn("waiting for the first message on /clock, as use_sim_time is true")
+            self._warn.once("waiting for the first message on /clock, as use_sim_time is true")
             return
         if not self._polls:
             self._subscribe_to_known()
@@ -254,7 +253,9 @@ class TopicRecorder:
         if kind is None:
             return
         if len(types) > 1:
-            self._warn(f"{topic} has several types ({', '.join(types)}); it is recorded as {kind}")
+            self._warn.once(
+                f"{topic} has several types ({', '.join(types)}); it is recorded as {kind}"
+            )
         if recorded is None:
             self._record(topic, kind, compatible_qos(offered[kind], _DEPTH))
         elif kind != current or offered[kind]:
@@ -268,7 +269,7 @@ class TopicRecorder:
             with suppress(TypeConflictError):
                 subscription.update(kind, qos)
         elif kind != subscription.type:
-            self._warn(f"{topic} is recorded as {subscription.type}, not as {kind} as well")
+            self._warn.once(f"{topic} is recorded as {subscription.type}, not as {kind} as well")
         elif subscription.qos is not None and exceeds(subscription.qos, qos):
             subscription.update(kind, qos)
         if subscription.type is None:
@@ -282,7 +283,7 @@ class TopicRecorder:
                 message_class(kind)
                 full_definition(kind)
             except OneBotError as error:
-                self._warn(f"{topic} is not recorded: {error}")
+                self._warn.once(f"{topic} is not recorded: {error}")
                 continue
             installed.append(kind)
         return installed
@@ -297,7 +298,7 @@ class TopicRecorder:
 
         def lost(count: int) -> None:
             recorded.lost += count
-            self._warn_of_loss(topic, f"{topic}: {recorded.lost} messages were lost by now")
+            self._warn(topic, f"{topic}: {recorded.lost} messages were lost by now")
 
         subscription = TopicSubscription(self._node, topic, received, message_class, lost=lost)
         recorded = self._topics[topic] = _Recorded(subscription)
@@ -319,11 +320,6 @@ class TopicRecorder:
         if self._simulated:
             return int(self._node.get_clock().now().nanoseconds)
         return time.time_ns()
-
-    def _warn(self, text: str) -> None:
-        if text not in self._warned:
-            self._warned.add(text)
-            self._node.get_logger().warning(text)
 
 
 def offered_qos(profile: QoSProfile) -> Qos:

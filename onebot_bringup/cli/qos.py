@@ -69,11 +69,7 @@ def matching(node: Any, topic: str, args: argparse.Namespace) -> "QoSProfile":
 
     The options take precedence. Without publishers it is ``sensor_data``, compatible with any.
     """
-    from onebot_description.ros.topic_subscription import (
-        compatible_qos,
-        is_reliable,
-        is_transient_local,
-    )
+    from onebot_description.ros.topic_qos import compatible_qos, is_reliable, is_transient_local
 
     chosen = profile(args, "sensor_data")
     offered = [info.qos_profile for info in node.get_publishers_info_by_topic(topic)]

@@ -20,7 +20,7 @@ class RunningController:
     """
 
     def __init__(self, session: Session, name: str) -> None:
-        from onebot_description.ros.topic_subscription import compatible_qos
+        from onebot_description.ros.topic_qos import compatible_qos
         from onebot_description.ros.wire.interfaces import load_interface
 
         self.name = name

@@ -9,8 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
@@ -39,7 +37,8 @@ from onebot_description.description.description import Mesh
 from onebot_description.errors import OneBotError, listing
 from onebot_description.model import RobotModel
 from onebot_description.model.robot_model import JointArrays
-from onebot_description.ros.node import LATCHED
+from onebot_description.ros.steady_timer import steady_timer
+from onebot_description.ros.topic_qos import LATCHED
 from onebot_description.ros.wire.messages import (
     deserialize_message,
     time_message,
@@ -146,8 +145,7 @@ class RunningRobots:
         )
         self._feed = ViewFeed(session.node, self._view)
         self._broken: OneBotError | None = None  # the error of an invalid description
-        steady = Clock(clock_type=ClockType.STEADY_TIME)  # ROS time may stand still
-        self._timer = session.node.create_timer(_TICK, self._tick, clock=steady)
+        self._timer = steady_timer(session.node, _TICK, self._tick)
 
     def _report(self, _: str, error: Exception) -> None:
         if isinstance(error, OneBotError):

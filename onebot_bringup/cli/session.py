@@ -19,11 +19,11 @@ from onebot_description.description.packages import use_environment_prefix
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.ros.discovery import (
     configure_discovery,
-    node_name,
     question,
     server,
     use_local_discovery,
 )
+from onebot_description.ros.node_graph import node_name
 from onebot_description.ros.signals import KeyboardInterrupts
 
 _QUIET = 0.5  # s without changes (over two announcements) after which discovery is complete
@@ -51,7 +51,7 @@ class Session:
         use_local_discovery()
         use_environment_prefix()
         # This imports rclpy, which takes long.
-        from onebot_description.ros.node import ros_errors, use_writable_log_folder
+        from onebot_description.ros.run_node import ros_errors, use_writable_log_folder
 
         use_writable_log_folder()
         configure_discovery(whole_graph=True)
@@ -68,7 +68,7 @@ class Session:
         from rclpy.executors import SingleThreadedExecutor
         from rclpy.signals import SignalHandlerOptions
 
-        from onebot_description.ros.node import first_line
+        from onebot_description.ros.run_node import first_line
 
         try:
             rclpy.init(args=self._ros_args, signal_handler_options=SignalHandlerOptions.NO)
@@ -144,7 +144,7 @@ class Session:
         from rclpy.expand_topic_name import expand_topic_name
         from rclpy.validate_full_topic_name import validate_full_topic_name
 
-        from onebot_description.ros.node import first_line
+        from onebot_description.ros.run_node import first_line
 
         try:
             full = expand_topic_name(name, self.node.get_name(), self.node.get_namespace())

@@ -142,7 +142,7 @@ def _finds_viewer(session: Session) -> bool:
     """Whether the robot has a viewer; prints a notice if not."""
     from std_msgs.msg import String
 
-    from onebot_description.ros.node import LATCHED
+    from onebot_description.ros.topic_qos import LATCHED
 
     pages: list[String] = []
     session.node.create_subscription(String, "rerun_viewer/page", pages.append, LATCHED)

@@ -119,7 +119,7 @@ def _limits(session: Session, namespace: str) -> dict[str, str]:
     from std_msgs.msg import String
 
     from onebot_description.description import parse_description
-    from onebot_description.ros.node import LATCHED
+    from onebot_description.ros.topic_qos import LATCHED
 
     topic, texts = f"{namespace}/robot_description", list[str]()
     if session.node.count_publishers(topic):

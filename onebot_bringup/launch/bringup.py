@@ -227,7 +227,7 @@ def _check_sections(
     controller: str,
 ) -> None:
     """Check the names of nodes and parameters in the given parameter files; print warnings."""
-    from onebot_control.parameters import unknown_by_node
+    from onebot_control.control_files import unknown_by_node
     from onebot_description.joints.config import JointsConfig
     from onebot_description.ros.parameters.reader import unknown_parameters
 
@@ -274,7 +274,8 @@ def with_params_file(
     values = dict(values)
     if values.get("sim") != "true" or not values["params_file"]:
         return values
-    from onebot_control.parameters import ControlConfig, read_control_files
+    from onebot_control.control_files import read_control_files
+    from onebot_control.parameters import ControlConfig
     from onebot_description.ros.parameters.reader import read
 
     space = "/" + values["namespace"].strip("/")

@@ -172,7 +172,7 @@ def world_frame(values: Mapping[str, str], params_files: Sequence[Path], control
 
     It is world, or if the ground truth is not on TF, map, so that TF is one tree.
     """
-    from onebot_control.parameters import read_control_files
+    from onebot_control.control_files import read_control_files
 
     node = f"/{values['namespace']}", controller
     written = read_control_files(params_files, *node).values

@@ -28,7 +28,7 @@ class _Page:
 
 
 @dataclass(frozen=True)
-class DrivingState:
+class ArbiterState:
     """A snapshot of the arbiter's state."""
 
     driver: str | None  # the page that drives
@@ -83,7 +83,7 @@ class Arbiter:
         self._stops = 0  # presses of the stop button so far
 
     @property
-    def state(self) -> DrivingState:
+    def state(self) -> ArbiterState:
         with self._lock:
             return self._state()
 
@@ -221,6 +221,6 @@ class Arbiter:
         latest = self._latest
         return replace(latest, velocity=self._granted.clamp(latest.velocity))
 
-    def _state(self) -> DrivingState:
+    def _state(self) -> ArbiterState:
         late = frozenset(name for name, page in self._pages.items() if page.late)
-        return DrivingState(self._driver, len(self._pages), late, self._limits, self._command())
+        return ArbiterState(self._driver, len(self._pages), late, self._limits, self._command())

@@ -8,7 +8,6 @@ images, for example, are left out).
 import io
 import math
 import time
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 from PIL import Image
@@ -16,8 +15,7 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Image as ImageMessage
 
-from onebot_bringup.steering.followed_topics import FollowedTopics, own_topics
-from onebot_description.ros.topic_subscription import TopicSubscription
+from onebot_bringup.steering.followed_topics import FollowedTopics, RobotNamespace
 
 _IMAGE = "sensor_msgs/msg/Image"
 # By encoding that people can look at: Pillow's modes of the picture to make, and of the data.
@@ -73,7 +71,7 @@ class CameraFeed:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._topics = FollowedTopics(node, 1, self._subscription)
+        self._topics = FollowedTopics(node, 1, self._on_picture)
         self._cameras: dict[str, _Camera] = {}
 
     @property
@@ -82,15 +80,14 @@ class CameraFeed:
         names = [name for name, camera in self._cameras.items() if camera.shows]
         return tuple(sorted(names, key=lambda name: (name.count("/"), name)))
 
-    def update(self, namespace: str, robots: Iterable[str], watched: bool) -> None:
+    def update(self, namespace: RobotNamespace, watched: bool) -> None:
         """Follow publishers that come and go; call this several times per second.
 
         Args:
-            namespace: the robot's namespace.
-            robots: the namespaces of other robots.
+            namespace: of the robot.
             watched: whether there is a page.
         """
-        names = own_topics(self._node, namespace, robots, {_IMAGE})
+        names = namespace.topics(self._node, {_IMAGE})
         self._cameras = {name: self._cameras.get(name) or _Camera() for name in names}
         followed = {
             name
@@ -101,12 +98,7 @@ class CameraFeed:
         for name in self._cameras.keys() - followed:
             self._cameras[name].newest = None
 
-    def _subscription(self, name: str, _: str) -> TopicSubscription:
-        return TopicSubscription(
-            self._node, name, lambda _, data: self._on_picture(name, data), lambda _: ImageMessage
-        )
-
-    def _on_picture(self, name: str, data: bytes) -> None:
+    def _on_picture(self, name: str, _: str, data: bytes) -> None:
         camera = self._cameras.get(name)
         if camera is None:
             return  # its publisher is gone

@@ -34,7 +34,7 @@ class Controller:
     timeout: float | None = None  # s without a command until it brakes; None: it never does
 
     @classmethod
-    def of(cls, node: str, values: Mapping[str, float]) -> "Controller | None":
+    def from_parameters(cls, node: str, values: Mapping[str, float]) -> "Controller | None":
         """Return the controller with these parameters; None if they are not a controller's.
 
         An impossible limit, such as one of the wrong sign, is ignored.

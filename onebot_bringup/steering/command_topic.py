@@ -14,8 +14,9 @@ from std_msgs.msg import Bool
 from onebot_bringup.steering.arbiter import ZEROS
 from onebot_bringup.steering.protocol import Velocity
 from onebot_description.errors import natural_order
-from onebot_description.ros.discovery import node_name
-from onebot_description.ros.node import LATCHED, Throttled
+from onebot_description.ros.node_graph import node_name
+from onebot_description.ros.throttled import Throttled
+from onebot_description.ros.topic_qos import LATCHED
 from onebot_description.ros.topic_subscription import RCLError
 
 _TYPES = {"geometry_msgs/msg/Twist": Twist, "geometry_msgs/msg/TwistStamped": TwistStamped}
@@ -103,11 +104,9 @@ def foreign_type(node: Node, topic: str) -> str:
     The publisher of ``node`` itself does not count.
     """
     ends = node.get_publishers_info_by_topic(topic) + node.get_subscriptions_info_by_topic(topic)
-    own_name = node.get_name(), node.get_namespace()
+    own_name = node.get_fully_qualified_name()
     kinds = {
-        end.topic_type
-        for end in ends
-        if (end.node_name, end.node_namespace) != own_name or end.topic_type not in _TYPES
+        end.topic_type for end in ends if node_name(end) != own_name or end.topic_type not in _TYPES
     }
     return "" if kinds & _TYPES.keys() else ", ".join(sorted(kinds))
 

@@ -138,5 +138,5 @@ class _Inquiry:
             for name, value in zip(names, response.values, strict=True)
             if value.type in _NUMBERS
         }
-        self.controller = Controller.of(self._name, numbers)
+        self.controller = Controller.from_parameters(self._name, numbers)
         self._answered()

@@ -1,18 +1,16 @@
 """Subscribes to a changing set of topics, each with the QoS that its publishers offer."""
 
 import contextlib
-from collections.abc import Callable, Container, Iterable, Mapping
+from collections.abc import Callable, Collection, Container, Mapping
+from functools import partial
+from typing import Any, NamedTuple
 
 from rclpy.node import Node
 
 from onebot_bringup.introspection.transforms import FrameTree
-from onebot_description.ros.topic_subscription import (
-    TopicSubscription,
-    TypeConflictError,
-    compatible_qos,
-    offers,
-)
-from onebot_description.ros.wire.interfaces import TFMessage
+from onebot_description.ros.topic_qos import compatible_qos
+from onebot_description.ros.topic_subscription import TopicSubscription, TypeConflictError, offers
+from onebot_description.ros.wire.interfaces import load_interface
 from onebot_description.ros.wire.messages import tf_arrays
 
 _STATIC = "/tf_static"
@@ -20,40 +18,50 @@ _TF_TOPICS = dict.fromkeys(("/tf", _STATIC), "tf2_msgs/msg/TFMessage")
 _TF_DEPTH = 100  # queue depth; /tf has several publishers
 
 
-def own_topics(
-    node: Node, namespace: str, robots: Iterable[str], types: Container[str]
-) -> dict[str, str]:
-    """Return the topics of some types that are published in a robot's namespace, with their types.
+class RobotNamespace(NamedTuple):
+    """The namespace of the robot that is steered."""
 
-    Args:
-        node: the node that has discovered them.
-        namespace: the robot's namespace.
-        robots: the namespaces of other robots, whose topics are left out.
-        types: the message types.
-    """
-    others = tuple(f"{other}/" for other in robots if other.startswith(f"{namespace}/"))
-    return {
-        name: kinds[0]
-        for name, kinds in node.get_topic_names_and_types()
-        if name.startswith(f"{namespace}/") and not name.startswith(others)
-        if kinds[0] in types and node.count_publishers(name)
-    }
+    name: str  # "" for none
+    others: Collection[str]  # the namespaces of other robots
+
+    def topics(self, node: Node, types: Container[str]) -> dict[str, str]:
+        """Return the published topics of some types in it, with their types.
+
+        Topics of other robots are left out.
+
+        Args:
+            node: the node that has discovered them.
+            types: the message types.
+        """
+        others = tuple(f"{other}/" for other in self.others if other.startswith(f"{self.name}/"))
+        return {
+            topic: kinds[0]
+            for topic, kinds in node.get_topic_names_and_types()
+            if topic.startswith(f"{self.name}/") and not topic.startswith(others)
+            if kinds[0] in types and node.count_publishers(topic)
+        }
 
 
 class FollowedTopics:
     """Subscribes to topics while they are needed."""
 
     def __init__(
-        self, node: Node, depth: int, subscribe: Callable[[str, str], TopicSubscription]
+        self,
+        node: Node,
+        depth: int,
+        received: Callable[[str, str, Any], None],
+        *,
+        raw: bool = True,
     ) -> None:
         """Follow nothing yet.
 
         Args:
             node: the node that subscribes.
             depth: the queue depth.
-            subscribe: prepares the subscription to a topic, given its name and type.
+            received: called with the topic's name, its type and the message.
+            raw: receive messages as bytes.
         """
-        self._node, self._depth, self._subscribe = node, depth, subscribe
+        self._node, self._depth, self._received, self._raw = node, depth, received, raw
         self._subscriptions: dict[tuple[str, str], TopicSubscription] = {}
 
     def update(self, topics: Mapping[str, str]) -> set[str]:
@@ -70,7 +78,10 @@ class FollowedTopics:
             self._subscriptions.pop(topic).close()
         for name, kind in topics.items():
             if (name, kind) not in self._subscriptions:
-                self._subscriptions[name, kind] = self._subscribe(name, kind)
+                received = partial(self._received, name)
+                self._subscriptions[name, kind] = TopicSubscription(
+                    self._node, name, received, load_interface, raw=self._raw
+                )
             offered = offers(self._node, name, [kind]).get(kind)
             if offered:
                 with contextlib.suppress(TypeConflictError):  # the page publishes on it
@@ -87,17 +98,14 @@ class FollowedTransforms:
     """
 
     def __init__(self, node: Node) -> None:
-        self._node, self.tree = node, FrameTree()
-        self._topics = FollowedTopics(node, _TF_DEPTH, self._subscription)
+        self.tree = FrameTree()
+        self._topics = FollowedTopics(node, _TF_DEPTH, self._receive)
 
     def update(self, needed: bool) -> None:
         """Follow TF if it is ``needed``; call this several times per second."""
         if self._topics.update(_TF_TOPICS if needed else {}):
             self.tree = FrameTree()
 
-    def _subscription(self, name: str, _: str) -> TopicSubscription:
-        def received(_: str, data: bytes) -> None:
-            with contextlib.suppress(ValueError):  # other nodes report a bad message
-                self.tree.add(tf_arrays(data), static=name == _STATIC)
-
-        return TopicSubscription(self._node, name, received, lambda _: TFMessage)
+    def _receive(self, name: str, _: str, data: bytes) -> None:
+        with contextlib.suppress(ValueError):  # other nodes report a bad message
+            self.tree.add(tf_arrays(data), static=name == _STATIC)

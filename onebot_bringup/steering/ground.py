@@ -8,9 +8,7 @@ import io
 import math
 import secrets
 import time
-from collections.abc import Iterable
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,11 +18,15 @@ from rclpy.node import Node
 from sensor_msgs.msg import LaserScan
 
 from onebot_bringup.introspection.transforms import TransformError
-from onebot_bringup.steering.followed_topics import FollowedTopics, FollowedTransforms, own_topics
+from onebot_bringup.steering.followed_topics import (
+    FollowedTopics,
+    FollowedTransforms,
+    RobotNamespace,
+)
 from onebot_bringup.steering.obstacles import Readings
 from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_description.geometry.poses import Transform, compose, of_arrays, yaw_of
-from onebot_description.ros.topic_subscription import TopicSubscription
+from onebot_description.ros.wire.cdr import nanoseconds
 from onebot_description.ros.wire.messages import OdometrySample
 
 _MAP = "map"  # the name of the topic, and of the frame
@@ -68,45 +70,33 @@ class Ground:
 
     def __init__(self, node: Node, odometry: OdometryTopic) -> None:
         self._node, self._odometry = node, odometry
-        self._topics = FollowedTopics(node, _DEPTH, self._subscription)
+        self._topics = FollowedTopics(node, _DEPTH, self._receive, raw=False)
         self._transforms = FollowedTransforms(node)
         self._used = self._since = -math.inf  # the last request, and the first since the last pause
         self.grid: PublishedMap | None = None
         self._scans: dict[str, tuple[float, LaserScan]] = {}  # when each was received, by topic
 
-    def update(self, namespace: str, robots: Iterable[str]) -> None:
+    def update(self, namespace: RobotNamespace) -> None:
         """Follow publishers of the robot's map, or of the common map, and of its scans.
 
         Call this several times per second.
-
-        Args:
-            namespace: the robot's namespace.
-            robots: the namespaces of other robots.
         """
         topics: dict[str, str] = {}
         if time.monotonic() < self._used + _UNUSED:
-            own_map = f"{namespace}/{_MAP}"
+            own_map = f"{namespace.name}/{_MAP}"
             grid = own_map if self._node.count_publishers(own_map) else f"/{_MAP}"
-            topics = own_topics(self._node, namespace, robots, {_SCAN}) | {grid: _GRID}
+            topics = namespace.topics(self._node, {_SCAN}) | {grid: _GRID}
         self._transforms.update(bool(topics))
         if _GRID in self._topics.update(topics):
             self.grid = None
         self._scans = {name: scan for name, scan in self._scans.items() if name in topics}
 
-    def _subscription(self, name: str, kind: str) -> TopicSubscription:
-        message_type, receive = (
-            (OccupancyGrid, self._on_grid)
-            if kind == _GRID
-            else (LaserScan, partial(self._on_scan, name))
-        )
-        return TopicSubscription(self._node, name, receive, lambda _: message_type, raw=False)
-
-    def _on_scan(self, topic: str, _: str, message: LaserScan) -> None:
-        self._scans[topic] = time.monotonic(), message
-
-    def _on_grid(self, _: str, message: OccupancyGrid) -> None:
-        grid = PublishedMap(message)
-        self.grid = grid if grid.is_whole else None
+    def _receive(self, topic: str, kind: str, message: Any) -> None:
+        if kind == _SCAN:
+            self._scans[topic] = time.monotonic(), message
+        else:
+            grid = PublishedMap(message)
+            self.grid = grid if grid.is_whole else None
 
     def fields(self, frame: str = "") -> dict[str, Any]:
         """Return what a page shows in ``frame``; "" for the usual one (see the module).
@@ -139,11 +129,10 @@ class Ground:
         """Return the points that the scans hit, x and y, by their sensors' poses at that time."""
         points = []
         for when, scan in self._scans.values():
-            header = scan.header
-            stamp_ns = header.stamp.sec * 10**9 + header.stamp.nanosec
-            pose = self._transforms.tree.pose(header.frame_id.removeprefix("/"), frame, stamp_ns)
+            sensor = scan.header.frame_id.removeprefix("/")
+            pose = self._transforms.tree.pose(sensor, frame, nanoseconds(scan.header.stamp))
             if pose is not None and time.monotonic() < when + _OLD:
-                points += Readings.of_scan(scan).points(pose)[:, :2].round(3).tolist()
+                points += Readings.from_scan(scan).points(pose)[:, :2].round(3).tolist()
         return points
 
     def _frame(self, odometry: OdometrySample | None) -> str:

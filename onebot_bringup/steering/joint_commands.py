@@ -16,11 +16,10 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from onebot_bringup.steering.arbiter import ZEROS
 from onebot_bringup.steering.command_topic import RobotLock
-from onebot_bringup.steering.followed_topics import FollowedTopics, own_topics
+from onebot_bringup.steering.followed_topics import FollowedTopics, RobotNamespace
 from onebot_bringup.steering.joint_motion import STEP, SteeredJoint, short_motion
 from onebot_description.description import Description
 from onebot_description.ros.message_age import boot_time
-from onebot_description.ros.topic_subscription import TopicSubscription
 from onebot_description.ros.wire.interfaces import load_interface
 from onebot_description.ros.wire.messages import deserialize_message
 
@@ -43,7 +42,7 @@ class JointCommands:
     def __init__(self, node: Node, locked: Callable[[bool], None]) -> None:
         """Follow nothing yet; ``locked`` is called when another node has changed the lock."""
         self._node, self._locked = node, locked
-        self._topics = FollowedTopics(node, 1, self._subscription)
+        self._topics = FollowedTopics(node, 1, self._receive)
         self._lock = threading.Lock()
         self._controllers: dict[str, _JointController] = {}  # by the topic of the state
         self._description: Description | None = None
@@ -51,29 +50,24 @@ class JointCommands:
         self._robot_lock: RobotLock | None = None
 
     def update(
-        self,
-        namespace: str,
-        robots: Iterable[str],
-        description: Description | None,
-        watched: bool,
+        self, namespace: RobotNamespace, description: Description | None, watched: bool
     ) -> None:
         """Follow the robot's joint controllers; call this several times per second.
 
         Args:
-            namespace: the robot's namespace.
-            robots: the namespaces of other robots.
+            namespace: of the robot.
             description: the robot's description, if it is known.
             watched: whether there is a page.
         """
         if description is not self._description:
             joints = description.moving_joints if description is not None else ()
             self._description = description
-            self._joints = {joint.name: SteeredJoint.of(joint) for joint in joints}
+            self._joints = {joint.name: SteeredJoint.from_joint(joint) for joint in joints}
         needed = watched or any(each.stopping for each in self._controllers.values())
-        topics = own_topics(self._node, namespace, robots, {_STATE}) if needed else {}
-        prefix = f"{namespace}/"
+        topics = namespace.topics(self._node, {_STATE}) if needed else {}
+        prefix = f"{namespace.name}/"
         self._follow({n: k for n, k in topics.items() if n.removeprefix(prefix).count("/") == 1})
-        self._update_lock(f"{namespace}/{_LOCK}")
+        self._update_lock(f"{namespace.name}/{_LOCK}")
 
     def publish(self, velocities: Mapping[str, float]) -> None:
         """Move joints at these velocities, rad/s or m/s by name; stop others that moved."""
@@ -133,9 +127,8 @@ class JointCommands:
         elif lock is None and there:
             self._robot_lock = RobotLock(self._node, topic, self._locked)
 
-    def _subscription(self, name: str, _: str) -> TopicSubscription:
-        receive = self._controllers[name].receive
-        return TopicSubscription(self._node, name, receive, load_interface)
+    def _receive(self, topic: str, _: str, data: bytes) -> None:
+        self._controllers[topic].receive(data)
 
 
 class _JointController:
@@ -149,7 +142,7 @@ class _JointController:
         self.stopping = 0  # stop commands left to publish
         self._stop: JointTrajectory | None = None  # the stop command that is repeated
 
-    def receive(self, _: str, data: bytes) -> None:
+    def receive(self, data: bytes) -> None:
         self._data = data, boot_time()
 
     def close(self) -> None:

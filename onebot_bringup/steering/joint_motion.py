@@ -19,7 +19,7 @@ class SteeredJoint(NamedTuple):
     upper: float = math.inf
 
     @classmethod
-    def of(cls, joint: Joint) -> "SteeredJoint":
+    def from_joint(cls, joint: Joint) -> "SteeredJoint":
         """Return a joint of a description; it is not moved if limits are missing."""
         unit = "m" if joint.kind == "prismatic" else "rad"
         if joint.kind == "continuous":

@@ -7,16 +7,18 @@ distance.
 
 import math
 import time
-from collections.abc import Callable, Iterable
-from functools import partial
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from rclpy.node import Node
 from sensor_msgs.msg import LaserScan, Range
-from std_msgs.msg import String
 
-from onebot_bringup.steering.followed_topics import FollowedTopics, FollowedTransforms, own_topics
+from onebot_bringup.steering.followed_topics import (
+    FollowedTopics,
+    FollowedTransforms,
+    RobotNamespace,
+)
 from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_bringup.steering.protocol import Velocity
 from onebot_description.arrays import Floats
@@ -24,14 +26,9 @@ from onebot_description.description import Description, parse_description
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.matrices import transformed
 from onebot_description.model.robot_model import RobotModel
-from onebot_description.ros.topic_subscription import TopicSubscription
 
-_TYPES = {
-    "sensor_msgs/msg/LaserScan": LaserScan,
-    "sensor_msgs/msg/Range": Range,
-    "std_msgs/msg/String": String,
-}
-_SCAN, _RANGE, _STRING = _TYPES
+_SCAN, _RANGE = "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/Range"
+_STRING = "std_msgs/msg/String"
 _CONE_RAYS = 9  # number of rays across the cone of a Range
 _OLD = 1.0  # s after which a scan is ignored
 _STANDING = 0.01  # m/s; below this speed there is no direction
@@ -46,7 +43,7 @@ class Readings(NamedTuple):
     ranges: Floats  # (N,), m
 
     @classmethod
-    def of_scan(cls, scan: LaserScan) -> "Readings":
+    def from_scan(cls, scan: LaserScan) -> "Readings":
         """Return the readings of a scan."""
         ranges = np.asarray(scan.ranges, float)
         angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
@@ -54,7 +51,7 @@ class Readings(NamedTuple):
         return cls._level(angles[met], ranges[met])
 
     @classmethod
-    def of_range(cls, message: Range) -> "Readings":
+    def from_range(cls, message: Range) -> "Readings":
         """Return readings on rays across the cone, since the object may be on any of them.
 
         A detector of one fixed distance reports -inf for an object within it (REP-117).
@@ -82,7 +79,7 @@ class Footprint(NamedTuple):
     links: tuple[str, ...]  # the first is the root
 
     @classmethod
-    def of(cls, robot: Description) -> "Footprint | None":
+    def from_description(cls, robot: Description) -> "Footprint | None":
         """Return the footprint of a robot; None if it has no shapes."""
         from onebot_control.sensing.solids import solid_of
 
@@ -167,7 +164,7 @@ class Obstacles:
             command: returns the current command.
         """
         self._node, self._odometry, self._command = node, odometry, command
-        self._topics = FollowedTopics(node, 1, self._subscription)
+        self._topics = FollowedTopics(node, 1, self._receive, raw=False)
         self._transforms = FollowedTransforms(node)
         self._footprint: Footprint | None = None
         self.robot: Description | None = None
@@ -195,35 +192,25 @@ class Obstacles:
             return command
         return Velocity(float(odometry.linear[0]), float(odometry.angular[2]))
 
-    def update(self, namespace: str, robots: Iterable[str], watched: bool) -> None:
+    def update(self, namespace: RobotNamespace, watched: bool) -> None:
         """Follow publishers that come and go; call this several times per second.
 
         Args:
-            namespace: the robot's namespace.
-            robots: the namespaces of other robots.
+            namespace: of the robot.
             watched: whether there is a page.
         """
-        sensors = own_topics(self._node, namespace, robots, {_SCAN, _RANGE}) if watched else {}
-        description = {f"{namespace}/robot_description": _STRING} if watched else {}
+        sensors = namespace.topics(self._node, {_SCAN, _RANGE}) if watched else {}
+        description = {f"{namespace.name}/robot_description": _STRING} if watched else {}
         self._transforms.update(bool(sensors))
         if _STRING in self._topics.update(sensors | description):
             self._footprint = self.robot = None
         self._seen = {topic: seen for topic, seen in self._seen.items() if topic in sensors}
 
-    def _subscription(self, name: str, kind: str) -> TopicSubscription:
-        received: dict[str, Callable[[str, Any], None]] = {
-            _SCAN: partial(self._on_sensor, name, Readings.of_scan),
-            _RANGE: partial(self._on_sensor, name, Readings.of_range),
-            _STRING: self._on_robot,
-        }
-        return TopicSubscription(self._node, name, received[kind], _TYPES.__getitem__, raw=False)
-
-    def _on_sensor(
-        self, topic: str, readings_of: Callable[[Any], Readings], _: str, message: Any
-    ) -> None:
+    def _receive(self, topic: str, kind: str, message: Any) -> None:
+        if kind == _STRING:
+            self.robot = robot = described(message.data)
+            self._footprint = Footprint.from_description(robot) if robot is not None else None
+            return
+        read = Readings.from_scan if kind == _SCAN else Readings.from_range
         frame = message.header.frame_id.removeprefix("/")
-        self._seen[topic] = time.monotonic(), frame, readings_of(message)
-
-    def _on_robot(self, _: str, message: String) -> None:
-        self.robot = robot = described(message.data)
-        self._footprint = Footprint.of(robot) if robot is not None else None
+        self._seen[topic] = time.monotonic(), frame, read(message)

@@ -5,13 +5,11 @@ import time
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from nav_msgs.msg import Odometry
 from rclpy.node import Node
 
 from onebot_bringup.steering.followed_topics import FollowedTopics
 from onebot_description.geometry.poses import yaw_of
-from onebot_description.ros.discovery import node_name
-from onebot_description.ros.topic_subscription import TopicSubscription
+from onebot_description.ros.node_graph import node_name
 from onebot_description.ros.wire.messages import OdometrySample, odometry_sample
 
 _ODOMETRY = "nav_msgs/msg/Odometry"
@@ -32,7 +30,7 @@ def choose_odometry(
         subscribers: all nodes that subscribe to the command topic.
     """
 
-    def of(nodes: Collection[str]) -> str:
+    def published_by(nodes: Collection[str]) -> str:
         topics = [topic for topic, names in publishers.items() if not set(nodes).isdisjoint(names)]
         if len(topics) > 1:  # a simulation publishes the ground truth, too
             topics = [topic for topic in topics if topic.endswith("/odom")]
@@ -40,7 +38,9 @@ def choose_odometry(
 
     sibling = f"{commands.rpartition('/')[0]}/odom"
     only = next(iter(publishers)) if len(publishers) == 1 else ""
-    return of(controllers) or (sibling if sibling in publishers else of(subscribers) or only)
+    return published_by(controllers) or (
+        sibling if sibling in publishers else published_by(subscribers) or only
+    )
 
 
 class OdometryTopic:
@@ -48,7 +48,7 @@ class OdometryTopic:
 
     def __init__(self, node: Node, fixed: str) -> None:
         self._node, self._fixed = node, fixed
-        self._topics = FollowedTopics(node, 1, self._subscription)
+        self._topics = FollowedTopics(node, 1, self._receive)
         self._data: tuple[bytes, float] | None = None
         self.topic = ""  # full name; "" for none
 
@@ -96,10 +96,7 @@ class OdometryTopic:
         rounded = {name: round(value, 6) for name, value in values.items()}
         return {"topic": self.topic, **rounded}
 
-    def _subscription(self, name: str, _: str) -> TopicSubscription:
-        return TopicSubscription(self._node, name, self._receive, lambda _: Odometry)
-
-    def _receive(self, _: str, data: bytes) -> None:
+    def _receive(self, _topic: str, _kind: str, data: bytes) -> None:
         self._data = data, time.monotonic()
 
     def _publishers(self) -> dict[str, list[str]]:

@@ -18,7 +18,7 @@ from onebot_bringup.steering.protocol import ChooseTopic, ProtocolError, message
 from onebot_bringup.steering.tool_requests import ToolRequests
 from onebot_bringup.steering.view_proxy import ViewProxy
 from onebot_description.ros.message_age import boot_time
-from onebot_description.ros.node import Throttled
+from onebot_description.ros.throttled import Throttled
 
 STATIC = Path(__file__).parent / "static"
 STATE_PERIOD = 0.1  # s
@@ -221,21 +221,21 @@ class SteeringServer:
             pass  # the page was closed, so the reader ends, too
 
     def _state(self, page: _Page) -> dict[str, Any]:
-        driving, view = self._context.arbiter.state, self._context.view.view
-        limits = driving.limits
+        arbiter, view = self._context.arbiter.state, self._context.view.view
+        limits = arbiter.limits
         return {
             "stamp": _stamp(),
             "received": page.received,  # number of messages from this page
-            "late": page.name in driving.late,  # whether its commands are too old to drive
-            "driver": driving.driver,  # the name of the page that drives
-            "you": driving.driver == page.name,
-            "pages": driving.pages,
+            "late": page.name in arbiter.late,  # whether its commands are too old to drive
+            "driver": arbiter.driver,  # the name of the page that drives
+            "you": arbiter.driver == page.name,
+            "pages": arbiter.pages,
             **self._context.robot(),
             "limits": asdict(limits.in_force),
             "chosen": asdict(limits.chosen),
             "ceiling": {"linear": limits.linear.most, "angular": limits.angular.most},
             "ceiling_from": {"linear": limits.linear.source, "angular": limits.angular.source},
-            "command": {**asdict(driving.command.velocity), "joints": driving.command.joints},
+            "command": {**asdict(arbiter.command.velocity), "joints": arbiter.command.joints},
             "view": view.addresses(page.host) if view is not None else None,
         }
 

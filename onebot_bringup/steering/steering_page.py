@@ -49,7 +49,6 @@ from dataclasses import asdict, replace
 from typing import Any
 from urllib.parse import quote
 
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from onebot_bringup.serving.http_server import ServerThread
@@ -73,6 +72,7 @@ from onebot_bringup.steering.command_topic import (
     namespace_of,
 )
 from onebot_bringup.steering.controllers import Controllers
+from onebot_bringup.steering.followed_topics import RobotNamespace
 from onebot_bringup.steering.ground import Ground
 from onebot_bringup.steering.joint_commands import JointCommands
 from onebot_bringup.steering.obstacles import Obstacles
@@ -85,8 +85,10 @@ from onebot_bringup.steering.tools import ToolPublishers
 from onebot_bringup.steering.view_proxy import Viewer, ViewProxy
 from onebot_description.errors import OneBotError
 from onebot_description.ros.message_age import WAKE
-from onebot_description.ros.node import Throttled, run_node
 from onebot_description.ros.parameters.reader import declare, read, refuse_undeclared
+from onebot_description.ros.run_node import run_node
+from onebot_description.ros.steady_timer import steady_timer
+from onebot_description.ros.throttled import Throttled
 
 _TIMEOUT_PERIOD = 0.05  # s between checks of the driver's timeout
 _GRAPH_PERIOD = 0.25  # s between polls of the ROS graph
@@ -99,7 +101,7 @@ class SteeringParameters(PageParameters):
     """The node's parameters with full topic names."""
 
     @classmethod
-    def of(cls, node: Node) -> "SteeringParameters":
+    def from_node(cls, node: Node) -> "SteeringParameters":
         settings = read(cls, declare(node, cls))
         refuse_undeclared(node, cls)
         topics: dict[str, Any] = {n: _topic(node, n, getattr(settings, n)) for n in _TOPICS}
@@ -123,7 +125,7 @@ class SteeringPage(Node):
     def __init__(self) -> None:
         super().__init__("steering_page")
         self._server: ServerThread | None = None
-        self._settings = settings = SteeringParameters.of(self)
+        self._settings = settings = SteeringParameters.from_node(self)
         self._commands = CommandTopic(self, settings.topic, self._on_lock)
         self._odometry = OdometryTopic(self, settings.odom_topic)
         self._controllers = Controllers(self, self._on_controllers)
@@ -143,14 +145,13 @@ class SteeringPage(Node):
         )
         self._thread = OtherThread(self)
         self._serve()
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
         if settings.await_view:
-            self.create_timer(settings.await_view, self._announce, clock=steady)
+            steady_timer(self, settings.await_view, self._announce)
         else:
             self._announce()
-        self.create_timer(1.0 / settings.rate, self._arbiter.tick, clock=steady)
-        self.create_timer(_TIMEOUT_PERIOD, self._check_driver, clock=steady)
-        self.create_timer(_GRAPH_PERIOD, self._poll_graph, clock=steady)
+        steady_timer(self, 1.0 / settings.rate, self._arbiter.tick)
+        steady_timer(self, _TIMEOUT_PERIOD, self._check_driver)
+        steady_timer(self, _GRAPH_PERIOD, self._poll_graph)
 
     def _serve(self) -> None:
         settings = self._settings
@@ -269,14 +270,14 @@ class SteeringPage(Node):
         self._odometry.update(commands.topic, robots, subscribers)
         self._topics = command_topics(self)
         self._robots = commanded_robots(self, self._topics)
-        namespace = namespace_of(commands.topic)
-        other_namespaces = {namespace_of(robot.topic) for robot in self._robots} - {namespace}
-        self._ground.update(namespace, other_namespaces)
-        watched = self._arbiter.state.pages > 0
-        self._cameras.update(namespace, other_namespaces, watched)
+        name = namespace_of(commands.topic)
+        others = {namespace_of(robot.topic) for robot in self._robots} - {name}
+        namespace, watched = RobotNamespace(name, others), self._arbiter.state.pages > 0
+        self._ground.update(namespace)
+        self._cameras.update(namespace, watched)
         self._viewer.publish_cameras(self._cameras.topics)
-        self._obstacles.update(namespace, other_namespaces, watched)
-        self._joints.update(namespace, other_namespaces, self._obstacles.robot, watched)
+        self._obstacles.update(namespace, watched)
+        self._joints.update(namespace, self._obstacles.robot, watched)
         self._viewer.update()
         if previous != (commands.kind, commands.topic, len(commands.listeners)):
             self._arbiter.changed()

@@ -1,15 +1,16 @@
 """The page's tools, which publish a click on the ground as a message, as in RViz."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import numpy as np
 from geometry_msgs.msg import PointStamped, PoseStamped, PoseWithCovarianceStamped
 from rclpy.node import Node
 
 from onebot_bringup.steering.command_topic import CommandTopic, namespace_of
 from onebot_bringup.steering.protocol import ProtocolError, number, read_request, text
+from onebot_control.drive.odometry import fill_diagonal
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import about_z
 from onebot_description.ros.topic_subscription import RCLError
@@ -30,9 +31,7 @@ TOOLS: Mapping[str, Tool] = {
     "point": Tool("clicked_point", PointStamped),
 }
 # RViz's covariance: standard deviations of 0.5 m along x and y, and of 15 degrees about z.
-_ESTIMATE = np.zeros((6, 6))
-_ESTIMATE[0, 0] = _ESTIMATE[1, 1] = 0.5**2
-_ESTIMATE[5, 5] = (np.pi / 12.0) ** 2
+_ESTIMATE = (0.5**2, 0.5**2, 0.0, 0.0, 0.0, (math.pi / 12.0) ** 2)
 
 
 @dataclass(frozen=True)
@@ -76,7 +75,7 @@ def message_of(click: Click, stamp: Any) -> Any:
         return message
     pose = message.pose
     if click.tool == "estimate":
-        pose.covariance = _ESTIMATE.ravel()
+        fill_diagonal(pose.covariance, _ESTIMATE)
         pose = pose.pose
     pose.position.x, pose.position.y = click.x, click.y
     *_, pose.orientation.z, pose.orientation.w = about_z(click.yaw)

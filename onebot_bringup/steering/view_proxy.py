@@ -28,7 +28,8 @@ from std_msgs.msg import String
 from onebot_bringup.serving.rerun_messages import SERVICE
 from onebot_bringup.serving.rerun_proxy import RerunProxy, content_policy, data_url
 from onebot_bringup.steering.access import other_site
-from onebot_description.ros.node import LATCHED, Throttled
+from onebot_description.ros.throttled import Throttled
+from onebot_description.ros.topic_qos import LATCHED
 
 _SANDBOX = "allow-scripts allow-downloads allow-popups allow-popups-to-escape-sandbox"
 _POLICY = f"{content_policy()}; base-uri 'none'; form-action 'none'; sandbox {_SANDBOX}"

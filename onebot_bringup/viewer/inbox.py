@@ -54,7 +54,7 @@ def message_type(name: str, definition: str, live: bool = True) -> "MessageType[
     Raises:
         ValueError: the definition cannot be read.
     """
-    return _read_by(name, Schema.of(name, definition), live)
+    return _read_by(name, Schema.from_definition(name, definition), live)
 
 
 def known_type(name: str) -> "MessageType[Any]":

@@ -4,7 +4,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
@@ -16,6 +15,7 @@ from onebot_description.ros.parameters.reader import (
     ConfigError,
     Problem,
     declare,
+    follow_changes,
     is_parameter,
     refuse_undeclared,
     replaced,
@@ -61,8 +61,7 @@ class LiveView:
         self._declare()
         self._mirror()
         refuse_undeclared(node, ViewConfig)
-        node.add_on_set_parameters_callback(self._check)
-        node.add_post_set_parameters_callback(self._take)
+        follow_changes(node, self._check, self._take)
         node.create_service(Trigger, "~/save_view", self._save)
 
     # --- parameters -----------------------------------------------------------------------------
@@ -92,17 +91,13 @@ class LiveView:
         finally:
             self._mirroring = False
 
-    def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+    def _check(self, parameters: Sequence[Parameter]) -> None:
         view = self.source.view
-        try:
-            for parameter in parameters:
-                if parameter.name == _SAVE_TO:
-                    replaced(self._own, parameter.name, parameter.value)
-                elif is_parameter(ViewConfig, parameter.name):
-                    view = replaced(view, parameter.name, plain(parameter.value))
-        except ConfigError as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
+        for parameter in parameters:
+            if parameter.name == _SAVE_TO:
+                replaced(self._own, parameter.name, parameter.value)
+            elif is_parameter(ViewConfig, parameter.name):
+                view = replaced(view, parameter.name, plain(parameter.value))
 
     def _take(self, parameters: Sequence[Parameter]) -> None:
         settings = [setting for setting in parameters if is_parameter(ViewConfig, setting.name)]

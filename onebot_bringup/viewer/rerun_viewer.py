@@ -34,8 +34,6 @@ if __name__ == "__main__":  # first: the imports take a second
 import json
 import sys
 
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from std_msgs.msg import String
 
@@ -46,14 +44,12 @@ from onebot_bringup.viewer.topics import ViewFeed
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, listing, printable
-from onebot_description.ros.node import (
-    LATCHED,
-    Throttled,
-    ends_node,
-    run_node,
-    warn_of_two_robots,
-)
+from onebot_description.ros.description_topic import warn_of_two_robots
 from onebot_description.ros.parameters.reader import declare, read
+from onebot_description.ros.run_node import ends_node, run_node
+from onebot_description.ros.steady_timer import steady_timer
+from onebot_description.ros.throttled import Throttled
+from onebot_description.ros.topic_qos import LATCHED
 
 _LISTED = 3  # robots named in a message
 TICK_PERIOD = 0.05  # seconds; one call into Rerun logs all messages that came meanwhile
@@ -102,10 +98,8 @@ class RerunViewer(Node):
         self._feed = ViewFeed(self, self._view)
         self._page_cameras = PageCameras(self)
         self._update_feed()
-        # ROS time will not do here: it may stop or run fast.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(TICK_PERIOD, self._tick, clock=steady)
-        self.create_timer(POLL_PERIOD, self._poll, clock=steady)
+        steady_timer(self, TICK_PERIOD, self._tick)
+        steady_timer(self, POLL_PERIOD, self._poll)
         warn_of_two_robots(self, own=False)
 
     def _tick(self) -> None:

@@ -8,13 +8,11 @@ from onebot_bringup.viewer.inbox import WantedTopic
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_description.errors import OneBotError
 from onebot_description.ros.clock_check import StampCheck
+from onebot_description.ros.topic_qos import compatible_qos, is_reliable, is_transient_local
 from onebot_description.ros.topic_subscription import (
     TopicSubscription,
     TypeConflictError,
     choose_type,
-    compatible_qos,
-    is_reliable,
-    is_transient_local,
     offers,
 )
 from onebot_description.ros.wire.cdr import HEADER
@@ -80,7 +78,7 @@ class ViewFeed:
         }
 
     def _make(self, name: str, topic: WantedTopic) -> TopicSubscription:
-        check = StampCheck.of(self._node, name)
+        check = StampCheck.from_topic(self._node, name)
         stamped = {} if topic.latched else _STAMPED
 
         def received(kind: str, data: bytes) -> None:

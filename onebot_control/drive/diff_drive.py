@@ -33,7 +33,7 @@ class WheelStates(NamedTuple):
     right_velocity: float
 
 
-class DriveCommand(NamedTuple):
+class WheelCommand(NamedTuple):
     """Wheel velocities, and the limited command from which they follow."""
 
     left: float  # velocity of the left wheels, rad/s
@@ -108,7 +108,7 @@ class DiffDriveController:
         self._fresh = True
         return None
 
-    def update(self, wheels: WheelStates, dt: float) -> DriveCommand:
+    def update(self, wheels: WheelStates, dt: float) -> WheelCommand:
         """Run one control cycle, ``dt`` seconds after the last one; return the command."""
         self.observe(wheels, dt)
         return self.decide(dt)
@@ -124,7 +124,7 @@ class DiffDriveController:
             left, right = wheels.left_velocity, wheels.right_velocity
             self.odometry.update_from_velocities(left, right, dt)
 
-    def decide(self, dt: float) -> DriveCommand:
+    def decide(self, dt: float) -> WheelCommand:
         """Return the wheel velocities for the next ``dt`` seconds: the command within limits."""
         # A command's first cycle comes less than dt after it, so do not age it yet.
         self._age += 0.0 if self._fresh else dt
@@ -135,7 +135,7 @@ class DiffDriveController:
         if self._config.open_loop:
             self.odometry.update_open_loop(linear, angular, dt)
         left, right = self.odometry.kinematics.wheel_velocities(linear, angular)
-        return DriveCommand(left, right, linear, angular)
+        return WheelCommand(left, right, linear, angular)
 
     def wait(self, seconds: float) -> None:
         """Age the command by ``seconds`` without a control cycle, as in a pause."""

@@ -1,4 +1,4 @@
-"""Receives the velocity commands of a robot on ~/cmd_vel, and its lock."""
+"""Receives the velocity commands of a robot on ~/cmd_vel, and passes them to the control loop."""
 
 import time
 from collections.abc import Callable
@@ -9,11 +9,14 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Bool
 
+from onebot_control.nodes.control_loop import ControlLoop, LoopSlot
 from onebot_description.ros.clock_check import StampCheck
-from onebot_description.ros.message_age import Age, Delivery, SenderClock
-from onebot_description.ros.node import LATCHED, Lasting
+from onebot_description.ros.message_age import Age, Delivery, SenderClock, boot_time
+from onebot_description.ros.node_graph import Lasting
+from onebot_description.ros.throttled import Throttled, Warn
+from onebot_description.ros.topic_qos import LATCHED
 from onebot_description.ros.topic_subscription import TopicSubscription, choose_type, offers
-from onebot_description.ros.wire.cdr import nanoseconds
+from onebot_description.ros.wire.cdr import NANO, nanoseconds
 
 _TOPIC = "~/cmd_vel"
 _QOS = QoSProfile(depth=10)  # ROS's system default
@@ -21,9 +24,8 @@ _PACKAGE = "geometry_msgs/msg/"
 _TWIST = f"{_PACKAGE}Twist"
 _TYPES = {_TWIST: Twist, f"{_PACKAGE}TwistStamped": TwistStamped}
 _USUAL = "cmd_vel"  # tutorials publish commands there
+_LOCKED_EVERY = 60.0  # s between two warnings that a command is ignored because of the lock
 _SETTLED = 2.0  # s after which a subscriber of cmd_vel would have been discovered
-
-Warn = Callable[[str, str], None]  # key, text
 
 
 class Command(NamedTuple):
@@ -95,7 +97,7 @@ class CommandSubscription:
         self._usual = node.resolve_topic_name(_USUAL)
         self._unreceived = Lasting(_SETTLED)
         self._choice = choice
-        self._check = StampCheck.of(node, _TOPIC)
+        self._check = StampCheck.from_topic(node, _TOPIC)
         self._wanted = _TWIST if choice == "auto" else f"{_PACKAGE}{choice}"
         self._sender, self._age = SenderClock(), Age(0.0, 0.0)
         self._subscription = TopicSubscription(
@@ -166,3 +168,75 @@ class CommandSubscription:
             twist, stamp = message.twist, nanoseconds(message.header.stamp)
             self._check.take(stamp, time.time_ns())
         self._received(Command(twist.linear.x, twist.angular.z, stamp, self._age))
+
+
+class CommandGate:
+    """Passes the commands of one robot to the control loop, unless the robot is locked.
+
+    Attributes:
+        lock: the robot's ~/cmd_vel_lock.
+        subscription: to ~/cmd_vel; None for a robot that stands.
+        answered: stamp of the newest command, ns.
+    """
+
+    def __init__(self, node: Node, slot: LoopSlot, choice: str | None, warn: Throttled) -> None:
+        """Subscribe.
+
+        Args:
+            node: of the robot.
+            slot: of the robot, which gets the commands.
+            choice: of the type, see ``CommandSubscription``; None for a robot that stands.
+            warn: logs warnings.
+        """
+        self._slot, self._warn, self.answered = slot, warn, 0
+        # Created before the commands: an unlock sent with a command is then received first.
+        self.lock = CommandLock(node, self._brake)
+        self.subscription: CommandSubscription | None = None
+        if choice is not None:
+            self.subscription = CommandSubscription(node, choice, self._receive, warn)
+
+    def _receive(self, command: Command) -> None:
+        loop, now = self._slot.loop, boot_time()
+        if loop is None:
+            return
+        if command.stamp == 0:
+            text = "~/cmd_vel has stamp 0, which is taken as when it was sent (logged once)"
+            self._warn.once(text)
+        if self.lock.locked:
+            if command.linear or command.angular:
+                self._warn("locked", f"~/cmd_vel is ignored: {self.lock}", every=_LOCKED_EVERY)
+            return
+        # From here on, age it by a clock that nobody can set.
+        given = now - command.age.least
+        if command.stamp and not loop.simulated:
+            given = now - (time.time_ns() - command.stamp) / NANO
+        loop.post(lambda: self._accept(loop, command, given, now - command.age.most))
+
+    def _accept(self, loop: ControlLoop, command: Command, given: float, sent: float) -> None:
+        self.answered = max(self.answered, command.stamp or 0)
+        if sent < loop.wake.check():
+            refused: str | None = "it was sent before this process woke from a stop"
+        else:
+            age = _age(loop, command, given)
+            refused = self._slot.robot.accept(command.linear, command.angular, age)
+        if refused:
+            self._warn("command", f"~/cmd_vel is ignored: {refused}")
+
+    def _brake(self) -> None:
+        if (loop := self._slot.loop) is not None:
+            loop.post(self._stop)
+
+    def _stop(self) -> None:
+        robot = self._slot.robot
+        robot.accept(0.0, 0.0, age=0.0)
+        robot.hold_arms("Current goal cancelled: the robot is locked.")
+
+
+def _age(loop: ControlLoop, command: Command, given: float) -> float | None:
+    """Return the age of a command, s, when it takes effect; None if it is not known.
+
+    It includes the time that the command waits in this process.
+    """
+    if loop.simulated:
+        return (loop.now_ns() - command.stamp) / NANO if command.stamp else None
+    return boot_time() - given + (loop.left if command.stamp else 0.0)

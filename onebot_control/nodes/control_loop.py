@@ -15,7 +15,7 @@ from operator import itemgetter
 from queue import Empty, SimpleQueue
 from typing import Any, TypeVar
 
-from onebot_control.driven_robot import Snapshot
+from onebot_control.controlled_robot import ControlledRobot, Snapshot
 from onebot_control.fleet import Fleet
 from onebot_control.nodes.real_time import PaceMeter
 from onebot_description.errors import OneBotError
@@ -370,6 +370,35 @@ class ControlLoop:
     def _sleep(self, seconds: float) -> None:
         if self._running.acquire(timeout=seconds):
             self._running.release()
+
+
+class LoopSlot:
+    """The place of one robot in the control loop, through which the threads of its nodes reach it.
+
+    Attributes:
+        row: index of the robot in its fleet.
+        loop: the control loop; None until all robots of the world are described.
+    """
+
+    def __init__(self, row: int) -> None:
+        self.row = row
+        self.loop: ControlLoop | None = None
+
+    @property
+    def robot(self) -> ControlledRobot:
+        """The robot, which another one replaces when its description changes."""
+        return self.running.fleet.robots[self.row]
+
+    @property
+    def running(self) -> ControlLoop:
+        """The control loop.
+
+        Raises:
+            OneBotError: there is none yet.
+        """
+        if self.loop is None:
+            raise OneBotError("there is no robot yet")
+        return self.loop
 
 
 def wake_exactly() -> None:

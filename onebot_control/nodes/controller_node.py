@@ -9,21 +9,20 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar, cast
 
-from rcl_interfaces.msg import SetParametersResult
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.clock import Clock
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-from onebot_control.driven_robot import DrivenRobot
+from onebot_control.controlled_robot import ControlledRobot
 from onebot_control.joint_controllers import JointController, JointFollower, named
 from onebot_control.nodes.control_loop import ControlLoop
 from onebot_control.trajectories.following import INVALID_GOAL, SUCCESSFUL, Outcome
 from onebot_description.errors import OneBotError
-from onebot_description.ros.node import Throttled
-from onebot_description.ros.parameters.reader import declare, refuse_undeclared
+from onebot_description.ros.parameters.reader import declare, follow_changes, refuse_undeclared
 from onebot_description.ros.parameters.values import plain
+from onebot_description.ros.throttled import Throttled
 from onebot_description.ros.wire.interfaces import load_interface
 
 ANY_PUBLISHER = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -71,7 +70,7 @@ class ControllerNode(Generic[F]):
         self,
         node: Node,
         controller: JointController[F],
-        robot: Callable[[], DrivenRobot],
+        robot: Callable[[], ControlledRobot],
         loop: ControlLoop,
         refused: Callable[[], str],
         clock: Clock,
@@ -96,8 +95,7 @@ class ControllerNode(Generic[F]):
             self._controller = self._configured()  # with what the command line has
         self._robot().configure_arm(self._controller)
         refuse_undeclared(self.node, controller.parameters)
-        self.node.add_on_set_parameters_callback(self._validate)
-        self.node.add_post_set_parameters_callback(self._apply)
+        follow_changes(node, self._configured, self._apply)
 
     @property
     def _arm(self) -> F:
@@ -124,13 +122,6 @@ class ControllerNode(Generic[F]):
         """Declare the parameters; return the values in force."""
         controller = self._controller
         return declare(self.node, controller.parameters, fixed=controller.values)
-
-    def _validate(self, parameters: Sequence[Parameter]) -> SetParametersResult:
-        try:
-            self._configured(parameters)
-        except OneBotError as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
 
     def _apply(self, parameters: Sequence[Parameter]) -> None:
         self._values.update(self._changed(parameters))

@@ -22,18 +22,19 @@ from rclpy.node import Node
 from rclpy.task import Future
 from rclpy.waitable import NumberOfEntities
 
-from onebot_control.driven_robot import Snapshot
+from onebot_control.controlled_robot import Snapshot
 from onebot_control.fleet import Divider, Fleet
 from onebot_control.nodes.control_loop import ControlLoop
-from onebot_control.nodes.driving import Driving
+from onebot_control.nodes.control_parameters import ControlParameters
 from onebot_control.nodes.sensing import Sensing
-from onebot_control.parameters import MANAGER, ControlParameters
+from onebot_control.nodes.world_interface import WorldInterface
+from onebot_control.parameters import MANAGER
 from onebot_control.sensing.instruments import Sensors
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean, listing
+from onebot_description.ros.command_line import RosArguments
 from onebot_description.ros.discovery import configure_discovery, use_local_discovery
 from onebot_description.ros.message_age import WakeDetector
-from onebot_description.ros.node import RosArguments
 from onebot_description.ros.wire.definition import type_name
 
 T = TypeVar("T")
@@ -111,33 +112,33 @@ class Lockstep(Generic[S]):
             for name, robot in simulation.robots.items()
         ]
         try:
-            self._driving = self._start()
+            self._interface = self._start()
         except BaseException:
             self.close()
             raise
 
-    def _start(self) -> Driving:
+    def _start(self) -> WorldInterface:
         simulation, fleet = self.simulation, self.simulation._fleet
         common = {"sensor_noise": simulation._noisy, "sensors": simulation._sensor_file}
         settings = [
             ControlParameters(node, RosArguments(), {**values, **common})
             for node, values in zip(self._nodes, simulation._values, strict=True)
         ]
-        driving = Driving(
+        interface = WorldInterface(
             self._nodes, settings, simulation._scene, simulated=True, seed=simulation.seed
         )
-        for robot, driven in zip(driving.robots, fleet.robots, strict=True):
-            robot.description = driven.description
-        for robot in driving.robots:
-            robot.check_frames()
-        driving.start(SteppedLoop(fleet, driving.publish), Sensing(simulation._sensors))
+        for robot_interface, robot in zip(interface.robots, fleet.robots, strict=True):
+            robot_interface.description = robot.description
+        for row, robot_interface in enumerate(interface.robots):
+            interface.check_frames(row, robot_interface.frames())
+        interface.start(SteppedLoop(fleet, interface.publish), Sensing(simulation._sensors))
         self._poll_due = Divider(_POLLS, fleet.rate)
         for node in self._nodes:
             self._robots.add_node(node)
-        self._arm_nodes = driving.arm_nodes
+        self._arm_nodes = interface.arm_nodes
         for node in self._arm_nodes:
             self._arms.add_node(node)
-        return driving
+        return interface
 
     def add(self, *nodes: Node, timeout: float = _PATIENCE) -> None:
         """Put nodes in step, and wait until they are connected with the robots' topics.
@@ -160,7 +161,7 @@ class Lockstep(Generic[S]):
             if time.monotonic() > deadline:
                 text = "\n".join(f"{topic}: {self._difference(topic)}" for topic in apart)
                 raise OneBotError(f"not connected with the robot in {timeout:g} s:\n{text}")
-            self._driving.poll()
+            self._interface.poll()
             self.settle()
             time.sleep(_WAIT)
         self.settle()
@@ -168,9 +169,9 @@ class Lockstep(Generic[S]):
 
     def publish(self, snapshots: Sequence[Snapshot], stamp: int) -> None:
         """Publish a control cycle, and run the nodes' callbacks; ``Simulation.run`` calls it."""
-        self._driving.publish(snapshots, stamp)
+        self._interface.publish(snapshots, stamp)
         if self._poll_due.due():
-            self._driving.poll()
+            self._interface.poll()
         self.settle()
 
     def settle(self) -> None:
@@ -207,7 +208,7 @@ class Lockstep(Generic[S]):
         if self._owns_default:
             rclpy.try_shutdown()
 
-    def __enter__(self) -> "Lockstep":
+    def __enter__(self) -> "Lockstep[S]":
         return self
 
     def __exit__(self, *_: object) -> None:

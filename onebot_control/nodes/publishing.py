@@ -5,8 +5,6 @@ The messages are created once and filled again in each cycle, because rclpy has 
 """
 
 from collections import deque
-from collections.abc import Iterator, Mapping
-from typing import NamedTuple
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -20,17 +18,17 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from onebot_control.driven_robot import DrivenRobot, Snapshot
+from onebot_control.controlled_robot import ControlledRobot, Snapshot
+from onebot_control.drive.odometry import fill_diagonal
 from onebot_control.fleet import Divider
-from onebot_control.frame_names import prefixed
+from onebot_control.nodes.frames import Frames
 from onebot_control.nodes.localization import FramesTransform
-from onebot_control.parameters import ControlConfig
 from onebot_control.physics import SceneBodies, Twist
 from onebot_description.description import Description
 from onebot_description.geometry.poses import PlanarPose, Transform, compose, inverse
 from onebot_description.model.robot_model import JointArrays
-from onebot_description.ros.node import LATCHED, OnlyPublisher
-from onebot_description.ros.parameters.reader import Problem
+from onebot_description.ros.node_graph import OnlyPublisher
+from onebot_description.ros.topic_qos import LATCHED
 from onebot_description.ros.wire.cdr import NANO
 from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.messages import time_message, transforms_message
@@ -41,81 +39,6 @@ _TWO_CLOCKS = (
     "time jumps between two simulations. Start one apart from the other with domain_id:=N, or one "
     "of them in real time without /clock: use_sim_time:=false and real_time_factor 1.0"
 )
-
-
-class Frames(NamedTuple):
-    """The names of a robot's frames, with prefix."""
-
-    world: str  # frame of true poses; "" if there is none
-    odom: str  # parent of the odometry's transform; "" without odometry
-    base: str  # child of the odometry's transform, or root link
-    links: frozenset[str]
-
-    @classmethod
-    def of(
-        cls,
-        config: ControlConfig,
-        description: Description,
-        namespace: str,
-        *,
-        in_scene: bool,
-        stands: bool = False,
-    ) -> "Frames":
-        """Return the frames of a robot.
-
-        Args:
-            config: its parameters.
-            description: the robot.
-            namespace: of its node.
-            in_scene: whether there is a scene around it.
-            stands: whether it has no odometry; then its root link may be the world's frame.
-        """
-
-        def name(frame: str) -> str:
-            prefix = config.tf_frame_prefix
-            return prefixed(frame, config.tf_frame_prefix_enable, prefix, namespace)
-
-        world = config.world_frame(in_scene=in_scene)
-        base = name(config.base_frame_id or description.root_link)
-        links = frozenset(map(name, description.link_names))
-        if stands:
-            return cls(world, "", "" if base == world else base, links - {world})
-        return cls(world, name(config.odom_frame_id), base, links)
-
-    def problems(
-        self, others: Mapping[str, "Frames"], scene: Description | None = None
-    ) -> Iterator[Problem]:
-        """Report names that two frames share, because in TF each frame has one parent.
-
-        The root link of a scene may be the world's frame itself.
-
-        Args:
-            others: frames of the other robots, by node.
-            scene: the scene around the robots.
-        """
-        owners, worlds = dict.fromkeys(self.links - {self.base}, "a link of the robot"), {}
-        for name, frames in others.items():
-            owners[frames.odom] = f"odom_frame_id of {name}"
-            owners[frames.base] = f"base_frame_id of {name}"
-            worlds[frames.world] = f"world_frame_id of {name}"
-            if scene is not None and frames.world != self.world:
-                text = f'"{self.world}", but "{frames.world}" of {name}; in a world it is the same'
-                yield Problem("world_frame_id", text)
-        for link in scene.links if scene else ():
-            if link.name in self.links:
-                text = f'{link.where}: link "{link.name}": a frame of the robot has this name'
-                yield Problem("", f"{text}; rename the link")
-            elif not (scene and link.name == scene.root_link == self.world):
-                owners.setdefault(link.name, f"a link of the world, {link.where}")
-        for key, frame in zip(
-            ("base_frame_id", "odom_frame_id", "world_frame_id"),
-            (self.base, self.odom, self.world),
-            strict=True,
-        ):
-            what = owners.get(frame) or (key != "world_frame_id" and worlds.get(frame))
-            if frame and what:
-                yield Problem(key, f'"{frame}" is {what}; each frame needs a name of its own')
-            owners.setdefault(frame, key)
 
 
 class Publishers:
@@ -146,11 +69,11 @@ class Publishers:
             self._clock = node.create_publisher(Clock, "/clock", _DEPTH)
             OnlyPublisher(node, "/clock", _TWO_CLOCKS, own=True)
 
-    def use(self, robot: DrivenRobot) -> None:
+    def use(self, robot: ControlledRobot) -> None:
         """Publish this robot from now on, with its current parameters."""
         self._robot, config = robot, robot.config
         self._in_scene = robot.plant.world.scene is not None  # there, odom drifts from the truth
-        frames = Frames.of(
+        frames = Frames.from_parameters(
             config,
             robot.description,
             self._namespace,
@@ -163,8 +86,8 @@ class Publishers:
         self._clock_message = Clock(clock=self._stamp)
         self._constant = any(config.pose_covariance_diagonal)
         self._odom_message = self._odometry(odom, base)
-        self._odom_message.pose.covariance = np.diag(config.pose_covariance_diagonal).ravel()
-        self._odom_message.twist.covariance = np.diag(config.twist_covariance_diagonal).ravel()
+        fill_diagonal(self._odom_message.pose.covariance, config.pose_covariance_diagonal)
+        fill_diagonal(self._odom_message.twist.covariance, config.twist_covariance_diagonal)
         self._truth_message = self._odometry(self.world_frame or odom, base)
         self._transform = TransformStamped(child_frame_id=base)
         self._tf_message = TFMessage(transforms=[self._transform])
@@ -342,7 +265,8 @@ class ScenePublisher:
 
 def scene_transforms(description: Description, world_frame: str, stamp_ns: int) -> TFMessage:
     """Return the transforms of a scene's fixed links, below ``world_frame``."""
-    joints = JointArrays.of([joint for joint in description.joints if joint.kind == "fixed"])
+    fixed = [joint for joint in description.joints if joint.kind == "fixed"]
+    joints = JointArrays.from_joints(fixed)
     parents, children, values = list(joints.parents), list(joints.children), joints.constant
     if description.root_link != world_frame:
         parents.append(world_frame)

@@ -3,6 +3,10 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.node import Node
+
+_DEPTH = 10  # ROS's system default
 _SECOND = 1.0
 # Fractions of the wanted factor: a second below _SLOW is logged; when every second within _STEADY
 # has reached _BACK, it is logged that the pace is back.
@@ -96,3 +100,42 @@ class PaceMeter:
         elif self._is_slow and self._steady.seconds >= _STEADY:
             self._is_slow = False
             self._log(f"the pace is back: {self._steady}", False)
+
+
+class PaceReports:
+    """Reports the pace of a control loop on /diagnostics, and in the log when it falls.
+
+    Attributes:
+        meter: measures the pace.
+    """
+
+    def __init__(self, node: Node, wanted: Callable[[], float]) -> None:
+        """Publish and log as ``node``; ``wanted`` returns the real_time_factor wanted."""
+        self._node, self._wanted = node, wanted
+        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", _DEPTH)
+        self.meter = PaceMeter(self._publish, self._log)
+
+    def _publish(self, pace: Pace, is_slow: bool) -> None:
+        """Publish the real-time factor of the last second, from the control thread."""
+        values = {
+            "real_time_factor": f"{pace.factor:.3f}",
+            "wanted real_time_factor": f"{self._wanted():g}",
+            "control cycles": str(pace.cycles),
+            "missed control cycles": str(pace.missed),
+        }
+        status = DiagnosticStatus(
+            level=DiagnosticStatus.WARN if is_slow else DiagnosticStatus.OK,
+            name=f"{self._node.get_fully_qualified_name()[1:]}: real-time factor",
+            message=str(pace),
+            values=[KeyValue(key=key, value=value) for key, value in values.items()],
+        )
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(message)
+
+    def _log(self, text: str, is_slow: bool) -> None:
+        if is_slow:  # rclpy allows only one severity per line of code
+            text = f"{text}; the CPU is overloaded, or the process was stopped"
+            self._node.get_logger().warning(text)
+        else:
+            self._node.get_logger().info(text)

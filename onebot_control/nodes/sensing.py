@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from queue import SimpleQueue
 from typing import Any, Protocol
 
-from onebot_control.driven_robot import Snapshot
+from onebot_control.controlled_robot import Snapshot
 from onebot_control.fleet import Divider
 from onebot_control.sensing.instruments import Frame, Instrument, Sensors
 from onebot_control.sensing.surroundings import SensedRobot

@@ -7,7 +7,7 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.task import Future
 
-from onebot_description.ros.node import spin_until
+from onebot_description.ros.run_node import spin_until
 
 _PATIENCE = 10.0  # s for the thread to end
 

@@ -14,7 +14,7 @@ Example:
 """
 
 from onebot_control.physics.physics_settings import Settings
-from onebot_control.physics.robot import JointStates, MassVelocity, Pose, Robot, Twist
+from onebot_control.physics.robot_body import JointStates, MassVelocity, Pose, RobotBody, Twist
 from onebot_control.physics.scene_bodies import SceneBodies
 from onebot_control.physics.spawning import RobotSpawn
 from onebot_control.physics.world import World
@@ -23,7 +23,7 @@ __all__ = [
     "JointStates",
     "MassVelocity",
     "Pose",
-    "Robot",
+    "RobotBody",
     "RobotSpawn",
     "SceneBodies",
     "Settings",

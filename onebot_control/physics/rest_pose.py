@@ -10,7 +10,7 @@ from onebot_control.physics.engine import engine, logger
 from onebot_control.physics.physics_settings import Settings
 from onebot_control.physics.scene_bodies import SceneBodies
 from onebot_control.physics.spawning import (
-    LoadedRobot,
+    LoadedBody,
     RobotSpawn,
     SpawnPose,
     load_robot,
@@ -57,7 +57,7 @@ class RestPose(NamedTuple):
 
 
 def settle(
-    robot: LoadedRobot, spawn: RobotSpawn, starts: Sequence[float], settings: Settings
+    robot: LoadedBody, spawn: RobotSpawn, starts: Sequence[float], settings: Settings
 ) -> RestPose:
     """Let a robot come to rest on its wheels at the origin, and return its pose.
 
@@ -106,7 +106,7 @@ def settle(
     return rest_pose
 
 
-def _standing(robot: LoadedRobot, description: Description) -> RestPose:
+def _standing(robot: LoadedBody, description: Description) -> RestPose:
     """Return the pose of a fixed base, and place the robot there."""
     base = engine.getClosestPoints(
         robot.body, robot.ground, 1e9, linkIndexA=-1, physicsClientId=robot.client
@@ -120,7 +120,7 @@ def _standing(robot: LoadedRobot, description: Description) -> RestPose:
     return rest_pose
 
 
-def _warn_of_ground(robot: LoadedRobot, description: Description) -> None:
+def _warn_of_ground(robot: LoadedBody, description: Description) -> None:
     """Warn of the link that starts deepest in the ground."""
     near = engine.getClosestPoints(robot.body, robot.ground, 0.0, physicsClientId=robot.client)
     deepest = min(near, key=itemgetter(8), default=None)
@@ -135,7 +135,7 @@ def _warn_of_ground(robot: LoadedRobot, description: Description) -> None:
         )
 
 
-def _check_size(robot: LoadedRobot, description: Description, lowest: float) -> None:
+def _check_size(robot: LoadedBody, description: Description, lowest: float) -> None:
     """Refuse a robot that is not in metres; ``lowest`` is the height of its lowest point, m."""
     if abs(lowest) > LARGEST_ROBOT:
         raise OneBotError(
@@ -153,7 +153,7 @@ def _check_size(robot: LoadedRobot, description: Description, lowest: float) -> 
             )
 
 
-def _come_to_rest(robot: LoadedRobot, settings: Settings) -> None:
+def _come_to_rest(robot: LoadedBody, settings: Settings) -> None:
     """Simulate until the robot rests on the ground, for ``settings.settling`` seconds at most."""
     needed, rested = math.ceil(_RESTING_TIME * settings.rate), 0
     for _ in range(round(settings.settling * settings.rate)):
@@ -165,21 +165,21 @@ def _come_to_rest(robot: LoadedRobot, settings: Settings) -> None:
             rested = 0
 
 
-def _base_speed(robot: LoadedRobot) -> float:
+def _base_speed(robot: LoadedBody) -> float:
     """Return the greatest speed of the base, m/s or rad/s."""
     linear, angular = engine.getBaseVelocity(robot.body, robot.client)
     speeds: list[float] = [*linear, *angular]
     return max(map(abs, speeds))
 
 
-def _fastest(robot: LoadedRobot) -> float:
+def _fastest(robot: LoadedBody) -> float:
     """Return the greatest speed of the base and the joints, m/s or rad/s."""
     joints = engine.getJointStates(robot.body, list(robot.joints.values()), robot.client)
     speeds: list[float] = [_base_speed(robot), *(abs(state[1]) for state in joints)]
     return max(speeds)
 
 
-def _is_stable(robot: LoadedRobot) -> bool:
+def _is_stable(robot: LoadedBody) -> bool:
     """Return whether an area supports the robot, not a point or line on which it balances.
 
     At rest, the mean of the contact forces is below the centre of mass. Their smallest standard
@@ -263,7 +263,7 @@ def pose_on(
         engine.disconnect(client)
 
 
-def _lift(scene: SceneBodies, robot: LoadedRobot, pose: Transform) -> list[str]:
+def _lift(scene: SceneBodies, robot: LoadedBody, pose: Transform) -> list[str]:
     """Lift the robot from ``pose`` until it is free; return the links that it was in."""
     (x, y, z), rotation = pose
 
@@ -283,7 +283,7 @@ def _lift(scene: SceneBodies, robot: LoadedRobot, pose: Transform) -> list[str]:
     return list(met)
 
 
-def _stands(robot: LoadedRobot, driven: Sequence[str], pose: Transform, where: SpawnPose) -> bool:
+def _stands(robot: LoadedBody, driven: Sequence[str], pose: Transform, where: SpawnPose) -> bool:
     """Return whether the robot rests upright on its wheels where it was released."""
     (x, y, _), rotation = pose
     touching = engine.getContactPoints(robot.body, physicsClientId=robot.client)

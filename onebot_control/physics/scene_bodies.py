@@ -13,7 +13,7 @@ from onebot_control.physics.bodies import link_problems
 from onebot_control.physics.engine import engine
 from onebot_control.physics.physics_settings import Settings
 from onebot_control.physics.spawning import (
-    LoadedRobot,
+    LoadedBody,
     RobotSpawn,
     load_fixed,
     load_robot,
@@ -142,7 +142,7 @@ class SceneBodies:
         self.fixed = {
             load_fixed(client, self.description, body, settings): body.link for body in self._fixed
         }
-        self._parts: list[LoadedRobot] = []
+        self._parts: list[LoadedBody] = []
         for part, start in zip(self._free if free else (), self._starts, strict=False):
             self._parts.append(load_robot(client, ground, RobotSpawn(part, ()), settings))
             self._parts[-1].place(start)
@@ -180,7 +180,7 @@ class SceneBodies:
             self._activate(part, _AWAKE)
         self.read()
 
-    def put_back(self, robots: Sequence[LoadedRobot]) -> None:
+    def put_back(self, robots: Sequence[LoadedBody]) -> None:
         """Place movable bodies at their start, at rest, unless one of ``robots`` is there.
 
         Call ``read`` afterwards.
@@ -191,7 +191,7 @@ class SceneBodies:
                 part.place(pose)
             self._activate(part, _AWAKE)
 
-    def _activate(self, part: LoadedRobot, states: str) -> None:
+    def _activate(self, part: LoadedBody, states: str) -> None:
         state = sum(getattr(engine, f"ACTIVATION_STATE_{name}") for name in states.split())
         engine.changeDynamics(part.body, -1, activationState=state, physicsClientId=self._client)
 
@@ -203,11 +203,11 @@ class SceneBodies:
                 "longer finite; start it again"
             )
 
-    def fixed_at(self, robot: LoadedRobot) -> dict[int, str]:
+    def fixed_at(self, robot: LoadedBody) -> dict[int, str]:
         """Return the fixed bodies that ``robot`` overlaps, with the names of their links."""
         return {body: link for body, link in self.fixed.items() if self._overlaps(robot, body)}
 
-    def free_at(self, robot: LoadedRobot) -> list[str]:
+    def free_at(self, robot: LoadedBody) -> list[str]:
         """Return the movable links that ``robot`` overlaps."""
         return [
             link
@@ -215,7 +215,7 @@ class SceneBodies:
             if self._overlaps(robot, part.body)
         ]
 
-    def _overlaps(self, robot: LoadedRobot, body: int) -> bool:
+    def _overlaps(self, robot: LoadedBody, body: int) -> bool:
         return self._depth(robot.body, body) > _DEPTH
 
     def _depth(self, one: int, other: int) -> float:

@@ -32,7 +32,7 @@ class RobotSpawn(NamedTuple):
     """A robot to add to a world, with the start pose of its root link's frame."""
 
     description: Description
-    driven: Sequence[str]  # joints with a motor that follows velocities; see ``Robot``
+    driven: Sequence[str]  # joints with a motor that follows velocities; see ``RobotBody``
     x: float = 0.0  # m
     y: float = 0.0  # m
     yaw: float = 0.0  # heading, rad
@@ -62,7 +62,7 @@ def checked_spawn_pose(x: float, y: float, yaw: float) -> SpawnPose:
     return float(x), float(y), float(yaw)
 
 
-class LoadedRobot(NamedTuple):
+class LoadedBody(NamedTuple):
     """A robot, or a box of a scene, with PyBullet's indices of its parts."""
 
     client: int  # its world
@@ -134,7 +134,7 @@ def load_robot(
     ground: int,
     spawn: RobotSpawn,
     settings: Settings,
-) -> LoadedRobot:
+) -> LoadedBody:
     """Load a robot into a world, with its root link's frame at the origin.
 
     Motors hold their joints until they get a velocity. What PyBullet prints is logged.
@@ -188,7 +188,7 @@ def load_robot(
         engine.changeDynamics(robot, -1, **{damping: 0.0}, physicsClientId=client)
     dynamics = engine.getDynamicsInfo(robot, -1, physicsClientId=client)
     mass_frame = dynamics[3], dynamics[4]
-    return LoadedRobot(client, ground, robot, joints, hubs, mass_frame, inverse(mass_frame))
+    return LoadedBody(client, ground, robot, joints, hubs, mass_frame, inverse(mass_frame))
 
 
 def _mesh(client: int, robot: int, follower: int, leader: int, mimic: Mimic) -> None:

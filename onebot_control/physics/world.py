@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from onebot_control.physics.engine import engine
 from onebot_control.physics.physics_settings import Settings
 from onebot_control.physics.rest_pose import RestPose, pose_on, settle
-from onebot_control.physics.robot import Robot
+from onebot_control.physics.robot_body import RobotBody
 from onebot_control.physics.scene_bodies import SceneBodies
 from onebot_control.physics.spawning import RobotSpawn, SpawnPose, make_world
 from onebot_description.description import Description
@@ -29,7 +29,7 @@ class World:
 
     settings: Settings
     client: int  # PyBullet's index of the world, for direct calls
-    robots: tuple[Robot, ...]  # in the given order
+    robots: tuple[RobotBody, ...]  # in the given order
     scene: SceneBodies | None  # bodies around the robots; None on bare ground
     is_open: bool  # False after ``close``
 
@@ -56,9 +56,9 @@ class World:
         """
         self.settings = settings
         self.scene = None if scene is None else SceneBodies(scene)
-        self.robots = tuple(Robot(self, spawn) for spawn in spawns)
+        self.robots = tuple(RobotBody(self, spawn) for spawn in spawns)
         self._arms = [robot for robot in self.robots if robot.commanded]
-        self._on_scene: dict[tuple[Robot, SpawnPose], Transform] = {}
+        self._on_scene: dict[tuple[RobotBody, SpawnPose], Transform] = {}
         # A robot on bare ground comes to rest in this world, others in one of their own.
         self._alone = len(self.robots) == 1 and scene is None
         if not self._alone:
@@ -107,7 +107,7 @@ class World:
         self._build()
         self._start()
 
-    def stand(self, robot: Robot, where: SpawnPose, *, at_start: bool) -> None:
+    def stand(self, robot: RobotBody, where: SpawnPose, *, at_start: bool) -> None:
         """Place a robot at rest.
 
         Args:
@@ -223,7 +223,7 @@ class World:
         self._saved: int = engine.saveState(physicsClientId=client)
 
     def _start(self) -> None:
-        """Place all robots at their starts, from the saved state, as ``Robot.reset`` does."""
+        """Place all robots at their starts, from the saved state, as ``RobotBody.reset`` does."""
         engine.restoreState(self._saved, physicsClientId=self.client)
         for robot in self.robots:
             robot.put(self._pose_at(robot, robot.start))
@@ -231,7 +231,7 @@ class World:
         self._check_overlaps()
         self.check_usable()
 
-    def _pose_at(self, robot: Robot, where: SpawnPose) -> Transform:
+    def _pose_at(self, robot: RobotBody, where: SpawnPose) -> Transform:
         """Place the robot at rest on what stands still there; return its pose.
 
         Raises:
@@ -250,7 +250,7 @@ class World:
             robot.parts.place(pose)
         return pose
 
-    def _check_boxes(self, robot: Robot, where: SpawnPose) -> None:
+    def _check_boxes(self, robot: RobotBody, where: SpawnPose) -> None:
         """Raise OneBotError if a robot that was just placed overlaps a box."""
         if self.scene is not None and (links := self.scene.free_at(robot.parts)):
             raise OneBotError(
@@ -258,7 +258,7 @@ class World:
                 f"{self.scene.description.source} is there; put the robot somewhere else"
             )
 
-    def _check_overlaps(self, robot: Robot | None = None) -> None:
+    def _check_overlaps(self, robot: RobotBody | None = None) -> None:
         """Raise OneBotError if two robots overlap, or only if ``robot`` overlaps another one."""
         if len(self.robots) == 1:
             return

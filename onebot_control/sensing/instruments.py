@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from onebot_control.driven_robot import Snapshot
+from onebot_control.controlled_robot import Snapshot
 from onebot_control.sensing import camera, imu, lidar
 from onebot_control.sensing.noise import add_noise, bias, noise_of
 from onebot_control.sensing.rays import NOTHING, Hits, Rays, cast

@@ -111,7 +111,7 @@ def load_sensors(source: str | Path, robot: Description) -> SensorFile:
     if not sensors and not bad:
         text = 'holds no sensor; write <robot><gazebo reference="LINK"><sensor name="" type="">'
         raise DescriptionError([f"{document.shown}: {text}"])
-    notices = (*map(printable, warnings), *findings.of("problem", "warning"))
+    notices = (*map(printable, warnings), *findings.by_severity("problem", "warning"))
     return SensorFile(sensors, bad, condensed(notices), files)
 
 
@@ -246,8 +246,8 @@ def _check(
         root_link=root_link,
         links=tuple(link_elements[element] for element in links.values()),
         joints=tuple(joints.values()),
-        problems=condensed(findings.of("problem")),
-        warnings=condensed([*map(printable, warnings), *findings.of("warning")]),
+        problems=condensed(findings.by_severity("problem")),
+        warnings=condensed([*map(printable, warnings), *findings.by_severity("warning")]),
         places=tuple(map(findings.where, document.root.iter())),
         sensors=sensors,
         bad_sensors=bad_sensors,

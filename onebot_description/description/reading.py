@@ -89,7 +89,7 @@ class Findings:
             return ""
         return did_you_mean(name, [item for item in candidates if item != without], what)
 
-    def of(self, *severities: Severity) -> tuple[str, ...]:
+    def by_severity(self, *severities: Severity) -> tuple[str, ...]:
         """Return the findings of these severities, in the order they were found."""
         return tuple(text for severity, text in self.texts if severity in severities)
 
@@ -99,8 +99,9 @@ class Findings:
         Args:
             warnings: further warnings to include in it.
         """
-        if self.of("error"):
-            raise DescriptionError(self.of("error", "problem"), (*warnings, *self.of("warning")))
+        if self.by_severity("error"):
+            found = self.by_severity("warning")
+            raise DescriptionError(self.by_severity("error", "problem"), (*warnings, *found))
 
     def where(self, element: Element) -> str:
         """Return where ``element`` was written, for example ``robot.urdf:12``."""

@@ -100,7 +100,7 @@ class JointArrays:
         self.address = ctypes.addressof(self._structure)
 
     @classmethod
-    def of(cls, joints: Sequence[Joint]) -> "JointArrays":
+    def from_joints(cls, joints: Sequence[Joint]) -> "JointArrays":
         """Return the arrays of these joints."""
         count = len(joints)
         rpy = np.array([joint.origin.rpy for joint in joints], float).reshape(count, 3)
@@ -216,7 +216,7 @@ class RobotModel:
         moving = description.moving_joints
         fixed = [joint for joint in description.joints if joint.kind not in MOVING_KINDS]
         self.joints = tuple(joint.name for joint in moving)
-        self.moving, self.fixed = JointArrays.of(moving), JointArrays.of(fixed)
+        self.moving, self.fixed = JointArrays.from_joints(moving), JointArrays.from_joints(fixed)
         self.lower, self.upper = np.array([joint.range for joint in moving]).reshape(-1, 2).T
         speeds = [math.inf if joint.velocity is None else joint.velocity for joint in moving]
         self.velocity: Floats = np.array(speeds, float)

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from rclpy.node import Node
 
-from onebot_description.ros.node import Throttled
+from onebot_description.ros.throttled import Throttled
 from onebot_description.ros.wire.cdr import HEADER, NANO, SYSTEM_TIME_NS, stamp_at
 
 _PERIOD_NS = 1 * NANO  # between two samples: a check between them costs a tenth of a microsecond
@@ -33,7 +33,7 @@ class StampCheck:
         self._ahead: list[int] = []  # ns, of the stamps
 
     @classmethod
-    def of(cls, node: Node, topic: str) -> "StampCheck":
+    def from_topic(cls, node: Node, topic: str) -> "StampCheck":
         """Return a StampCheck for a topic that a node subscribes to."""
 
         def is_simulated() -> bool:

@@ -7,7 +7,6 @@ import os
 import re
 import socket
 from collections.abc import Mapping
-from typing import Any
 
 from onebot_description.description.packages import package_share
 from onebot_description.errors import OneBotError
@@ -23,7 +22,6 @@ WANTED = f"{LOCALHOST}, {SUBNET}, or HOST:PORT of a discovery server (fastdds di
 _SUPER_CLIENT = "ROS_SUPER_CLIENT"
 _PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 _TRANSPORTS = "FASTDDS_BUILTIN_TRANSPORTS"
-_UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"  # rcl's name for one
 MAX_DOMAIN = 232  # beyond it the ports of DDS (RTPS 2.2, section 9.6.1.1) exceed 65535
 
 
@@ -56,15 +54,6 @@ def _variables(argument: str) -> dict[str, str]:
 def _is_chosen() -> bool:
     """Return whether the environment has a range or a server."""
     return bool(os.environ.get(RANGE) or server())
-
-
-def node_name(end: Any) -> str:
-    """Return the full name of the node of a TopicEndpointInfo; "" while it is not discovered.
-
-    A node's name is discovered later than its publishers and subscriptions.
-    """
-    known = end.node_name != _UNKNOWN_NODE
-    return f"{end.node_namespace.rstrip('/')}/{end.node_name}" if known else ""
 
 
 def use_local_discovery() -> None:

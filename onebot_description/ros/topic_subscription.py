@@ -1,6 +1,6 @@
 """Subscribes to a topic whose type and QoS are only known from its publishers."""
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from functools import partial
 from inspect import Parameter, Signature
 from typing import Any
@@ -8,11 +8,12 @@ from typing import Any
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
 from onebot_description.errors import OneBotError
 from onebot_description.ros.message_age import Delivery
+from onebot_description.ros.node_graph import node_name
 
 RCLError = rclpy_implementation.RCLError
 
@@ -24,40 +25,6 @@ class TypeConflictError(OneBotError):
 def choose_type(offered: Collection[str], current: str | None = None) -> str | None:
     """Return the current type while it is offered, otherwise the first one by name, or None."""
     return current if current in offered else min(offered, default=None)
-
-
-def compatible_qos(offers: Iterable[QoSProfile], depth: int) -> QoSProfile:
-    """Return the strictest QoS that receives from all publishers.
-
-    A request that is stricter than an offer excludes its publisher, so it is reliable only if all
-    offers are, and transient local only if all are. Without offers it is ROS's default, reliable
-    and volatile.
-    """
-    offers = list(offers)
-    reliable = all(map(is_reliable, offers))
-    latched = offers and all(map(is_transient_local, offers))
-    return QoSProfile(
-        depth=depth,
-        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
-    )
-
-
-def exceeds(qos: QoSProfile, other: QoSProfile) -> bool:
-    """Return whether ``qos`` excludes publishers that offer no more than ``other``."""
-    return (is_reliable(qos) and not is_reliable(other)) or (
-        is_transient_local(qos) and not is_transient_local(other)
-    )
-
-
-def is_reliable(qos: QoSProfile) -> bool:
-    """Return whether lost messages are sent again."""
-    return bool(qos.reliability == ReliabilityPolicy.RELIABLE)
-
-
-def is_transient_local(qos: QoSProfile) -> bool:
-    """Return whether late subscribers get the last messages."""
-    return bool(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def offers(
@@ -81,9 +48,9 @@ def offers(
     }
     if publishers:
         return publishers
-    node_name = node.get_name(), node.get_namespace()
+    own_name = node.get_fully_qualified_name()
     ends = node.get_subscriptions_info_by_topic(topic)
-    types = {end.topic_type for end in ends if (end.node_name, end.node_namespace) != node_name}
+    types = {end.topic_type for end in ends if node_name(end) != own_name}
     return {kind: [] for kind in types if accepted is None or kind in accepted}
 
 

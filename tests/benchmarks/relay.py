@@ -10,7 +10,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 
-from onebot_description.ros.node import run_node
+from onebot_description.ros.run_node import run_node
 from onebot_description.ros.wire.interfaces import TFMessage
 
 

@@ -13,10 +13,11 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
+from onebot_control.control_files import default_control_file, read_control_files
+from onebot_control.controlled_robot import Snapshot
 from onebot_control.drive.odometry import Odometry
-from onebot_control.driven_robot import Snapshot
 from onebot_control.fleet import Fleet, Member
-from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
+from onebot_control.parameters import ControlConfig
 from onebot_control.physics.engine import engine
 from onebot_description.description import load_description
 from onebot_description.geometry.poses import PlanarPose, yaw_of
@@ -60,7 +61,7 @@ def _measure(robots: int, quick: bool) -> tuple[list[float], list[float]]:
         )
         for row in range(robots)
     ]
-    with Fleet.of(members) as fleet:
+    with Fleet.from_members(members) as fleet:
         _check_arcs(fleet, 0.3 if quick else _DRIVEN)
         # As the node does: what lives need not be looked through for garbage again and again.
         gc.collect()

@@ -19,7 +19,7 @@ from rclpy.node import Node
 from onebot_control import velocity_controller
 from onebot_control.nodes import control_loop
 from onebot_control.nodes.control_loop import Pacer, wake_exactly
-from onebot_description.ros.node import run_node
+from onebot_description.ros.run_node import run_node
 
 _PERIOD = 0.01  # s, as the controller's
 _TOPIC = "/velocity_controller/cmd_vel"

@@ -33,13 +33,16 @@ TESTS: dict[str, tuple[str, ...]] = {
     "onebot_control/drive/speed_limiter.py": _control("speed_limiter"),
     "onebot_control/drive/odometry.py": _control("odometry"),
     "onebot_control/drive/diff_drive.py": _control("diff_drive"),
-    "onebot_control/driven_robot.py": _control("driven_robot", "fleet", "joint_state_broadcaster"),
+    "onebot_control/controlled_robot.py": _control(
+        "controlled_robot", "fleet", "joint_state_broadcaster"
+    ),
     "onebot_control/fleet.py": _control("fleet"),
     "onebot_control/frame_names.py": _control("frame_names"),
     "onebot_control/nodes/control_loop.py": _control("control_loop"),
     "onebot_control/drive/wheels/finding.py": _control("wheels_finding", "wheels_geometry"),
     "onebot_control/drive/wheels/geometry.py": _control("wheels_geometry"),
-    "onebot_control/parameters.py": _control("control_config", "control_files"),
+    "onebot_control/parameters.py": _control("control_config"),
+    "onebot_control/control_files.py": _control("control_files"),
     "onebot_control/physics/bodies.py": _control("simulation_bodies", *_SIMULATION),
     "onebot_control/physics/rest_pose.py": _control("simulation_settling", "scene", *_SIMULATION),
     "onebot_control/physics/scene_bodies.py": _control("scene"),
@@ -88,11 +91,11 @@ EQUIVALENT: dict[str, set[str]] = {
         # Every stamp is after 1970.
         "SystemStamps.__init__: self._last_due, self._last = 0, -(2*63)",
     },
-    "onebot_control/driven_robot.py": {
+    "onebot_control/controlled_robot.py": {
         # A cycle is never longer than the time that passes.
-        "DrivenRobot.snapshot: if pace < 1.0:",
+        "ControlledRobot.snapshot: if pace < 1.0:",
         # There are as many wheels on either side.
-        "DrivenRobot.__init__: self.drift = DriftCheck(skids=len(wheels.names) > 3)",
+        "ControlledRobot.__init__: self.drift = DriftCheck(skids=len(wheels.names) > 3)",
     },
     "onebot_control/drive/odometry.py": {
         # The wheels' first positions only begin: the time before them counts for nothing.

@@ -71,7 +71,7 @@ def test_a_limit_of_zero_is_one():
 def test_a_controller_is_known_by_its_parameters():
     """A limit of velocity makes one; what cannot be a limit is none."""
     assert {"linear.x.max_velocity", "angular.z.min_jerk", "cmd_vel_timeout"} < NAMES
-    found = Controller.of(
+    found = Controller.from_parameters(
         "/robot",
         {
             "linear.x.max_velocity": 0.5,
@@ -97,14 +97,14 @@ def test_a_controller_is_known_by_its_parameters():
 )
 def test_anything_else_is_no_controller(values):
     """Whatever other parameters it has."""
-    assert Controller.of("/onlooker", values) is None
+    assert Controller.from_parameters("/onlooker", values) is None
 
 
 @pytest.mark.parametrize("timeout", [0.0, -1.0, math.nan, math.inf])
 def test_a_controller_that_never_times_out_is_told_apart(timeout):
     """diff_drive_controller's 0 is no timeout."""
     values = {"linear.x.max_velocity": math.nan, "cmd_vel_timeout": timeout}
-    found = Controller.of("/robot", values)
+    found = Controller.from_parameters("/robot", values)
     assert found is not None and found.timeout is None
 
 

@@ -41,7 +41,7 @@ def test_the_description_has_the_limits_of_a_joint():
         ("prismatic", 0.0, (0.0, 0.1), SteeredJoint("m", 0.0, 0.0, 0.1)),
     ):
         joint = Joint("j", kind, "a", "b", velocity=velocity, lower=limits[0], upper=limits[1])
-        assert SteeredJoint.of(joint) == wanted
+        assert SteeredJoint.from_joint(joint) == wanted
 
 
 def test_a_joint_gets_to_its_velocity_and_ends_at_rest():

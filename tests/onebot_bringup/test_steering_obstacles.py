@@ -33,12 +33,12 @@ def at(x: float = 0.0, y: float = 0.0, z: float = 0.0, *, pitch: float = 0.0, ya
 def scan(angle: float, *ranges: float) -> Readings:
     """What a scanner sees, a ray each 0.1 rad."""
     message = LaserScan(angle_min=angle, angle_increment=0.1, range_max=9.0, ranges=ranges)
-    return Readings.of_scan(message)
+    return Readings.from_scan(message)
 
 
 @pytest.fixture
 def footprint() -> Footprint:
-    return Footprint.of(described(ROBOT))
+    return Footprint.from_description(described(ROBOT))
 
 
 @pytest.mark.parametrize(
@@ -83,16 +83,16 @@ def test_a_range_has_what_it_met_anywhere_on_its_cone(footprint):
     """A sonar, and a detector of a fixed distance (REP-117); +inf and nan say nothing."""
     message = Range(field_of_view=0.4, min_range=0.1, max_range=2.0, range=1.0)
     beside = at(0.2, 0.25)  # its axis passes the robot's side, its cone does not
-    points = footprint.points(Readings.of_range(message), beside)
+    points = footprint.points(Readings.from_range(message), beside)
     assert footprint.clearance(points, 0.3, 0.0) == pytest.approx(math.cos(0.2), abs=1e-6)
     message.field_of_view = 0.1
-    points = footprint.points(Readings.of_range(message), beside)
+    points = footprint.points(Readings.from_range(message), beside)
     assert footprint.clearance(points, 0.3, 0.0) == math.inf
     for nothing in (math.inf, math.nan, 0.05, 2.1):
         message.range = nothing
-        assert not len(Readings.of_range(message).ranges)
+        assert not len(Readings.from_range(message).ranges)
     message.range, message.min_range = -math.inf, 2.0
-    assert set(Readings.of_range(message).ranges) == {2.0}
+    assert set(Readings.from_range(message).ranges) == {2.0}
 
 
 def test_frames_have_the_prefix_of_the_robot(footprint):
@@ -100,7 +100,7 @@ def test_frames_have_the_prefix_of_the_robot(footprint):
     assert footprint.root_frame("base") == "base"
     assert footprint.root_frame("robot1/lidar") == "robot1/base"
     assert described("<robot") is None
-    assert Footprint.of(described('<robot name="x"><link name="a"/></robot>')) is None
+    assert Footprint.from_description(described('<robot name="x"><link name="a"/></robot>')) is None
 
 
 def sensor(topic: str, kind: str, place: str, rays: int, half: float) -> str:
@@ -141,7 +141,7 @@ def test_every_sensor_counts_in_the_direction_driven(
     robot = urdf(wheel("left", sides), wheel("right", -sides), CASTER, FRONT, sensors)
     Path(model).write_text(robot)
     simulated = ros_args(world=room(tmp_path), sensor_noise=False)
-    footprint = Footprint.of(described(robot))
+    footprint = Footprint.from_description(described(robot))
     reach = footprint.high[0] if speed > 0.0 else -footprint.low[0]
     with (
         Peer(ros_domain) as peer,

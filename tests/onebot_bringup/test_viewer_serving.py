@@ -379,9 +379,10 @@ def test_browsers_that_hold_connections_do_not_keep_the_page_from_stopping(capfd
     [
         ("onebot_bringup.viewer.display_server", "aiohttp"),  # a window or a file needs no server
         ("onebot_bringup.steering.steering_page", "rerun"),
-        ("onebot_control.nodes.driving", "embreex"),  # most robots have no sensors
-        ("onebot_control.nodes.driving", "numpy.random"),
-        ("onebot_control.parameters", "numpy"),  # its threads keep bringups from forking for xacro
+        ("onebot_control.nodes.world_interface", "embreex"),  # most robots have no sensors
+        ("onebot_control.nodes.world_interface", "numpy.random"),
+        # Its threads keep bringups from forking for xacro.
+        ("onebot_control.control_files", "numpy"),
     ],
 )
 def test_a_large_library_is_imported_only_where_it_is_used(module, library):

@@ -4,11 +4,11 @@ import math
 from collections.abc import Sequence
 from typing import Any, cast
 
+from onebot_control.controlled_robot import ControlledRobot, PreparedRobot, Snapshot
 from onebot_control.drive.odometry import DiffDriveKinematics, Odometry
-from onebot_control.driven_robot import DrivenRobot, DrivenSpawn, Snapshot
 from onebot_control.fleet import Fleet, Member
 from onebot_control.parameters import ControlConfig
-from onebot_control.physics import JointStates, MassVelocity, Pose, Robot, Twist
+from onebot_control.physics import JointStates, MassVelocity, Pose, RobotBody, Twist
 from onebot_description.description import Description, parse_description
 from onebot_description.geometry.poses import rotate
 
@@ -138,24 +138,26 @@ class IdealWorld:
             plant.close()
 
 
-def driven_robot(description: Description, config: ControlConfig, plant: Robot) -> DrivenRobot:
+def controlled_robot(
+    description: Description, config: ControlConfig, plant: RobotBody
+) -> ControlledRobot:
     """A robot in this plant."""
-    part = DrivenSpawn.of(description, config)
-    return DrivenRobot(part, description, config, plant)
+    part = PreparedRobot.from_description(description, config)
+    return ControlledRobot(part, description, config, plant)
 
 
-def ideal_drive(plant: IdealPlant | None = None, **values: Any) -> DrivenRobot:
+def ideal_drive(plant: IdealPlant | None = None, **values: Any) -> ControlledRobot:
     """A drive of the ideal plant."""
     chosen = config(**values)
-    return driven_robot(robot(), chosen, cast(Robot, plant or IdealPlant()))
+    return controlled_robot(robot(), chosen, cast(RobotBody, plant or IdealPlant()))
 
 
 def alone(description: Description, config: ControlConfig) -> Fleet:
     """A robot in a world of its own."""
-    return Fleet.of([Member(description, config)])
+    return Fleet.from_members([Member(description, config)])
 
 
-def cycle(drive: DrivenRobot) -> Snapshot:
+def cycle(drive: ControlledRobot) -> Snapshot:
     """Do a control cycle of the only robot of a world; how it was at its beginning."""
     snapshot = drive.begin()
     drive.turn()

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from onebot_control.physics import Robot, RobotSpawn, Settings, World
+from onebot_control.physics import RobotBody, RobotSpawn, Settings, World
 from onebot_description.description import Description, parse_description
 from onebot_description.geometry.poses import yaw_of
 
@@ -69,13 +69,13 @@ def wheels(linear: float, angular: float) -> list[float]:
     return [(linear - half) / RADIUS, (linear + half) / RADIUS]
 
 
-def planar(simulation: Simulation | Robot) -> tuple[float, float, float]:
+def planar(simulation: Simulation | RobotBody) -> tuple[float, float, float]:
     """Where the robot is: x, y in m, heading in rad."""
     pose = simulation.base_pose()
     return (*pose.translation[:2], yaw_of(*pose.rotation))
 
 
-def bits(simulation: Simulation | Robot) -> bytes:
+def bits(simulation: Simulation | RobotBody) -> bytes:
     """The state of a robot, every bit of it."""
     parts = (*simulation.joint_states(), *simulation.base_pose(), *simulation.base_twist())
     return np.concatenate(parts).tobytes()

@@ -10,22 +10,21 @@ import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from onebot_control.joint_controllers import (
-    ForwardController,
-    GripperController,
-    TrajectoryController,
-)
-from onebot_control.parameters import (
-    MANAGER,
-    ControlConfig,
-    ControlParameters,
+from onebot_control.control_files import (
     default_control_file,
     read_control_files,
     read_joint_controllers,
     unknown_by_node,
 )
+from onebot_control.joint_controllers import (
+    ForwardController,
+    GripperController,
+    TrajectoryController,
+)
+from onebot_control.nodes.control_parameters import ControlParameters
+from onebot_control.parameters import MANAGER, ControlConfig
 from onebot_description.errors import OneBotError
-from onebot_description.ros.node import RosArguments
+from onebot_description.ros.command_line import RosArguments
 from onebot_description.ros.parameters.files import Parameters
 from onebot_description.ros.parameters.reader import ConfigError, Problem
 from tests.ros_support import ros_args

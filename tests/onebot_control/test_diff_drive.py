@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from onebot_control.drive.diff_drive import DiffDriveController, DriveCommand, WheelStates
+from onebot_control.drive.diff_drive import DiffDriveController, WheelCommand, WheelStates
 from onebot_control.drive.speed_limiter import SpeedLimiter
 from onebot_control.drive.wheels.geometry import WheelGeometry
 from tests.onebot_control.control_support import RADIUS, SEPARATION, config
@@ -19,7 +19,7 @@ def controller(**values: Any) -> DiffDriveController:
     return DiffDriveController(chosen, chosen.kinematics(WheelGeometry(SEPARATION, RADIUS)))
 
 
-def updates(drive: DiffDriveController, count: int, dt: float = 0.01) -> DriveCommand:
+def updates(drive: DiffDriveController, count: int, dt: float = 0.01) -> WheelCommand:
     """The last of several cycles at rest."""
     return [drive.update(REST, dt) for _ in range(count)][-1]
 

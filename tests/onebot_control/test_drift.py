@@ -4,9 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from onebot_control.driven_robot import DrivenRobot
+from onebot_control.control_files import default_control_file, read_control_files
+from onebot_control.controlled_robot import ControlledRobot
 from onebot_control.fleet import Fleet, Member
-from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
+from onebot_control.parameters import ControlConfig
 from onebot_control.physics.scene_bodies import load_scene
 from onebot_description.description import load_description
 from onebot_description.description.packages import package_share
@@ -18,7 +19,7 @@ ONEBOT = package_share("onebot_description") / "urdf/onebot.urdf.xacro"
 LIMITS = read_control_files([default_control_file()], "/", "velocity_controller").values
 
 
-def drifted(drive: DrivenRobot, linear: float, angular: float, seconds: float = 20.0) -> str:
+def drifted(drive: ControlledRobot, linear: float, angular: float, seconds: float = 20.0) -> str:
     """Drive; return the warning."""
     for _ in range(round(seconds / drive.period)):
         drive.accept(linear, angular)
@@ -64,7 +65,7 @@ def test_walls_and_ramps_are_no_reason_to_warn(world: str) -> None:
     """Nor is another robot in the way: wheels slip there, as those of a real robot do."""
     limits = ControlConfig.from_parameters(LIMITS)
     members = [Member(load_description(ONEBOT), limits), Member(robot(), config(x=-0.6), "other")]
-    with Fleet.of(members, scene=load_scene(world)) as fleet:
+    with Fleet.from_members(members, scene=load_scene(world)) as fleet:
         for cycle in range(1100):
             fleet.robots[0].accept(0.3, 0.4 if 800 < cycle < 1100 else 0.0)
             fleet.robots[1].accept(0.4, 0.0)

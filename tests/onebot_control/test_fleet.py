@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from onebot_control.driven_robot import Snapshot
+from onebot_control.controlled_robot import Snapshot
 from onebot_control.fleet import Fleet, Member
 from onebot_control.physics import World
 from onebot_description.description import Description, parse_description
@@ -22,7 +22,7 @@ def fleet_of(*starts: PlanarPose, scene: Description | None = None, **values: An
     chosen = [config(**{**start._asdict(), **values}) for start in starts or STARTS]
     names = [f"/r{row + 1}" for row in range(len(chosen))]
     members = [Member(robot(), *each) for each in zip(chosen, names, strict=True)]
-    return Fleet.of(members, scene=scene)
+    return Fleet.from_members(members, scene=scene)
 
 
 def larger(separation: float = 0.4) -> Description:
@@ -60,7 +60,7 @@ def test_robots_of_several_kinds() -> None:
         Member(robot(), config()),
         Member(larger(), config(x=2.0, publish_rate=10.0)),
     ]
-    with Fleet.of(members) as fleet:
+    with Fleet.from_members(members) as fleet:
         assert [drive.geometry for drive in fleet.robots] == [
             pytest.approx((0.3, 0.06)),
             pytest.approx((0.4, 0.07)),
@@ -81,7 +81,7 @@ def test_what_does_not_suit_a_robot_is_refused(values: dict[str, Any], said: str
     places = {"left_wheel_names": "f.yaml:3"}
     members = [Member(robot(), config(x=1.0)), Member(robot(), config(**values), "/r1", places)]
     with pytest.raises(OneBotError, match=said):
-        Fleet.of(members)
+        Fleet.from_members(members)
 
 
 def test_robots_in_one_place_are_refused_by_name() -> None:
@@ -137,7 +137,7 @@ def test_a_refused_description_leaves_no_world(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(World, "close", lambda world: (worlds.append(world), close(world)))
     third = robot(wheel("left", 0.15), wheel("right", -0.15), CASTER, wheel("third", 0.0))
     chosen = config(**{"joint_state_broadcaster.joints": ["third_wheel_joint"]})
-    with Fleet.of([Member(third, chosen)]) as fleet:
+    with Fleet.from_members([Member(third, chosen)]) as fleet:
         with pytest.raises(OneBotError, match='no joint "third_wheel_joint"'):
             fleet.replace(0, robot())
         assert len(worlds) == 1 and worlds[0] is not fleet.world
@@ -207,7 +207,7 @@ def test_a_description_needs_room_where_the_robot_is_not_at_its_start(walled: bo
 
 
 def test_the_boxes_of_a_world_stay_where_they_were_pushed_when_a_robot_is_replaced() -> None:
-    with Fleet.of([Member(robot(), config(**LIMITS))], scene=load_world("maze")) as fleet:
+    with Fleet.from_members([Member(robot(), config(**LIMITS))], scene=load_world("maze")) as fleet:
         assert fleet.robots[0].world_frame == "world"
         run(fleet, 0, 0.5, 0.0, 500)
         scene = fleet.world.scene

@@ -15,8 +15,9 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
-from onebot_control.driven_robot import DrivenRobot, Snapshot
-from onebot_control.nodes.publishing import Frames, Publishers
+from onebot_control.controlled_robot import ControlledRobot, Snapshot
+from onebot_control.nodes.frames import Frames
+from onebot_control.nodes.publishing import Publishers
 from onebot_control.physics import MassVelocity
 from onebot_description.description import parse_description
 from onebot_description.geometry.poses import PlanarPose
@@ -94,7 +95,7 @@ class Subscriptions:
         for name, count in product(TOPICS, counts):
             wait_for(lambda name=name, count=count: count(name), f"{name} to be found")
 
-    def last(self, drive: DrivenRobot, snapshot: Snapshot) -> dict[str, Any]:
+    def last(self, drive: ControlledRobot, snapshot: Snapshot) -> dict[str, Any]:
         """What is received of ``snapshot``."""
         self.publishers.use(drive)
         before = {name: len(received) for name, received in self.received.items()}
@@ -119,7 +120,7 @@ PARAMETERS = {
 }
 
 
-def driven(**parameters: Any) -> tuple[DrivenRobot, Snapshot]:
+def driven(**parameters: Any) -> tuple[ControlledRobot, Snapshot]:
     """A robot on its way, and how it is."""
     drive = ideal_drive(IdealPlant(left=0.3, right=-0.7), **{**PARAMETERS, **parameters})
     drive.teleport(PlanarPose(1.0, -2.0, 0.5))
@@ -216,11 +217,12 @@ def frame_problems(
     """What is wrong with the frames of a robot of the namespace /a, as messages."""
     around = parse_description(f'<robot name="w">{scene}</robot>', "w.urdf") if scene else None
 
-    def of(namespace: str, chosen: Mapping[str, Any]) -> Frames:
-        return Frames.of(config(**chosen), robot(), namespace, in_scene=around is not None)
+    def frames(namespace: str, chosen: Mapping[str, Any]) -> Frames:
+        in_scene = around is not None
+        return Frames.from_parameters(config(**chosen), robot(), namespace, in_scene=in_scene)
 
-    beside = {name: of(name, chosen) for name, chosen in others.items()}
-    return [each.message() for each in of("/a", values).problems(beside, around)]
+    beside = {name: frames(name, chosen) for name, chosen in others.items()}
+    return [each.message() for each in frames("/a", values).problems(beside, around)]
 
 
 WALLED = '<link name="floor"/>' + part("wall").replace("world", "floor")

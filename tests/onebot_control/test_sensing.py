@@ -12,7 +12,7 @@ import pytest
 import trimesh
 from PIL import Image
 
-from onebot_control.driven_robot import Snapshot
+from onebot_control.controlled_robot import Snapshot
 from onebot_control.fleet import Fleet, Member
 from onebot_control.nodes.sensing import Channel, SensingThread
 from onebot_control.parameters import ControlConfig
@@ -321,7 +321,7 @@ def test_onebot_pushed_against_a_wall_looks_at_it_from_outside(yaw: float):
         '<child link="wall"/><origin xyz="2.1 0 1.5"/></joint></robot>'
     )
     config = ControlConfig.from_parameters({"x": 1.7, "yaw": yaw, "cmd_vel_timeout": 9.0})
-    with Fleet.of([Member(onebot, config)], scene=scene) as fleet:
+    with Fleet.from_members([Member(onebot, config)], scene=scene) as fleet:
         fleet.robots[0].accept(0.3, 0.0)
         state = [fleet.cycle()[0] for _ in range(300)][-1]
         plant, held = fleet.robots[0].plant, fleet.robots[0].held
@@ -433,7 +433,8 @@ def test_an_imu_measures_the_truth_s_derivatives(scene, command, expected):
     """In each cycle, also while it speeds up; the rate where that is steady."""
     onebot = load_description("package://onebot_description/urdf/onebot.urdf.xacro")
     config = ControlConfig.from_parameters({"x": 1.0, "cmd_vel_timeout": 9.0})
-    with Fleet.of([Member(onebot, config)], scene=load_world(scene) if scene else None) as fleet:
+    around = load_world(scene) if scene else None
+    with Fleet.from_members([Member(onebot, config)], scene=around) as fleet:
         fleet.robots[0].accept(*command)
         snapshots = [fleet.cycle()[0] for _ in range(300)]
         period = fleet.period
@@ -507,7 +508,7 @@ def sensing_of(*sensors: Sensor, patient: bool = False, **subscribers: Subscribe
     warnings: list[str] = []
     failures: list[BaseException] = []
     description = robot()
-    with Fleet.of([Member(description, ControlConfig.from_parameters(WHEELS))]) as fleet:
+    with Fleet.from_members([Member(description, ControlConfig.from_parameters(WHEELS))]) as fleet:
         driven = fleet.robots[0]
         sensing = SensingThread(
             Sensors(None, 100.0, 9.81), warnings.append, failures.append, lambda: patient

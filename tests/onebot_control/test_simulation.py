@@ -10,8 +10,9 @@ import pytest
 
 import onebot_control
 from onebot_control import OneBotError, RobotSetup, SimulatedRobot, Simulation, simulation
+from onebot_control.control_files import default_control_file, read_control_files
 from onebot_control.fleet import Fleet, Member
-from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
+from onebot_control.parameters import ControlConfig
 from onebot_description import load_description
 from onebot_description.description import parse_description
 from tests.onebot_control.control_support import urdf
@@ -67,7 +68,7 @@ def test_it_is_what_the_node_simulates():
     description = load_description(simulation.ONEBOT)
     values = read_control_files([default_control_file()], "/", "velocity_controller").values
     config = ControlConfig.from_parameters(values)
-    with Fleet.of([Member(description, config)]) as fleet, Simulation() as ours:
+    with Fleet.from_members([Member(description, config)]) as fleet, Simulation() as ours:
         for cycle in range(300):
             command = (0.5, 0.3 * math.sin(0.02 * cycle))
             ours.robot.drive(*command)

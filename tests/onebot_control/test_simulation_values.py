@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onebot_control.physics import Robot, RobotSpawn, Settings, World
+from onebot_control.physics import RobotBody, RobotSpawn, Settings, World
 from onebot_control.physics.spawning import checked_spawn_pose
 from onebot_description.errors import OneBotError
 from tests.onebot_control.simulation_support import DRIVEN, LEFT, RIGHT, robot
@@ -101,9 +101,9 @@ def test_places_are_finite(bad, row):
         checked_spawn_pose(*place)
 
 
-def motors(description, driven) -> Robot:
+def motors(description, driven) -> RobotBody:
     """A robot that is in no world."""
-    return Robot(cast(World, None), RobotSpawn(description, driven))
+    return RobotBody(cast(World, None), RobotSpawn(description, driven))
 
 
 def test_speeds_are_limited_to_the_joints_own():

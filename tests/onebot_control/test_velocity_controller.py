@@ -17,7 +17,7 @@ from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, Trigger
 
 from onebot_bringup.launch.nodes import write_parameters
-from onebot_control.parameters import default_control_file
+from onebot_control.control_files import default_control_file
 from onebot_description.description import parse_description
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_control.control_support import urdf

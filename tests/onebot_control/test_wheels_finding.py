@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import trimesh
 
+from onebot_control.controlled_robot import wheels_of
 from onebot_control.drive.wheels import tyres
 from onebot_control.drive.wheels.geometry import Wheels
-from onebot_control.driven_robot import wheels_of
 from onebot_control.parameters import ControlConfig
-from onebot_control.physics.drivable import commandable, drivable
+from onebot_control.physics.simulated_model import commandable, simulated_model
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.packages import package_share
 from onebot_description.errors import OneBotError
@@ -197,7 +197,7 @@ def test_what_is_simulated() -> None:
     description = base(*TWO, *BALLS, SWIVEL, ARM)
     wheels = Wheels(description)
     assert commandable(description, wheels) == ["arm_joint", "hand_joint"]
-    simulated, held, *_ = drivable(description, wheels)
+    simulated, held, *_ = simulated_model(description, wheels)
     assert held == {"arm_joint": 0.0, "hand_joint": 0.0}
     names = [joint.name for joint in simulated.moving_joints]
     assert names == ["l_joint", "r_joint", "fork_joint", "roller_joint"]
@@ -209,7 +209,7 @@ def test_what_is_simulated() -> None:
     assert (thin.shape.radius, thin.shape.length) == (0.1, 0.004)  # type: ignore[union-attr]
     ball = next(link for link in simulated.links if link.name == "ball_0.2").collisions[0]
     assert ball.origin.xyz == pytest.approx((0.0, 0.0, 0.0002))
-    assert drivable(robot(), Wheels(robot())).description.joints == robot().joints
+    assert simulated_model(robot(), Wheels(robot())).description.joints == robot().joints
 
 
 PUBLIC = Path(__file__).parents[1] / "robots"

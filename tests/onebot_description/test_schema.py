@@ -27,7 +27,7 @@ from tests.any_message import messages, serialized
 
 def schema_of(message: Any) -> Schema:
     name = type_name(message)
-    return Schema.of(name, full_definition(name))
+    return Schema.from_definition(name, full_definition(name))
 
 
 def read(message: Any) -> Message:
@@ -79,7 +79,7 @@ def assert_columns(table: Table) -> None:
 @pytest.mark.parametrize("name", installed("msg"))
 def test_a_message_reads_as_rclpy_wrote_it(name):
     kind = message_class(name)
-    schema = Schema.of(name, full_definition(name))
+    schema = Schema.from_definition(name, full_definition(name))
 
     @settings(max_examples=3, database=None, suppress_health_check=list(HealthCheck))
     @given(messages(kind))
@@ -164,7 +164,7 @@ def test_numeric_fields_are_those_outside_of_arrays():
         f"twist.{part}.{axis}" for part in ("linear", "angular") for axis in "xyz"
     )
     assert read(twist)["twist.linear.x"] == 0.25
-    assert Schema.of("std_msgs/msg/Empty", "").numeric_fields() == ()
+    assert Schema.from_definition("std_msgs/msg/Empty", "").numeric_fields() == ()
 
 
 def test_an_unknown_field_is_named_with_those_that_exist():
@@ -225,7 +225,7 @@ def test_padding_is_that_of_rosbags(inner, count):
         none=np.empty(0),
         after=65535,
     )
-    ours = Schema.of("test/msg/All", definition).read(
+    ours = Schema.from_definition("test/msg/All", definition).read(
         bytes(store.serialize_cdr(message, "test/msg/All"))
     )
     assert (ours.before, ours.after, len(ours.none)) == (3, 65535, 0)
@@ -274,7 +274,7 @@ def test_structs_of_equal_and_of_other_lengths(seed):
         ]
     message = kinds["test/msg/Mixed"](many=many, after=4_000_000_001)
     data = bytes(store.serialize_cdr(message, "test/msg/Mixed"))
-    schema = Schema.of("test/msg/Mixed", MIXED)
+    schema = Schema.from_definition("test/msg/Mixed", MIXED)
     ours = schema.read(data)
     assert ours.after == 4_000_000_001
     for row, expected in zip(ours.many, many, strict=True):
@@ -288,7 +288,7 @@ def test_structs_of_equal_and_of_other_lengths(seed):
 
 def test_a_bool_of_the_last_of_equal_structs_is_checked():
     definition = "test/A[] many\n===\nMSG: test/A\nfloat64 value\nstring name\nbool[3] flags"
-    schema = Schema.of("test/msg/Alike", definition)
+    schema = Schema.from_definition("test/msg/Alike", definition)
     one = struct.pack("<dI5s3?4x", 1.0, 5, b"name\0", True, False, True)
     data = ENCAPSULATION + struct.pack("<I4x", 9) + 9 * one
     assert schema.read(data).many.flags.all(axis=1).tolist() == [False] * 9
@@ -319,7 +319,7 @@ def test_wstrings_and_bounded_types():
     body = wide("aé") + struct.pack("<I", 2) + wide("😀") + wide("")
     body += struct.pack("<I", 2) + b"\2\0\0\0x\0" + b"\0\0" + b"\0\0\0\0"
     body += struct.pack("<Ib", 1, -1) + b"\xfe\xff"
-    message = Schema.of("test/msg/Strings", definition).read(ENCAPSULATION + body)
+    message = Schema.from_definition("test/msg/Strings", definition).read(ENCAPSULATION + body)
     assert (message.a, message.b, message.c) == ("aé", ["😀", ""], ["x", ""])
     assert (message.d.tolist(), message["class"], message["lambda"]) == ([-1], 254, 255)
 
@@ -327,7 +327,7 @@ def test_wstrings_and_bounded_types():
 @pytest.mark.parametrize("text", [b"a\0b\0", b"abc", b"ab\0\0", b"\0a", b"\0", b"", b"a\xff"])
 def test_a_string_ends_as_with_rclpy(text):
     data = ENCAPSULATION + struct.pack("<I", len(text)) + text
-    ours = Schema.of("std_msgs/msg/String", "string data").read(data).data
+    ours = Schema.from_definition("std_msgs/msg/String", "string data").read(data).data
     assert ours == deserialize_message(data, String).data
 
 
@@ -379,7 +379,7 @@ def test_any_bytes_are_a_message_or_an_error(message):
 )
 def test_a_huge_count_takes_no_memory(definition):
     definition += "\n===\nMSG: test/A\nstring s\n===\nMSG: test/B\nfloat64[100000] b"
-    schema = Schema.of("test/msg/Huge", definition)
+    schema = Schema.from_definition("test/msg/Huge", definition)
     for count in (5, 2**31 - 1, 2**31, 2**32 - 1):
         with pytest.raises(WireError, match="truncated"):
             schema.read(ENCAPSULATION + struct.pack("<I", count) + bytes(4))
@@ -388,7 +388,7 @@ def test_a_huge_count_takes_no_memory(definition):
 @pytest.mark.parametrize("definition", ["bool a", "bool[3] a", "bool[] a", "test/A[] a"])
 def test_a_bool_is_zero_or_one(definition):
     """Anything else is undefined in arrays of NumPy's."""
-    schema = Schema.of("test/msg/Bool", f"{definition}\n===\nMSG: test/A\nbool b")
+    schema = Schema.from_definition("test/msg/Bool", f"{definition}\n===\nMSG: test/A\nbool b")
     for value in (0, 1, 2):
         data = ENCAPSULATION + (b"\3\0\0\0" if "[]" in definition else b"") + bytes([value]) * 3
         if value == 2:
@@ -399,7 +399,7 @@ def test_a_bool_is_zero_or_one(definition):
 
 
 def test_only_plain_little_endian_is_read():
-    schema = Schema.of("std_msgs/msg/Empty", "")
+    schema = Schema.from_definition("std_msgs/msg/Empty", "")
     assert schema.read(ENCAPSULATION + b"\0")._group.fields
     for data in (b"", b"\0\1", b"\0\0\0\0\0", b"\0\3\0\0\0", ENCAPSULATION):
         with pytest.raises(WireError):
@@ -431,7 +431,7 @@ def test_only_plain_little_endian_is_read():
 )
 def test_a_definition_that_cannot_be_used_names_type_and_line(definition, problem):
     with pytest.raises(DefinitionError, match=problem):
-        Schema.of("test/msg/T", definition)
+        Schema.from_definition("test/msg/T", definition)
 
 
 def test_a_definition_that_grows_without_bound_is_refused():
@@ -452,7 +452,7 @@ def test_a_definition_that_grows_without_bound_is_refused():
         (chain, "more than 64 types"),
     ):
         with pytest.raises(DefinitionError, match=problem):
-            Schema.of("test/msg/T", definition)
+            Schema.from_definition("test/msg/T", definition)
 
 
 def test_definitions_as_various_writers_store_them():
@@ -460,7 +460,7 @@ def test_definitions_as_various_writers_store_them():
     text += "builtin_interfaces/Time stamp\r\nstring frame_id\r\n"
     data = ENCAPSULATION + struct.pack("<iII", 1, 2, 2) + b"m\0"
     for definition in (text, f"===\nMSG: test/T\n{text}"):
-        message = Schema.of("test/T", definition).read(data)
+        message = Schema.from_definition("test/T", definition).read(data)
         assert (nanoseconds(message.header.stamp), message.header.frame_id) == (10**9 + 2, "m")
     with pytest.raises(DefinitionError, match="no name of a message type"):
-        Schema.of("test/srv/T", "")
+        Schema.from_definition("test/srv/T", "")

@@ -8,12 +8,11 @@ import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Int32, String
 
+from onebot_description.ros.topic_qos import compatible_qos, exceeds
 from onebot_description.ros.topic_subscription import (
     TopicSubscription,
     TypeConflictError,
     choose_type,
-    compatible_qos,
-    exceeds,
     offers,
 )
 from tests.ros_support import Peer

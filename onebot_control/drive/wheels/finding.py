@@ -178,7 +178,7 @@ def _rolling(turning: Mapping[str, Axle], tyres: Tyres) -> list[_Wheel]:
     for name, axle in turning.items():
         if axle.joint.kind != "continuous" or not axle.across:
             continue
-        if (tyre := tyres.of(name)) is not None:
+        if (tyre := tyres.tyre(name)) is not None:
             x, y, z = axle.middle(tyre).tolist()
             wheels.append(_Wheel(name, x, y, z - tyre.radius, tyre.radius, axle.joint.child))
     return wheels

@@ -105,7 +105,7 @@ class Wheels:
             OneBotError: the left wheels are not left of the right ones.
         """
         lefts, rights = (
-            np.array([self.axles[name].middle(self.tyres.of(name)) for name in names])
+            np.array([self.axles[name].middle(self.tyres.tyre(name)) for name in names])
             for names in (self.left, self.right)
         )
         left, right = lefts.mean(axis=0), rights.mean(axis=0)
@@ -169,7 +169,7 @@ class Wheels:
         )
 
     def _radius(self, name: str) -> float:
-        if (tyre := self.tyres.of(name)) is not None:
+        if (tyre := self.tyres.tyre(name)) is not None:
             return tyre.radius
         raise OneBotError(
             f'robot "{self.description.robot_name}", joint "{name}": link '

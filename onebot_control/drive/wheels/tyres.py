@@ -49,7 +49,7 @@ class Tyres:
                 places = [pose @ matrices.of_origin(geometry.origin) for geometry in geometries]
                 shapes.setdefault(first, []).extend(zip(geometries, places, strict=True))
 
-    def of(self, name: str) -> Tyre | None:
+    def tyre(self, name: str) -> Tyre | None:
         """Return the shape on which the link of joint ``name`` rolls; None if none is round.
 
         It is the largest round collision shape, which reaches the ground; if no collision shape is

@@ -24,7 +24,7 @@ import functools
 import sys
 import types
 import typing
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import MISSING, dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
@@ -524,6 +524,31 @@ def refuse_undeclared(node: "Node", kind: type) -> None:
         return [_with_double(kind, item) for item in parameters]
 
     node.add_pre_set_parameters_callback(check)
+
+
+def follow_changes(
+    node: "Node",
+    check: Callable[[list["Parameter"]], object],
+    apply: Callable[[list["Parameter"]], None],
+) -> None:
+    """Follow changes of a node's parameters.
+
+    Args:
+        node: with the parameters.
+        check: called before they are set; raises OneBotError to refuse them, with the reason.
+        apply: called after they were set.
+    """
+    from rcl_interfaces.msg import SetParametersResult
+
+    def validate(parameters: list["Parameter"]) -> SetParametersResult:
+        try:
+            check(parameters)
+        except OneBotError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    node.add_on_set_parameters_callback(validate)
+    node.add_post_set_parameters_callback(apply)
 
 
 def descriptor(kind: type, name: str) -> "ParameterDescriptor":

@@ -1,6 +1,6 @@
 """Reads CDR messages of any type by its definition, installed or not.
 
-    schema = Schema.of("nav_msgs/msg/Path", definition)
+    schema = Schema.from_definition("nav_msgs/msg/Path", definition)
     path = schema.read(data)
     path.header.frame_id                        # str
     path.poses.header.frame_id                  # list[str]: a sequence of messages reads by columns
@@ -505,7 +505,7 @@ class Schema:
 
     @staticmethod
     @functools.lru_cache(maxsize=256)
-    def of(name: str, definition: str) -> "Schema":
+    def from_definition(name: str, definition: str) -> "Schema":
         """Return the schema of a type such as ``sensor_msgs/msg/LaserScan``.
 
         ``definition`` is its text as rosbag2 and MCAP store it, with those of the types in it.

@@ -212,7 +212,7 @@ class _Known(NamedTuple):
     joints: NDArray[np.void]  # (K,) of ``_JOINT``
 
     @classmethod
-    def of(cls, frame_id: str, plan: JointStatePlan) -> "_Known":
+    def from_plan(cls, frame_id: str, plan: JointStatePlan) -> "_Known":
         state = Writer()
         state.leave_out(STAMP.stop - STAMP.start, 4)
         state.string(frame_id)
@@ -275,7 +275,7 @@ class _CompiledCall:
         """
         if any(entry.key == (frame_id, plan.names) for entry in self._known):
             return
-        entry = _Known.of(frame_id, plan)
+        entry = _Known.from_plan(frame_id, plan)
         if entry.layout.size > LARGEST_KEPT:
             return
         place = self._next % _KNOWN

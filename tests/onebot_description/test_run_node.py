@@ -1,4 +1,4 @@
-"""What nodes share: their ROS arguments, and warnings that are logged only so often."""
+"""Running nodes: ROS arguments, errors and signals; warnings that are logged only so often."""
 
 import ctypes
 import os
@@ -15,14 +15,11 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.subscription import Subscription
 from std_msgs.msg import String
 
-from onebot_description.ros.node import (
-    LATCHED,
-    Lasting,
-    MissedMessages,
-    Throttled,
-    ros_arguments,
-    use_writable_log_folder,
-)
+from onebot_description.ros.command_line import ros_arguments
+from onebot_description.ros.node_graph import Lasting
+from onebot_description.ros.run_node import MissedMessages, use_writable_log_folder
+from onebot_description.ros.throttled import Throttled
+from onebot_description.ros.topic_qos import LATCHED
 from tests.ros_support import Peer
 from tests.support import PATIENCE, lines_of_ours, wait_for
 
@@ -39,7 +36,7 @@ def test_files_and_names_are_found() -> None:
 _FAILING = """
 from rclpy.node import Node
 from onebot_description.errors import OneBotError
-from onebot_description.ros.node import ends_node, run_node
+from onebot_description.ros.run_node import ends_node, run_node
 
 class Failing(Node):
     def __init__(self, where):
@@ -79,7 +76,7 @@ _SLOW_TO_STOP = """
 import threading, time
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from onebot_description.ros.node import at_stop, run_node
+from onebot_description.ros.run_node import at_stop, run_node
 
 stopped = threading.Event()
 

@@ -9,7 +9,7 @@ from onebot_control.physics.engine import engine
 from onebot_control.physics.physics_settings import Settings
 from onebot_control.physics.rest_pose import RestPose
 from onebot_control.physics.spawning import (
-    LoadedRobot,
+    LoadedBody,
     RobotSpawn,
     SpawnPose,
     checked_spawn_pose,
@@ -79,17 +79,17 @@ class _World(Protocol):
     settings: Settings
 
     @property
-    def robots(self) -> Sequence["Robot"]: ...
+    def robots(self) -> Sequence["RobotBody"]: ...
 
     @property
     def scene(self) -> object | None: ...
 
     def check_open(self) -> None: ...
 
-    def stand(self, robot: "Robot", where: SpawnPose, *, at_start: bool) -> None: ...
+    def stand(self, robot: "RobotBody", where: SpawnPose, *, at_start: bool) -> None: ...
 
 
-class Robot:
+class RobotBody:
     """One simulated robot, which moves when its world steps.
 
     A motor makes each driven joint follow a velocity, and each commanded joint follow positions,
@@ -109,7 +109,7 @@ class Robot:
     # Returns the positions of ``commanded``, rad or m, at a time in s after the state was read.
     reference: Callable[[float], Sequence[float]]
     rest_pose: RestPose  # height and tilt at rest on level ground
-    parts: LoadedRobot
+    parts: LoadedBody
     pose: Transform  # the root link's frame, as last read
     positions: tuple[float, ...]  # of the joints, in the order of ``joints``, as last read
     finite: bool  # whether the state last read was finite
@@ -281,7 +281,7 @@ class Robot:
         self._efforts = (0.0,) * len(self.joints)
         self._update(self._read_joints())
 
-    def continue_from(self, other: "Robot") -> None:
+    def continue_from(self, other: "RobotBody") -> None:
         """Take over pose, velocity and motors of the same robot in another world."""
         body, client = self.parts.body, self.world.client
         self.parts.place(other.pose)

@@ -64,7 +64,7 @@ class Follower(NamedTuple):
         return min(max(self.mimic.at(position), self.lower), self.upper)
 
 
-class Drivable(NamedTuple):
+class SimulatedModel(NamedTuple):
     """A description that is prepared for the simulation."""
 
     description: Description
@@ -74,12 +74,12 @@ class Drivable(NamedTuple):
     starts: Mapping[str, float] = MappingProxyType({})  # of moving joints except wheels, rad or m
 
 
-def drivable(
+def simulated_model(
     description: Description,
     wheels: Wheels | None,
     commanded: Collection[str] = (),
     positions: Mapping[str, float] = MappingProxyType({}),
-) -> Drivable:
+) -> SimulatedModel:
     """Prepare a robot for the simulation.
 
     Args:
@@ -91,7 +91,7 @@ def drivable(
     Raises:
         OneBotError: a named joint does not move, or a commanded one mimics another.
     """
-    tyres = {name: wheels.tyres.of(name) for name in wheels.names} if wheels else {}
+    tyres = {name: wheels.tyres.tyre(name) for name in wheels.names} if wheels else {}
     casters = casters_of(wheels, commanded) if wheels else ()
     roles = _Roles(description, {*tyres, *casters}, commanded, positions)
     _report_unlimited(description, {*roles.starts} - {*roles.gears})
@@ -116,7 +116,7 @@ def drivable(
     _report_hulls(rigid, {*roles.gears, *(mimic.joint for mimic in roles.gears.values())})
     starts = {**roles.starts, **roles.passive}
     rigid = replace(rigid, links=tuple(links))
-    return Drivable(rigid, roles.held, roles.followers, roles.gears, starts)
+    return SimulatedModel(rigid, roles.held, roles.followers, roles.gears, starts)
 
 
 def commandable(description: Description, wheels: Wheels | None) -> list[str]:
@@ -266,7 +266,8 @@ def _report_unlimited(description: Description, motors: Collection[str]) -> None
 def _positioned(joint: Joint, *, is_gear: bool) -> Joint:
     """Return a joint with a motor that follows positions, or with a gear.
 
-    A gear keeps to its leader's limits. The motor accounts for the joint's friction; see ``Robot``.
+    A gear keeps to its leader's limits. The motor accounts for the joint's friction; see
+    ``RobotBody``.
     """
     joint = replace(
         joint, effort=joint.effort or _UNLIMITED, velocity=joint.velocity or None, mimic=None
@@ -404,7 +405,7 @@ def _massive(wheels: Wheels, link: Link) -> Link:
     """Return a link; a driven wheel gets the inertia that the simulation needs."""
     first, _ = wheels.rigid[link.name]
     driven = {wheels.axles[name].joint.child: name for name in wheels.names}
-    tyre = wheels.tyres.of(driven[first]) if first in driven else None
+    tyre = wheels.tyres.tyre(driven[first]) if first in driven else None
     if tyre is None:
         return link
     if len(driven) > 2:
@@ -447,7 +448,7 @@ def _moment(wheels: Wheels, name: str, tyre: Tyre, mass: float) -> float:
     """
     robot_body = wheels.robot
     places = {
-        wheel: wheels.axles[wheel].middle(wheels.tyres.of(wheel)) - robot_body.center
+        wheel: wheels.axles[wheel].middle(wheels.tyres.tyre(wheel)) - robot_body.center
         for wheel in wheels.names
     }
     _, y, z = places[name]

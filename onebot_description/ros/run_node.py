@@ -1,63 +1,49 @@
-"""Runs nodes, with arguments, signals and errors; and common parts: QoS, description, warnings."""
+"""Runs the nodes of a process until a signal or an error, with their command line."""
 
 from __future__ import annotations
 
 import argparse
 import functools
-import math
 import os
 import re
 import signal
 import sys
-import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import NamedTuple, ParamSpec
+from typing import ParamSpec
 
 import rclpy
-from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidParameterTypeException, NameValidationException
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 from rclpy.task import Future
-from rclpy.timer import Timer
-from std_msgs.msg import String
 
-from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.packages import cache_folder, use_environment_prefix
-from onebot_description.errors import OneBotError, shortened
-from onebot_description.ros.discovery import configure_discovery, node_name, question, server
+from onebot_description.errors import OneBotError
+from onebot_description.ros.command_line import RosArguments, ros_arguments
+from onebot_description.ros.discovery import configure_discovery
 from onebot_description.ros.message_age import WAKE
 from onebot_description.ros.parameters.reader import help_text
 from onebot_description.ros.signals import StopSignals
+from onebot_description.ros.steady_timer import steady_timer
 
 P = ParamSpec("P")
 MakeNode = Callable[[], Node | Sequence[Node]]
 InvalidHandle = rclpy_implementation.InvalidHandle
 RCLError = rclpy_implementation.RCLError
 
-# QoS of topics whose last message late subscribers receive, too, such as robot_description.
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-
 # Without a timeout, the events executor would spin at full CPU load; with one it sleeps.
 _A_YEAR = 365.0 * 24 * 3600  # seconds
 _TAKE_MISSED = 1.0  # seconds between looking for new subscriptions
-_DESCRIPTION = "robot_description"  # name of the topic and of the parameter
-_LONGEST = 4000  # characters of a throttled warning: it may name what a message holds
-_PATIENCE = 2.0  # seconds without a description before a warning
-_POLL_PUBLISHERS = 1.0  # seconds
 _PLACE = re.compile(r", at \S+:\d+")  # a line of ROS's sources
 # ROS's errors about a topic that the node has as another type, for a publisher and a subscription.
 _TWO_TYPES = ("incompatible type", "subscription: invalid allocator")
-# How long a second publisher must exist to be reported: a node may end while its successor starts,
-# and a killed one stays in the graph for 20 s (the lease of Fast DDS).
-_SETTLED, _FORGOTTEN = 3.0, 25.0  # seconds
 
 
 def run_node(
@@ -131,11 +117,6 @@ def _destroy(nodes: Sequence[Node], executor: Executor | None) -> None:
         # seconds for 100 robots. All else is done, so SIGTERM may end the process meanwhile.
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         executor.shutdown()
-
-
-def steady_timer(node: Node, seconds: float, callback: Callable[[], object]) -> Timer:
-    """Create a timer on the steady clock, because ROS time may stand still."""
-    return node.create_timer(seconds, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 
 def _make_executor(events: bool) -> Executor:
@@ -303,208 +284,3 @@ def use_writable_log_folder() -> None:
             if os.access(folder, os.W_OK):
                 return
     os.environ["ROS_LOG_DIR"] = str(cache_folder() / "log")
-
-
-class RosArguments(NamedTuple):
-    """Parts of a command line that rcl does not report: parameter files, and names set by -p."""
-
-    files: tuple[Path, ...] = ()  # given by --params-file, in order
-    names: tuple[tuple[str, str], ...] = ()  # of the parameters set by -p: (node or "", parameter)
-    others: tuple[str, ...] = ()  # arguments that are not for ROS, without the program's name
-
-    def joined(self, own: Sequence[str]) -> RosArguments:
-        """Return these with a node's ``own`` ROS arguments added, which override them."""
-        more = ros_arguments(["", *(ros_args(own) or ())])
-        return self._replace(files=self.files + more.files, names=self.names + more.names)
-
-
-def ros_arguments(arguments: Sequence[str]) -> RosArguments:
-    """Find the parameter files and names in ``arguments``, which are as in sys.argv."""
-    files: list[Path] = []
-    names: list[tuple[str, str]] = []
-    others: list[str] = []
-    inside, words = False, iter(arguments[1:])
-    for word in words:
-        if word == "--ros-args":
-            inside = True
-        elif inside and word == "--":
-            inside = False
-        elif inside and word == "--params-file":
-            files.extend(Path(name) for name in [next(words, "")] if name)
-        elif inside and word in ("-p", "--param"):
-            left, assigned, _ = next(words, "").partition(":=")
-            node, _, name = left.rpartition(":")
-            if assigned:
-                names.append((node, name))
-        elif not inside:
-            others.append(word)
-    return RosArguments(tuple(files), tuple(names), tuple(others))
-
-
-def split_robots(arguments: Sequence[str]) -> tuple[list[str], list[list[str]]]:
-    """Split the command line of nodes of several robots, which is as in sys.argv.
-
-    Returns:
-        The arguments of the process, and the ROS arguments of each robot's node: what follows each
-        --robot, until --ros-args or the end.
-    """
-    common: list[str] = []
-    robots: list[list[str]] = []
-    target, inside = common, False
-    for word in arguments:
-        if word == "--ros-args":
-            target, inside = common, True
-        elif word == "--robot" and not inside:
-            target = []
-            robots.append(target)
-            continue
-        target.append(word)
-    return common, robots
-
-
-def ros_args(own: Sequence[str] | None) -> list[str] | None:
-    """Return a node's ``own`` ROS arguments as rclpy takes them."""
-    return None if own is None else ["--ros-args", *own]
-
-
-def is_path(text: str) -> bool:
-    """Return whether the value of robot_description is the path of a file, not the URDF."""
-    return bool(text) and "<" not in text
-
-
-def described_by(text: str) -> Description:
-    """Load the description that the value of robot_description contains, or whose path it is."""
-    return load_description(text) if is_path(text) else parse_description(text, _DESCRIPTION)
-
-
-class DescriptionTopic:
-    """A subscription to robot_description, with a warning when nothing is published."""
-
-    def __init__(
-        self, node: Node, received: Callable[[str], None], has_one: Callable[[], bool]
-    ) -> None:
-        """Subscribe.
-
-        Args:
-            node: the subscriber.
-            received: called with each URDF.
-            has_one: returns whether the node already has a usable description.
-        """
-        self._node, self._has_one = node, has_one
-        node.create_subscription(
-            String, _DESCRIPTION, lambda message: received(message.data), LATCHED
-        )
-        self._timer = steady_timer(node, _PATIENCE, self._warn_once)
-
-    def _warn_once(self) -> None:
-        self._timer.cancel()
-        if not self._has_one():
-            topic = self._node.resolve_topic_name(_DESCRIPTION)
-            self._node.get_logger().warning(
-                f"waiting for the robot description on {topic}; is robot_state_publisher running?"
-            )
-
-
-class DiscoveryServerCheck:
-    """Warns if the discovery server finds no other node, and logs when it does."""
-
-    def __init__(self, own: Sequence[Node]) -> None:
-        """Check periodically, if there is a discovery server; ``own``: nodes of this process."""
-        self._node, self._own, self._warned = own[0], len(own), False
-        if server():
-            self._timer = steady_timer(self._node, _PATIENCE, self._poll)
-
-    def _poll(self) -> None:
-        alone = len(self._node.get_node_names()) <= self._own
-        if alone and not self._warned:
-            self._warned = True
-            self._node.get_logger().warning(f"no other node is discovered: {question()}")
-        elif not alone:
-            self._timer.cancel()
-            if self._warned:
-                self._node.get_logger().info("other nodes are discovered now")
-
-
-def warn_of_two_robots(node: Node, *, own: bool) -> None:
-    """Warn if robot_description has several publishers; ``own``: the node is one of them."""
-    problem = (
-        "two robots take turns in one. Stop one, or start one with namespace:=NAME, or apart from "
-        "the other with domain_id:=N"
-    )
-    OnlyPublisher(node, _DESCRIPTION, problem, own=own)
-
-
-class OnlyPublisher:
-    """Warns once of each further publisher of a topic that should have one.
-
-    It must exist for a while, so that a restarted node does not count as a second publisher.
-    """
-
-    def __init__(self, node: Node, topic: str, problem: str, *, own: bool) -> None:
-        """Watch a ``topic``, whose name is relative to the node's namespace.
-
-        ``problem`` names the consequence of several publishers, and how to fix it; ``own``: the
-        node publishes the topic itself.
-        """
-        self._node, self._topic = node, node.resolve_topic_name(topic)
-        self._problem = problem
-        self._own = f"{node.get_namespace().rstrip('/')}/{node.get_name()}" if own else ""
-        self._lasting = Lasting(_SETTLED if own else _FORGOTTEN)
-        steady_timer(node, _POLL_PUBLISHERS, self._poll)
-
-    def _poll(self) -> None:
-        names = self._names() if self._node.count_publishers(self._topic) > 1 else []
-        if not self._lasting.new(names, time.monotonic()):
-            return
-        rivals = ", ".join(names)
-        text = f"also published by {rivals}" if self._own else f"published by {rivals} at once"
-        self._node.get_logger().warning(f"{self._topic} is {text}: {self._problem}")
-
-    def _names(self) -> list[str]:
-        """Return the nodes that publish it; a name that several nodes have, several times."""
-        ends = self._node.get_publishers_info_by_topic(self._topic)
-        names = sorted(map(node_name, ends))
-        if self._own in names:
-            names.remove(self._own)
-        return names
-
-
-class Lasting:
-    """Reports names once, after they have been present for ``patience`` seconds."""
-
-    def __init__(self, patience: float) -> None:
-        """Start without names."""
-        self._patience = patience
-        self._names: list[str] = []
-        self._since = 0.0
-        self._reported = True
-
-    def new(self, names: Sequence[str], now: float) -> bool:
-        """Return True once when these ``names`` have been present long enough; ``now`` in s."""
-        if list(names) != self._names:
-            self._names, self._since, self._reported = list(names), now, not names
-        if self._reported or now - self._since < self._patience:
-            return False
-        self._reported = True
-        return True
-
-
-class Throttled:
-    """Logs texts of one kind at most once in some seconds."""
-
-    def __init__(self, log: Callable[[str], object], every: float = 5.0) -> None:
-        """Log with ``log`` at most once in ``every`` seconds.
-
-        ``log`` is a logger's ``warning``. For another severity, pass a lambda: rclpy allows only
-        one severity per line of code, and all these texts are logged from the same line.
-        """
-        self._log, self._every = log, every
-        self._logged_at: dict[str, float] = {}
-
-    def __call__(self, kind: str, text: str, *, every: float | None = None) -> None:
-        """Log ``text``, unless a text of its kind was logged within ``every`` seconds."""
-        now = time.monotonic()
-        wait = self._every if every is None else every
-        if now - self._logged_at.get(kind, -math.inf) >= wait:
-            self._logged_at[kind] = now
-            self._log(shortened(text, _LONGEST))

@@ -6,8 +6,8 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from onebot_control.driven_robot import DrivenRobot, Snapshot
-from onebot_control.physics import JointStates, Robot
+from onebot_control.controlled_robot import ControlledRobot, Snapshot
+from onebot_control.physics import JointStates, RobotBody
 from onebot_control.sensing.surroundings import (
     Placed,
     RobotState,
@@ -23,8 +23,8 @@ from tests.onebot_control.control_support import (
     IdealPlant,
     alone,
     config,
+    controlled_robot,
     cycle,
-    driven_robot,
     ideal_drive,
     robot,
     urdf,
@@ -34,7 +34,7 @@ from tests.onebot_control.control_support import (
 LIMITS = {"linear_x_max_acceleration": 0.5, "angular_z_max_acceleration": 1.0}
 
 
-def run(drive: DrivenRobot, linear: float, angular: float, cycles: int) -> Snapshot:
+def run(drive: ControlledRobot, linear: float, angular: float, cycles: int) -> Snapshot:
     """Command the same in each cycle."""
     for _ in range(cycles):
         drive.accept(linear, angular)
@@ -92,7 +92,7 @@ def test_a_robot_without_mass_is_refused_for_that() -> None:
         assert f'link "{link}"' in line and "an <inertial> with mass and inertia" in line
 
 
-def test_parameters_that_do_not_suit_a_driven_robot_change_nothing() -> None:
+def test_parameters_that_do_not_suit_the_robot_change_nothing() -> None:
     wrong = {"linear_x_max_velocity": 0.1, "joint_state_broadcaster.joints": ["arm"]}
     drive = ideal_drive()
     before = drive.config, drive.geometry, drive.broadcaster
@@ -285,7 +285,7 @@ def test_several_wheels_a_side_count_by_their_mean(by_position: bool) -> None:
         "right_wheel_names": ["right_wheel_joint", "right_2_joint"],
     }
     chosen = config(position_feedback=by_position, **names)
-    drive = driven_robot(robot(*wheels), chosen, cast(Robot, FourWheels()))
+    drive = controlled_robot(robot(*wheels), chosen, cast(RobotBody, FourWheels()))
     snapshot = run(drive, 0.5, 0.3, 20)
     assert snapshot.twist == pytest.approx((0.5, 0.3))
 

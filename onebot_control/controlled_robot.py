@@ -6,7 +6,7 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from onebot_control.drive.diff_drive import DiffDriveController, DriveCommand, WheelStates
+from onebot_control.drive.diff_drive import DiffDriveController, WheelCommand, WheelStates
 from onebot_control.drive.drift import DriftCheck
 from onebot_control.drive.odometry import DiffDriveKinematics, PoseCovariance
 from onebot_control.drive.wheels.geometry import WheelGeometry, Wheels
@@ -27,11 +27,11 @@ from onebot_control.physics import (
     JointStates,
     MassVelocity,
     Pose,
-    Robot,
+    RobotBody,
     RobotSpawn,
     Twist,
 )
-from onebot_control.physics.drivable import Follower, commandable, drivable
+from onebot_control.physics.simulated_model import Follower, commandable, simulated_model
 from onebot_control.trajectories.following import Outcome
 from onebot_control.trajectories.goal import FollowedJoint
 from onebot_control.trajectories.trajectory import JointMotion
@@ -59,7 +59,7 @@ class Snapshot(NamedTuple):
     pose: Pose  # true pose in the world
     mass_velocity: MassVelocity  # true velocity, in the simulation's own time
     pace: float  # simulated seconds per second of the clock
-    command: DriveCommand  # the command in force, and the wheels' velocities for it
+    command: WheelCommand  # the command in force, and the wheels' velocities for it
 
     @property
     def velocity(self) -> Twist:
@@ -145,7 +145,7 @@ DEFAULT_CONTROLLER = TrajectoryController(DEFAULT_JOINT_CONTROLLER)
 """The controller of joints that is used if the control file names none."""
 
 
-class DrivenSpawn(NamedTuple):
+class PreparedRobot(NamedTuple):
     """What to simulate and to control of a robot, before it enters a world."""
 
     wheels: Wheels | None  # None: its base stands still
@@ -156,7 +156,7 @@ class DrivenSpawn(NamedTuple):
     controlled: Mapping[str, Sequence[str]]  # joints of each controller, by the controller's name
 
     @classmethod
-    def of(
+    def from_description(
         cls,
         description: Description,
         config: ControlConfig,
@@ -164,7 +164,7 @@ class DrivenSpawn(NamedTuple):
         controllers: Sequence[JointController[Any]] = (),
         *,
         stands: bool = False,
-    ) -> "DrivenSpawn":
+    ) -> "PreparedRobot":
         """Prepare a robot for a world.
 
         Args:
@@ -185,7 +185,7 @@ class DrivenSpawn(NamedTuple):
         controllers = [each for each in candidates if controlled[each.name]]
         _check_claims(description, wheels, controllers, controlled)
         commanded = tuple([joint for joints in controlled.values() for joint in joints])
-        simulated, held, followers, gears, starts = drivable(
+        simulated, held, followers, gears, starts = simulated_model(
             description, wheels, commanded, config.initial_positions
         )
         if name:
@@ -253,7 +253,7 @@ def _check_claims(
         raise ConfigError(problems)
 
 
-class DrivenRobot:
+class ControlledRobot:
     """A simulated robot with its controllers and odometry.
 
     Attributes:
@@ -270,15 +270,15 @@ class DrivenRobot:
 
     def __init__(
         self,
-        part: DrivenSpawn,
+        prepared: PreparedRobot,
         description: Description,
         config: ControlConfig,
-        plant: Robot,
+        plant: RobotBody,
     ) -> None:
         """Start at rest where the plant is, with odometry at zero.
 
         Args:
-            part: the robot, prepared for its world.
+            prepared: the robot, prepared for its world.
             description: the robot as read, before it was prepared.
             config: its parameters.
             plant: the simulated robot.
@@ -286,16 +286,18 @@ class DrivenRobot:
         Raises:
             OneBotError: see ``fitted``.
         """
-        self.wheels, self.plant, self.held = part.wheels, plant, part.held
-        self.joints = (*plant.joints, *(follower.name for follower in part.followers))
-        self._followers = [(self.joints.index(each.mimic.joint), each) for each in part.followers]
-        self.description, self._starts = description, part.spawn.starts
+        self.wheels, self.plant, self.held = prepared.wheels, plant, prepared.held
+        self.joints = (*plant.joints, *(follower.name for follower in prepared.followers))
+        self._followers = [
+            (self.joints.index(each.mimic.joint), each) for each in prepared.followers
+        ]
+        self.description, self._starts = description, prepared.spawn.starts
         self._left, self._right = (
             Side(names, self.wheels.directions if self.wheels else {}, plant.joints)
             for names in ((self.wheels.left, self.wheels.right) if self.wheels else ((), ()))
         )
-        self.controllers = {controller.name: controller for controller in part.controllers}
-        self._controlled = part.controlled
+        self.controllers = {controller.name: controller for controller in prepared.controllers}
+        self._controlled = prepared.controlled
         self.arms: dict[str, JointFollower] = {}
         self.finished: list[tuple[str, Outcome]] = []
         self.start(config)
@@ -310,7 +312,7 @@ class DrivenRobot:
         self.controller = DiffDriveController(config, kinematics)
         self._use(config)
         self.ticks, self._observed = 0, -1
-        self._command = DriveCommand(0.0, 0.0, 0.0, 0.0)
+        self._command = WheelCommand(0.0, 0.0, 0.0, 0.0)
         self.drift = DriftCheck(skids=self.wheels is not None and len(self.wheels.names) > 2)
         self._reset_arms()
         self.arms = {
@@ -500,7 +502,7 @@ class DrivenRobot:
         """Name of the frame of true poses; "" if they are in the odometry's frame."""
         return self.config.world_frame(in_scene=self.plant.world.scene is not None)
 
-    def continue_from(self, other: "DrivenRobot") -> None:
+    def continue_from(self, other: "ControlledRobot") -> None:
         """Take over odometry, cycle count and arms of the robot that this one replaces."""
         odometry = other.controller.odometry
         self.controller.odometry.set_pose(*odometry.pose, odometry.covariance)
@@ -508,7 +510,7 @@ class DrivenRobot:
         self.drift.restart()
         self._continue_arms(other)
 
-    def _continue_arms(self, other: "DrivenRobot") -> None:
+    def _continue_arms(self, other: "ControlledRobot") -> None:
         """Take over the arms' positions; arms with the same joints keep moving."""
         self.finished = other.finished
         if not self.arms:

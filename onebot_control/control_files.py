@@ -1,0 +1,213 @@
+"""Reads control files, in ros2_control's form: the parameters of several nodes in one file."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from onebot_control.joint_controllers import (
+    JOINT_CONTROLLERS,
+    JointController,
+    TrajectoryController,
+    named,
+)
+from onebot_control.parameters import (
+    BROADCASTER,
+    DEFAULT_JOINT_CONTROLLER,
+    MANAGER,
+    BroadcasterConfig,
+    ControlConfig,
+    SimulationConfig,
+)
+from onebot_description.description.packages import package_share
+from onebot_description.errors import did_you_mean
+from onebot_description.ros.parameters.files import (
+    Parameters,
+    Unknown,
+    read_parameters,
+    read_sections,
+    read_text,
+)
+from onebot_description.ros.parameters.reader import (
+    ConfigError,
+    Problem,
+    is_of_every_node,
+    is_parameter,
+    unknown_parameters,
+)
+
+CONTROLLER_TYPE = "diff_drive_controller/DiffDriveController"
+BROADCASTER_TYPE = "joint_state_broadcaster/JointStateBroadcaster"
+_TYPE = ".type"  # suffix of the parameters that name a controller's type
+
+
+def default_control_file() -> Path:
+    """Return the path of OneBot's control.yaml."""
+    return package_share("onebot_control") / "config" / "control.yaml"
+
+
+def read_control_files(files: Sequence[Path], namespace: str, controller: str) -> Parameters:
+    """Read the parameters of controller_manager, joint_state_broadcaster and a controller.
+
+    Args:
+        files: YAML files; later ones override earlier ones.
+        namespace: of the nodes, such as "/".
+        controller: name of the controller's node, such as "velocity_controller".
+
+    Returns:
+        The parameters; those of the broadcaster begin with ``joint_state_broadcaster.``.
+
+    Raises:
+        ConfigError: with every problem of a file, each with its line.
+    """
+    parameters = Parameters()
+    for file in files:
+        parameters.update(_read_control_file(file, namespace, controller))
+    return parameters
+
+
+class JointControllers(NamedTuple):
+    """The joint controllers that parameter files name."""
+
+    controllers: Sequence[JointController[Any]]
+    places: Mapping[str, str]  # file and line by parameter, such as arm_controller.joints
+
+
+def read_joint_controllers(files: Sequence[Path], namespace: str) -> JointControllers:
+    """Read the joint controllers that the section controller_manager names.
+
+    If it names none, there is one controller, joint_trajectory_controller.
+
+    Args:
+        files: YAML files; later ones override earlier ones.
+        namespace: of the nodes, such as "/".
+
+    Raises:
+        ConfigError: with every problem of a file, each with its line.
+    """
+    texts = {file: read_text(file) for file in files}
+
+    def read_section(node: str, unknown: Unknown) -> Parameters:
+        parameters = Parameters()
+        for file, text in texts.items():
+            parameters.update(_own_parameters(text, file, namespace, node, unknown))
+        if problems := unknown(parameters.values):
+            raise ConfigError(problems, parameters.places)
+        return parameters
+
+    manager = read_section(MANAGER, lambda names: [])
+    kinds = joint_controllers(manager.values) or {DEFAULT_JOINT_CONTROLLER: TrajectoryController}
+    controllers, places = [], dict[str, str]()
+    for name, kind in kinds.items():
+        section = read_section(name, kind.unknown)
+        places |= {f"{name}.{key}": place for key, place in section.places.items()}
+        with named(name, places):
+            controllers.append(kind(name, section.values))
+    return JointControllers(controllers, places)
+
+
+def joint_controllers(values: Mapping[str, Any]) -> dict[str, type[JointController[Any]]]:
+    """Return the kind of each joint controller that controller_manager's parameters name."""
+    return {
+        name.removesuffix(_TYPE): JOINT_CONTROLLERS[str(value)]
+        for name, value in values.items()
+        if name.endswith(_TYPE) and str(value) in JOINT_CONTROLLERS
+    }
+
+
+def _read_control_file(file: Path, namespace: str, controller: str) -> Parameters:
+    text, problems = read_text(file), list[Problem]()
+
+    def section(node: str, unknown: Unknown) -> Parameters:
+        parameters = _own_parameters(text, file, namespace, node, unknown)
+        problems.extend(unknown(parameters.values))
+        return parameters
+
+    unknown = unknown_by_node(controller)
+    manager = section(MANAGER, unknown[MANAGER])
+    drive = manager if controller == MANAGER else section(controller, unknown[controller])
+    broadcaster = section(BROADCASTER, unknown[BROADCASTER])
+    types = {name: drive.values.pop(name) for name in [*drive.values] if name.endswith(_TYPE)}
+    problems += _wrong_types({**manager.values, **types}, controller)
+    if problems:
+        raise ConfigError(problems, {**broadcaster.places, **manager.places, **drive.places})
+    for name in types:
+        del drive.places[name]
+    _add(drive, manager, {"update_rate": "update_rate"})
+    _add(drive, broadcaster, {name: f"{BROADCASTER}.{name}" for name in broadcaster.values})
+    return drive
+
+
+def _own_parameters(
+    text: str, file: Path, namespace: str, node: str, unknown: Unknown
+) -> Parameters:
+    """Return a file's parameters for a node, without shared ones that only other nodes have."""
+    parameters = read_parameters(text, str(file), f"{namespace.rstrip('/')}/{node}")
+    parameters.drop_shared(unknown)
+    return parameters
+
+
+def unknown_by_node(controller: str, files: Sequence[Path] = ()) -> dict[str, Unknown]:
+    """Return the nodes that a control file is for, each with a check for unknown parameters.
+
+    Args:
+        controller: name of the controller's node.
+        files: control files; the joint controllers that they name are included.
+    """
+    declared = SimulationConfig if controller == MANAGER else ControlConfig
+    kinds: dict[str, type[JointController[Any]]] = {DEFAULT_JOINT_CONTROLLER: TrajectoryController}
+    for file in files:
+        kinds.update(joint_controllers(_manager_values(file)))
+    return {
+        **{name: kind.unknown for name, kind in kinds.items()},
+        controller: partial(unknown_parameters, declared),
+        MANAGER: partial(_unknown_of_manager, declared if controller == MANAGER else None),
+        BROADCASTER: partial(unknown_parameters, BroadcasterConfig),
+    }
+
+
+def _manager_values(file: Path) -> Mapping[str, Any]:
+    """Return the parameters of controller_manager in a file, whatever its namespace."""
+    sections = read_sections(read_text(file), str(file))
+    values: dict[str, Any] = {}
+    for section, parameters in sections.items():
+        if section.rpartition("/")[2] == MANAGER:
+            values.update(parameters.values)
+    return values
+
+
+def _unknown_of_manager(declared: type | None, written: Iterable[str]) -> list[Problem]:
+    """Report names other than update_rate, types of controllers and ``declared`` parameters."""
+    names = [name for name in written if not name.endswith(_TYPE)]
+    if declared:
+        return unknown_parameters(declared, names)
+    return [
+        Problem(name, f"no such parameter{did_you_mean(name, ['update_rate'])}")
+        for name in names
+        if name != "update_rate" and not is_of_every_node(name)
+    ]
+
+
+def _wrong_types(values: Mapping[str, Any], controller: str) -> list[Problem]:
+    """Report controllers of types that this node cannot run."""
+    own = {f"{controller}{_TYPE}": CONTROLLER_TYPE, f"{BROADCASTER}{_TYPE}": BROADCASTER_TYPE}
+    problems = []
+    for name, value in values.items():
+        if not name.endswith(_TYPE):
+            continue
+        types = [own[name]] if name in own else [*JOINT_CONTROLLERS]
+        if value not in types:
+            hint = f'; of diff drives the one that is named "{controller}" runs'
+            hint = hint if value == CONTROLLER_TYPE and controller != MANAGER else ""
+            text = f"{value} is not what runs here; write {' or '.join(types)}{hint}"
+            problems.append(Problem(name, text))
+    return problems
+
+
+def _add(drive: Parameters, section: Parameters, names: Mapping[str, str]) -> None:
+    """Add parameters of another section, unless the controller's own section has them."""
+    for name, controllers_name in names.items():
+        is_one = is_parameter(ControlConfig, controllers_name)
+        if is_one and name in section.values and controllers_name not in drive.values:
+            drive.values[controllers_name] = section.values[name]
+            drive.places[controllers_name] = section.places[name]

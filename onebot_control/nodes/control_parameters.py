@@ -1,0 +1,113 @@
+"""The parameters of a robot's node, declared and kept up to date."""
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from onebot_control.control_files import (
+    JointControllers,
+    read_control_files,
+    read_joint_controllers,
+)
+from onebot_control.parameters import MANAGER, ControlConfig, SimulationConfig
+from onebot_description.ros.command_line import RosArguments
+from onebot_description.ros.parameters.reader import (
+    ConfigError,
+    Problem,
+    declare,
+    is_parameter,
+    read,
+    unknown_parameters,
+)
+from onebot_description.ros.parameters.values import plain
+
+
+class ControlParameters:
+    """The parameters of a controller's node: declared on it, checked, and kept up to date."""
+
+    values: dict[str, Any]  # the values in force, by name
+    config: ControlConfig  # the same values, checked
+    places: dict[str, str]  # file and line of each value from a file
+    joints: JointControllers  # the joint controllers
+
+    def __init__(
+        self,
+        node: Node,
+        arguments: RosArguments,
+        given: Mapping[str, Any] = MappingProxyType({}),
+    ) -> None:
+        """Declare the parameters, with the values of files and command line.
+
+        A node named controller_manager has only the simulation's parameters: its robot stands.
+
+        Args:
+            node: to declare them on.
+            arguments: the node's ROS arguments.
+            given: values that override files and command line.
+
+        Raises:
+            ConfigError: with every problem.
+        """
+        namespace, name = node.get_namespace(), node.get_name()
+        self.stands = name == MANAGER
+        self.declared = SimulationConfig if self.stands else ControlConfig
+        file = read_control_files(arguments.files, namespace, name)
+        self.joints = read_joint_controllers(arguments.files, namespace)
+        names = arguments.names_for(name)
+        if problems := unknown_parameters(self.declared, names):
+            raise ConfigError(problems)
+        # Values of files are used unless -p sets them. If files have several sections for a node,
+        # rcl would use the last one of the first file, whatever later files have.
+        written = {name: v for name, v in file.values.items() if name not in names}
+        given = {name: v for name, v in given.items() if is_parameter(self.declared, name)}
+        self.values = declare(node, self.declared, file.values, fixed={**written, **given})
+        self.places = {
+            k: at for k, at in file.places.items() if self.values.get(k) == file.values[k]
+        }
+        self.config = read(ControlConfig, self.values, self.places)
+
+    @property
+    def warnings(self) -> list[str]:
+        """Warnings about parameters that have no effect, each with its place."""
+        return [problem.message(self.places) for problem in self.config.surprises()]
+
+    def changed(self, parameters: Sequence[Parameter], simulated: bool) -> ControlConfig:
+        """Return the configuration with these parameters set; nothing changes yet.
+
+        Args:
+            parameters: to set.
+            simulated: whether the node keeps simulated time.
+
+        Raises:
+            ConfigError: with every problem.
+        """
+        if problems := _clock_problems(parameters, simulated):
+            raise ConfigError(problems)
+        return read(ControlConfig, {**self.values, **_own(parameters)})
+
+    def accept(self, parameters: Sequence[Parameter]) -> None:
+        """Apply parameters that ``changed`` has accepted."""
+        self.values.update(_own(parameters))
+        for new_parameter in parameters:  # no longer as the file has it
+            self.places.pop(new_parameter.name, None)
+        self.config = read(ControlConfig, self.values)
+
+
+def _own(parameters: Sequence[Parameter]) -> dict[str, Any]:
+    """Return the values of those ``parameters`` that are ours, by name."""
+    return {p.name: plain(p.value) for p in parameters if is_parameter(ControlConfig, p.name)}
+
+
+def _clock_problems(parameters: Sequence[Parameter], simulated: bool) -> list[Problem]:
+    values: Mapping[str, Any] = {p.name: p.value for p in parameters}
+    problems = []
+    if values.get("use_sim_time", simulated) not in (simulated, None):
+        text = "is read when the node starts; restart it to change whose time it uses"
+        problems.append(Problem("use_sim_time", text))
+    if not simulated and values.get("real_time_factor", 1.0) not in (1, 1.0):
+        text = "this node keeps the system's time; start it with use_sim_time:=true"
+        problems.append(Problem("real_time_factor", f"{text} to change the pace while it runs"))
+    return problems

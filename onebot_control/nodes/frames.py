@@ -1,0 +1,107 @@
+"""The names of a robot's frames, which must differ from those of everything else in its world."""
+
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+from onebot_control.frame_names import prefixed
+from onebot_control.parameters import ControlConfig
+from onebot_description.description import Description
+from onebot_description.ros.parameters.reader import ConfigError, Problem
+
+
+class Frames(NamedTuple):
+    """The names of a robot's frames, with prefix."""
+
+    world: str  # frame of true poses; "" if there is none
+    odom: str  # parent of the odometry's transform; "" without odometry
+    base: str  # child of the odometry's transform, or root link
+    links: frozenset[str]
+
+    @classmethod
+    def from_parameters(
+        cls,
+        config: ControlConfig,
+        description: Description,
+        namespace: str,
+        *,
+        in_scene: bool,
+        stands: bool = False,
+    ) -> "Frames":
+        """Return the frames of a robot.
+
+        Args:
+            config: its parameters.
+            description: the robot.
+            namespace: of its node.
+            in_scene: whether there is a scene around it.
+            stands: whether it has no odometry; then its root link may be the world's frame.
+        """
+
+        def name(frame: str) -> str:
+            prefix = config.tf_frame_prefix
+            return prefixed(frame, config.tf_frame_prefix_enable, prefix, namespace)
+
+        world = config.world_frame(in_scene=in_scene)
+        base = name(config.base_frame_id or description.root_link)
+        links = frozenset(map(name, description.link_names))
+        if stands:
+            return cls(world, "", "" if base == world else base, links - {world})
+        return cls(world, name(config.odom_frame_id), base, links)
+
+    def problems(
+        self, others: Mapping[str, "Frames"], scene: Description | None = None
+    ) -> Iterator[Problem]:
+        """Report names that two frames share, because in TF each frame has one parent.
+
+        The root link of a scene may be the world's frame itself.
+
+        Args:
+            others: frames of the other robots, by node.
+            scene: the scene around the robots.
+        """
+        owners, worlds = dict.fromkeys(self.links - {self.base}, "a link of the robot"), {}
+        for name, frames in others.items():
+            owners[frames.odom] = f"odom_frame_id of {name}"
+            owners[frames.base] = f"base_frame_id of {name}"
+            worlds[frames.world] = f"world_frame_id of {name}"
+            if scene is not None and frames.world != self.world:
+                text = f'"{self.world}", but "{frames.world}" of {name}; in a world it is the same'
+                yield Problem("world_frame_id", text)
+        for link in scene.links if scene else ():
+            if link.name in self.links:
+                text = f'{link.where}: link "{link.name}": a frame of the robot has this name'
+                yield Problem("", f"{text}; rename the link")
+            elif not (scene and link.name == scene.root_link == self.world):
+                owners.setdefault(link.name, f"a link of the world, {link.where}")
+        for key, frame in zip(
+            ("base_frame_id", "odom_frame_id", "world_frame_id"),
+            (self.base, self.odom, self.world),
+            strict=True,
+        ):
+            what = owners.get(frame) or (key != "world_frame_id" and worlds.get(frame))
+            if frame and what:
+                yield Problem(key, f'"{frame}" is {what}; each frame needs a name of its own')
+            owners.setdefault(frame, key)
+
+
+def check_frames(
+    frames: Frames, present: Frames, others: Mapping[str, Frames], scene: Description | None
+) -> None:
+    """Check the frames that a robot would have.
+
+    Args:
+        frames: with other parameters, or another description.
+        present: those that it has now.
+        others: frames of the other robots, by node.
+        scene: the scene around the robots.
+
+    Raises:
+        ConfigError: two frames share a name, or the frame of the scene would change.
+    """
+    problems = [*frames.problems(others, scene)]
+    if scene is not None and frames.world != present.world:
+        # The frames of the scene are published once.
+        text = f'the frames of the world are in "{present.world}"; restart the node to change it'
+        problems.append(Problem("world_frame_id", text))
+    if problems:
+        raise ConfigError(problems)

@@ -1,0 +1,253 @@
+"""The ROS interface of one robot: its node's topics and services, and its description."""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from rclpy.clock import Clock
+from rclpy.node import Node
+
+from onebot_control.controlled_robot import ControlledRobot, Snapshot, joints_of, wheels_of
+from onebot_control.fleet import Member
+from onebot_control.nodes.commands import CommandGate
+from onebot_control.nodes.control_loop import ControlLoop, LoopSlot
+from onebot_control.nodes.control_parameters import ControlParameters
+from onebot_control.nodes.frames import Frames
+from onebot_control.nodes.joint_controller_nodes import JointControllerNodes
+from onebot_control.nodes.localizer_watch import LocalizerCheck
+from onebot_control.nodes.publishing import Publishers
+from onebot_control.nodes.robot_sensors import RobotSensors
+from onebot_control.nodes.robot_services import RobotServices
+from onebot_control.nodes.sensing import Channel, Sensing
+from onebot_control.nodes.step_topics import StepTopics
+from onebot_control.parameters import ControlConfig
+from onebot_control.sensing.surroundings import SensedRobot
+from onebot_description.description import Description, load_description
+from onebot_description.errors import OneBotError
+from onebot_description.ros.description_topic import DescriptionTopic, described_by, is_path
+from onebot_description.ros.throttled import Throttled
+
+
+class SharedWorld(Protocol):
+    """What the robots of a world share.
+
+    Attributes:
+        scene: what stands around the robots; None on bare ground.
+        simulated: whether stamps are simulated time.
+        seed: of the sensors' noise.
+        factor: the real_time_factor of all robots.
+    """
+
+    scene: Description | None
+    simulated: bool
+    seed: int
+    factor: float
+
+    def start_described(self) -> None:
+        """Start the control loop if all robots are described."""
+
+    def check_frames(self, row: int, frames: Frames) -> None:
+        """Check the frames that the robot in ``row`` would have, as ``frames.check_frames``."""
+
+    def set_factor(self, factor: float) -> None:
+        """Set real_time_factor of all robots."""
+
+
+class RobotInterface:
+    """The ROS interface of one robot.
+
+    Attributes:
+        node: the robot's.
+        settings: the parameters.
+        description: of the robot; None until it is known.
+        slot: the robot's place in the control loop.
+        publishing: publishes its state.
+        localization: decides whether the truth is on TF.
+        commands: receives ~/cmd_vel and its lock.
+        sensors: its simulated sensors.
+        step_topics: what a step waits for.
+        refuse: logs why a change is refused, given its kind and a text.
+    """
+
+    def __init__(
+        self, world: SharedWorld, row: int, node: Node, settings: ControlParameters
+    ) -> None:
+        """Subscribe, and offer the services.
+
+        Args:
+            world: shared with other robots.
+            row: the robot's index in its fleet.
+            node: of the robot.
+            settings: its parameters.
+        """
+        self._world, self.node, self.settings = world, node, settings
+        self.description: Description | None = None
+        self._sensing: Sensing | None = None
+        self._arms: JointControllerNodes | None = None
+        self._warn = Throttled(node.get_logger().warning)
+        self.refuse = Throttled(lambda text: node.get_logger().error(text))
+        self.slot, config, stands = LoopSlot(row), settings.config, settings.stands
+        self.publishing = Publishers(node, clock=world.simulated and row == 0, stands=stands)
+        self.localization = LocalizerCheck(node, self.publishing)
+        self.sensors = RobotSensors(node, self.sense_again, world.seed)
+        choice = None if stands else config.cmd_vel_type
+        self.commands = CommandGate(node, self.slot, choice, self._warn)
+        self.step_topics = StepTopics(node, self.sensors, self.commands)
+        self.step_topics.choose(config.step_topics)
+        odom = None if stands else lambda: self.publishing.odom_frame
+        RobotServices(node, self.slot, odom, self._warn)
+
+    @property
+    def name(self) -> str:
+        """The full name of the robot's node."""
+        return str(self.node.get_fully_qualified_name())
+
+    def frames(
+        self, config: ControlConfig | None = None, description: Description | None = None
+    ) -> Frames:
+        """Return the robot's frames, now or with another config or description."""
+        robot = description or self.description
+        assert robot is not None
+        return Frames.from_parameters(
+            config or self.settings.config,
+            robot,
+            self.node.get_namespace(),
+            in_scene=self._world.scene is not None,
+            stands=self.settings.stands,
+        )
+
+    def member(self, name: str) -> Member:
+        """Return the robot as a member of the fleet; ``name`` is a prefix of errors."""
+        assert self.description is not None
+        settings = self.settings
+        return Member(
+            self.description,
+            settings.config,
+            name,
+            {**settings.places, **settings.joints.places},
+            settings.joints.controllers,
+            stands=settings.stands,
+        )
+
+    @property
+    def warnings(self) -> list[str]:
+        """Warnings about the description and the parameters."""
+        assert self.description is not None
+        # robot_state_publisher has logged the notices of its description.
+        notices = self.description.notices if self.description.files else ()
+        return [*notices, *self.settings.warnings]
+
+    # The control loop --------------------------------------------------------------------------
+
+    def prepare(self, robot: ControlledRobot, sensing: Sensing) -> None:
+        """Publish ``robot`` and measure with its sensors, as soon as the control loop starts."""
+        self._sensing = sensing
+        self.publishing.use(robot)
+        self._sense(robot, self._channels(robot.config))
+
+    def control_joints(self, loop: ControlLoop, clock: Clock | None) -> Sequence[Node]:
+        """Use a loop that is about to start; return the new nodes of the joint controllers.
+
+        Args:
+            loop: the control loop.
+            clock: of the actions' timers; None for each node's own clock.
+        """
+        self.slot.loop = loop
+        self._arms = JointControllerNodes(self.node, self.slot, self.commands.lock, clock)
+        return self._arms.nodes
+
+    def publish(self, snapshot: Snapshot, stamp: int, *, sensed: bool) -> None:
+        """Publish the state in a control cycle; see ``Publishers.publish``."""
+        self.publishing.publish(snapshot, stamp, sensed=sensed)
+        if self._arms is not None:
+            self._arms.publish(stamp)
+
+    def restart(self) -> None:
+        """Begin again with the loop's fleet, which has gone back to the start."""
+        self.publishing.use(self.slot.robot)
+        self.step_topics.restart()
+
+    def poll(self) -> None:
+        """Look for publishers of commands, drift and edited files, several times a second."""
+        if self.commands.subscription is not None:
+            self.commands.subscription.follow()
+            if self.slot.loop is not None and (text := self.slot.robot.drift.warning):
+                self._warn.once(text)
+        self.sensors.poll()
+
+    # The description ---------------------------------------------------------------------------
+
+    def describe(self, file: str | None) -> None:
+        """Use the description of a file or the parameter, or wait for the topic."""
+        text = self.settings.values["robot_description"]
+        if file:
+            self._start(load_description(file))
+        elif text:
+            self._start(described_by(text))
+        if not file and not is_path(text):
+            places = self.settings.places
+            DescriptionTopic(self.node, lambda: self.description, self._use, places)
+
+    def _start(self, description: Description) -> None:
+        """Use the first description; start if all robots have one."""
+        self.description = description
+        try:
+            self._world.start_described()
+        except OneBotError:
+            self.description = None
+            raise
+
+    def _use(self, description: Description) -> None:
+        """Start with a description that was published, or change to it."""
+        previous = self.description
+        if self.slot.loop is None:
+            self._start(description)
+        elif previous is not None:
+            self._change(description, previous)
+            self.node.get_logger().info("now driving by the changed robot description")
+
+    def _change(self, description: Description, previous: Description) -> None:
+        if (description.links, description.joints) != (previous.links, previous.joints):
+            self._world.check_frames(self.slot.row, self.frames(description=description))
+            self.slot.running.call(lambda: self._replace(description))
+        self.description = description
+        self.sense_again()
+
+    def _replace(self, description: Description) -> None:
+        """Replace the robot in the loop, in the control thread."""
+        _check_joints(self.slot.robot, description)
+        self.slot.running.fleet.replace(self.slot.row, description)
+        robot = self.slot.robot
+        self.publishing.use(robot)
+        self._sense(robot)
+
+    # Sensors -----------------------------------------------------------------------------------
+
+    def sense_again(self) -> None:
+        """Apply changes of the sensors."""
+        loop = self.slot.loop
+        if loop is None:
+            return
+        try:
+            channels = self._channels(self.settings.config)
+            loop.call(lambda: self._sense(self.slot.robot, channels))
+        except OneBotError as error:
+            self.refuse("sensors", f"sensors not applied: {error}")
+
+    def _channels(self, config: ControlConfig) -> Sequence[Channel]:
+        """Return the sensors of the description and of the parameter ``sensors``."""
+        assert self.description is not None
+        return self.sensors.update(self.slot.row, self.description, config)
+
+    def _sense(self, robot: ControlledRobot, channels: Sequence[Channel] = ()) -> None:
+        """Use these sensors; call it in the control thread, or before that starts."""
+        assert self._sensing is not None
+        sensed = SensedRobot(robot.description, robot.joints, robot.held)
+        self._sensing.enter(self.slot.row, sensed, channels)
+
+
+def _check_joints(robot: ControlledRobot, description: Description) -> None:
+    """Raise OneBotError if a joint controller would have no joint in another description."""
+    wheels = wheels_of(description, robot.config) if robot.wheels else None
+    for name, controller in robot.controllers.items():
+        if not joints_of(controller, description, wheels):
+            raise OneBotError(f"{name} would have no joint to move; restart the node")

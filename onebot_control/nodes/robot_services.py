@@ -1,0 +1,107 @@
+"""The topics and services that move a robot and its odometry, and pause its world."""
+
+import math
+from collections.abc import Callable
+from functools import partial
+
+from geometry_msgs.msg import PoseStamped
+from rclpy.node import Node
+from std_srvs.srv import SetBool, Trigger
+
+from onebot_control.controlled_robot import ControlledRobot
+from onebot_control.nodes.control_loop import LoopSlot
+from onebot_description.errors import OneBotError
+from onebot_description.geometry.poses import PlanarPose, yaw_of
+from onebot_description.ros.throttled import Warn
+
+_DEPTH = 10  # ROS's system default
+_FARTHEST_POSE = 1e9  # m of a pose; odometry farther away would not be exact to the micrometre
+
+
+class RobotServices:
+    """Topics and services that move a robot and its odometry, and pause its world.
+
+    The topics ~/teleport and ~/set_odometry and the services ~/reset and ~/reset_odometry apply to
+    the robot, the services ~/pause and ~/step to its world.
+    """
+
+    def __init__(
+        self, node: Node, slot: LoopSlot, odom_frame: Callable[[], str] | None, warn: Warn
+    ) -> None:
+        """Subscribe, and offer the services.
+
+        Args:
+            node: of the robot.
+            slot: of the robot.
+            odom_frame: returns the frame of the odometry; None for a robot without odometry, which
+                has no ~/set_odometry and ~/reset_odometry.
+            warn: logs a warning, given a key and a text.
+        """
+        self._slot, self._odom_frame, self._warn = slot, odom_frame or (lambda: ""), warn
+        topics = [("teleport", self._teleport), ("set_odometry", self._place_odometry)]
+        for topic, use in topics if odom_frame else topics[:1]:
+            received = partial(self._on_pose, topic, use)
+            node.create_subscription(PoseStamped, f"~/{topic}", received, _DEPTH)
+        services: dict[str, Callable[[], object]] = {
+            "reset": lambda: slot.robot.reset(),
+            "step": lambda: slot.running.step(),
+        }
+        if odom_frame:
+            services["reset_odometry"] = lambda: slot.robot.place_odometry(PlanarPose())
+        for service, action in services.items():
+            node.create_service(Trigger, f"~/{service}", partial(self._on_trigger, action))
+        node.create_service(SetBool, "~/pause", self._on_pause)
+
+    def _on_pose(
+        self,
+        topic: str,
+        use: Callable[[ControlledRobot, str, PlanarPose], None],
+        message: PoseStamped,
+    ) -> None:
+        pose, frame = planar_pose(message), message.header.frame_id
+        try:
+            loop = self._slot.running
+            if not all(abs(value) <= _FARTHEST_POSE for value in pose):
+                text = "the pose is not finite, too far away, or its orientation no unit quaternion"
+                raise OneBotError(text)
+            loop.call(lambda: use(self._slot.robot, frame, pose))
+        except (OneBotError, ValueError) as error:
+            self._warn(topic, f"~/{topic} is ignored: {error}")
+
+    def _teleport(self, robot: ControlledRobot, frame: str, pose: PlanarPose) -> None:
+        world, odom = robot.world_frame, self._odom_frame()
+        if frame == odom or not (frame or world):
+            pose = robot.odom_in_world.compose(pose)
+        elif frame not in ("", world):
+            raise OneBotError(f'no frame "{frame}" here; write {world or odom} or {odom}')
+        robot.teleport(pose)
+
+    def _place_odometry(self, robot: ControlledRobot, frame: str, pose: PlanarPose) -> None:
+        odom = self._odom_frame()
+        if frame not in ("", odom):
+            raise OneBotError(f'the odometry\'s frame is "{odom}", not "{frame}"')
+        robot.place_odometry(pose)
+
+    def _on_pause(self, request: SetBool.Request, answer: SetBool.Response) -> SetBool.Response:
+        return self._on_trigger(lambda: self._slot.running.pause(request.data), request, answer)
+
+    def _on_trigger(
+        self,
+        action: Callable[[], object],
+        _: Trigger.Request | SetBool.Request,
+        answer: Trigger.Response | SetBool.Response,
+    ) -> Trigger.Response | SetBool.Response:
+        try:
+            self._slot.running.call(action)
+            answer.success = True
+        except OneBotError as error:
+            answer.success, answer.message = False, str(error)
+        return answer
+
+
+def planar_pose(message: PoseStamped) -> PlanarPose:
+    """Return a pose seen from above; yaw is NaN if the quaternion is not of unit length."""
+    p, q = message.pose.position, message.pose.orientation
+    norm = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w
+    yaw = yaw_of(q.x, q.y, q.z, q.w) if 0.98 < norm < 1.02 else math.nan
+    return PlanarPose(p.x, p.y, yaw)

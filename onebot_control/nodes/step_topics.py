@@ -1,0 +1,68 @@
+"""What a step of a paused simulation waits for: commands that answer measurements."""
+
+from collections.abc import Sequence, Set
+
+from rclpy.node import Node
+
+from onebot_control.nodes.commands import CommandGate
+from onebot_control.nodes.robot_sensors import RobotSensors
+from onebot_description.errors import OneBotError, did_you_mean
+from onebot_description.ros.wire.cdr import NANO
+
+
+class StepTopics:
+    """The topics of one robot's parameter step_topics, whose messages commands have to answer."""
+
+    def __init__(self, node: Node, sensors: RobotSensors, commands: CommandGate) -> None:
+        """Wait for nothing; call ``choose`` afterwards.
+
+        Args:
+            node: of the robot.
+            sensors: publish the topics.
+            commands: answer their messages.
+        """
+        self._node, self._sensors, self._commands = node, sensors, commands
+        self._topics: frozenset[str] = frozenset()
+        self._asked = 0  # stamp of the newest message to answer, ns
+
+    def choose(self, topics: Sequence[str]) -> None:
+        """Wait for answers to these ``topics`` from now on."""
+        self._topics, self._asked = frozenset(map(self._node.resolve_topic_name, topics)), 0
+
+    def restart(self) -> None:
+        """Forget messages and answers, because time starts again."""
+        self._asked = self._commands.answered = 0
+
+    @property
+    def chosen(self) -> bool:
+        """Whether there are such topics."""
+        return bool(self._topics)
+
+    def measured(self, topics: Set[str], stamp: int) -> None:
+        """Take notice that messages with a ``stamp``, ns, are published on ``topics``."""
+        if not self._topics.isdisjoint(topics):
+            self._asked = stamp
+
+    def missing(self) -> str:
+        """Return what a step has to wait for, as the beginning of a sentence; "" for nothing.
+
+        Raises:
+            OneBotError: step_topics names a topic that no sensor publishes.
+        """
+        for topic in sorted(self._topics):
+            if not (publisher := self._sensors.publisher(topic)):
+                hint = did_you_mean(topic, self._sensors.topics, "of sensors")
+                raise OneBotError(f'step_topics: "{topic}" is no topic of a sensor{hint}')
+            if not publisher.get_subscription_count():
+                return f"nobody subscribed to {topic}"
+        commands = self._commands.subscription
+        if commands is None:
+            return ""
+        cmd_vel = self._node.resolve_topic_name("~/cmd_vel")
+        if self._topics and not commands.connected:
+            return f"nobody offered commands on {cmd_vel}"
+        if self._asked <= self._commands.answered:
+            return ""
+        kind = "" if commands.kind == "TwistStamped" else "; a Twist has none"
+        stamp = f"{self._asked / NANO:.3f} s"
+        return f"no command with the stamp {stamp} or a later one came on {cmd_vel}{kind},"

@@ -1,0 +1,293 @@
+"""The ROS interface of a world: the nodes of its robots, and the control loop that moves them."""
+
+import gc
+import logging
+from collections.abc import Sequence
+
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from onebot_control.controlled_robot import Snapshot
+from onebot_control.fleet import Divider, Fleet, located
+from onebot_control.nodes.control_loop import ControlLoop
+from onebot_control.nodes.control_parameters import ControlParameters
+from onebot_control.nodes.frames import Frames, check_frames
+from onebot_control.nodes.localizer_watch import LocalizerWatch
+from onebot_control.nodes.parameter_changes import ParameterChanges
+from onebot_control.nodes.publishing import ScenePublisher
+from onebot_control.nodes.real_time import PaceReports
+from onebot_control.nodes.robot_interface import RobotInterface
+from onebot_control.nodes.sensing import Sensing, SensingThread
+from onebot_control.nodes.simulation_services import SimulationServices
+from onebot_control.nodes.spinning import NodeThread
+from onebot_control.physics.engine import logger as simulation_log
+from onebot_control.physics.scene_bodies import load_scene
+from onebot_control.sensing.instruments import Sensors
+from onebot_description.description import Description
+from onebot_description.errors import listing, printable
+from onebot_description.ros.command_line import RosArguments
+from onebot_description.ros.parameters.reader import ConfigError, Problem
+from onebot_description.ros.steady_timer import steady_timer
+
+_POLL_PERIOD = 0.1  # s between polls of who publishes commands
+
+# Parameters of the world, with one value for all robots.
+_WORLD_PARAMETERS = ("update_rate", "real_time_factor", "use_sim_time", "world", "paused")
+
+
+class WorldInterface:
+    """Runs the control loop for all robots of a world once every description is known.
+
+    Each robot has its own node with commands, parameters and services. ~/pause and ~/step of any of
+    them are the world's, and so is real_time_factor: set for one, it is set for all.
+
+    Attributes:
+        robots: the ROS interface of each robot.
+        loop: the control loop; None until every robot is known.
+        arm_nodes: the nodes of all joint controllers; whoever starts the loop has to spin them.
+        simulated: whether stamps are simulated time.
+        factor: the real_time_factor of all robots.
+        scene: what stands around the robots; None on bare ground.
+        seed: of the sensors' noise.
+    """
+
+    def __init__(
+        self,
+        nodes: Sequence[Node],
+        settings: Sequence[ControlParameters],
+        scene: Description | None,
+        *,
+        simulated: bool,
+        seed: int = 0,
+    ) -> None:
+        """Offer topics, parameters and services; afterwards call ``start``.
+
+        ``from_descriptions`` does both.
+
+        Args:
+            nodes: the node of each robot, in the robot's namespace.
+            settings: the parameters of each node.
+            scene: what stands around the robots; None on bare ground.
+            simulated: whether stamps are simulated time.
+            seed: of the sensors' noise.
+        """
+        self.loop: ControlLoop | None = None
+        self.arm_nodes: list[Node] = []
+        self._sensing: Sensing | None = None
+        self._services: SimulationServices | None = None
+        self._arms_thread: NodeThread | None = None
+        self._scene_publisher: ScenePublisher | None = None
+        self._node = nodes[0]  # has the topics, services and log of the world
+        self._failure: BaseException | None = None
+        self._pace = PaceReports(self._node, lambda: self.factor)
+        simulation_log.handlers = [NodeLog(self._node)]
+        self.simulated, self.scene, self.seed = simulated, scene, seed
+        self.factor = settings[0].config.real_time_factor
+        self.robots = [
+            RobotInterface(self, row, node, settings[row]) for row, node in enumerate(nodes)
+        ]
+        for robot in self.robots:
+            ParameterChanges(robot, self)
+        driving = [robot.localization for robot in self.robots if not robot.settings.stands]
+        self._localizers = LocalizerWatch(nodes, driving)
+
+    @classmethod
+    def from_descriptions(
+        cls, nodes: Sequence[Node], file: str | None, arguments: Sequence[RosArguments]
+    ) -> "WorldInterface":
+        """Return a WorldInterface that starts in real time when all descriptions are known.
+
+        Args:
+            nodes: the node of each robot, in the robot's namespace.
+            file: URDF or xacro file; None to use each node's parameter or topic.
+            arguments: the ROS arguments of each node.
+
+        Raises:
+            OneBotError: a parameter, the world or a given description cannot be used.
+        """
+        settings = list(map(ControlParameters, nodes, arguments))
+        scene = load_scene(settings[0].config.world)
+        interface = cls(nodes, settings, scene, simulated=_is_simulated(nodes, settings))
+        steady_timer(nodes[0], _POLL_PERIOD, interface.poll)
+        # Last, when all attributes exist: from here on, ``stop`` may be called at any time.
+        for robot in interface.robots:
+            robot.describe(file)
+        return interface
+
+    def stop(self) -> None:
+        """Stop the control loop, and with it the robots."""
+        for part in (self.loop, self._services, self._arms_thread, self._sensing):
+            if part is not None:
+                part.stop()
+
+    def start_described(self) -> None:
+        """Start the control loop if all robots are described."""
+        if any(robot.description is None for robot in self.robots):
+            return
+        fleet = self._fleet()
+        # Measurements are dropped only in real time.
+        sensing = SensingThread(
+            Sensors(self.scene, fleet.rate, fleet.world.settings.gravity),
+            self._node.get_logger().warning,
+            self._fail,
+            lambda: self.simulated and self.factor != 1.0,
+        )
+        loop = ControlLoop(
+            fleet,
+            self.publish,
+            simulated=self.simulated,
+            meter=self._pace.meter,
+            measured=sensing.flush,
+            missing=self._missing,
+            failed=self._fail,
+        )
+        # Exclude long-lived objects from garbage collection.
+        gc.freeze()
+        steady = Clock(clock_type=ClockType.STEADY_TIME)  # sends results while paused, too
+        self.start(loop, sensing, steady)
+        if self.arm_nodes:
+            self._arms_thread = NodeThread(self.arm_nodes, "arms", self._fail)
+        # After the start, because rclpy's first log call takes 20 ms.
+        warnings = [*self.scene.notices] if self.scene else []
+        warnings += [text for robot in self.robots for text in robot.warnings]
+        for warning in dict.fromkeys(warnings):
+            self._node.get_logger().warning(warning)
+        self._node.get_logger().info(_moved_text(fleet))
+        self._services = SimulationServices(self._node, loop, self.restart, self._fail)
+
+    def _fleet(self) -> Fleet:
+        """Return the robots, all of which are described, in a world of their own."""
+        several = len(self.robots) > 1
+        members = [robot.member(robot.name if several else "") for robot in self.robots]
+        for robot, member in zip(self.robots, members, strict=True):
+            with located(member):
+                self.check_frames(robot.slot.row, robot.frames())
+        return Fleet.from_members(members, scene=self.scene)
+
+    def check_frames(self, row: int, frames: Frames) -> None:
+        """Check the frames that the robot in ``row`` would have; all robots must be described.
+
+        Raises:
+            ConfigError: see ``frames.check_frames``.
+        """
+        robot = self.robots[row]
+        others = {other.name: other.frames() for other in self.robots if other is not robot}
+        check_frames(frames, robot.frames(), others, self.scene)
+
+    def start(self, loop: ControlLoop, sensing: Sensing, clock: Clock | None = None) -> None:
+        """Start a loop that moves the robots, all of which are described.
+
+        Args:
+            loop: the control loop.
+            sensing: measures with the robots' sensors.
+            clock: of the actions' timers; None for each node's own clock.
+        """
+        self._sensing, fleet = sensing, loop.fleet
+        for interface, robot in zip(self.robots, fleet.robots, strict=True):
+            interface.prepare(robot, sensing)
+        if fleet.world.scene is not None:
+            first = fleet.robots[0]
+            rate = Divider(first.config.publish_rate, first.config.update_rate)
+            self._scene_publisher = ScenePublisher(
+                self._node, fleet.world.scene, first.world_frame, rate
+            )
+        sensing.start()
+        self.loop = loop
+        for interface in self.robots:
+            self.arm_nodes += interface.control_joints(loop, clock)
+        loop.start()
+
+    def set_factor(self, factor: float) -> None:
+        """Set real_time_factor of all robots."""
+        self.factor = factor
+        for robot in self.robots:
+            if robot.settings.config.real_time_factor != factor:
+                robot.node.set_parameters([Parameter("real_time_factor", value=factor)])
+
+    def restart(self) -> None:
+        """Go back to the start, including simulated time; call it in the control thread."""
+        assert self.loop is not None and self._sensing is not None
+        self.loop.fleet.restart()
+        self._sensing.restart(self.seed)
+        for robot in self.robots:
+            robot.restart()
+
+    def _missing(self) -> str:
+        """Return what a step has to wait for, as the beginning of a sentence; "" for nothing."""
+        return next(filter(None, (robot.step_topics.missing() for robot in self.robots)), "")
+
+    def publish(self, snapshots: Sequence[Snapshot], stamp: int) -> None:
+        """Publish the robots' states in a control cycle, and make due measurements.
+
+        Args:
+            snapshots: of the robots.
+            stamp: of the cycle, ns.
+        """
+        sensing, world = self._sensing, self.loop.fleet.world if self.loop else None
+        assert sensing is not None and world is not None
+        sensed = sensing.due(snapshots[0].tick)
+        for row, (robot, snapshot) in enumerate(zip(self.robots, snapshots, strict=True)):
+            if robot.step_topics.chosen:
+                robot.step_topics.measured(sensing.asked(row), stamp)
+            robot.publish(snapshot, stamp, sensed=row in sensed)
+        if self._scene_publisher is not None:
+            self._scene_publisher.publish(stamp)
+        sensing.take(stamp, snapshots, world.scene.poses if world.scene else ())
+
+    def poll(self) -> None:
+        """Look for publishers of commands and localizers; call it several times a second."""
+        if self._failure is not None:
+            raise self._failure
+        for robot in self.robots:
+            robot.poll()
+        if self.loop is not None:
+            self._localizers.poll()
+
+    def _fail(self, error: BaseException) -> None:
+        self._failure = error
+
+
+class NodeLog(logging.Handler):
+    """A logging handler that passes the simulation's warnings to a node's logger."""
+
+    def __init__(self, node: Node) -> None:
+        """Pass on warnings and errors."""
+        super().__init__(logging.WARNING)
+        self._logger = node.get_logger()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._logger.warning(record.getMessage())
+
+
+def _is_simulated(nodes: Sequence[Node], settings: Sequence[ControlParameters]) -> bool:
+    """Return whether the world runs on simulated time.
+
+    Raises:
+        ConfigError: the nodes differ in a parameter of the world.
+    """
+    first_name, *names = [node.get_fully_qualified_name() for node in nodes]
+    for parameter in _WORLD_PARAMETERS:
+        first, *others = [node.get_parameter(parameter).value for node in nodes]
+        for name, value in zip(names, others, strict=True):
+            if value != first:
+                text = f"{value}, but {first} of {first_name}"
+                problem = f"{text}; it is the same for all robots of a world"
+                raise ConfigError([Problem(f"{name}: {parameter}", problem)])
+    factor = settings[0].config.real_time_factor
+    return bool(nodes[0].get_parameter("use_sim_time").value) or factor != 1.0
+
+
+def _moved_text(fleet: Fleet) -> str:
+    """Return a line for the log about the robots and joints that are moved."""
+    if len(fleet.robots) > 1:
+        return f"driving {len(fleet.robots)} robots in one world"
+    robot, parts = fleet.robots[0], []
+    if robot.wheels is not None:
+        separation, radius = robot.geometry
+        parts.append(f"wheels {separation:g} m apart, of radius {radius:g} m")
+    for name, arm in robot.arms.items():
+        parts.append(f"{name} moves {listing(arm.names)}")
+    verb = "driving" if robot.wheels is not None else "moving"
+    moved = "; ".join(parts) or "no joint of it moves"
+    return f'{verb} robot "{printable(robot.description.robot_name)}": {moved}'
