@@ -1,12 +1,18 @@
-"""The rays of a lidar, and the ranges and points that it measures with them."""
+"""Measures with lidars: their rays, and the ranges and points that are measured with them."""
+
+from collections.abc import Sequence, Set
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from onebot_control.sensing.instrument import Instrument, SensedWorld
 from onebot_control.sensing.noise import add_noise
-from onebot_control.sensing.rays import Rays
+from onebot_control.sensing.rays import NOTHING, Rays
 from onebot_description.arrays import Floats
-from onebot_description.description.description import Fan, Lidar
+from onebot_description.description.sensors.lidar import Fan, Lidar
+from onebot_description.description.sensors.noise import Noise
 
 Singles = NDArray[np.float32]
 
@@ -124,3 +130,32 @@ def middle_row(lidar: Lidar, all_ranges: Singles) -> Singles:
     rows = lidar.vertical.samples
     row: Singles = all_ranges.reshape(rows, -1)[rows // 2]
     return row
+
+
+class LidarInstrument(Instrument[Lidar]):
+    """Measures with a lidar: a scan, the nearest range, or a cloud."""
+
+    waiting = 4
+
+    @cached_property
+    def _rays(self) -> Rays:
+        return lidar_rays(self.model)
+
+    @property
+    def noises(self) -> Sequence[Noise]:
+        return [self.model.noise]
+
+    def measure(self, world: SensedWorld, wanted: Set[str]) -> dict[str, Any]:
+        lidar, pose, generator = self.model, self.pose(world.placed), self.generator(world.frame)
+        hits = self.hits(world, pose, self._rays, reach(lidar))
+        hit = hits.surfaces != NOTHING
+        measured = ranges(lidar, hits.distances, hit, self.offsets[0], generator)
+        outputs = dict[str, Any]()
+        if "scan" in wanted:
+            outputs["scan"] = middle_row(lidar, measured)
+        if "range" in wanted:
+            outputs["range"] = measured.min()
+        for output in wanted & {"points", "point_cloud"}:
+            seen_from = self.seen_from(world, pose, np.eye(3))
+            outputs[output] = cloud(lidar, self._rays, measured, seen_from)
+        return outputs
