@@ -21,7 +21,8 @@ from sensor_msgs.msg import Imu as ImuMessage
 from std_msgs.msg import Header
 
 from onebot_control.sensing.camera import calibration
-from onebot_control.sensing.lidar import angles, met
+from onebot_control.sensing.clouds import finite
+from onebot_control.sensing.lidar import angles
 from onebot_description.description.sensors.camera import Camera
 from onebot_description.description.sensors.imu import Imu
 from onebot_description.description.sensors.kinds import MESSAGE_TYPES
@@ -59,7 +60,7 @@ def _range(header: Header, lidar: Lidar, rate: float, distance: np.float32) -> R
 
 def _point_cloud(header: Header, lidar: Lidar, rate: float, cloud: NDArray[np.void]) -> bytes:
     """Return a PointCloud as bytes, because its points would be Python objects."""
-    points = met(cloud)[0]
+    points = finite(cloud)[0]
     xyz = np.stack([points[name] for name in "xyz"], axis=-1)
     head = serialize_message(PointCloud(header=header))[:-8]  # two empty sequences
     count = struct.pack("<I", len(points))

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from onebot_control.sensing.clouds import cloud_of, point_layout
 from onebot_control.sensing.instrument import Instrument, SensedWorld
-from onebot_control.sensing.lidar import fill_points
 from onebot_control.sensing.noise import add_noise
 from onebot_control.sensing.rays import NOTHING, Hits, Rays
 from onebot_description.arrays import Bytes, Floats
@@ -79,15 +79,8 @@ def depths(camera: Camera, hits: Hits, generator: "np.random.Generator | None" =
     return result.reshape(camera.height, camera.width)
 
 
-COLORED_POINT = np.dtype(
-    {
-        "names": ["x", "y", "z", "rgb"],
-        "formats": ["<f4", "<f4", "<f4", "<u4"],
-        "offsets": [0, 4, 8, 16],
-        "itemsize": 32,
-    }
-)
-"""Layout of a coloured point in a cloud, as in gz sim and depth_image_proc."""
+COLORED_POINT = point_layout(("rgb", "<u4", 16))
+"""Layout of a coloured point in a cloud, as in depth_image_proc, too."""
 
 
 def cloud(
@@ -106,8 +99,8 @@ def cloud(
         pose: rotation (3, 3) and position (3,) of the camera in the frame of the points.
         nowhere: x, y and z of points whose depth is not finite.
     """
-    points = np.zeros(depth_image.shape, COLORED_POINT)
-    fill_points(points, rays, depth_image, pose, nowhere)
+    height, width = depth_image.shape
+    points = cloud_of(COLORED_POINT, (height, width), rays, depth_image, pose, nowhere)
     if picture is not None:
         red, green, blue = np.moveaxis(picture.astype(np.uint32), -1, 0)
         points["rgb"] = red << 16 | green << 8 | blue
