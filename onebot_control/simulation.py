@@ -30,8 +30,9 @@ from onebot_control.controlled_robot import ControlledRobot, Snapshot
 from onebot_control.drive.wheels.finding import has_wheels
 from onebot_control.fleet import Fleet, Member
 from onebot_control.parameters import ControlConfig
-from onebot_control.sensing.instruments import Frame, Instrument, SensedWorld, Sensors
-from onebot_control.sensing.lidar import angles
+from onebot_control.sensing.instrument import Frame, Instrument, SensedWorld
+from onebot_control.sensing.instruments import INSTRUMENTS, Sensors
+from onebot_control.sensing.lidar import LidarInstrument, angles
 from onebot_control.sensing.rays import Rays, cast
 from onebot_control.sensing.readings import (
     ImuReading,
@@ -46,7 +47,6 @@ from onebot_control.trajectories.following import TrajectoryFollower
 from onebot_control.trajectories.goal import TrajectoryGoal
 from onebot_control.trajectories.trajectory import Waypoint
 from onebot_description.description import Description, load_description
-from onebot_description.description.description import Lidar
 from onebot_description.description.loading import load_sensors, load_world
 from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.geometry.poses import PlanarPose, Transform, to_rpy
@@ -434,7 +434,7 @@ class SimulatedRobot:
         """Take the robot ``row`` of a simulation; users get it from ``Simulation.robots``."""
         self._simulation, self._name, self._row = simulation, name, row
         self._command: tuple[float, float] | None = None
-        self._instruments: list[Instrument] = []
+        self._instruments: list[Instrument[Any]] = []
 
     def drive(self, linear: float, angular: float = 0.0) -> None:
         """Command a velocity; it holds until the next call, as if sent in every cycle.
@@ -576,8 +576,8 @@ class SimulatedRobot:
             OneBotError: there is no such lidar, or there are several.
         """
         instrument = self._instrument("scan", sensor)
-        lidar = instrument.sensor.model
-        assert isinstance(lidar, Lidar)
+        assert isinstance(instrument, LidarInstrument)
+        lidar = instrument.model
         ranges = self._measured(instrument, "scan")
         return Scan(ranges, angles(lidar.horizontal), lidar.least, lidar.greatest)
 
@@ -620,7 +620,7 @@ class SimulatedRobot:
         robot itself is not hit. There is no noise and no maximum range.
         """
         placed = self._simulation._now().placed
-        lidars = [each for each in self._instruments if isinstance(each.sensor.model, Lidar)]
+        lidars = [each for each in self._instruments if isinstance(each, LidarInstrument)]
         pose = lidars[0].pose(placed) if lidars else None
         pose = pose or placed.link(self._row, self.description.root_link)
         assert pose is not None
@@ -647,10 +647,11 @@ class SimulatedRobot:
             sensors += load_sensors(file, controlled.description).sensors
         space, rate, seed = f"/{self._name}", simulation._fleet.rate, simulation.seed
         self._instruments = [
-            Instrument(sensor, self._row, space, rate, noisy, seed) for sensor in sensors
+            INSTRUMENTS[type(sensor.model)](sensor, self._row, space, rate, noisy, seed)
+            for sensor in sensors
         ]
 
-    def _instrument(self, output: str, name: str) -> Instrument:
+    def _instrument(self, output: str, name: str) -> Instrument[Any]:
         able = {
             each.sensor.name: each for each in self._instruments if output in each.sensor.topics
         }
@@ -666,7 +667,7 @@ class SimulatedRobot:
             raise OneBotError(f'no sensor "{name}" measures {output}{did_you_mean(name, able)}')
         return able[name] if name else next(iter(able.values()))
 
-    def _measured(self, instrument: Instrument, output: str) -> Any:
+    def _measured(self, instrument: Instrument[Any], output: str) -> Any:
         return instrument.measure(self._simulation._now(), {output})[output]
 
 

@@ -8,13 +8,11 @@ from typing import Any, Protocol
 
 from onebot_control.controlled_robot import Snapshot
 from onebot_control.fleet import Divider
-from onebot_control.sensing.instruments import Frame, Instrument, Sensors
+from onebot_control.sensing.instrument import Frame, Instrument
+from onebot_control.sensing.instruments import Sensors
 from onebot_control.sensing.surroundings import SensedRobot
-from onebot_description.description.description import Camera, Imu, Lidar
 from onebot_description.geometry.poses import Transform
 
-# How many measurements of a sensor may wait; also the order in which a robot's sensors measure.
-_WAITING = {Imu: 50, Lidar: 4, Camera: 1}
 _FIRST_REPORT, _REPORT = 10.0, 60.0  # s until the first, and between later reports of drops
 _ENOUGH = 0.95  # if a smaller fraction of the due measurements is made, it is reported
 _PATIENCE = 10.0  # s to wait for the end of the thread
@@ -50,7 +48,7 @@ class Channel:
         dropped: number of due measurements that were dropped, although somebody subscribes.
     """
 
-    def __init__(self, instrument: Instrument, outlet: Outlet, cycles: float) -> None:
+    def __init__(self, instrument: Instrument[Any], outlet: Outlet, cycles: float) -> None:
         """Measure at the instrument's rate; there are ``cycles`` control cycles per second."""
         self.instrument, self.outlet = instrument, outlet
         self.divider = Divider(instrument.rate, cycles)
@@ -60,7 +58,7 @@ class Channel:
     @property
     def busy(self) -> bool:
         """Whether as many measurements as possible are waiting."""
-        return self.given - self.done > _WAITING[type(self.instrument.sensor.model)]
+        return self.given - self.done > self.instrument.waiting
 
     def warning(self, now: float) -> str:
         """Return a warning if too few measurements were made, at most once a minute; else ""."""
@@ -133,10 +131,7 @@ class Sensing:
             channels: its sensors.
         """
         self._sensors.enter(row, robot)
-        order = list(_WAITING)
-        self._channels[row] = sorted(
-            channels, key=lambda channel: order.index(type(channel.instrument.sensor.model))
-        )
+        self._channels[row] = sorted(channels, key=lambda channel: -channel.instrument.waiting)
 
     def due(self, tick: int) -> frozenset[int]:
         """Find the measurements due in a control cycle; return the rows of their robots."""

@@ -1,29 +1,44 @@
-"""Renders colour and depth images by ray casting, lit by one sun and the sky, without shadows."""
+"""Measures with cameras: rays, calibration, depths and clouds; ``painter`` has colours."""
+
+from collections.abc import Sequence, Set
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from onebot_control.sensing.lidar import fill_points
+from onebot_control.sensing.clouds import cloud_of, point_layout
+from onebot_control.sensing.instrument import Instrument, SensedWorld
 from onebot_control.sensing.noise import add_noise
-from onebot_control.sensing.rays import GROUND, NOTHING, Hits, Rays, Surface, Targets
+from onebot_control.sensing.rays import NOTHING, Hits, Rays
 from onebot_description.arrays import Bytes, Floats
-from onebot_description.description.description import Camera, Noise
+from onebot_description.description.sensors.camera import Camera
+from onebot_description.description.sensors.noise import Noise
 
 Singles = NDArray[np.float32]
 
-_SUN = np.array([0.35, 0.5, 0.79]) / np.linalg.norm([0.35, 0.5, 0.79])  # direction to the sun
-_SUNLIGHT, _SKYLIGHT, _REFLECTED = 0.55, 0.55, 0.30  # brightness of sun, sky and ground
-_ZENITH = np.array([0.45, 0.64, 0.86], np.float32)  # sRGB
-_HORIZON = np.array([0.86, 0.90, 0.94], np.float32)
-_GROUND = np.array([0.56, 0.57, 0.58], np.float32)
-_TILE, _CONTRAST = 0.5, 0.07  # m; tiles make distance and motion of the ground visible
-_BLURRED, _FADED = 4.0, 32.0  # m; distances at which tiles begin to fade, and at which they end
+# Rotation of a camera that looks along x, in its optical frame: z ahead, x right, y down (REP-103).
+_OPTICAL = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+_INFOS = frozenset({"camera_info", "depth_camera_info"})
 _KEPT = 30_000_000  # bytes; glibc never reuses blocks above 32 MB
 
 
 def focal_length(camera: Camera) -> float:
     """Return the focal length of a pinhole camera with square pixels, in pixels."""
     return camera.width / (2.0 * float(np.tan(camera.field_of_view / 2.0)))
+
+
+def calibration(camera: Camera) -> dict[str, str | list[float]]:
+    """Return the fields of a CameraInfo message that calibrate a camera without distortion."""
+    focal, x, y = focal_length(camera), camera.width / 2.0, camera.height / 2.0
+    shift = 0.0 - focal * camera.baseline  # of a pair's right camera, pixels times metres
+    return {
+        "distortion_model": "plumb_bob",
+        "d": [0.0] * 5,
+        "k": [focal, 0.0, x, 0.0, focal, y, 0.0, 0.0, 1.0],
+        "r": [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        "p": [focal, 0.0, x, shift, 0.0, focal, y, 0.0, 0.0, 0.0, 1.0, 0.0],
+    }
 
 
 def camera_rays(camera: Camera) -> Rays:
@@ -64,150 +79,8 @@ def depths(camera: Camera, hits: Hits, generator: "np.random.Generator | None" =
     return result.reshape(camera.height, camera.width)
 
 
-class Painter:
-    """Computes colour images from what the rays of cameras hit."""
-
-    def __init__(self, still: Surface) -> None:
-        """Light the surface of what stands still, once."""
-        self._still, self._lit = still, _lit(still, np.eye(3))
-
-    def picture(
-        self,
-        camera: Camera,
-        rays: Rays,
-        position: Floats,
-        hits: Hits,
-        targets: Targets,
-        generator: "np.random.Generator | None" = None,
-    ) -> Bytes:
-        """Return the image (H, W, 3), sRGB, of what the rays have hit.
-
-        Args:
-            camera: the sensor.
-            rays: its rays.
-            position: (3,), of the sensor in the world, m.
-            hits: what the rays hit.
-            targets: the moving surfaces at that time.
-            generator: of the noise; None for no noise.
-        """
-        seen, distances = hits.surfaces, hits.distances
-        if reach(camera) > camera.far:
-            seen = np.where(distances > np.float32(camera.far), np.int16(NOTHING), seen)
-        pixels = np.zeros(len(seen), np.uint32)
-        masks = seen == NOTHING, seen == GROUND
-        high, low = (_rows(mask, camera.width) for mask in masks)
-        sky = _sky(hits.directions[high, 2], rays.inverse_lengths[high])
-        np.copyto(pixels[high], sky, where=masks[0][high])
-        ground = _ground(position, hits.directions[low], distances[low])
-        np.copyto(pixels[low], ground, where=masks[1][low])
-        if len(self._lit):
-            still = seen == 0
-            np.copyto(pixels, np.take(self._lit, hits.faces, mode="clip"), where=still)
-            _add_textures(pixels, still, hits, self._still, np.eye(3))
-        for index in np.unique(seen[seen > 0]) - 1:
-            mask = seen == index + 1
-            surface, turn = targets.surfaces[index], targets.rotations[index]
-            pixels[mask] = _lit(surface, turn)[hits.faces[mask]]
-            _add_textures(pixels, mask, hits, surface, turn)
-        colors = np.empty((camera.height, camera.width, 3), np.uint8)
-        for channel in range(3):  # faster than a copy of all at once
-            colors[..., channel] = pixels.view(np.uint8)[channel::4].reshape(colors.shape[:2])
-        if generator is None or camera.noise == Noise():
-            return colors
-        grey = np.zeros((camera.height, camera.width, 1), np.float32)
-        shift = 255.0 * add_noise(grey, camera.noise, 0.0, generator)
-        return np.clip(np.rint(colors + shift), 0.0, 255.0).astype(np.uint8)
-
-
-def _rows(mask: NDArray[np.bool_], width: int) -> slice:
-    """Return the pixels from the first to the last row of an image in which ``mask`` is true."""
-    rows = np.flatnonzero(mask.reshape(-1, width).any(axis=1))
-    return slice(rows[0] * width, (rows[-1] + 1) * width) if len(rows) else slice(0)
-
-
-def _packed(colors: Singles) -> NDArray[np.uint32]:
-    """Pack colours (N, 3), 0 to 1, into one number each: the bytes red, green, blue, 0."""
-    pixels = np.zeros((len(colors), 4), np.uint8)
-    pixels[:, :3] = np.minimum(colors * np.float32(255.0) + np.float32(0.5), np.float32(255.0))
-    return pixels.view(np.uint32)[:, 0]
-
-
-def _light(normals: Singles, turn: Floats) -> Singles:
-    """Return the brightness (N, 1) of faces by their normals (N, 3), in a frame rotated by turn."""
-    up, sun = turn[2].astype(np.float32), (turn.T @ _SUN).astype(np.float32)
-    middle, half = (_SKYLIGHT + _REFLECTED) / 2.0, (_SKYLIGHT - _REFLECTED) / 2.0
-    direct = np.float32(_SUNLIGHT) * np.maximum(normals @ sun, np.float32(0.0))
-    light: Singles = np.float32(middle) + np.float32(half) * (normals @ up) + direct
-    return light[:, None]
-
-
-def _lit(surface: Surface, turn: Floats) -> NDArray[np.uint32]:
-    """Return the colours of a surface's faces."""
-    return _packed(surface.solid.colors * _light(surface.normals, turn))
-
-
-def _add_textures(
-    pixels: NDArray[np.uint32],
-    mask: NDArray[np.bool_],
-    hits: Hits,
-    surface: Surface,
-    turn: Floats,
-) -> None:
-    """Colour the pixels in ``mask`` that show a texture of ``surface``."""
-    for first, places, image in surface.solid.textures:
-        faces = hits.faces - first
-        rows = np.flatnonzero(mask & (faces >= 0) & (faces < len(places)))
-        v, w = hits.second[rows, None], hits.third[rows, None]
-        corners = places[faces[rows]]
-        x, y = ((1 - v - w) * corners[:, 0] + v * corners[:, 1] + w * corners[:, 2]).T % 1.0
-        height, width = image.shape[:2]
-        column = np.minimum((x * width).astype(np.intp), width - 1)
-        row = np.minimum(((1.0 - y) * height).astype(np.intp), height - 1)
-        light = _light(surface.normals[hits.faces[rows]], turn)
-        pixels[rows] = _packed(image[row, column].astype(np.float32) / np.float32(255.0) * light)
-
-
-def _ground(position: Floats, directions: Singles, distances: Singles) -> NDArray[np.uint32]:
-    """Return the colours of the ground that rays from ``position`` hit."""
-    tiles = np.zeros(len(distances), np.int32)
-    for axis in (0, 1):
-        along = directions[:, axis] * distances
-        along *= np.float32(1.0 / _TILE)
-        along += np.float32(position[axis] / _TILE)
-        tiles += np.floor(along, out=along).astype(np.int32)
-    shades = np.minimum(distances * np.float32(127.0 / _FADED), np.float32(127.0)).astype(np.uint8)
-    shades |= (tiles.astype(np.uint8) & 1) << 7
-    colors: NDArray[np.uint32] = np.take(_GROUND_COLORS, shades)
-    return colors
-
-
-def _sky(upwards: Singles, inverse_lengths: Singles) -> NDArray[np.uint32]:
-    """Return the colours of the sky for directions, by their z and inverse lengths."""
-    height = upwards * inverse_lengths
-    np.maximum(height, np.float32(0.0), out=height)
-    height *= np.float32(255.0)
-    colors: NDArray[np.uint32] = np.take(_SKY_COLORS, height.astype(np.uint8))
-    return colors
-
-
-_SHADES = np.linspace(0.0, 1.0, 256, dtype=np.float32)[:, None]
-_SKY_COLORS = _packed(_HORIZON + (_ZENITH - _HORIZON) * np.sqrt(_SHADES))
-# Colours of the ground by distance, first those of bright tiles, then those of dark ones.
-_FADES = 1.0 / (1.0 + np.linspace(0.0, _FADED / _BLURRED, 128, dtype=np.float32) ** 2)
-_GROUND_COLORS = _packed(
-    _GROUND * (1.0 + np.float32(_CONTRAST) * np.append(_FADES, -_FADES)[:, None])
-)
-
-
-COLORED_POINT = np.dtype(
-    {
-        "names": ["x", "y", "z", "rgb"],
-        "formats": ["<f4", "<f4", "<f4", "<u4"],
-        "offsets": [0, 4, 8, 16],
-        "itemsize": 32,
-    }
-)
-"""Layout of a coloured point in a cloud, as in gz sim and depth_image_proc."""
+COLORED_POINT = point_layout(("rgb", "<u4", 16))
+"""Layout of a coloured point in a cloud, as in depth_image_proc, too."""
 
 
 def cloud(
@@ -226,9 +99,41 @@ def cloud(
         pose: rotation (3, 3) and position (3,) of the camera in the frame of the points.
         nowhere: x, y and z of points whose depth is not finite.
     """
-    points = np.zeros(depth_image.shape, COLORED_POINT)
-    fill_points(points, rays, depth_image, pose, nowhere)
+    height, width = depth_image.shape
+    points = cloud_of(COLORED_POINT, (height, width), rays, depth_image, pose, nowhere)
     if picture is not None:
         red, green, blue = np.moveaxis(picture.astype(np.uint32), -1, 0)
         points["rgb"] = red << 16 | green << 8 | blue
     return points
+
+
+class CameraInstrument(Instrument[Camera]):
+    """Measures with a camera: colours, depths, and clouds of both."""
+
+    waiting = 1
+    needs_embree = True
+    noises: Sequence[Noise] = ()  # that of pictures has no constant offset
+
+    @cached_property
+    def _rays(self) -> Rays:
+        return camera_rays(self.model)
+
+    def measure(self, world: SensedWorld, wanted: Set[str]) -> dict[str, Any]:
+        camera, topics = self.model, self.sensor.topics.keys()
+        outputs: dict[str, Any] = dict.fromkeys(topics & _INFOS)
+        if wanted <= _INFOS:
+            return outputs
+        pose, generator = self.pose(world.placed), self.generator(world.frame)
+        hits = self.hits(world, pose, self._rays, reach(camera))
+        if wanted & {"image", "points"} and "image" in topics:
+            outputs["image"] = world.painter.picture(
+                camera, self._rays, pose.position, hits, world.placed.targets, generator
+            )
+        if wanted & {"depth", "points"}:
+            outputs["depth"] = depths(camera, hits, generator)
+        if "points" in wanted:
+            seen_from = self.seen_from(world, pose, _OPTICAL)
+            outputs["points"] = cloud(
+                self._rays, outputs["depth"], outputs.get("image"), seen_from, camera.blank
+            )
+        return outputs

@@ -1,13 +1,21 @@
-"""Computes inertial measurements from two states of a rigid body, and its orientation."""
+"""Measures with IMUs: from two states of a rigid body, and its orientation."""
 
-from typing import NamedTuple
+import math
+from collections.abc import Sequence, Set
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from onebot_control.controlled_robot import Snapshot
+from onebot_control.sensing.instrument import Instrument, SensedWorld
+from onebot_control.sensing.noise import add_noise
 from onebot_description.arrays import Floats
-from onebot_description.description.description import Imu, Noise
+from onebot_description.description.sensors.imu import Imu
+from onebot_description.description.sensors.noise import Noise
 from onebot_description.geometry import quaternions
 from onebot_description.geometry.poses import Quaternion
+
+_LEAP = 0.01  # m; a robot that has moved this much farther than by its speed was teleported
 
 
 class Motion(NamedTuple):
@@ -17,10 +25,11 @@ class Motion(NamedTuple):
     angular: Floats  # (3,), angular velocity in its own axes, rad/s
     rotation: Floats  # (3, 3), of the body in the world
 
-
-def noises(sensor: Imu) -> tuple[Noise, ...]:
-    """Return the noise of each of the six values that ``measure`` returns."""
-    return (*sensor.angular_velocity, *sensor.linear_acceleration)
+    @classmethod
+    def of_root(cls, snapshot: Snapshot) -> "Motion":
+        """Return the motion of a robot's root link."""
+        linear, angular = map(np.array, snapshot.velocity)
+        return cls(linear, angular, quaternions.to_matrix(snapshot.pose.rotation))
 
 
 def measure(
@@ -74,3 +83,37 @@ def orientation(sensor: Imu, rotation: Floats, start: Quaternion) -> Floats | No
     if sensor.reference.at_start:
         axes = quaternions.to_matrix(start) @ axes
     return quaternions.from_matrix(axes.T @ rotation)
+
+
+class ImuInstrument(Instrument[Imu]):
+    """Measures with an IMU."""
+
+    waiting = 50
+
+    @property
+    def noises(self) -> Sequence[Noise]:
+        return [*self.model.angular_velocity, *self.model.linear_acceleration]
+
+    def measure(self, world: SensedWorld, wanted: Set[str]) -> dict[str, Any]:
+        frame, pose = world.frame, self.pose(world.placed)
+        now = frame.snapshots[self.row]
+        before = frame.before[self.row] if frame.before else None
+        if before and _was_put(before, now, world.period):
+            before = None
+        previous, motion = before and Motion.of_root(before), Motion.of_root(now)
+        back = motion.rotation.T
+        mount = back @ pose.rotation, back @ (pose.position - np.array(now.pose.translation))
+        values = np.concatenate(measure(previous, motion, world.period, mount, world.gravity))
+        if generator := self.generator(frame):
+            for axis, noise in enumerate(self.noises):
+                part = values[axis : axis + 1]
+                part[:] = add_noise(part, noise, self.offsets[axis], generator)
+        turn = orientation(self.model, pose.rotation, frame.starts[self.row])
+        return {"imu": (turn, values[:3], values[3:])}
+
+
+def _was_put(before: Snapshot, now: Snapshot, period: float) -> bool:
+    """Return whether a robot was teleported between two cycles, which its IMU does not feel."""
+    shift = math.dist(now.pose.translation, before.pose.translation)
+    speed = max(math.hypot(*snapshot.velocity.linear) for snapshot in (before, now))
+    return shift > 2.0 * speed * period + _LEAP

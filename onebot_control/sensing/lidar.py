@@ -1,12 +1,19 @@
-"""The rays of a lidar, and the ranges and points that it measures with them."""
+"""Measures with lidars: their rays, and the ranges and points that are measured with them."""
+
+from collections.abc import Sequence, Set
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from onebot_control.sensing.clouds import cloud_of, finite, point_layout
+from onebot_control.sensing.instrument import Instrument, SensedWorld
 from onebot_control.sensing.noise import add_noise
-from onebot_control.sensing.rays import Rays
+from onebot_control.sensing.rays import NOTHING, Rays
 from onebot_description.arrays import Floats
-from onebot_description.description.description import Fan, Lidar
+from onebot_description.description.sensors.lidar import Fan, Lidar
+from onebot_description.description.sensors.noise import Noise
 
 Singles = NDArray[np.float32]
 
@@ -62,38 +69,8 @@ def ranges(
     return result
 
 
-def fill_points(
-    points: NDArray[np.void],
-    rays: Rays,
-    distances: Singles,
-    pose: tuple[Floats, Floats],
-    nowhere: float = np.inf,
-) -> None:
-    """Fill in x, y and z of points.
-
-    Args:
-        points: (R, C), with fields x, y and z, m.
-        rays: R C rays, in the sensor's frame.
-        distances: (R C,) or (R, C), along the rays, in lengths of their directions.
-        pose: rotation (3, 3) and position (3,) of the sensor in the frame of the points.
-        nowhere: x, y and z of points whose distance is not finite.
-    """
-    turned, missing = rays.turned(pose[0]), ~np.isfinite(distances).ravel()
-    reached = np.where(missing, np.float32(0.0), distances.ravel())
-    for axis, name in enumerate("xyz"):
-        along = turned[:, axis] * reached + np.float32(pose[1][axis])
-        points[name] = np.where(missing, np.float32(nowhere), along).reshape(points.shape)
-
-
-POINT = np.dtype(
-    {
-        "names": ["x", "y", "z", "intensity", "ring"],
-        "formats": ["<f4", "<f4", "<f4", "<f4", "<u2"],
-        "offsets": [0, 4, 8, 16, 20],
-        "itemsize": 32,
-    }
-)
-"""Layout of a point in a lidar's cloud, as in gz sim."""
+POINT = point_layout(("intensity", "<f4", 16), ("ring", "<u2", 20))
+"""Layout of a point in a lidar's cloud."""
 
 
 def cloud(
@@ -107,16 +84,9 @@ def cloud(
         all_ranges: (N,), m; points of ranges that are not finite are infinite.
         pose: rotation (3, 3) and position (3,) of the lidar in the frame of the points.
     """
-    points = np.zeros((lidar.vertical.samples, lidar.horizontal.samples), POINT)
-    fill_points(points, rays, all_ranges, pose)
+    points = cloud_of(POINT, lidar.rays, rays, all_ranges, pose)
     points["ring"] = np.arange(len(points))[:, None]
-    return points if lidar.is_organized else met(points)
-
-
-def met(points: NDArray[np.void]) -> NDArray[np.void]:
-    """Return, in one row (1, N), the points at which a ray hit something in range."""
-    found: NDArray[np.void] = points[np.isfinite(points["x"])]
-    return found.reshape(1, -1)
+    return points if lidar.is_organized else finite(points)
 
 
 def middle_row(lidar: Lidar, all_ranges: Singles) -> Singles:
@@ -124,3 +94,32 @@ def middle_row(lidar: Lidar, all_ranges: Singles) -> Singles:
     rows = lidar.vertical.samples
     row: Singles = all_ranges.reshape(rows, -1)[rows // 2]
     return row
+
+
+class LidarInstrument(Instrument[Lidar]):
+    """Measures with a lidar: a scan, the nearest range, or a cloud."""
+
+    waiting = 4
+
+    @cached_property
+    def _rays(self) -> Rays:
+        return lidar_rays(self.model)
+
+    @property
+    def noises(self) -> Sequence[Noise]:
+        return [self.model.noise]
+
+    def measure(self, world: SensedWorld, wanted: Set[str]) -> dict[str, Any]:
+        lidar, pose, generator = self.model, self.pose(world.placed), self.generator(world.frame)
+        hits = self.hits(world, pose, self._rays, reach(lidar))
+        hit = hits.surfaces != NOTHING
+        measured = ranges(lidar, hits.distances, hit, self.offsets[0], generator)
+        outputs = dict[str, Any]()
+        if "scan" in wanted:
+            outputs["scan"] = middle_row(lidar, measured)
+        if "range" in wanted:
+            outputs["range"] = measured.min()
+        for output in wanted & {"points", "point_cloud"}:
+            seen_from = self.seen_from(world, pose, np.eye(3))
+            outputs[output] = cloud(lidar, self._rays, measured, seen_from)
+        return outputs

@@ -6,7 +6,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from onebot_description.description.description import Noise
+from onebot_description.description.sensors.noise import Noise
 
 # Annotations with np.random are strings: evaluating them would import it, for robots without noise.
 T = TypeVar("T", np.float32, np.float64)

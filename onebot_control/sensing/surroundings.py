@@ -1,8 +1,8 @@
 """The surroundings that sensors see: world, boxes and robots, by their visual shapes."""
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -15,6 +15,8 @@ from onebot_description.geometry.poses import Quaternion, Transform, Triple
 from onebot_description.geometry.quaternions import to_matrix
 from onebot_description.model.rigid_bodies import rigid_frames
 from onebot_description.model.robot_model import RobotModel
+
+K = TypeVar("K", bound=Hashable)
 
 
 class SensedRobot(NamedTuple):
@@ -50,30 +52,23 @@ class Surroundings:
 
     def __init__(self, world: Description | None, robots: Sequence[SensedRobot]) -> None:
         """Build all surfaces; robots of the same description share theirs."""
+        still, *boxes = map(solid_of, _visuals(world))
+        self.still = Surface(still)
+        self._surfaces = [Surface(box) for box in boxes]
         self._made: dict[tuple[Geometry, ...], Surface] = {}
-        firsts = rigid_frames(world) if world else {}
-        boxes = [joint.child for joint in world.joints if joint.kind == "floating"] if world else []
-        parts: dict[str, list[tuple[Geometry, Floats]]] = {name: [] for name in ("", *boxes)}
-        for link in world.links if world else ():
-            first, pose = firsts[link.name]
-            body = first if first in parts else ""
-            parts[body] += [(visual, pose) for visual in link.visuals]
-        self.still = Surface(solid_of(parts[""]))
-        self._surfaces = [Surface(solid_of(parts[box])) for box in boxes]
         self._targets = [self._enter(robot.description) for robot in robots]
-        rows: dict[Hashable, list[int]] = {}
-        for row, robot in enumerate(robots):
-            key = robot.description.urdf, tuple(robot.joints), tuple(robot.held.items())
-            rows.setdefault(key, []).append(row)
+        rows = _alike(
+            (robot.description.urdf, tuple(robot.joints), tuple(robot.held.items()))
+            for robot in robots
+        )
         self.kinds = [RobotKind(robots[group[0]], group, self._targets) for group in rows.values()]
+        self._alike = {
+            surface: np.array(group, np.intp) for surface, group in _alike(self._surfaces).items()
+        }
         spheres = [surface.solid.sphere for surface in self._surfaces]
         self._centers = np.array([center for center, _ in spheres]).reshape(-1, 3)
         self._radii = np.array([radius for _, radius in spheres])
         self._boxes = np.array([surface.solid.box for surface in self._surfaces])
-        indices: dict[Surface, list[int]] = {}
-        for index, surface in enumerate(self._surfaces):
-            indices.setdefault(surface, []).append(index)
-        self._alike = {surface: np.array(group, np.intp) for surface, group in indices.items()}
 
     def _enter(self, robot: Description) -> dict[str, int]:
         """Add the surfaces of a robot's links; return their target indices by link."""
@@ -112,6 +107,30 @@ class Surroundings:
         return Targets(
             self._surfaces, self._alike, turns, places, centers, self._radii, self._boxes
         )
+
+
+def _visuals(world: Description | None) -> list[list[tuple[Geometry, Floats]]]:
+    """Return the visuals of what stands still in a world, then of each box that can be moved.
+
+    Each has the pose (4, 4) of its link in the frame of what it is fixed to.
+    """
+    if world is None:
+        return [[]]
+    boxes = [joint.child for joint in world.joints if joint.kind == "floating"]
+    parts: dict[str, list[tuple[Geometry, Floats]]] = {name: [] for name in ("", *boxes)}
+    poses = rigid_frames(world)
+    for link in world.links:
+        first, pose = poses[link.name]
+        parts[first if first in parts else ""] += [(visual, pose) for visual in link.visuals]
+    return [*parts.values()]
+
+
+def _alike(keys: Iterable[K]) -> dict[K, list[int]]:
+    """Return the indices of each key."""
+    indices: dict[K, list[int]] = {}
+    for index, key in enumerate(keys):
+        indices.setdefault(key, []).append(index)
+    return indices
 
 
 class Placed:
@@ -168,7 +187,7 @@ class RobotKind:
         """Return rotations (R, L, 3, 3) and positions (R, L, 3) of all links in the world."""
         positions = np.tile(self._positions, (len(states), 1))
         positions[:, self._joints] = [state.positions for state in states]
-        poses = self._model.link_poses(positions)
+        poses = self._model.rigid_frames(positions)
         bases = to_matrix([state.rotation for state in states])
         turns = to_matrix(poses[..., 3:])
         places = poses[..., :3] @ bases.transpose(0, 2, 1)

@@ -1,7 +1,8 @@
-"""A robot description as plain values: links, joints, shapes, inertials and sensors.
+"""A robot description as plain values: links, joints, shapes and inertials.
 
 Units are SI and radians, frames follow REP-103. ``reading`` creates these values from the URDF; in
-each, ``where`` is the line that it was written at, such as ``robot.urdf:12``.
+each, ``where`` is the line that it was written at, such as ``robot.urdf:12``. The values of sensors
+are in ``sensors``.
 """
 
 import math
@@ -11,8 +12,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
+from onebot_description.description.sensors.sensor import Sensor
 from onebot_description.errors import DescriptionError, listing
-from onebot_description.geometry.poses import ZERO, Origin, Triple
+from onebot_description.geometry.poses import Origin, Triple
 
 Rgba = tuple[float, float, float, float]
 Moments = tuple[float, float, float, float, float, float]  # ixx ixy ixz iyy iyz izz, kg m^2
@@ -159,119 +161,6 @@ class Joint:
         )
 
 
-@dataclass(frozen=True)
-class Noise:
-    """Gaussian noise of one measured value, in its unit."""
-
-    mean: float = 0.0
-    stddev: float = 0.0
-    bias_mean: float = 0.0  # mean of an offset drawn once, with a random sign
-    bias_stddev: float = 0.0
-    precision: float = 0.0  # step to which the sum is rounded; 0: no rounding
-
-
-RADIATIONS = ("ultrasound", "infrared")  # in the order of the constants of sensor_msgs/msg/Range
-
-
-class Fan(NamedTuple):
-    """Ray directions evenly spread over an angle, including both ends."""
-
-    samples: int = 1
-    least: float = 0.0  # rad
-    greatest: float = 0.0
-
-
-@dataclass(frozen=True)
-class Lidar:
-    """A range finder whose rays are in rows; x ahead, z up."""
-
-    horizontal: Fan  # rays of a row, about z
-    vertical: Fan  # rows, upwards
-    least: float  # range, m
-    greatest: float
-    noise: Noise = Noise()
-    is_organized: bool = True  # whether clouds have points for rays that hit nothing, too
-    radiation: str = "infrared"  # for Range messages, one of RADIATIONS
-    cone: float = 0.0  # field of view of Range messages, rad; 0: the angle of the rays
-
-    @property
-    def field_of_view(self) -> float:
-        """Field of view of Range messages: as set, or the greatest angle between rays, rad."""
-        spans = (fan.greatest - fan.least for fan in (self.horizontal, self.vertical))
-        return self.cone or max(spans)
-
-
-@dataclass(frozen=True)
-class Camera:
-    """A pinhole camera without distortion, looking along x."""
-
-    field_of_view: float  # horizontal, rad
-    width: int  # pixels
-    height: int
-    near: float  # m along the axis
-    far: float
-    depth_near: float  # near clip of depths, m along the axis
-    depth_far: float  # far clip of depths
-    noise: Noise = Noise()  # of colours (0 to 1), or of depths (m)
-    baseline: float = 0.0  # m, from the left camera of a pair to this one
-    blank: float = math.inf  # x, y and z of a point without a depth, as in gz sim
-
-
-class Reference(NamedTuple):
-    """The reference axes of an IMU's orientation."""
-
-    rpy: Triple = ZERO  # fixed-axis roll, pitch, yaw in the world: x east, y north, z up; rad
-    at_start: bool = False  # relative to the root link's initial frame instead of the world
-
-
-@dataclass(frozen=True)
-class Imu:
-    """An inertial measurement unit, with the noise of each axis."""
-
-    angular_velocity: tuple[Noise, Noise, Noise] = (Noise(), Noise(), Noise())  # rad/s
-    linear_acceleration: tuple[Noise, Noise, Noise] = (Noise(), Noise(), Noise())  # m/s^2
-    reference: Reference | None = Reference()  # None: it measures no orientation
-
-
-MESSAGE_TYPES = {
-    "scan": "sensor_msgs/msg/LaserScan",
-    "range": "sensor_msgs/msg/Range",
-    "point_cloud": "sensor_msgs/msg/PointCloud",
-    "imu": "sensor_msgs/msg/Imu",
-    "image": "sensor_msgs/msg/Image",
-    "depth": "sensor_msgs/msg/Image",
-    "camera_info": "sensor_msgs/msg/CameraInfo",
-    "depth_camera_info": "sensor_msgs/msg/CameraInfo",
-    "points": "sensor_msgs/msg/PointCloud2",
-}
-"""The message type of each sensor output."""
-
-
-@dataclass(frozen=True)
-class Sensor:
-    """One simulated <sensor>, or what one of its plugins publishes."""
-
-    name: str
-    link: str
-    origin: Origin  # relative to the link
-    rate: float  # measurements per simulated second, Hz; 0: one in each control cycle
-    topics: Mapping[str, str]  # relative or absolute names, by output
-    frame: str  # frame_id of the messages, usually a link
-    model: Lidar | Camera | Imu
-    where: str = field(default="", compare=False)
-
-
-def clashes(first: Mapping[str, str], second: Mapping[str, str]) -> list[str]:
-    """Return the topics that two sensors have in common; CameraInfo topics may be shared."""
-    kinds = {topic: MESSAGE_TYPES[output] for output, topic in first.items()}
-    info = MESSAGE_TYPES["camera_info"]
-    return [
-        topic
-        for output, topic in second.items()
-        if topic in kinds and {kinds[topic], MESSAGE_TYPES[output]} != {info}
-    ]
-
-
 class JointInterfaces(NamedTuple):
     """The interfaces of a joint in ``<ros2_control>``."""
 
@@ -297,7 +186,7 @@ class Description:
     warnings: tuple[str, ...]  # these work, but are probably not intended
     # File and line of each element of ``urdf``, in document order.
     places: tuple[str, ...] = field(default=(), compare=False, repr=False)
-    sensors: tuple[Sensor, ...] = ()
+    sensors: "tuple[Sensor, ...]" = ()
     bad_sensors: tuple[str, ...] = ()  # names of unreadable sensors
     # From <ros2_control>, by joint.
     interfaces: Mapping[str, JointInterfaces] = field(default_factory=dict, hash=False)

@@ -20,7 +20,7 @@ from onebot_description.description.checks import (
     check_tree,
     named,
 )
-from onebot_description.description.description import Description, Sensor
+from onebot_description.description.description import Description
 from onebot_description.description.packages import package_share, resolve
 from onebot_description.description.reading import (
     Findings,
@@ -30,7 +30,8 @@ from onebot_description.description.reading import (
     read_materials,
 )
 from onebot_description.description.ros2_control import read_interfaces
-from onebot_description.description.sensors import read_sensors
+from onebot_description.description.sensors.sensor import Sensor
+from onebot_description.description.sensors.sensor_reader import read_sensors
 from onebot_description.errors import (
     DescriptionError,
     OneBotError,

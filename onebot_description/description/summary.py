@@ -6,20 +6,17 @@ from pathlib import PurePath
 from types import MappingProxyType
 
 from onebot_description.description.description import (
-    MESSAGE_TYPES,
     Box,
-    Camera,
     Capsule,
     Description,
-    Imu,
     Joint,
-    Lidar,
     Link,
     Mesh,
-    Sensor,
     Shape,
     Sphere,
 )
+from onebot_description.description.sensors.kinds import MESSAGE_TYPES
+from onebot_description.description.sensors.sensor import Sensor
 from onebot_description.description.tree_text import aligned, branches, cell
 from onebot_description.description.xml import shown_path
 from onebot_description.errors import printable
@@ -163,20 +160,9 @@ def _sensor_rows(sensor: Sensor) -> list[_Row]:
     rate = f"{sensor.rate:.4g} Hz" if sensor.rate else "each cycle"
     first, *others = ((topic, MESSAGE_TYPES[output]) for output, topic in sensor.topics.items())
     return [
-        (sensor.name, _measures(sensor), rate, *first, sensor.frame),
+        (sensor.name, sensor.model.summary, rate, *first, sensor.frame),
         *(("", "", "", *other, "") for other in others),
     ]
-
-
-def _measures(sensor: Sensor) -> str:
-    model = sensor.model
-    if isinstance(model, Lidar):
-        rows = f"{model.vertical.samples} × " if model.vertical.samples > 1 else ""
-        return f"{rows}{_count(model.horizontal.samples, 'range')} to {model.greatest:.4g} m"
-    if isinstance(model, Camera):
-        return f"{model.width} × {model.height} pixels, {math.degrees(model.field_of_view):.4g}°"
-    assert isinstance(model, Imu), model
-    return "acceleration, angular velocity"
 
 
 def _count(number: int, one: str, many: str | None = None) -> str:

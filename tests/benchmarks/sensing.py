@@ -11,10 +11,12 @@ from typing import Any
 import numpy as np
 
 from onebot_control.sensing import camera, lidar
+from onebot_control.sensing.painter import Painter
 from onebot_control.sensing.rays import NOTHING, cast
 from onebot_control.sensing.surroundings import Placed, RobotState, SensedRobot, Surroundings
 from onebot_description.description import Description, load_description, parse_description
-from onebot_description.description.description import Camera, Fan, Lidar
+from onebot_description.description.sensors.camera import Camera
+from onebot_description.description.sensors.lidar import Fan, Lidar
 from tests.benchmarks.measuring import MODEL, WrongAnswer, in_turn, over
 from tests.benchmarks.report import Report, Result
 
@@ -58,7 +60,7 @@ def _ratios(quick: bool) -> dict[str, float]:
     base, eye = (scene.target(0, link) for link in ("base_link", "camera_link"))
     ranger = Lidar(Fan(360, -math.pi, math.pi * 179 / 180), Fan(), 0.05, 12.0)
     lens = Camera(1.2, 320, 240, 0.05, 50.0, 0.05, 8.0)
-    painter = camera.Painter(scene.still)
+    painter = Painter(scene.still)
     turn, (place, face) = np.eye(3), _places(placed)
     fan, pixels = lidar.lidar_rays(ranger), camera.camera_rays(lens)
 

@@ -6,6 +6,7 @@ import threading
 from collections.abc import Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import get_type_hints
 
 import numpy as np
 import pytest
@@ -16,8 +17,8 @@ from onebot_control.controlled_robot import Snapshot
 from onebot_control.fleet import Fleet, Member
 from onebot_control.nodes.sensing import Channel, SensingThread
 from onebot_control.parameters import ControlConfig
-from onebot_control.sensing import camera, imu, instruments, lidar, noise, rays
-from onebot_control.sensing.instruments import Instrument, Sensors
+from onebot_control.sensing import camera, imu, instrument, lidar, noise, painter, rays
+from onebot_control.sensing.instruments import INSTRUMENTS, Sensors
 from onebot_control.sensing.rays import NOTHING, Rays, cast
 from onebot_control.sensing.surroundings import (
     Placed,
@@ -26,16 +27,13 @@ from onebot_control.sensing.surroundings import (
     Surroundings,
 )
 from onebot_description.description import load_description, parse_description
-from onebot_description.description.description import (
-    Camera,
-    Fan,
-    Imu,
-    Lidar,
-    Noise,
-    Reference,
-    Sensor,
-)
 from onebot_description.description.loading import load_world
+from onebot_description.description.sensors.camera import Camera
+from onebot_description.description.sensors.imu import Imu, Reference
+from onebot_description.description.sensors.kinds import BY_TYPE
+from onebot_description.description.sensors.lidar import Fan, Lidar
+from onebot_description.description.sensors.noise import Noise
+from onebot_description.description.sensors.sensor import Sensor
 from onebot_description.geometry import quaternions
 from onebot_description.geometry.poses import Origin
 from tests.onebot_control.control_support import WHEELS, robot
@@ -217,7 +215,7 @@ def test_a_picture_shows_a_box_where_it_is_with_its_colour_and_depth():
     assert focal == pytest.approx(320 / (2 * math.tan(1.0472 / 2)))
     placed = Placed(scene, [], [])
     hits = cast(pixels, np.eye(3), at, scene.still, placed.targets, camera.reach(sensor))
-    picture = camera.Painter(scene.still).picture(sensor, pixels, at, hits, placed.targets)
+    picture = painter.Painter(scene.still).picture(sensor, pixels, at, hits, placed.targets)
     found = camera.depths(sensor, hits)
     blue = (picture[..., 2] > 60) & (picture[..., :2] < 5).all(axis=-1)
     rows, columns = np.nonzero(blue)
@@ -284,7 +282,7 @@ def test_a_texture_of_a_mesh_is_seen(tmp_path: Path):
         pixels, at = camera.camera_rays(sensor), np.array([0.0, 0.0, 0.5])
         placed = Placed(scene, boxes, [])
         hits = cast(pixels, np.eye(3), at, scene.still, placed.targets, 9.0)
-        picture = camera.Painter(scene.still).picture(sensor, pixels, at, hits, placed.targets)
+        picture = painter.Painter(scene.still).picture(sensor, pixels, at, hits, placed.targets)
         above, below = picture[10, 20].astype(int), picture[30, 20].astype(int)
         assert above[0] > 60 and above[1] == 0 and below[1] > 60 and below[0] == 0, kind
 
@@ -304,7 +302,7 @@ def test_a_mirrored_mesh_is_lit_from_outside(tmp_path: Path, scale: tuple[float,
         assert ((outwards - scene.still.normals * (2, 0, 0.5)).sum(axis=1) > 0.4).all()
         targets = Placed(scene, (), []).targets
         hits = cast(pixels, np.eye(3), at, scene.still, targets, 9.0)
-        pictures.append(camera.Painter(scene.still).picture(sensor, pixels, at, hits, targets))
+        pictures.append(painter.Painter(scene.still).picture(sensor, pixels, at, hits, targets))
     np.testing.assert_array_equal(*pictures)
 
 
@@ -476,6 +474,11 @@ def test_an_orientation_is_in_the_axes_that_the_imu_names(reference, forward):
     assert imu.orientation(Imu(reference=None), rotation, start) is None
 
 
+def test_each_kind_of_sensor_has_an_instrument() -> None:
+    models = {get_type_hints(kind.read)["return"] for kind in BY_TYPE.values()}
+    assert models == INSTRUMENTS.keys()
+
+
 # The thread -------------------------------------------------------------------------------------
 
 
@@ -514,7 +517,9 @@ def sensing_of(*sensors: Sensor, patient: bool = False, **subscribers: Subscribe
             Sensors(None, 100.0, 9.81), warnings.append, failures.append, lambda: patient
         )
         found = [
-            Channel(Instrument(each, 0, "/", 100.0), subscribers[each.name], 100.0)
+            Channel(
+                INSTRUMENTS[type(each.model)](each, 0, "/", 100.0), subscribers[each.name], 100.0
+            )
             for each in sensors
         ]
         sensing.enter(0, SensedRobot(description, driven.plant.joints, driven.held), found)
@@ -573,7 +578,7 @@ def test_nothing_is_measured_that_nobody_subscribes_to(monkeypatch: pytest.Monke
     """No ray of a camera is cast before; then only what is wanted is made of them."""
     casts: list[object] = []
     monkeypatch.setattr(
-        instruments, "cast", lambda rays, *others: casts.append(rays) or cast(rays, *others)
+        instrument, "cast", lambda rays, *others: casts.append(rays) or cast(rays, *others)
     )
     topics = {output: output for output in ("image", "depth", "camera_info", "points")}
     model = Camera(1.0, 8, 6, 0.1, 9.0, 0.1, 9.0)
@@ -616,7 +621,7 @@ def test_a_sensor_that_keeps_up_but_for_a_moment_is_not_reported() -> None:
     """It would be "15 of 15 Hz"."""
     model = Camera(1.0, 8, 6, 0.1, 9.0, 0.1, 9.0)
     found = Sensor("eye", "base_link", Origin(), 15.0, {"image": "image"}, "base_link", model)
-    channel = Channel(Instrument(found, 0, "/", 100.0), Subscriber(), 100.0)
+    channel = Channel(INSTRUMENTS[type(model)](found, 0, "/", 100.0), Subscriber(), 100.0)
     assert channel.warning(0.5) == ""
     channel.done, channel.dropped = 895, 5
     assert channel.warning(70.0) == ""

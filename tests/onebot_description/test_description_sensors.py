@@ -6,8 +6,11 @@ from pathlib import Path
 import pytest
 
 from onebot_description.description import DescriptionError, describe, load_description
-from onebot_description.description.description import Camera, Fan, Imu, Lidar, Noise
 from onebot_description.description.loading import load_sensors, parse_description
+from onebot_description.description.sensors.camera import Camera
+from onebot_description.description.sensors.imu import Imu
+from onebot_description.description.sensors.lidar import Fan, Lidar
+from onebot_description.description.sensors.noise import Noise
 from onebot_description.geometry.poses import Origin
 from tests.onebot_bringup.cli_support import onebot
 from tests.onebot_description.sensor_blocks import RAY, VALUES, block, camera, read

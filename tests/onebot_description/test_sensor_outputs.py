@@ -6,8 +6,8 @@ import re
 import pytest
 
 from onebot_description.description import describe
-from onebot_description.description.description import Noise
 from onebot_description.description.loading import parse_description
+from onebot_description.description.sensors.noise import Noise
 from tests.onebot_description.sensor_blocks import (
     RAY,
     VALUES,
@@ -362,6 +362,12 @@ def test_a_type_that_is_not_made_is_one_warning(asked):
     (warning,) = found.warnings
     assert warning.startswith('r:2: <gazebo> sensor "s" plugin "p": ') and asked in warning
     assert "sensor_msgs/LaserScan, sensor_msgs/PointCloud2, sensor_msgs/PointCloud" in warning
+
+
+def test_beside_a_sensor_that_publishes_nothing_another_keeps_its_topics():
+    asks = plugin(child(output_type="geometry_msgs/Vector3"), "libgazebo_ros_laser.so")
+    found = read(rays(asks, name="asks"), rays(name="scans"))
+    assert topics(found) == {"scan": "scan", "points": "scan/points"}
 
 
 def test_each_plugin_of_a_sensor_publishes():

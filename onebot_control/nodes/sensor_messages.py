@@ -1,0 +1,143 @@
+"""Converts what sensors measure to their messages."""
+
+import struct
+from array import array
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import (
+    CameraInfo,
+    Image,
+    LaserScan,
+    PointCloud,
+    PointCloud2,
+    PointField,
+    Range,
+)
+from sensor_msgs.msg import Imu as ImuMessage
+from std_msgs.msg import Header
+
+from onebot_control.sensing.camera import calibration
+from onebot_control.sensing.clouds import finite
+from onebot_control.sensing.lidar import angles
+from onebot_description.description.sensors.camera import Camera
+from onebot_description.description.sensors.imu import Imu
+from onebot_description.description.sensors.kinds import MESSAGE_TYPES
+from onebot_description.description.sensors.lidar import RADIATIONS, Lidar
+from onebot_description.description.sensors.noise import Noise
+
+_FIELDS = {np.dtype("<f4"): PointField.FLOAT32, np.dtype("<u2"): PointField.UINT16}
+
+
+def _scan(header: Header, lidar: Lidar, rate: float, ranges: NDArray[np.float32]) -> LaserScan:
+    first, last = angles(lidar.horizontal)[[0, -1]].tolist()
+    steps = lidar.horizontal.samples - 1
+    return LaserScan(
+        header=header,
+        angle_min=first,
+        angle_max=last,
+        angle_increment=(last - first) / steps if steps else 0.0,
+        scan_time=1.0 / rate,
+        range_min=lidar.least,
+        range_max=lidar.greatest,
+        ranges=array("f", ranges.tobytes()),
+    )
+
+
+def _range(header: Header, lidar: Lidar, rate: float, distance: np.float32) -> Range:
+    return Range(
+        header=header,
+        radiation_type=RADIATIONS.index(lidar.radiation),
+        field_of_view=lidar.field_of_view,
+        min_range=lidar.least,
+        max_range=lidar.greatest,
+        range=float(distance),
+    )
+
+
+def _point_cloud(header: Header, lidar: Lidar, rate: float, cloud: NDArray[np.void]) -> bytes:
+    """Return a PointCloud as bytes, because its points would be Python objects."""
+    points = finite(cloud)[0]
+    xyz = np.stack([points[name] for name in "xyz"], axis=-1)
+    head = serialize_message(PointCloud(header=header))[:-8]  # two empty sequences
+    count = struct.pack("<I", len(points))
+    intensities = struct.pack("<II12s", 1, 10, b"intensity") + count + bytes(4 * len(points))
+    serialized: bytes = head + count + xyz.tobytes() + intensities
+    return serialized
+
+
+def _imu(
+    header: Header, imu: Imu, rate: float, values: tuple[NDArray[np.float64] | None, ...]
+) -> ImuMessage:
+    message = ImuMessage(header=header)
+    parts = message.orientation, message.angular_velocity, message.linear_acceleration
+    for part, vector in zip(parts, values, strict=True):
+        numbers = [] if vector is None else vector.tolist()
+        for name, number in zip("xyzw", numbers, strict=False):  # vectors have no w
+            setattr(part, name, number)
+    if imu.reference is None:
+        message.orientation_covariance[0] = -1.0  # as REP-145 and the message have it
+    message.angular_velocity_covariance = _covariance(imu.angular_velocity)
+    message.linear_acceleration_covariance = _covariance(imu.linear_acceleration)
+    return message
+
+
+def _covariance(noises: Iterable[Noise]) -> NDArray[np.float64]:
+    """Return the covariance matrix (9,), row by row, of values that are independent."""
+    return np.diag([noise.variance for noise in noises]).ravel()
+
+
+def _image(header: Header, camera: Camera, rate: float, pixels: NDArray[Any]) -> Image:
+    height, width = pixels.shape[:2]
+    return Image(
+        header=header,
+        height=height,
+        width=width,
+        encoding="rgb8" if pixels.dtype == np.uint8 else "32FC1",
+        step=pixels.nbytes // height,
+        data=array("B", pixels.tobytes()),
+    )
+
+
+def _camera_info(header: Header, camera: Camera, rate: float, _: object) -> CameraInfo:
+    size = {"width": camera.width, "height": camera.height}
+    return CameraInfo(header=header, **size, **calibration(camera))
+
+
+def _points(header: Header, model: object, rate: float, points: NDArray[np.void]) -> PointCloud2:
+    height, width = points.shape
+    kinds = points.dtype.fields
+    assert kinds is not None
+    fields = [
+        # Colours are packed into a float, as in PCL.
+        PointField(name=name, offset=kind[1], datatype=_FIELDS.get(kind[0], 7), count=1)
+        for name, kind in kinds.items()
+    ]
+    return PointCloud2(
+        header=header,
+        height=height,
+        width=width,
+        fields=fields,
+        point_step=points.itemsize,
+        row_step=points.itemsize * width,
+        data=array("B", points.tobytes()),
+        is_dense=bool(np.isfinite(points["x"]).all()),
+    )
+
+
+Converter = Callable[[Header, Any, float, Any], Any]
+_CONVERTERS: Mapping[str, tuple[type, Converter]] = {
+    "sensor_msgs/msg/LaserScan": (LaserScan, _scan),
+    "sensor_msgs/msg/Range": (Range, _range),
+    "sensor_msgs/msg/PointCloud": (PointCloud, _point_cloud),
+    "sensor_msgs/msg/PointCloud2": (PointCloud2, _points),
+    "sensor_msgs/msg/Imu": (ImuMessage, _imu),
+    "sensor_msgs/msg/Image": (Image, _image),
+    "sensor_msgs/msg/CameraInfo": (CameraInfo, _camera_info),
+}
+MESSAGES = {output: _CONVERTERS[message] for output, message in MESSAGE_TYPES.items()}
+"""By output: the message type, and the function that makes the message, or its bytes, of a header,
+the sensor's model, its rate (Hz) and what it measures."""

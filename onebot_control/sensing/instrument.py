@@ -1,0 +1,140 @@
+"""What measures with one sensor of one robot, and the world that it measures in."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence, Set
+from functools import cached_property
+from typing import Any, ClassVar, Generic, NamedTuple, TypeVar
+
+import numpy as np
+
+from onebot_control.controlled_robot import Snapshot
+from onebot_control.sensing.noise import bias, noise_of
+from onebot_control.sensing.painter import Painter
+from onebot_control.sensing.rays import Hits, Rays, cast
+from onebot_control.sensing.surroundings import LinkPose, Placed, SensedRobot
+from onebot_description.arrays import Floats
+from onebot_description.description.sensors.noise import Noise
+from onebot_description.description.sensors.sensor import Sensor, SensorModel
+from onebot_description.geometry import matrices
+from onebot_description.geometry.poses import Quaternion, Transform
+
+M = TypeVar("M", bound=SensorModel)
+
+
+class Frame(NamedTuple):
+    """The state of a world in one control cycle, for its sensors."""
+
+    tick: int  # control cycles done before this one
+    stamp: int  # of the cycle, ns
+    snapshots: Sequence[Snapshot]  # of the robots
+    before: Sequence[Snapshot] | None  # one cycle ago; None if not known
+    boxes: Sequence[Transform]  # poses of movable boxes
+    robots: Sequence[SensedRobot]
+    starts: Sequence[Quaternion]  # rotations of the robots in the first cycle
+
+
+class SensedWorld(NamedTuple):
+    """The surroundings at the time of a frame, to measure in."""
+
+    frame: Frame
+    placed: Placed
+    painter: Painter
+    period: float  # control cycle, s
+    gravity: float  # m/s^2
+
+
+class Instrument(ABC, Generic[M]):
+    """Measures with one sensor of one robot; each kind of sensor has a subclass.
+
+    Attributes:
+        waiting: how many measurements may wait; those of which more may wait are made first.
+        needs_embree: whether it cannot measure without Embree.
+        sensor: the sensor's description.
+        model: what it measures.
+        row: index of the robot in its fleet.
+        rate: measurements per simulated second, Hz: the sensor's, or one in each control cycle.
+    """
+
+    waiting: ClassVar[int]
+    needs_embree: ClassVar[bool] = False
+
+    def __init__(
+        self,
+        sensor: Sensor,
+        row: int,
+        namespace: str,
+        cycles: float,
+        noisy: bool = True,
+        seed: int = 0,
+    ) -> None:
+        """Prepare to measure.
+
+        Args:
+            sensor: the sensor's description.
+            row: index of the robot in its fleet.
+            namespace: of the robot; the noise depends on it.
+            cycles: control cycles per second, Hz.
+            noisy: whether measurements have the sensor's noise.
+            seed: of the noise.
+        """
+        self.sensor, self.row, self._noisy, self._seed = sensor, row, noisy, seed
+        model: Any = sensor.model  # of this kind, by the table of instruments
+        self.model: M = model
+        self.rate = min(sensor.rate or cycles, cycles)
+        self._name = f"{namespace}/{sensor.link}/{sensor.name}"
+        self._mount = matrices.of_origin(sensor.origin)
+
+    @abstractmethod
+    def measure(self, world: SensedWorld, wanted: Set[str]) -> dict[str, Any]:
+        """Measure with the sensor.
+
+        Args:
+            world: to measure in.
+            wanted: the outputs to compute, keys of ``Sensor.topics``.
+
+        Returns:
+            At least the wanted outputs, by name.
+        """
+
+    @property
+    @abstractmethod
+    def noises(self) -> Sequence[Noise]:
+        """The noises that have constant ``offsets``."""
+
+    @cached_property
+    def offsets(self) -> Floats:
+        """The constant offsets of the noises."""
+        once = noise_of(self._name, -1, self._seed)
+        return np.array([bias(noise, once) for noise in self.noises])
+
+    def generator(self, frame: Frame) -> "np.random.Generator | None":
+        """Return the generator of the noise in a frame; None for no noise."""
+        return noise_of(self._name, frame.tick, self._seed) if self._noisy else None
+
+    def reseed(self, seed: int) -> None:
+        """Use another seed for all noise from now on."""
+        self._seed = seed
+        self.__dict__.pop("offsets", None)
+
+    def pose(self, placed: Placed) -> LinkPose:
+        """Return the pose of the sensor in the world."""
+        link = placed.link(self.row, self.sensor.link)
+        assert link is not None
+        turn, at = self._mount[:3, :3], self._mount[:3, 3]
+        return LinkPose(link.rotation @ turn, link.rotation @ at + link.position)
+
+    def hits(self, world: SensedWorld, pose: LinkPose, rays: Rays, reach: float) -> Hits:
+        """Return what the sensor's rays hit, other than the link that carries it."""
+        placed = world.placed
+        own = placed.surroundings.target(self.row, self.sensor.link)
+        return cast(rays, *pose, placed.surroundings.still, placed.targets, reach, [own])
+
+    def seen_from(
+        self, world: SensedWorld, pose: LinkPose, otherwise: Floats
+    ) -> tuple[Floats, Floats]:
+        """Return the sensor's pose in its messages' frame; if that is no link, ``otherwise``."""
+        frame = world.placed.link(self.row, self.sensor.frame)
+        if frame is None:
+            return otherwise, np.zeros(3)
+        back = frame.rotation.T
+        return back @ pose.rotation, back @ (pose.position - frame.position)

@@ -1,0 +1,156 @@
+"""Reads values from one ``<sensor>`` and its plugins; what cannot be read becomes a problem."""
+
+import math
+from collections.abc import Iterator
+
+from onebot_description.description.frames import Frames
+from onebot_description.description.reading import Element, Findings, number_fault
+from onebot_description.geometry.poses import Origin
+from onebot_description.ros.parameters.values import Rule, ValueType
+
+ANY, POSITIVE, NOT_NEGATIVE = Rule(), Rule(above=0.0), Rule(at_least=0.0)
+
+# Placeholders for SDFormat's defaults, which exporters write out.
+_PLACEHOLDERS = ("__default_topic__", "__default__")
+
+
+def inside(element: Element) -> Iterator[Element]:
+    """Yield all elements inside of one, except those of plugins."""
+    for child in element:
+        if child.tag != "plugin":
+            yield child
+            yield from inside(child)
+
+
+def text_of(element: Element, *tags: str) -> str:
+    """Return the text of the first of these elements inside that has one, outside of plugins."""
+    texts = [(each.tag, (each.text or "").strip()) for each in inside(element)]
+    found = (text for tag in tags for name, text in texts if name == tag)
+    return next((text for text in found if text and text not in _PLACEHOLDERS), "")
+
+
+def is_false(text: str) -> bool:
+    """Return whether SDFormat reads a text as false."""
+    return text.strip().lower() in ("false", "0")
+
+
+class Block:
+    """One <sensor> while it is read.
+
+    Attributes:
+        findings: of its document; faults are added.
+        element: the <sensor>.
+        link: that it lies in.
+        frames: of the robot.
+        pose: of the sensor, relative to the link.
+        wrong: whether it has a problem, because of which it is left out.
+    """
+
+    def __init__(self, findings: Findings, element: Element, link: str, frames: Frames) -> None:
+        self.findings, self.element, self.link, self.frames = findings, element, link, frames
+        self.pose, self.wrong = Origin(), False
+
+    def problem(self, text: str, element: Element | None = None) -> None:
+        """Report a problem, because of which the sensor is left out."""
+        self.wrong = True
+        self.findings.problem(self.element if element is None else element, text)
+
+    def child(self, *tags: str) -> Element:
+        """Return the element with the values; in some robots that is the <sensor> itself."""
+        elements = (self.element.find(tag) for tag in tags)
+        return next((element for element in elements if element is not None), self.element)
+
+    def number(self, parent: Element, path: str, default: float | None, rule: Rule = ANY) -> float:
+        """Return a value that is checked by a rule; 0 if it is wrong.
+
+        Args:
+            parent: contains the value's element.
+            path: of that element.
+            default: the value if there is no such element; None if there has to be one.
+            rule: of the value.
+        """
+        element = parent.find(path)
+        text = "" if element is None else (element.text or "").strip()
+        if element is None:
+            if default is None:
+                self.problem(f"has no <{path}>", parent)
+            return float(default or 0)
+        fault = number_fault(text) if text else "is empty; write a number"
+        try:
+            if fault is None:
+                return float(ValueType(float, rule).checked(float(text)))
+        except ValueError as error:
+            fault = str(error)
+        self.problem(fault, element)
+        return 0.0
+
+    def count(self, parent: Element, path: str, default: int | None, most: int) -> int:
+        """Return a whole number from 1 to ``most``; 0 if it is wrong. See ``number``."""
+        value = self.number(parent, path, default, Rule(at_least=1, at_most=most))
+        if not value.is_integer():
+            text = (parent.findtext(path) or "").strip()
+            self.problem(f"{text} is no whole number", parent.find(path))
+            return 0
+        return int(value)
+
+    def of_plugin(self, plugin: Element, tags: str, rule: Rule) -> float | None:
+        """Return the value of the first of these elements that a plugin has."""
+        written = (tag for tag in tags.split() if plugin.find(tag) is not None)
+        return next((self.number(plugin, tag, 0.0, rule) for tag in written), None)
+
+    def narrowed(
+        self, plugin: Element, lows: str, highs: str, limits: tuple[float, float]
+    ) -> tuple[float, float]:
+        """Return a range, narrowed by the limits in a plugin, elements ``lows`` and ``highs``."""
+        low = self.of_plugin(plugin, lows, NOT_NEGATIVE)
+        high = self.of_plugin(plugin, highs, POSITIVE)
+        if low is None and high is None:
+            return limits
+        least, greatest = limits
+        least, greatest = max(least, low or 0.0), min(greatest, math.inf if high is None else high)
+        if not least < greatest and not self.wrong:
+            tags = [tag for tag in (*lows.split(), *highs.split()) if plugin.find(tag) is not None]
+            text = f"{' and '.join(map('<{}>'.format, tags))} leave nothing of "
+            text += f"{limits[0]:g} to {limits[1]:g} m, which is measured; change them"
+            self.problem(text, plugin)
+        return least, greatest
+
+    def check_order(
+        self, element: Element, path: str, low: str, least: float, high: str, greatest: float
+    ) -> None:
+        """Report a range whose ends, elements ``low`` and ``high``, are not in ascending order."""
+        if not least < greatest and not self.wrong:
+            text = f"<{low}> {least:g} is not below <{high}> {greatest:g}; swap or change them"
+            self.problem(text, element.find(path))
+
+    def numbers(self, element: Element, names: str) -> list[float]:
+        """Return an element's numbers, one for each of ``names``; zeros if empty or wrong."""
+        words, count = (element.text or "").split(), len(names.split())
+        fault = next(filter(None, map(number_fault, words)), None)
+        if fault is None and len(words) == count:
+            return [*map(float, words)]
+        if words:
+            text = fault or f"holds {len(words)} numbers; write {names}"
+            self.problem(text, element)
+        return [0.0] * count
+
+    def frame(self, element: Element, name: str) -> str:
+        """Return the link whose frame has this name; "" means the sensor's link."""
+        link = self.frames.link(name, self.link)
+        if link is None:
+            hint = self.findings.hint(name, self.frames.names, "links and joints")
+            self.problem(f'there is no frame "{name}"{hint}', element)
+        return link or self.link
+
+    def read_pose(self) -> None:
+        """Read the pose of the sensor."""
+        element = self.element.find("pose")
+        if element is None:
+            return
+        frame = element.get("relative_to", "").strip()
+        link = self.frame(element, frame)
+        x, y, z, *angles = self.numbers(element, "x y z roll pitch yaw")
+        if element.get("degrees", "").strip().lower() in ("true", "1"):
+            angles = [*map(math.radians, angles)]
+        pose = Origin((x, y, z), (angles[0], angles[1], angles[2]))
+        self.pose = pose if link == self.link else self.frames.relative(pose, link, self.link)

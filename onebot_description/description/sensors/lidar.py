@@ -1,0 +1,213 @@
+"""Range finders: lidars of one or several rows of rays, sonars and cliff sensors."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+from onebot_description.description.reading import Element
+from onebot_description.description.sensors.block import (
+    NOT_NEGATIVE,
+    POSITIVE,
+    Block,
+    is_false,
+    text_of,
+)
+from onebot_description.description.sensors.kind import Kind, Substitute, joined
+from onebot_description.description.sensors.noise import Noise, read_noise
+from onebot_description.description.sensors.sensor import SensorModel
+from onebot_description.ros.parameters.values import Rule
+
+RADIATIONS = ("ultrasound", "infrared")  # in the order of the constants of sensor_msgs/msg/Range
+
+
+class Fan(NamedTuple):
+    """Ray directions evenly spread over an angle, including both ends."""
+
+    samples: int = 1
+    least: float = 0.0  # rad
+    greatest: float = 0.0
+
+
+@dataclass(frozen=True)
+class Lidar(SensorModel):
+    """A range finder whose rays are in rows; x ahead, z up."""
+
+    horizontal: Fan  # rays of a row, about z
+    vertical: Fan  # rows, upwards
+    least: float  # range, m
+    greatest: float
+    noise: Noise = Noise()
+    is_organized: bool = True  # whether clouds have points for rays that hit nothing, too
+    radiation: str = "infrared"  # for Range messages, one of RADIATIONS
+    cone: float = 0.0  # field of view of Range messages, rad; 0: the angle of the rays
+
+    @property
+    def field_of_view(self) -> float:
+        """Field of view of Range messages: as set, or the greatest angle between rays, rad."""
+        spans = (fan.greatest - fan.least for fan in (self.horizontal, self.vertical))
+        return self.cone or max(spans)
+
+    @property
+    def rays(self) -> tuple[int, int]:
+        return self.vertical.samples, self.horizontal.samples
+
+    @property
+    def summary(self) -> str:
+        rows, columns = self.rays
+        ranges = f"{columns} {'range' if columns == 1 else 'ranges'} to {self.greatest:.4g} m"
+        return f"{rows} × {ranges}" if rows > 1 else ranges
+
+
+_MOST_RAYS = 300_000
+_TURN = 2 * math.pi + 1e-3  # full turns are written with few digits
+_ANGLE = Rule(at_least=-_TURN, at_most=_TURN)
+_MESSAGES = {
+    "scan": "sensor_msgs/msg/LaserScan",
+    "points": "sensor_msgs/msg/PointCloud2",
+    "point_cloud": "sensor_msgs/msg/PointCloud",
+    "range": "sensor_msgs/msg/Range",
+}
+# The output that a plugin asks for, by its type in sensor_msgs.
+_BY_TYPE = {message.rpartition("/")[2]: output for output, message in _MESSAGES.items()}
+# Else the one with the first of these words in the name of the plugin's file.
+_WORDS = {
+    "points": "ray_sensor velodyne ouster livox",
+    "point_cloud": "block_laser",
+    "scan": "laser",
+    "range": "range sonar",
+}
+_SPELLINGS = {"ultrasonic": "ultrasound", "infared": "infrared"}  # the last by a plugin of ROS 1
+
+
+def _fan(tag: str, samples: int, angle: float) -> str:
+    angles = f"<min_angle>-{angle}</min_angle><max_angle>{angle}</max_angle>"
+    return f"<{tag}><samples>{samples}</samples>{angles}</{tag}>"
+
+
+def _inside(tag: str, fans: str, least: float, greatest: float) -> str:
+    limits = f"<range><min>{least}</min><max>{greatest}</max></range>"
+    return f"<{tag}><scan>{fans}</scan>{limits}</{tag}>"
+
+
+# What is in the blocks that replace plugins.
+_PLANE, _ROWS = _fan("horizontal", 360, 3.14), _fan("vertical", 16, 0.26)
+_IN_PLANE = _inside("lidar", _PLANE, 0.1, 12)
+_IN_ROWS = _inside("lidar", _PLANE + _ROWS, 0.1, 12)
+_CONE = _inside("ray", _fan("horizontal", 5, 0.1), 0.02, 4)
+_CONE += '<plugin name="range" filename="libgazebo_ros_range.so"/>'
+
+
+class LidarKind(Kind[Lidar]):
+    """How a range finder is described."""
+
+    types = ("lidar", "gpu_lidar", "ray", "gpu_ray")
+    message_types = _MESSAGES
+    own_frame = ("scan", "range")
+    frame_tags = ()
+    elements = {
+        "sensor": "ray lidar",
+        **dict.fromkeys(("ray", "lidar"), "scan range noise visibility_mask"),
+        "scan": "horizontal vertical",
+        **dict.fromkeys(("horizontal", "vertical"), "samples resolution min_angle max_angle"),
+        "range": "min max resolution",
+    }
+    plugin_elements = (
+        "topicName output_type outputType min_range max_range gaussianNoise gaussian_noise "
+        "radiation_type radiationType radiation fov organize_cloud"
+    )
+    substitutes = (
+        Substitute(3, "velodyne|ouster|livox", "lidar", "gpu_lidar", "10", _IN_ROWS),
+        Substitute(4, r"sonar|ultrasonic|(?<![a-z])range", "range", "ray", "10", _CONE),
+        Substitute(5, "laser|lidar|hokuyo|ray_sensor", "lidar", "gpu_lidar", "10", _IN_PLANE),
+    )
+    _made = ""  # the output of the plugin
+
+    @staticmethod
+    def read(block: Block) -> Lidar:
+        ray = block.child("ray", "lidar")
+        across, up = (_read_fan(block, ray, f"scan/{each}") for each in ("horizontal", "vertical"))
+        least = block.number(ray, "range/min", 0.0, NOT_NEGATIVE)
+        greatest = block.number(ray, "range/max", None, POSITIVE)
+        block.check_order(ray, "range", "min", least, "max", greatest)
+        if across.samples * up.samples > _MOST_RAYS and not block.wrong:
+            rays = f"{across.samples} x {up.samples} rays are more than {_MOST_RAYS}"
+            block.problem(f"{rays}; lower <samples>")
+        noise = read_noise(block, block.element.find(".//noise"))  # some have it beside <ray>
+        return Lidar(across, up, least, greatest, noise)
+
+    def limited(self, block: Block, model: Lidar, plugin: Element, stddev: float) -> Lidar:
+        limits = model.least, model.greatest
+        least, greatest = block.narrowed(plugin, "min_range", "max_range", limits)
+        is_range = self._made == "range"
+        return replace(
+            model,
+            least=least,
+            greatest=greatest,
+            noise=model.noise.plus(stddev),
+            is_organized=not is_false(text_of(plugin, "organize_cloud")),
+            cone=(is_range and block.of_plugin(plugin, "fov", NOT_NEGATIVE)) or 0.0,
+            radiation=_radiation(block, plugin) if is_range else "infrared",
+        )
+
+    @property
+    def publishes(self) -> bool:
+        return super().publishes or bool(self._made or self.fault)
+
+    def read_plugin(self, plugin: Element) -> dict[str, str]:
+        if asked := text_of(plugin, "output_type", "outputType"):
+            self._made = _BY_TYPE.get(asked.rpartition("/")[2], "")
+            if not self._made:
+                text = f"asks for {asked}, which cannot be made of rays, so it publishes nothing"
+                types = ", ".join(f"sensor_msgs/{each}" for each in _BY_TYPE)
+                self.fault = f"{text}; write one of: {types}"
+        else:
+            known = ((made, word) for made, words in _WORDS.items() for word in words.split())
+            self._made = next((made for made, word in known if word in self.file), "")
+        return super().read_plugin(plugin)
+
+    def made(self, rows: int) -> tuple[str, ...]:
+        if self.fault or self._made:
+            return () if self.fault else (self._made,)
+        made = ("points", "scan") if rows > 1 else ("scan", "points")
+        return made[:1] if self.named else made
+
+    def default_topics(self, outputs: tuple[str, ...], below: str) -> dict[str, str]:
+        own = self.topic or joined(below, outputs[0].replace("point_cloud", "points"))
+        names = dict.fromkeys(outputs, own)
+        if self.topic or outputs[0] == "scan":
+            names["points"] = f"{own}/points"
+        elif "scan" in outputs:
+            names["scan"] = f"{below or self.sensor_name}/scan"
+        return names
+
+
+def _read_fan(block: Block, ray: Element, path: str) -> Fan:
+    element = ray.find(path)
+    if element is None:
+        if path.endswith("horizontal"):
+            block.problem(f"has no <{path}>; write its <samples>, <min_angle> and <max_angle>")
+        return Fan()
+    samples = block.count(element, "samples", None, _MOST_RAYS)
+    count = max(1, round(samples * block.number(element, "resolution", 1.0, POSITIVE)))
+    least = block.number(element, "min_angle", 0.0, _ANGLE)
+    greatest = block.number(element, "max_angle", 0.0, _ANGLE)
+    if count > _MOST_RAYS and not block.wrong:
+        block.problem(f"{count} rays are more than {_MOST_RAYS}; lower <samples>", element)
+    if count > 1:
+        block.check_order(ray, path, "min_angle", least, "max_angle", greatest)
+        if greatest - least > _TURN:
+            block.problem("min_angle to max_angle is more than a turn (6.2832 rad)", element)
+    return Fan(count, least, greatest)
+
+
+def _radiation(block: Block, plugin: Element) -> str:
+    """Return the radiation of a plugin that publishes Range messages."""
+    text = text_of(plugin, "radiation_type", "radiationType", "radiation")
+    radiation = _SPELLINGS.get(text, text)
+    if text and radiation not in RADIATIONS:
+        kinds = ", ".join(RADIATIONS)
+        fault = f'has the unknown radiation "{text}", so it is infrared; write one of: {kinds}'
+        block.findings.warning(plugin, fault)
+    file = plugin.get("filename", "")
+    is_sonar = not text and ("gazebo_ros_range" in file or "sonar" in file)
+    return "ultrasound" if is_sonar or radiation == "ultrasound" else "infrared"

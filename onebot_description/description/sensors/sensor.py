@@ -1,0 +1,35 @@
+"""A simulated sensor as plain values, and what the models of all kinds of sensors have."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from onebot_description.geometry.poses import Origin
+
+
+class SensorModel(ABC):
+    """What a sensor measures; each kind of sensor has a model of its own."""
+
+    @property
+    @abstractmethod
+    def summary(self) -> str:
+        """What it measures, as ``onebot check`` prints it."""
+
+    @property
+    def rays(self) -> tuple[int, int]:
+        """The number of rows of a lidar, and of rays in each row; one of both for the others."""
+        return 1, 1
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """One simulated <sensor>, or what one of its plugins publishes."""
+
+    name: str
+    link: str
+    origin: Origin  # relative to the link
+    rate: float  # measurements per simulated second, Hz; 0: one in each control cycle
+    topics: Mapping[str, str]  # relative or absolute names, by output
+    frame: str  # frame_id of the messages, usually a link
+    model: SensorModel
+    where: str = field(default="", compare=False)

@@ -1,0 +1,144 @@
+"""Warns of what is not read: unknown elements, and sensors and plugins in the wrong place."""
+
+import re
+from collections.abc import Collection, Iterator
+
+from onebot_description.description.reading import Element, Findings, number_fault
+from onebot_description.description.sensors.block import text_of
+from onebot_description.description.sensors.kind import Substitute
+from onebot_description.description.sensors.kinds import ELEMENTS, SUBSTITUTES
+
+RATES = ("update_rate", "updateRate", "updateRateHZ")  # the last two are plugins'
+_IN_ANY_PLUGIN = (
+    "ros namespace remapping argument qos robotNamespace frame_name frameName gz_frame_id "
+    "ignition_frame_id frame_id always_on alwaysOn visualize"
+)
+_NOTHING = ("0", "false", "none", "")  # values of a plugin's child that ask for nothing
+
+_TRUTH = re.compile(r"p3d|ground_?truth")
+# Plugins of gz sim's world, and those that move a body, are not sensors.
+_NO_SENSOR = re.compile(
+    r"-system|force|drive|gripper|grasp|wrench|control|joint|attach|lift|buoy|thrust|propel|wind"
+)
+_LINKS = ("bodyName", "body_name", "link")
+
+
+def warn_of_unknown(findings: Findings, element: Element) -> None:
+    """Warn of elements inside of a <sensor> that are not read: a name may be misspelt."""
+    known = ELEMENTS.get(element.tag)
+    if known is None:
+        return
+    for child in element:
+        if child.tag not in known:
+            hint = findings.hint(child.tag, known, "known here")
+            text = f"is not simulated inside <{element.tag}>, so it is ignored{hint}"
+            findings.warning(child, text)
+        warn_of_unknown(findings, child)
+
+
+def warn_of_unread(
+    findings: Findings, plugin: Element, of_kind: str, idle: Collection[tuple[str, str]]
+) -> None:
+    """Warn of what is not read of a plugin in a <sensor>, in one warning.
+
+    Args:
+        findings: the warning is added.
+        plugin: of the <sensor>.
+        of_kind: elements that are read in the plugins of its kind.
+        idle: remappings of the plugin that match no topic.
+    """
+    known = [*_IN_ANY_PLUGIN.split(), *of_kind.split(), *RATES]
+    children = [*plugin, *plugin.iterfind("ros/*")]
+    unread = [child.tag for child in children if child.tag not in known and _asks(child)]
+    rules = [f"<remapping> {old}:={new}" for old, new in idle]
+    names = ", ".join([*(f"<{tag}>" for tag in dict.fromkeys(unread)), *rules])
+    if len(unread) == 1 and not rules:
+        hint = findings.hint(unread[0], known)
+        hint = hint if "did you mean" in hint else ""  # else it lists all that is known
+        findings.warning(plugin, f"{names} is not simulated, so it is ignored{hint}")
+    elif names:
+        findings.warning(plugin, f"{names}: nothing of the sensor reads this")
+
+
+def _asks(element: Element) -> bool:
+    """Return whether an element asks for anything; zeros and false do not."""
+    words = (element.text or "").split()
+    zeros = all(
+        word.lower() in _NOTHING or number_fault(word) is None and not float(word) for word in words
+    )
+    return len(element) > 0 or not zeros
+
+
+def warn_of_misplaced(
+    findings: Findings, parents: Collection[Element], links: Collection[str]
+) -> None:
+    """Warn of sensors outside of ``parents``, and of sensor plugins outside of a <sensor>."""
+    for element, path in _walk(findings.document.root, ()):
+        if element.tag == "sensor" and element.keys() and path[-1] not in parents:
+            link = _link_above(path) or _named(element, links) or "LINK"
+            text = f"lies in <{path[-1].tag}>, where it is not read; write <gazebo "
+            text += f'reference="{link}"> around it, directly in <robot>'
+            findings.warning(element, text)
+        elif element.tag == "plugin":
+            _warn_of_plugin(findings, element, _link_above(path), links)
+
+
+def _walk(
+    element: Element, path: tuple[Element, ...]
+) -> Iterator[tuple[Element, tuple[Element, ...]]]:
+    """Yield each sensor and plugin that is not inside another sensor, with its ancestors."""
+    for child in element:
+        if child.tag in ("sensor", "plugin"):
+            yield child, (*path, element)
+        if child.tag not in ("sensor", "ros2_control"):
+            yield from _walk(child, (*path, element))
+
+
+def _link_above(path: tuple[Element, ...]) -> str:
+    names = (
+        element.get("name" if element.tag == "link" else "reference", "")
+        for element in reversed(path)
+        if element.tag in ("link", "gazebo")
+    )
+    return next(filter(None, names), "")
+
+
+def _named(element: Element, links: Collection[str]) -> str:
+    """Return the link that an element inside names, like <parent link="..."/> in old URDF."""
+    texts = (text for inside in element.iter() for text in (inside.get("link"), inside.text))
+    return next((text.strip() for text in texts if text and text.strip() in links), "")
+
+
+def _warn_of_plugin(
+    findings: Findings, plugin: Element, above: str, links: Collection[str]
+) -> None:
+    words = f"{plugin.get('filename', '')} {plugin.get('name', '')}".lower()
+    if _NO_SENSOR.search(words):
+        return
+    substitute = next((each for each in SUBSTITUTES if re.search(each.words, words)), None)
+    is_truth, named = _TRUTH.search(words), text_of(plugin, *_LINKS)
+    if not (substitute or is_truth or named):
+        return
+    frame = text_of(plugin, "frame_name", "frameName")
+    link = named or above or (frame if frame in links else "")
+    place = f' on link "{link}"' if link else ""
+    text = f"is a sensor{place} without a <sensor>, so it is ignored"
+    if is_truth:
+        text += "; the true pose and twist are on ~/ground_truth of velocity_controller"
+    elif substitute:
+        text += f"; write {_written(substitute, plugin, link or 'LINK')}"
+    else:
+        known = ", ".join(dict.fromkeys(each.type for each in SUBSTITUTES))
+        text += f'; if it is like one, write <gazebo reference="{link}"><sensor name="NAME" '
+        text += f'type="TYPE"/></gazebo>, with TYPE one of: {known}'
+    findings.warning(plugin, text)
+
+
+def _written(substitute: Substitute, plugin: Element, link: str) -> str:
+    rate = text_of(plugin, "updateRate", *RATES)
+    if not rate or number_fault(rate):
+        rate = substitute.rate
+    return (
+        f'<gazebo reference="{link}"><sensor name="{substitute.name}" type="{substitute.type}">'
+        f"<update_rate>{rate}</update_rate>{substitute.inside}</sensor></gazebo>"
+    )
