@@ -1,10 +1,8 @@
 """Draws for ``onebot snapshot``: a running robot, a robot in a given pose, or a recording."""
 
-import re
 import sys
 from argparse import Namespace
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,14 +15,13 @@ from std_msgs.msg import Header, String
 
 from onebot_bringup.cli.running_robots import description_topics, frame_prefix
 from onebot_bringup.cli.session import PATIENCE, Session
-from onebot_bringup.cli.snapshot import NAMESPACE, kind_of
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
 from onebot_bringup.viewer.displays.tf_display import TF
 from onebot_bringup.viewer.inbox import DESCRIPTION
 from onebot_bringup.viewer.rendering import Framing, render
 from onebot_bringup.viewer.robot_view import RobotView
-from onebot_bringup.viewer.rrd import check_rrd, has_content, save_served
+from onebot_bringup.viewer.rrd import check_rrd, has_content
 from onebot_bringup.viewer.shown_robot import (
     ROBOT_DESCRIPTION,
     WORLD_DESCRIPTION,
@@ -39,9 +36,7 @@ from onebot_description.description.description import Mesh
 from onebot_description.errors import OneBotError, listing
 from onebot_description.model import RobotModel
 from onebot_description.model.robot_model import JointArrays
-from onebot_description.ros.node import LATCHED
 from onebot_description.ros.wire.messages import (
-    deserialize_message,
     time_message,
     transforms_message,
 )
@@ -52,27 +47,23 @@ if TYPE_CHECKING:
 
 def draw(args: Namespace, scene: Path) -> None:
     """Draw what the command line asks for; ``scene`` is a path for a temporary recording."""
-    kind = kind_of(args.source)
-    if kind == "rrd":
+    if args.kind == "rrd":
         source = Path(args.source)
         check_rrd(source)
         if has_content(source) is False:
             raise OneBotError(f"{source} holds nothing to draw")
         _render(args, source)
         return
-    page = 0
+    record = {
+        "running": _record_running,
+        "bag": _record_bag,
+        "description": _record_description,
+    }[args.kind]
     recording = open_recording(save=scene)
     try:
-        if kind == "running":
-            page = _record_running(args, recording.stream)
-        elif kind == "bag":
-            _record_bag(args, recording.stream)
-        else:
-            _record_description(args, recording.stream)
+        record(args, recording.stream)
     finally:
         recording.close()
-    if page:
-        save_served(page, scene)
     _render(args, scene)
 
 
@@ -98,27 +89,11 @@ _MESSAGES = 1.0  # seconds to wait for topics that are seldom published
 _LISTED = 5
 
 
-def _record_running(args: Namespace, recording: "rr.RecordingStream") -> int:
-    """Return the port of the running viewer's page, or 0 after recording the robots as they are.
-
-    The viewer is preferred for its trails and curves.
-    """
+def _record_running(args: Namespace, recording: "rr.RecordingStream") -> None:
     with Session(args.ros_args) as session:
-        if args.dashboard:
-            page = page_port(session, _FRAMES)
-            if not page:
-                raise OneBotError(
-                    f"no viewer's page on {session.full_name(_PAGE)}, and so no curves to draw; "
-                    "start the robot with viewer:=web, or draw a recording (save:=FILE.rrd). "
-                    "Without --dashboard, none is needed"
-                )
-            return page
-        names = running_robots(session, args.frame_prefix)
-        page = 0 if args.view or args.frame_prefix else page_port(session)
-        if not page:
-            for warning in RunningRobots(session, args.view, recording, names).record():
-                _warn(warning)
-        return page
+        robots = running_robots(session, args.frame_prefix)
+        for warning in RunningRobots(session, args.view, recording, robots).record():
+            _warn(warning)
 
 
 class RunningRobots:
@@ -345,37 +320,8 @@ def _record_bag(args: Namespace, recording: "rr.RecordingStream") -> None:
         recording,
         view=args.view,
         frame_prefix=args.frame_prefix,
-        namespace=args.arguments.get(NAMESPACE, ""),
+        namespace=args.namespace,
         from_start=False,
         progress=_progress,
         warn=_warn,
     )
-
-
-# --- the viewer of a running robot, which has earlier curves and trails -------------------------
-
-_PAGE = "rerun_viewer/page"
-# Only addresses on this host are accepted, whatever a page claims.
-_ADDRESS = re.compile(r"http://127\.0\.0\.1:(\d{1,5})/")
-
-
-def port_of(address: str) -> int:
-    """Parse the port in a page's address; 0 if it is not on this host."""
-    match = _ADDRESS.match(address)
-    return int(match[1]) if match else 0
-
-
-def page_port(session: Session, patience: float = PATIENCE) -> int:
-    """Return the port of the running viewer's page; 0 for none within ``patience`` seconds."""
-    ports: list[int] = []
-
-    def on_page(data: bytes) -> None:
-        with suppress(ValueError):
-            ports.append(port_of(deserialize_message(data, String).data))
-
-    topic = session.full_name(_PAGE)
-    session.node.create_subscription(String, topic, on_page, LATCHED, raw=True)
-    session.discover()
-    if session.node.count_publishers(topic):
-        session.spin(lambda: ports and ports[-1], patience)
-    return ports[-1] if ports else 0

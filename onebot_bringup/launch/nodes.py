@@ -296,6 +296,12 @@ NODES = (
     ),
 )
 
+BRINGUPS = {
+    "onebot_bringup": "onebot_bringup.launch.onebot_bringup",
+    "mrm_bringup": "mrm_description.launch.mrm_bringup",
+}
+"""The modules of the bringup commands, by name."""
+
 
 def output_path(text: str) -> Path:
     """Return the path of a file or folder to write; shells do not expand ~ in ``name:=~/x``."""
