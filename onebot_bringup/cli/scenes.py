@@ -9,17 +9,12 @@ from typing import TYPE_CHECKING
 
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.serialization import serialize_message
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Header, String
 
 from onebot_bringup.cli.running_robots import description_topics, frame_prefix
 from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
-from onebot_bringup.viewer.displays.tf_display import TF
-from onebot_bringup.viewer.inbox import DESCRIPTION
 from onebot_bringup.viewer.rendering import Framing, render
+from onebot_bringup.viewer.robot_messages import RobotMessages
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.rrd import check_rrd, has_content
 from onebot_bringup.viewer.shown_robot import (
@@ -35,11 +30,6 @@ from onebot_description.description import Description
 from onebot_description.description.description import Mesh
 from onebot_description.errors import OneBotError, listing
 from onebot_description.model import RobotModel
-from onebot_description.model.robot_model import JointArrays
-from onebot_description.ros.wire.messages import (
-    time_message,
-    transforms_message,
-)
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -91,7 +81,7 @@ _LISTED = 5
 
 def _record_running(args: Namespace, recording: "rr.RecordingStream") -> None:
     with Session(args.ros_args) as session:
-        robots = running_robots(session, args.frame_prefix)
+        robots = running_robots(session)
         for warning in RunningRobots(session, args.view, recording, robots).record():
             _warn(warning)
 
@@ -200,41 +190,30 @@ class RunningRobots:
         return f"{text} (frames received: {listing(frames)})"
 
 
-def running_robots(session: Session, prefix: str = "") -> list[RobotToShow]:
+def running_robots(session: Session) -> list[RobotToShow]:
     """Return the robots that run in the session's namespace and below, with their prefixes."""
-    namespace = session.node.get_namespace().rstrip("/")
     topic = session.full_name(ROBOT_DESCRIPTION)
-    topics = session.look_for(lambda: description_topics(session, namespace), f"a robot on {topic}")
+    topics = session.look_for(
+        lambda: description_topics(session, session.space), f"a robot on {topic}"
+    )
     if not topics:
-        others = description_topics(session)
-        there = [
-            f" (there: {listing(others)}; --ros-args -r __ns:={space} goes there)"
-            for space in _namespaces(others[:1])
-        ]
+        there = ""
+        if others := description_topics(session):
+            space = others[0].rpartition("/")[0] or "/"
+            there = f" (there: {listing(others)}; --ros-args -r __ns:={space} goes there)"
         raise OneBotError(
-            f"no robot is running: nothing on {topic}{''.join(there)}; start one "
-            "(onebot_bringup), or name its URDF or xacro file"
+            f"no robot is running: nothing on {topic}{there}; start one (onebot_bringup), or name "
+            "its URDF or xacro file"
         )
     session.discover()
-    topics = description_topics(session, namespace) or topics
-    if prefix and len(topics) > 1:
-        raise OneBotError(
-            f"--frame-prefix is one robot's, and several run, in {listing(_namespaces(topics))}: "
-            "choose one by --ros-args -r __ns:=NAMESPACE"
-        )
+    topics = description_topics(session, session.space) or topics
     robots = []
     for topic in topics:
-        space, of_robot = topic.rpartition("/")[0], prefix
-        if not prefix:
-            published = frame_prefix(session, session.publishers(topic))
-            # If there are several robots, each has a different prefix.
-            of_robot = prefixed("", len(topics) > 1, "", space) if published is None else published
-        robots.append(RobotToShow(space, of_robot, plotted=len(topics) == 1))
+        space, prefix = topic.rpartition("/")[0], frame_prefix(session, session.publishers(topic))
+        if prefix is None:  # if there are several robots, each has a different one
+            prefix = prefixed("", len(topics) > 1, "", space)
+        robots.append(RobotToShow(space, prefix, plotted=len(topics) == 1))
     return robots
-
-
-def _namespaces(topics: Sequence[str]) -> list[str]:
-    return [topic.rpartition("/")[0] or "/" for topic in topics]
 
 
 # --- a description at given joint positions -----------------------------------------------------
@@ -261,7 +240,7 @@ def record_pose(
     Returns:
         One sentence per thing that could not be drawn.
     """
-    model = RobotModel.from_description(description)
+    robot = RobotMessages(description)
     notices: list[str] = []
     source = ViewSource(view, notices.append)
     source.set_robot(description.robot_name)
@@ -269,22 +248,10 @@ def record_pose(
     if config.fixed_frame not in description.link_names:
         config = replace(config, fixed_frame="")
     robot_view = RobotView(recording, config, blueprint=source.blueprint_file, plots=False)
-    joints = JointState(
-        header=Header(stamp=time_message(_NOW_NS)), name=model.joints, position=positions.tolist()
-    )
-    for topic, kind, data in (
-        (ROBOT_DESCRIPTION, DESCRIPTION, serialize_message(String(data=description.urdf))),
-        ("/tf_static", TF, _tf_message(model.fixed, model.fixed.constant)),
-        ("/tf", TF, _tf_message(model.moving, model.moving.transforms(positions))),
-        ("joint_states", JOINT_STATE, serialize_message(joints)),
-    ):
-        robot_view.take(topic, kind.name, bytes(data), _NOW_NS)
+    messages = (*robot.standing(_NOW_NS), *robot.moving(_NOW_NS, positions))
+    for topic, kind, data in messages:
+        robot_view.take(topic, kind, data, _NOW_NS)
     return notices + robot_view.tick(_NOW_NS) + robot_view.finish()
-
-
-def _tf_message(joints: JointArrays, values: Floats) -> bytes:
-    message = transforms_message(time_message(_NOW_NS), joints.parents, joints.children, values)
-    return bytes(serialize_message(message))
 
 
 def _record_description(args: Namespace, recording: "rr.RecordingStream") -> None:
@@ -319,7 +286,6 @@ def _record_bag(args: Namespace, recording: "rr.RecordingStream") -> None:
         Bag(Path(args.source)),
         recording,
         view=args.view,
-        frame_prefix=args.frame_prefix,
         namespace=args.namespace,
         from_start=False,
         progress=_progress,

@@ -103,13 +103,6 @@ OPTIONS = (
         "how to look at it: .yaml, .rviz, .rbl or none (default: the view of its description)",
         default="",
     ),
-    option(
-        "--frame-prefix",
-        "PREFIX",
-        "of the robot's frames (default: as its robot_state_publisher has it; of a recording: as "
-        "its frames are)",
-        default="",
-    ),
 )
 
 
@@ -118,7 +111,7 @@ def parse_command_line(argv: Sequence[str]) -> Namespace:
 
     Returns:
         file, source, kind (of the source: "running", "rrd", "bag" or "description"), joints (by
-        name), width, height, camera (eye and target, or None), dashboard, view, frame_prefix,
+        name), width, height, camera (eye and target, or None), dashboard, view,
         package_path, arguments (by name; of xacro, or of a bag), namespace (of a bag) and ros_args.
     """
     parser = Parser("onebot snapshot", _SUMMARY, OPTIONS)
@@ -143,11 +136,6 @@ def _check(args: Namespace) -> None:
             raise UsageError("--joints is for a URDF or xacro file as SOURCE")
     if args.source is not None and args.ros_args:
         raise UsageError(f"--ros-args is for the running robot, not for {args.source}")
-    if args.frame_prefix and kind not in ("running", "bag"):
-        raise UsageError(
-            "--frame-prefix is for the running robot and for recordings of ROS messages, not for "
-            f"{args.source}"
-        )
     if kind == "rrd" and args.view:
         raise UsageError("a .rrd file has its view in it; --camera looks from somewhere else")
 

@@ -42,7 +42,6 @@ def test_command_line():
     assert args.joints == {"p": 0.5, "q": -0.01}
     assert (args.width, args.height, args.dashboard) == (1280, 720, False)
     args = parse_command_line(["a.png", "--ros-args", "-r", "__ns:=/left"])
-    assert parse_command_line(["a.png", "b.mcap", "--frame-prefix", "a/"]).frame_prefix == "a/"
     assert args.ros_args == ["--ros-args", "-r", "__ns:=/left"] and args.source is None
     assert parse_command_line(["a.png", "run", "namespace:=left"]).source == "run"
     bag = parse_command_line(["a.png", "run.mcap", "namespace:=left"])
@@ -65,8 +64,6 @@ def test_command_line():
         ["a.png", "b.rrd", "namespace:=left"],
         ["a.png", "b.mcap", "mesh:=no"],
         ["a.png", "b.urdf", "--ros-args", "-r", "__ns:=/left"],
-        ["a.png", "b.urdf", "--frame-prefix", "left/"],
-        ["a.png", "b.rrd", "--frame-prefix", "left/"],
     ],
 )
 def test_wrong_command_lines_are_refused(words: list[str]):
