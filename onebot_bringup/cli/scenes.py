@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 
+from onebot_bringup.cli.options import warn
 from onebot_bringup.cli.running_robots import description_topics, frame_prefix
 from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.viewer.display_server import open_recording
@@ -66,10 +67,6 @@ def _progress(message: str) -> None:
     print(message, file=sys.stderr, flush=True)
 
 
-def _warn(message: str) -> None:
-    _progress(f"warning: {message}")
-
-
 # --- the running robot --------------------------------------------------------------------------
 
 # Seconds to wait for descriptions and frames, which take less even on a busy machine.
@@ -83,7 +80,7 @@ def _record_running(args: Namespace, recording: "rr.RecordingStream") -> None:
     with Session(args.ros_args) as session:
         robots = running_robots(session)
         for warning in RunningRobots(session, args.view, recording, robots).record():
-            _warn(warning)
+            warn(warning)
 
 
 class RunningRobots:
@@ -259,13 +256,13 @@ def _record_description(args: Namespace, recording: "rr.RecordingStream") -> Non
     lacking = _mesh_problems(description)  # the view warns of them
     for text in description.notices:
         if not text.endswith(lacking):
-            _warn(text)
+            warn(text)
     positions = RobotModel.from_description(description).pose(args.joints)
     warnings = record_pose(description, positions, args.view, recording)
     for text in warnings:
         # Problems of the text itself were already reported with the lines of its file.
         if not text.startswith(f"{ROBOT_DESCRIPTION}:"):
-            _warn(text)
+            warn(text)
 
 
 def _mesh_problems(description: Description) -> tuple[str, ...]:
@@ -289,5 +286,5 @@ def _record_bag(args: Namespace, recording: "rr.RecordingStream") -> None:
         namespace=args.namespace,
         from_start=False,
         progress=_progress,
-        warn=_warn,
+        warn=warn,
     )

@@ -122,7 +122,7 @@ def parse_command_line(argv: Sequence[str]) -> Namespace:
     args.arguments = dict(word.split(":=", 1) for word in pairs)
     args.package_path = args.arguments.pop(PACKAGE_PATH, "")
     args.joints = dict(_joint(word) for word in args.joints)
-    args.kind = _kind_of(args.source)
+    args.kind = kind_of(args.source)
     _check(args)
     args.namespace = args.arguments.get(_NAMESPACE, "")
     return args
@@ -152,7 +152,7 @@ def _check_arguments(kind: str, given: Mapping[str, str]) -> None:
             raise UsageError(f"{name}:={value}: a .rrd file is drawn as it is")
 
 
-def _kind_of(source: str | None) -> str:
+def kind_of(source: str | None) -> str:
     """Return what ``source`` names: "running", "rrd", "bag" or "description"."""
     if source is None:
         return "running"

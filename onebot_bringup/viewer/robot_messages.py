@@ -10,6 +10,7 @@ from std_msgs.msg import Header, String
 from onebot_description.arrays import Floats
 from onebot_description.description import Description
 from onebot_description.model import RobotModel
+from onebot_description.model.robot_model import JointArrays
 from onebot_description.ros.wire.definition import type_name
 from onebot_description.ros.wire.messages import time_message, transforms_message
 
@@ -62,7 +63,7 @@ class RobotMessages:
         text = String(data=self._description.urdf)
         return [
             published(f"{self._space}robot_description", text),
-            self._transforms("/tf_static", stamp_ns, fixed.parents, fixed.children, fixed.constant),
+            self._transforms("/tf_static", stamp_ns, fixed, fixed.constant),
         ]
 
     def moving(self, stamp_ns: int, positions: Floats) -> list[Published]:
@@ -74,19 +75,15 @@ class RobotMessages:
         """
         moving, header = self.model.moving, Header(stamp=time_message(stamp_ns))
         state = JointState(header=header, name=self.model.joints, position=positions.tolist())
-        values = moving.transforms(positions)
         return [
-            self._transforms("/tf", stamp_ns, moving.parents, moving.children, values),
+            self._transforms("/tf", stamp_ns, moving, moving.transforms(positions)),
             published(f"{self._space}joint_states", state),
         ]
 
     def _transforms(
-        self,
-        topic: str,
-        stamp_ns: int,
-        parents: Sequence[str],
-        children: Sequence[str],
-        values: Floats,
+        self, topic: str, stamp_ns: int, joints: JointArrays, values: Floats
     ) -> Published:
-        names = [[self._prefix + link for link in links] for links in (parents, children)]
-        return published_transforms(topic, stamp_ns, *names, values)
+        parents, children = (
+            [self._prefix + link for link in links] for links in (joints.parents, joints.children)
+        )
+        return published_transforms(topic, stamp_ns, parents, children, values)
