@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 
 from onebot_bringup.bags.bag_recorder import RecorderParameters
-from onebot_bringup.cli.main import VERBS, subcommands
+from onebot_bringup.cli.verbs import VERBS, subcommands
 from onebot_bringup.launch.arguments import (
     Argument,
     description_arguments,

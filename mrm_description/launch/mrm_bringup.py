@@ -4,7 +4,7 @@
 import sys
 from collections.abc import Sequence
 
-from onebot_bringup.cli.main import run_bringup
+from onebot_bringup.launch.program import run_bringup
 
 TYPE_CHECKING = False  # typing is slow to import
 if TYPE_CHECKING:

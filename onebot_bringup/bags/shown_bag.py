@@ -16,6 +16,7 @@ from onebot_bringup.viewer.shown_robot import MOST_PLOTTED, WORLD_DESCRIPTION, R
 from onebot_bringup.viewer.view_source import ViewSource
 from onebot_description.description import Description, parse_description
 from onebot_description.errors import OneBotError, did_you_mean, listing, printable
+from onebot_description.ros.names import absolute
 from onebot_description.ros.wire.messages import tf_arrays
 
 if TYPE_CHECKING:
@@ -216,7 +217,7 @@ def robots_of(bag: Bag, namespace: str = "") -> list[RecordedRobot]:
     transforms = _tf_spaces(bag)
     spaces = described or [""]
     if namespace:
-        spaces = [f"/{namespace.strip('/')}".rstrip("/")]
+        spaces = [absolute(namespace)]
         known_spaces = {*described, *joints, *filter(None, transforms)}
         if spaces[0] not in known_spaces:
             hint = did_you_mean(namespace, {space or "/" for space in known_spaces}, "robots")

@@ -3,11 +3,11 @@
 import argparse
 import json
 import re
-import sys
 import time
 from argparse import Namespace
 from collections.abc import Callable, Iterable, Sequence
 from datetime import datetime
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +18,7 @@ from onebot_bringup.cli.options import (
     option,
     positional,
     positive,
+    warn,
 )
 from onebot_bringup.cli.session import Session, await_acknowledgements
 from onebot_description.errors import OneBotError, UsageError, did_you_mean
@@ -66,7 +67,7 @@ def _open(args: Namespace) -> "Bag":
 def _warn_of(bag: "Bag") -> None:
     """Print the warnings, each once."""
     for warning in bag.warnings:
-        print(f"warning: {warning}", file=sys.stderr)
+        warn(warning)
     bag.warnings.clear()
 
 
@@ -213,7 +214,7 @@ class _Player:
         if args.playback_duration is not None:
             self._end = min(self._end, self._begin + int(args.playback_duration * _NANO))
         self._publishers: dict[str, Any] = {}
-        self._other_types: set[str] = set()  # topics that also have messages of another type
+        self._warn_once = cache(warn)
         self._clock: Any = None
         self._next_tick = self._begin
 
@@ -278,7 +279,7 @@ class _Player:
             return self._session.node.create_publisher(kind, topic, qos)
         except (OneBotError, RCLError) as error:
             reason = str(error).partition("\n")[0]
-            print(f"warning: {topic} is not played: {reason}", file=sys.stderr)
+            warn(f"{topic} is not played: {reason}")
             return None
 
     def _play(self) -> None:
@@ -291,10 +292,7 @@ class _Player:
         self._next_tick = self._begin
         for topic, kind, stamp, data in self._bag.messages(list(self._publishers)):
             if (played := self._bag.topics[topic]) != kind:
-                if topic not in self._other_types:
-                    text = f"{topic} is played as {played}, not as {kind} as well"
-                    print(f"warning: {text}", file=sys.stderr)
-                self._other_types.add(topic)
+                self._warn_once(f"{topic} is played as {played}, not as {kind} as well")
                 continue
             if stamp < self._begin and topic not in latched:
                 continue

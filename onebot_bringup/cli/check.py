@@ -1,9 +1,9 @@
 """``onebot check``: checks a robot description and prints its tree."""
 
-import sys
 from collections.abc import Sequence
 from dataclasses import replace
 
+from onebot_bringup.cli.options import warn
 from onebot_bringup.launch.arguments import (
     PACKAGES,
     Argument,
@@ -49,5 +49,5 @@ def run(argv: Sequence[str]) -> int:
     replace(description, problems=(*description.problems, *faults)).raise_problems()
     print(describe(description, sizes))
     for warning in (*description.warnings, *size_warnings(description, sizes)):
-        print(f"warning: {warning}", file=sys.stderr)
+        warn(warning)
     return 0

@@ -1,26 +1,18 @@
-"""``onebot completion SHELL``, and the answer to each press of Tab, by argcomplete.
-
-Options are only defined in the commands: to complete, a command is run up to its argparse parser,
-or with ``--show-args`` until it has listed its launch arguments.
-"""
+"""``onebot completion SHELL``, and the completion of the words of ``onebot``."""
 
 import argparse
-import io
-import os
 from argparse import Namespace
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import redirect_stdout, suppress
-from functools import partial
-from importlib import import_module
-from pathlib import PurePath
-from typing import Any, NoReturn
+from contextlib import suppress
+from typing import Any
 
-from onebot_bringup.cli import main
+from onebot_bringup.cli import verbs
 from onebot_bringup.cli.options import Parser, positional
-from onebot_bringup.cli.run import BRINGUPS, EXECUTABLES
+from onebot_bringup.cli.run import EXECUTABLES
 from onebot_bringup.cli.running_controllers import running_controllers
 from onebot_bringup.cli.session import Session
-from onebot_bringup.launch.arguments import listed
+from onebot_bringup.launch.completion import choose, complete_command, files
+from onebot_bringup.launch.nodes import BRINGUPS
 from onebot_description.errors import OneBotError
 
 _SHELLS = ("bash", "zsh", "fish")
@@ -42,46 +34,28 @@ def run(argv: Sequence[str]) -> int:
     return 0
 
 
-def complete() -> NoReturn:
-    """Print the completions of the shell's command line, and end the process."""
-    from argcomplete.lexers import split_line
-
-    _, _, _, words, _ = split_line(os.environ["COMP_LINE"], int(os.environ["COMP_POINT"]))
-    program, *arguments = words
-    script = BRINGUPS.get(PurePath(program).name)
-    with suppress(OneBotError), redirect_stdout(io.StringIO()):  # no such command
-        if script:
-            from onebot_bringup.launch.bringup import bring_up
-
-            _complete_command(partial(bring_up, import_module(script).command()), arguments, 1)
-        else:
-            command = main.take_settings(list(arguments))
-            _complete_verb(1 + len(arguments) - len(command), *command)
-    os._exit(1)
+def complete(words: list[str]) -> None:
+    """Print the completions of the words after ``onebot``, and end the process if there are any."""
+    command = verbs.take_settings(words)
+    _complete_verb(1 + len(words) - len(command), *command)
 
 
 def _complete_verb(position: int, verb: str = "", *rest: str) -> None:
     """Complete a verb, which follows the ``position``-th word of the line, or its arguments."""
     if not verb:
-        _choose({name: verb.summary for name, verb in main.VERBS.items()}, position)
-    if verb not in main.VERBS:
+        choose({name: verb.summary for name, verb in verbs.VERBS.items()}, position)
+    if verb not in verbs.VERBS:
         return
-    commands = {name: entry.summary for name, entry in main.subcommands(verb).items()}
+    commands = {name: entry.summary for name, entry in verbs.subcommands(verb).items()}
     if commands and not rest:
-        _choose(commands, position + 1)
+        choose(commands, position + 1)
     elif verb != "run":
-        others = _OTHERS.get(verb, _files)
-        _complete_command(main.run_verb, [verb, *rest], position + 1 + bool(commands), others)
+        others = _OTHERS.get(verb, files)
+        words, position = [verb, *rest], position + 1 + bool(commands)
+        complete_command(verbs.run_verb, words, position, others, _COMPLETERS)
     elif len(rest) < 2:
         names = EXECUTABLES.get(rest[0], ()) if rest else EXECUTABLES
-        _choose(dict.fromkeys(names, ""), position + 1 + len(rest))
-
-
-def _files(_: str, value: str) -> Iterable[str]:
-    """Return the files whose path begins with an argument's value, or with a word."""
-    from argcomplete.completers import FilesCompleter
-
-    return FilesCompleter()(value)
+        choose(dict.fromkeys(names, ""), position + 1 + len(rest))
 
 
 def _of_trajectory(name: str, _: str) -> Iterable[str]:
@@ -94,64 +68,6 @@ def _of_trajectory(name: str, _: str) -> Iterable[str]:
             return [controller.name for controller in controllers]
         return [f"{joint}=" for controller in controllers for joint in controller.joints]
     return []
-
-
-def _complete_command(
-    run: Callable[[list[str]], int],
-    words: Sequence[str],
-    position: int,
-    others: Callable[[str, str], Iterable[str]] = _files,
-) -> NoReturn:
-    """Run a command only as far as completion needs.
-
-    Args:
-        run: the command.
-        words: its words.
-        position: the index of the last of these words in the line.
-        others: returns completions besides ``name:=``: values of an argument, given its name and
-            the text after ``:=``; or words without ``:=``, given "" and the word.
-    """
-
-    def complete_parser(parser: argparse.ArgumentParser, *_: object) -> NoReturn:
-        for action in parser._actions:
-            if not action.option_strings and action.metavar in _COMPLETERS:
-                action.completer = _COMPLETERS[action.metavar]  # type: ignore[attr-defined]
-        _finish(parser, position)
-
-    argparse.ArgumentParser.parse_args = complete_parser  # type: ignore[assignment,method-assign]
-    run([*(word for word in words if not word.startswith("-")), "--show-args"])
-    parser = argparse.ArgumentParser(add_help=False)
-    action = parser.add_argument("words", nargs="*")
-    action.completer = partial(_launch_words, others)  # type: ignore[attr-defined]
-    _finish(parser, position)
-
-
-def _finish(parser: argparse.ArgumentParser, position: int) -> NoReturn:
-    """Complete with the parser of a command whose last word is the ``position``-th of the line."""
-    import argcomplete
-
-    os.environ["_ARGCOMPLETE"] = str(position)
-    argcomplete.autocomplete(parser, always_complete_options=False)
-    os._exit(1)
-
-
-def _choose(choices: Mapping[str, str], position: int) -> NoReturn:
-    """Offer these words, with explanations if the shell shows them."""
-    parser = argparse.ArgumentParser(add_help=False)
-    action = parser.add_argument("word")
-    action.completer = lambda **_: dict(choices)  # type: ignore[attr-defined]
-    _finish(parser, position)
-
-
-def _launch_words(
-    others: Callable[[str, str], Iterable[str]], prefix: str, **_: object
-) -> dict[str, str]:
-    """Return the arguments that a command has listed, with their choices, and the ``others``."""
-    words = {f"{a.name}:={value}": a.help for a in listed for value in a.suggested}
-    name, assigned, value = prefix.rpartition(":=")
-    if not assigned or not any(word.startswith(prefix) and word != prefix for word in words):
-        words.update({f"{name}{assigned}{other}": "" for other in others(name, value)})
-    return words
 
 
 def _discovered(names: Callable[[Session, Namespace], Iterable[str]]) -> Callable[..., list[str]]:

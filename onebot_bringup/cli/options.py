@@ -2,6 +2,7 @@
 
 import argparse
 import re
+import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import CodeType
 from typing import Any, NoReturn
@@ -143,6 +144,11 @@ def print_rows(rows: Iterable[str], *, count: bool) -> None:
     """Print these lines, or only their number."""
     lines = list(rows)
     print(len(lines) if count else "\n".join(lines), end="\n" if count or lines else "")
+
+
+def warn(text: str) -> None:
+    """Print a warning."""
+    print(f"warning: {text}", file=sys.stderr, flush=True)
 
 
 def positive(text: str) -> float:

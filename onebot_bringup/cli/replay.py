@@ -1,13 +1,13 @@
 """``onebot replay``: shows a whole recording until Ctrl-C."""
 
 import os
-import sys
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from onebot_bringup.cli.options import warn
 from onebot_bringup.launch.arguments import (
     Argument,
     complete,
@@ -135,7 +135,7 @@ class _Log:
         print(message, flush=True)
 
     def warning(self, message: str) -> None:
-        print(f"warning: {message}", file=sys.stderr, flush=True)
+        warn(message)
 
 
 def _server(values: Mapping[str, str]) -> "closing[DisplayServer]":

@@ -5,15 +5,11 @@ import os
 import sys
 from collections.abc import Sequence
 
-from onebot_bringup.launch.nodes import NODES
+from onebot_bringup.launch.nodes import BRINGUPS, NODES
 from onebot_description.errors import UsageError, did_you_mean
 from onebot_description.ros.discovery import use_local_discovery
 from onebot_description.ros.process_start import blas_variables
 
-BRINGUPS = {
-    "onebot_bringup": "onebot_bringup.launch.onebot_bringup",
-    "mrm_bringup": "mrm_description.launch.mrm_bringup",
-}
 # Module of each executable by package and name, as installed by the packages' CMakeLists.txt.
 EXECUTABLES: dict[str, dict[str, str]] = {}
 for module in (*(row.module for row in NODES), *BRINGUPS.values()):

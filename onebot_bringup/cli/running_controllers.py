@@ -72,12 +72,11 @@ def running_controllers(session: Session, name: str = "") -> list[RunningControl
 
 
 def _names(session: Session) -> list[str]:
-    space = session.node.get_namespace().rstrip("/")
     topics = [name for name, types in session.topics() if _STATE in types]
     return [
         topic.removesuffix(_TOPIC)
         for topic in topics
-        if topic.startswith(f"{space}/")
+        if topic.startswith(f"{session.space}/")
         and topic.endswith(_TOPIC)
         and session.node.count_publishers(topic)
     ]

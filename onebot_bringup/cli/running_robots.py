@@ -42,9 +42,8 @@ def commanded_robots(session: Session) -> "list[CommandedRobot]":
     """Return the robots that take commands in the session's namespace and below."""
     from onebot_bringup.steering.command_topic import commanded_robots
 
-    space = session.node.get_namespace().rstrip("/")
     robots = commanded_robots(session.node)
-    return [robot for robot in robots if robot.topic.startswith(f"{space}/")]
+    return [robot for robot in robots if robot.topic.startswith(f"{session.space}/")]
 
 
 def chosen_commands(session: Session, name: str, *, first: bool = False) -> str:

@@ -1,28 +1,20 @@
 """Draws for ``onebot snapshot``: a running robot, a robot in a given pose, or a recording."""
 
-import re
 import sys
 from argparse import Namespace
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rclpy.serialization import serialize_message
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Header, String
-
+from onebot_bringup.cli.options import warn
 from onebot_bringup.cli.running_robots import description_topics, frame_prefix
 from onebot_bringup.cli.session import PATIENCE, Session
-from onebot_bringup.cli.snapshot import NAMESPACE, kind_of
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
-from onebot_bringup.viewer.displays.tf_display import TF
-from onebot_bringup.viewer.inbox import DESCRIPTION
 from onebot_bringup.viewer.rendering import Framing, render
+from onebot_bringup.viewer.robot_messages import RobotMessages
 from onebot_bringup.viewer.robot_view import RobotView
-from onebot_bringup.viewer.rrd import check_rrd, has_content, save_served
+from onebot_bringup.viewer.rrd import check_rrd, has_content
 from onebot_bringup.viewer.shown_robot import (
     ROBOT_DESCRIPTION,
     WORLD_DESCRIPTION,
@@ -36,14 +28,7 @@ from onebot_description.description import Description
 from onebot_description.description.description import Mesh
 from onebot_description.errors import OneBotError, listing
 from onebot_description.model import RobotModel
-from onebot_description.model.robot_model import JointArrays
 from onebot_description.ros.steady_timer import steady_timer
-from onebot_description.ros.topic_qos import LATCHED
-from onebot_description.ros.wire.messages import (
-    deserialize_message,
-    time_message,
-    transforms_message,
-)
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -51,27 +36,23 @@ if TYPE_CHECKING:
 
 def draw(args: Namespace, scene: Path) -> None:
     """Draw what the command line asks for; ``scene`` is a path for a temporary recording."""
-    kind = kind_of(args.source)
-    if kind == "rrd":
+    if args.kind == "rrd":
         source = Path(args.source)
         check_rrd(source)
         if has_content(source) is False:
             raise OneBotError(f"{source} holds nothing to draw")
         _render(args, source)
         return
-    page = 0
+    record = {
+        "running": _record_running,
+        "bag": _record_bag,
+        "description": _record_description,
+    }[args.kind]
     recording = open_recording(save=scene)
     try:
-        if kind == "running":
-            page = _record_running(args, recording.stream)
-        elif kind == "bag":
-            _record_bag(args, recording.stream)
-        else:
-            _record_description(args, recording.stream)
+        record(args, recording.stream)
     finally:
         recording.close()
-    if page:
-        save_served(page, scene)
     _render(args, scene)
 
 
@@ -84,10 +65,6 @@ def _progress(message: str) -> None:
     print(message, file=sys.stderr, flush=True)
 
 
-def _warn(message: str) -> None:
-    _progress(f"warning: {message}")
-
-
 # --- the running robot --------------------------------------------------------------------------
 
 # Seconds to wait for descriptions and frames, which take less even on a busy machine.
@@ -97,27 +74,11 @@ _MESSAGES = 1.0  # seconds to wait for topics that are seldom published
 _LISTED = 5
 
 
-def _record_running(args: Namespace, recording: "rr.RecordingStream") -> int:
-    """Return the port of the running viewer's page, or 0 after recording the robots as they are.
-
-    The viewer is preferred for its trails and curves.
-    """
+def _record_running(args: Namespace, recording: "rr.RecordingStream") -> None:
     with Session(args.ros_args) as session:
-        if args.dashboard:
-            page = page_port(session, _FRAMES)
-            if not page:
-                raise OneBotError(
-                    f"no viewer's page on {session.full_name(_PAGE)}, and so no curves to draw; "
-                    "start the robot with viewer:=web, or draw a recording (save:=FILE.rrd). "
-                    "Without --dashboard, none is needed"
-                )
-            return page
-        names = running_robots(session, args.frame_prefix)
-        page = 0 if args.view or args.frame_prefix else page_port(session)
-        if not page:
-            for warning in RunningRobots(session, args.view, recording, names).record():
-                _warn(warning)
-        return page
+        robots = running_robots(session)
+        for warning in RunningRobots(session, args.view, recording, robots).record():
+            warn(warning)
 
 
 class RunningRobots:
@@ -223,41 +184,30 @@ class RunningRobots:
         return f"{text} (frames received: {listing(frames)})"
 
 
-def running_robots(session: Session, prefix: str = "") -> list[RobotToShow]:
+def running_robots(session: Session) -> list[RobotToShow]:
     """Return the robots that run in the session's namespace and below, with their prefixes."""
-    namespace = session.node.get_namespace().rstrip("/")
     topic = session.full_name(ROBOT_DESCRIPTION)
-    topics = session.look_for(lambda: description_topics(session, namespace), f"a robot on {topic}")
+    topics = session.look_for(
+        lambda: description_topics(session, session.space), f"a robot on {topic}"
+    )
     if not topics:
-        others = description_topics(session)
-        there = [
-            f" (there: {listing(others)}; --ros-args -r __ns:={space} goes there)"
-            for space in _namespaces(others[:1])
-        ]
+        there = ""
+        if others := description_topics(session):
+            space = others[0].rpartition("/")[0] or "/"
+            there = f" (there: {listing(others)}; --ros-args -r __ns:={space} goes there)"
         raise OneBotError(
-            f"no robot is running: nothing on {topic}{''.join(there)}; start one "
-            "(onebot_bringup), or name its URDF or xacro file"
+            f"no robot is running: nothing on {topic}{there}; start one (onebot_bringup), or name "
+            "its URDF or xacro file"
         )
     session.discover()
-    topics = description_topics(session, namespace) or topics
-    if prefix and len(topics) > 1:
-        raise OneBotError(
-            f"--frame-prefix is one robot's, and several run, in {listing(_namespaces(topics))}: "
-            "choose one by --ros-args -r __ns:=NAMESPACE"
-        )
+    topics = description_topics(session, session.space) or topics
     robots = []
     for topic in topics:
-        space, of_robot = topic.rpartition("/")[0], prefix
-        if not prefix:
-            published = frame_prefix(session, session.publishers(topic))
-            # If there are several robots, each has a different prefix.
-            of_robot = prefixed("", len(topics) > 1, "", space) if published is None else published
-        robots.append(RobotToShow(space, of_robot, plotted=len(topics) == 1))
+        space, prefix = topic.rpartition("/")[0], frame_prefix(session, session.publishers(topic))
+        if prefix is None:  # if there are several robots, each has a different one
+            prefix = prefixed("", len(topics) > 1, "", space)
+        robots.append(RobotToShow(space, prefix, plotted=len(topics) == 1))
     return robots
-
-
-def _namespaces(topics: Sequence[str]) -> list[str]:
-    return [topic.rpartition("/")[0] or "/" for topic in topics]
 
 
 # --- a description at given joint positions -----------------------------------------------------
@@ -284,7 +234,7 @@ def record_pose(
     Returns:
         One sentence per thing that could not be drawn.
     """
-    model = RobotModel.from_description(description)
+    robot = RobotMessages(description)
     notices: list[str] = []
     source = ViewSource(view, notices.append)
     source.set_robot(description.robot_name)
@@ -292,22 +242,10 @@ def record_pose(
     if config.fixed_frame not in description.link_names:
         config = replace(config, fixed_frame="")
     robot_view = RobotView(recording, config, blueprint=source.blueprint_file, plots=False)
-    joints = JointState(
-        header=Header(stamp=time_message(_NOW_NS)), name=model.joints, position=positions.tolist()
-    )
-    for topic, kind, data in (
-        (ROBOT_DESCRIPTION, DESCRIPTION, serialize_message(String(data=description.urdf))),
-        ("/tf_static", TF, _tf_message(model.fixed, model.fixed.constant)),
-        ("/tf", TF, _tf_message(model.moving, model.moving.transforms(positions))),
-        ("joint_states", JOINT_STATE, serialize_message(joints)),
-    ):
-        robot_view.take(topic, kind.name, bytes(data), _NOW_NS)
+    messages = (*robot.standing(_NOW_NS), *robot.moving(_NOW_NS, positions))
+    for topic, kind, data in messages:
+        robot_view.take(topic, kind, data, _NOW_NS)
     return notices + robot_view.tick(_NOW_NS) + robot_view.finish()
-
-
-def _tf_message(joints: JointArrays, values: Floats) -> bytes:
-    message = transforms_message(time_message(_NOW_NS), joints.parents, joints.children, values)
-    return bytes(serialize_message(message))
 
 
 def _record_description(args: Namespace, recording: "rr.RecordingStream") -> None:
@@ -315,13 +253,13 @@ def _record_description(args: Namespace, recording: "rr.RecordingStream") -> Non
     lacking = _mesh_problems(description)  # the view warns of them
     for text in description.notices:
         if not text.endswith(lacking):
-            _warn(text)
+            warn(text)
     positions = RobotModel.from_description(description).pose(args.joints)
     warnings = record_pose(description, positions, args.view, recording)
     for text in warnings:
         # Problems of the text itself were already reported with the lines of its file.
         if not text.startswith(f"{ROBOT_DESCRIPTION}:"):
-            _warn(text)
+            warn(text)
 
 
 def _mesh_problems(description: Description) -> tuple[str, ...]:
@@ -342,38 +280,8 @@ def _record_bag(args: Namespace, recording: "rr.RecordingStream") -> None:
         Bag(Path(args.source)),
         recording,
         view=args.view,
-        frame_prefix=args.frame_prefix,
-        namespace=args.arguments.get(NAMESPACE, ""),
+        namespace=args.namespace,
         from_start=False,
         progress=_progress,
-        warn=_warn,
+        warn=warn,
     )
-
-
-# --- the viewer of a running robot, which has earlier curves and trails -------------------------
-
-_PAGE = "rerun_viewer/page"
-# Only addresses on this host are accepted, whatever a page claims.
-_ADDRESS = re.compile(r"http://127\.0\.0\.1:(\d{1,5})/")
-
-
-def port_of(address: str) -> int:
-    """Parse the port in a page's address; 0 if it is not on this host."""
-    match = _ADDRESS.match(address)
-    return int(match[1]) if match else 0
-
-
-def page_port(session: Session, patience: float = PATIENCE) -> int:
-    """Return the port of the running viewer's page; 0 for none within ``patience`` seconds."""
-    ports: list[int] = []
-
-    def on_page(data: bytes) -> None:
-        with suppress(ValueError):
-            ports.append(port_of(deserialize_message(data, String).data))
-
-    topic = session.full_name(_PAGE)
-    session.node.create_subscription(String, topic, on_page, LATCHED, raw=True)
-    session.discover()
-    if session.node.count_publishers(topic):
-        session.spin(lambda: ports and ports[-1], patience)
-    return ports[-1] if ports else 0

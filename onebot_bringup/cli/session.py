@@ -23,6 +23,7 @@ from onebot_description.ros.discovery import (
     server,
     use_local_discovery,
 )
+from onebot_description.ros.names import absolute
 from onebot_description.ros.node_graph import node_name
 from onebot_description.ros.signals import KeyboardInterrupts
 
@@ -138,6 +139,11 @@ class Session:
             for name, types in topics
         ]
 
+    @property
+    def space(self) -> str:
+        """The session's namespace, with a slash at its start; "" for the root."""
+        return absolute(self.node.get_namespace())
+
     def full_name(self, name: str) -> str:
         """Return the absolute name of a topic or service."""
         from rclpy.exceptions import InvalidTopicNameException
@@ -164,7 +170,7 @@ class Session:
     def nodes(self, hidden: bool = False) -> list[str]:
         """Return the full names of all nodes discovered so far, sorted, with duplicates."""
         names = [
-            f"{space.rstrip('/')}/{name}"
+            f"{absolute(space)}/{name}"
             for name, space in self.node.get_node_names_and_namespaces()
             if hidden or not name.startswith("_")
         ]

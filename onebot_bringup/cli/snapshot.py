@@ -22,9 +22,9 @@ def run(argv: Sequence[str]) -> int:
     args = parse_command_line(argv)
     check_picture(args.file)
     use_package_path(args.package_path)
-    if kind_of(args.source) in ("rrd", "bag") and not os.path.exists(args.source):
+    if args.kind in ("rrd", "bag") and not os.path.exists(args.source):
         raise OneBotError(f"there is no recording {args.source}")
-    if kind_of(args.source) == "description":
+    if args.kind == "description":
         from onebot_description.description import load_description  # slower to import
 
         args.description = load_description(args.source, args.arguments)
@@ -58,7 +58,7 @@ SOURCE, a URDF or xacro file at given joint positions, or the end of a recording
 folder of record:=). name:=value are arguments that the xacro file declares; of a recording of ROS
 messages, namespace:= chooses one robot, where several are recorded. package_path:= holds the
 folders, joined by :, in which ROS packages are looked for first"""
-NAMESPACE = "namespace"  # the only argument for a bag
+_NAMESPACE = "namespace"  # the only argument for a bag
 _WIDTH, _HEIGHT = 1280, 720
 # Sizes in pixels: the viewer's window cannot be smaller, and software rendering may fail beyond.
 _SMALLEST, _LARGEST = 100, 4096
@@ -103,13 +103,6 @@ OPTIONS = (
         "how to look at it: .yaml, .rviz, .rbl or none (default: the view of its description)",
         default="",
     ),
-    option(
-        "--frame-prefix",
-        "PREFIX",
-        "of the robot's frames (default: as its robot_state_publisher has it; of a recording: as "
-        "its frames are)",
-        default="",
-    ),
 )
 
 
@@ -117,8 +110,9 @@ def parse_command_line(argv: Sequence[str]) -> Namespace:
     """Return the options of the command.
 
     Returns:
-        file, source, joints (by name), width, height, camera (eye and target, or None), dashboard,
-        view, frame_prefix, package_path, arguments (by name; of xacro, or of a bag) and ros_args.
+        file, source, kind (of the source: "running", "rrd", "bag" or "description"), joints (by
+        name), width, height, camera (eye and target, or None), dashboard, view,
+        package_path, arguments (by name; of xacro, or of a bag), namespace (of a bag) and ros_args.
     """
     parser = Parser("onebot snapshot", _SUMMARY, OPTIONS)
     parser.usage = "onebot snapshot FILE.png [SOURCE] [options] [name:=value ...]"
@@ -128,25 +122,20 @@ def parse_command_line(argv: Sequence[str]) -> Namespace:
     args.arguments = dict(word.split(":=", 1) for word in pairs)
     args.package_path = args.arguments.pop(PACKAGE_PATH, "")
     args.joints = dict(_joint(word) for word in args.joints)
+    args.kind = kind_of(args.source)
     _check(args)
+    args.namespace = args.arguments.get(_NAMESPACE, "")
     return args
 
 
 def _check(args: Namespace) -> None:
-    kind = kind_of(args.source)
+    kind = args.kind
     if kind != "description":
         _check_arguments(kind, args.arguments)
         if args.joints:
             raise UsageError("--joints is for a URDF or xacro file as SOURCE")
     if args.source is not None and args.ros_args:
         raise UsageError(f"--ros-args is for the running robot, not for {args.source}")
-    if args.frame_prefix and kind not in ("running", "bag"):
-        raise UsageError(
-            "--frame-prefix is for the running robot and for recordings of ROS messages, not for "
-            f"{args.source}"
-        )
-    if kind == "running" and args.dashboard and (args.view or args.frame_prefix):
-        raise UsageError("the dashboard of a running robot is its viewer's as it is")
     if kind == "rrd" and args.view:
         raise UsageError("a .rrd file has its view in it; --camera looks from somewhere else")
 
@@ -154,7 +143,7 @@ def _check(args: Namespace) -> None:
 def _check_arguments(kind: str, given: Mapping[str, str]) -> None:
     """Reject arguments that do not suit the source."""
     for name, value in given.items():
-        if name != NAMESPACE:
+        if name != _NAMESPACE:
             raise UsageError(f"{name}:={value} is for a URDF or xacro file as SOURCE")
         if kind == "running":
             space = value.strip("/")

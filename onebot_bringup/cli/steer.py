@@ -33,6 +33,7 @@ from onebot_bringup.steering.page_parameters import PageParameters
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters, view_file
 from onebot_control.frame_names import prefixed
 from onebot_description.errors import UsageError
+from onebot_description.ros.names import absolute
 
 _VIEWER = "steering_viewer"  # differs from rerun_viewer, which the robot may start later
 _ARGUMENTS = [
@@ -112,28 +113,27 @@ def _found(
 
     For ``auto``, try to discover the robot's viewer first.
     """
-    namespace = values["namespace"].strip("/")
-    in_namespace = ["-r", f"__ns:=/{namespace}"] if namespace else []
+    space = absolute(values["namespace"])
+    in_namespace = ["-r", f"__ns:={space}"] if space else []
     with Session(["--ros-args", *ros_args, *in_namespace]) as session:
         if values["odom_topic"]:
             session.full_name(values["odom_topic"])
         topic = chosen_commands(session, values["topic"], first=True)
         if values["viewer"] == "none" or values["viewer"] == "auto" and _finds_viewer(session):
             return topic, None
-        return topic, robot_parameters(session, namespace)
+        return topic, robot_parameters(session)
 
 
-def robot_parameters(session: Session, namespace: str) -> dict[str, object]:
-    """Return the viewer's parameters for the running robots.
+def robot_parameters(session: Session) -> dict[str, object]:
+    """Return the viewer's parameters for the robots that run in the session's namespace.
 
     The frames of a robot that is started later are named as a bringup names them.
     """
-    space = f"/{namespace}".rstrip("/")
-    topics = session.spin(lambda: description_topics(session, space), PATIENCE)
+    topics = session.spin(lambda: description_topics(session, session.space), PATIENCE)
     if len(topics) > 1:
         return {"robots": [topic.rpartition("/")[0] for topic in topics]}
     if not topics:
-        return {"frame_prefix": prefixed("", True, "", namespace)}
+        return {"frame_prefix": prefixed("", True, "", session.space)}
     prefix = frame_prefix(session, session.publishers(topics[0]))
     return {"frame_prefix": prefix or ""}
 

@@ -6,10 +6,10 @@ import time
 from argparse import Namespace
 from collections import Counter
 from collections.abc import Iterable
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
-from onebot_bringup.cli.options import Subcommand, flag, natural, option, positional, positive
+from onebot_bringup.cli.options import Subcommand, flag, natural, option, positional, positive, warn
 from onebot_bringup.cli.session import PATIENCE, Session, in_session
 from onebot_bringup.introspection.rates import Intervals
 from onebot_description.description.tree_text import aligned, branches, cell
@@ -188,7 +188,7 @@ class _Transforms:
         self.arrivals: dict[str, Intervals] = {}  # by child frame
         self.parents: dict[str, set[str]] = {}  # by child frame
         self.session = session
-        self._warned: set[str] = set()
+        self.warn = cache(warn)  # each text once
         for topic in _TOPICS:
             qos = QoSProfile(depth=_DEPTH)
             if topic == _STATIC:
@@ -211,12 +211,6 @@ class _Transforms:
             name = child.removeprefix("/")
             self.parents.setdefault(name, set()).add(parent.removeprefix("/"))
             self.arrivals.setdefault(name, Intervals(_WINDOW)).arrived(now)
-
-    def warn(self, text: str) -> None:
-        """Print a warning, but only once."""
-        if text not in self._warned:
-            self._warned.add(text)
-            print(f"warning: {text}", file=sys.stderr)
 
     def await_first(self) -> None:
         """Wait for the first transform."""

@@ -32,16 +32,11 @@ class ParameterClient:
         self._session, self._node = session, node
 
     def _call(self, service: str, **fields: Any) -> Any:
+        """Call a service, such as "list" for list_parameters, and return its response."""
         from rcl_interfaces import srv
 
-        kind = getattr(srv, service)
-        name = {
-            "ListParameters": "list_parameters",
-            "GetParameters": "get_parameters",
-            "DescribeParameters": "describe_parameters",
-            "SetParameters": "set_parameters",
-        }[service]
-        client = self._session.node.create_client(kind, f"{self._node}/{name}")
+        kind = getattr(srv, f"{service.capitalize()}Parameters")
+        client = self._session.node.create_client(kind, f"{self._node}/{service}_parameters")
         try:
             return self._response(client, kind.Request(**fields))
         finally:
@@ -65,13 +60,13 @@ class ParameterClient:
 
     def names(self, prefixes: Sequence[str] = ()) -> list[str]:
         """Return the names of all parameters, or of the parameters below the prefixes."""
-        return list(self._call("ListParameters", prefixes=list(prefixes)).result.names)
+        return list(self._call("list", prefixes=list(prefixes)).result.names)
 
     def values(self, names: Sequence[str]) -> list[Any]:
         """Return a ParameterValue for each name; its type is NOT_SET if there is no value."""
         from rcl_interfaces.msg import ParameterValue
 
-        values = list(self._call("GetParameters", names=list(names)).values)
+        values = list(self._call("get", names=list(names)).values)
         if len(values) == len(names):
             return values
         # rclpy and rclcpp return no value at all when one parameter of the request has none.
@@ -93,7 +88,7 @@ class ParameterClient:
 
     def describe(self, names: Sequence[str]) -> list[Any]:
         """Return a ParameterDescriptor for each name; all have to exist."""
-        return list(self._call("DescribeParameters", names=list(names)).descriptors)
+        return list(self._call("describe", names=list(names)).descriptors)
 
     def get(self, name: str) -> Any:
         """Return one ParameterValue.
@@ -111,7 +106,7 @@ class ParameterClient:
         from rcl_interfaces.msg import Parameter
 
         self.require([name])
-        [result] = self._call("SetParameters", parameters=[Parameter(name=name)]).results
+        [result] = self._call("set", parameters=[Parameter(name=name)]).results
         return result
 
     def set(
@@ -141,7 +136,7 @@ class ParameterClient:
                     f'{name} is a finite number, not "{text}"; --allow-non-finite lets it through'
                 )
             request.append(Parameter(name=name, value=ParameterValue(type=kind, **{field: value})))
-        return list(self._call("SetParameters", parameters=request).results)
+        return list(self._call("set", parameters=request).results)
 
     def _declared(self, name: str) -> int:
         """Return a parameter's type if it is statically typed; else, or if undeclared, NOT_SET."""

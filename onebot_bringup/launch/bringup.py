@@ -4,7 +4,7 @@ import os
 import sys
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -39,6 +39,7 @@ from onebot_bringup.viewer.viewer_parameters import view_file
 from onebot_control.frame_names import WORLD_FRAME, prefixed
 from onebot_description.errors import OneBotError, UsageError, did_you_mean
 from onebot_description.ros.discovery import discovery_variables
+from onebot_description.ros.names import absolute
 from onebot_description.ros.process_start import blas_variables
 from onebot_description.ros.shared_memory import remove_stale_in_background
 from onebot_description.ros.signals import KeyboardInterrupts
@@ -115,20 +116,19 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     arguments = split(argv)
     assignments = _with_model(command, arguments)
     declared = command.arguments()
-    of_model, is_complete = command.model_arguments(assignments)
     model = assignments.get("model", command.model)
     if arguments.help or arguments.show:
+        of_model, _ = command.model_arguments(assignments)
         print(help_text(command, declared, of_model, complete=arguments.help))
         return 0
     if not model:
         raise UsageError(f"{command.program} needs a file, a URDF or xacro")
     own_names = {argument.name for argument in declared}
-    names = [*own_names, *(argument.name for argument in of_model)]
-    problems = [unknown(name, names) for name in assignments if name not in names]
-    if problems and is_complete:  # otherwise, expanding the model shows whether they exist
-        raise UsageError("\n".join(problems))
     command_arguments = {name: value for name, value in assignments.items() if name in own_names}
     for_xacro = {name: value for name, value in assignments.items() if name not in own_names}
+    take_package_path(assignments)  # the model's includes may need it
+    if for_xacro:
+        _check_names(command, assignments, own_names)
     values = checked_values(declared, command_arguments)
     find_spec("rclpy")  # if it is missing, one error here instead of one from each node
     os.environ.update(blas_variables())  # without threads, xacro can run in a fork here
@@ -159,8 +159,9 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     ):
         remove_stale_in_background()
         os.environ[PLACES] = folder
-        for robot_description in (description, *(robot.description for robot in robots)):
-            keep_places(robot_description)
+        descriptions = (description, *(robot.description for robot in robots))
+        for each in {each.urdf: each for each in descriptions}.values():
+            keep_places(each)
         launch = Launch(
             Path(folder),
             values,
@@ -184,6 +185,18 @@ def _with_model(command: Bringup, arguments: Arguments) -> dict[str, str]:
         return with_positional(arguments, "model", "file", command.program)
     refuse_positional(arguments.positional)
     return dict(arguments.given)
+
+
+def _check_names(command: Bringup, given: Mapping[str, str], own_names: Set[str]) -> None:
+    """Reject arguments that neither the command nor its model has, if all of the model's are known.
+
+    Otherwise, expanding the model shows whether they exist.
+    """
+    of_model, is_complete = command.model_arguments(given)
+    names = [*own_names, *(argument.name for argument in of_model)]
+    problems = [unknown(name, names) for name in given if name not in names]
+    if problems and is_complete:
+        raise UsageError("\n".join(problems))
 
 
 def _check_files(values: Mapping[str, str]) -> None:
@@ -231,7 +244,7 @@ def _check_sections(
     from onebot_description.joints.config import JointsConfig
     from onebot_description.ros.parameters.reader import unknown_parameters
 
-    space = f"/{values['namespace'].strip('/')}".rstrip("/")
+    space = absolute(values["namespace"])
     spaces = [f"{space}/{robot.name}" for robot in robots] or [space]
     files = [Path(values["params_file"])] if given.get("params_file") else []
     files += [robot.params_file for robot in robots if robot.params_file]
@@ -257,10 +270,11 @@ def _check_file(file: Path, spaces: Sequence[str], nodes: "Mapping[str, Unknown]
         spaces: namespaces of the nodes that get the file.
         nodes: for each node name, a function that reports undeclared parameters.
     """
-    from onebot_description.ros.parameters.files import refuse_other_sections, undeclared_names
+    from onebot_description.ros.parameters.files import check_sections
 
-    refuse_other_sections(file, [f"{space}/{node}" for node in nodes for space in spaces])
-    return undeclared_names(file, nodes.values())
+    return check_sections(
+        file, [f"{space}/{node}" for node in nodes for space in spaces], nodes.values()
+    )
 
 
 def with_params_file(
@@ -278,7 +292,7 @@ def with_params_file(
     from onebot_control.parameters import ControlConfig
     from onebot_description.ros.parameters.reader import read
 
-    space = "/" + values["namespace"].strip("/")
+    space = absolute(values["namespace"])
     written = read_control_files([Path(values["params_file"])], space, controller)
     names = {*_FRAME_PREFIX, _FACTOR} & written.values.keys()
     config = read(ControlConfig, {name: written.values[name] for name in names}, written.places)
@@ -353,7 +367,7 @@ def summary_text(
     description: "Description", values: Mapping[str, str], robots: Sequence["PlacedRobot"] = ()
 ) -> str:
     """Return what is running, where to find it and how to stop it."""
-    space = f"/{values['namespace'].strip('/')}".rstrip("/")
+    space = absolute(values["namespace"])
     lines = _robots(robots, values, space) if robots else _robot(description, values, space)
     if values.get("world"):
         lines.insert(1, f"  world    {values['world']}")

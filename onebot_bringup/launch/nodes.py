@@ -16,6 +16,7 @@ import yaml
 from onebot_bringup.launch.arguments import Argument, node_parameters
 from onebot_bringup.launcher.process import NodeProcess, OnExit, python_node
 from onebot_control.frame_names import WORLD_FRAME
+from onebot_description.ros.names import absolute
 
 if TYPE_CHECKING:
     from onebot_bringup.launch.robots import PlacedRobot
@@ -114,7 +115,7 @@ class Launch:
         """Return a Launch for one robot of the fleet."""
         folder = self.folder / robot.name
         folder.mkdir(exist_ok=True)
-        namespace = f"{self.values['namespace'].strip('/')}/{robot.name}".strip("/")
+        namespace = f"{absolute(self.values['namespace'])}/{robot.name}"[1:]
         values = {
             **self.values,
             **{name: repr(getattr(robot, name)) for name in ("x", "y", "yaw")},
@@ -174,8 +175,8 @@ def world_frame(values: Mapping[str, str], params_files: Sequence[Path], control
     """
     from onebot_control.control_files import read_control_files
 
-    node = f"/{values['namespace']}", controller
-    written = read_control_files(params_files, *node).values
+    space = absolute(values["namespace"])
+    written = read_control_files(params_files, space, controller).values
     truth = values.get("ground_truth_tf") or written.get("ground_truth_tf", True)
     return str(written.get("world_frame_id") or (WORLD_FRAME if truth in ("true", True) else _MAP))
 
@@ -296,6 +297,12 @@ NODES = (
     ),
 )
 
+BRINGUPS = {
+    "onebot_bringup": "onebot_bringup.launch.onebot_bringup",
+    "mrm_bringup": "mrm_description.launch.mrm_bringup",
+}
+"""The modules of the bringup commands, by name."""
+
 
 def output_path(text: str) -> Path:
     """Return the path of a file or folder to write; shells do not expand ~ in ``name:=~/x``."""
@@ -335,12 +342,12 @@ class RosNodes:
         self, name: str, parameters: Mapping[str, object], files: Sequence[Path] = ()
     ) -> list[str]:
         """Return a node's ROS arguments, and write its parameter file; see ``process``."""
-        namespace = self.namespace.strip("/")
+        namespace = absolute(self.namespace)
         arguments = ["--log-level", self.log_level] if self.log_level else []
         for file in (*files, write_parameters(self.folder, name, parameters, namespace)):
             arguments += ["--params-file", str(file)]  # later ones override
         if namespace:
-            arguments += ["-r", f"__ns:=/{namespace}"]
+            arguments += ["-r", f"__ns:={namespace}"]
         return [*arguments, *self.ros_args]
 
 
@@ -364,10 +371,9 @@ def write_parameters(
         folder: the folder.
         node: the name of the node.
         parameters: the node's parameters.
-        namespace: the node's namespace, without outer slashes.
+        namespace: the node's namespace, with or without outer slashes.
     """
-    full_name = f"/{namespace}/{node}" if namespace else f"/{node}"
     path = folder / f"{node}.yaml"
-    content = {full_name: {"ros__parameters": dict(parameters)}}
+    content = {f"{absolute(namespace)}/{node}": {"ros__parameters": dict(parameters)}}
     path.write_text(yaml.dump(content, Dumper=_Quoting), encoding="ascii")
     return path

@@ -36,11 +36,12 @@ class OutputStream(NamedTuple):
     descriptor: int  # -1 if closed
     colour: bool
 
-    @classmethod
-    def of(cls, stream: TextIO | None) -> "OutputStream":
-        """Return an OutputStream for ``stream``, which is None if it is closed."""
-        descriptor = -1 if stream is None else stream.fileno()
-        return cls(descriptor, stream is not None and wants_colour(descriptor))
+
+def _opened(stream: TextIO | None) -> OutputStream:
+    """Return the output stream of ``stream``, which is None if it is closed."""
+    if stream is None:
+        return OutputStream(-1, colour=False)
+    return OutputStream(stream.fileno(), wants_colour(stream.fileno()))
 
 
 class Console:
@@ -56,7 +57,7 @@ class Console:
             names: the names of the nodes, each of which gets a colour.
             reader_left: called when standard output has no reader any more.
         """
-        self.out, self.err = OutputStream.of(sys.stdout), OutputStream.of(sys.stderr)
+        self.out, self.err = _opened(sys.stdout), _opened(sys.stderr)
         self._program = program
         self._colours = {name: _COLOURS[i % len(_COLOURS)] for i, name in enumerate(names)}
         self._reader_left = reader_left

@@ -6,36 +6,20 @@ from typing import Any
 SERVICE = "rerun.sdk_comms.v1alpha1.MessageProxyService"
 """The path below which Rerun's page requests data from the host and port in its ``url=``."""
 GRPC_WEB = "application/grpc-web+proto"
-REQUEST = bytes(5)  # a message without fields, which requests the whole recording
 HEAD = 5  # bytes before each message: flags, then its length
-LAYOUT = 3  # the kind of message that activates a layout, which came before it
 
 _ARROW_MSG = 2  # the kind of message with data
 # Field numbers.
 _LOG_MSG = 1
-_STORE_ID, _COMPRESSION, _UNCOMPRESSED_SIZE, _PAYLOAD, _CHUNK_ID, _IS_STATIC = 1, 2, 3, 5, 6, 7
-_TIME_NS = 1
+_STORE_ID, _COMPRESSION, _UNCOMPRESSED_SIZE, _PAYLOAD, _IS_STATIC = 1, 2, 3, 5, 7
 _LZ4 = 2
-_VARINT, _FIXED64, _BYTES = 0, 1, 2  # protobuf's wire types
+_VARINT, _BYTES = 0, 2  # protobuf's wire types
 _BAD_MESSAGE = (LookupError, TypeError, ValueError, OverflowError)
 
 
 def length(head: bytes) -> int:
     """Return the number of bytes that follow a message's head."""
     return int.from_bytes(head[1:], "big")
-
-
-def content(message: bytes) -> tuple[int, memoryview]:
-    """Return the kind and the content of a message, which are the same in a recording's file.
-
-    Raises:
-        ValueError: it is not a message of Rerun's.
-    """
-    try:
-        [(kind, data)] = _fields(dict(_fields(memoryview(message)[HEAD:]))[_LOG_MSG])
-    except _BAD_MESSAGE as error:
-        raise ValueError(f"no message of Rerun's: {error}") from error
-    return kind, data
 
 
 def subject(message: bytes) -> Hashable:
@@ -46,7 +30,7 @@ def subject(message: bytes) -> Hashable:
     import pyarrow as pa  # slow to import, and few viewers are slow
 
     try:
-        kind, data = content(message)
+        [(kind, data)] = _fields(dict(_fields(memoryview(message)[HEAD:]))[_LOG_MSG])
         fields = dict(_fields(data)) if kind == _ARROW_MSG else {}
         table = fields[_PAYLOAD]
         if fields.get(_COMPRESSION) == _LZ4:
@@ -58,25 +42,11 @@ def subject(message: bytes) -> Hashable:
         return object()
 
 
-def logged_ns(message: bytes) -> int:
-    """Return when a message's data was logged, nanoseconds; 0 if it has none."""
-    try:
-        kind, data = content(message)
-        fields = dict(_fields(data)) if kind == _ARROW_MSG else {}
-        return int(dict(_fields(fields[_CHUNK_ID]))[_TIME_NS])
-    except _BAD_MESSAGE:
-        return 0
-
-
 def _fields(data: memoryview) -> Iterator[tuple[int, Any]]:
     """Yield the numbers and values of a protobuf message's fields."""
     at = 0
     while at < len(data):
         key, at = _varint(data, at)
-        if key & 7 == _FIXED64:
-            at += 8
-            yield key >> 3, int.from_bytes(data[at - 8 : at], "little")
-            continue
         value, at = _varint(data, at)
         if key & 7 == _BYTES:
             at += value

@@ -1,40 +1,32 @@
 """Shows the end of a failed test's simulation: a recording for Rerun, and a picture of it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from rclpy.serialization import serialize_message
-from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
-from onebot_bringup.viewer.displays.tf_display import TF
-from onebot_bringup.viewer.inbox import DESCRIPTION
 from onebot_bringup.viewer.rendering import render
+from onebot_bringup.viewer.robot_messages import (
+    Published,
+    RobotMessages,
+    published,
+    published_transforms,
+)
 from onebot_bringup.viewer.robot_view import RobotView
-from onebot_bringup.viewer.shown_robot import ROBOT_DESCRIPTION, WORLD_DESCRIPTION, RobotToShow
+from onebot_bringup.viewer.shown_robot import WORLD_DESCRIPTION, RobotToShow
 from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_control.frame_names import WORLD_FRAME
 from onebot_control.nodes.publishing import scene_transforms
-from onebot_control.simulation import SimulatedRobot, Simulation
-from onebot_description.arrays import Floats
-from onebot_description.description import Description
+from onebot_control.simulation import Simulation
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import Transform
-from onebot_description.model import RobotModel
-from onebot_description.model.robot_model import JointArrays
-from onebot_description.ros.wire.interfaces import TFMessage
-from onebot_description.ros.wire.messages import time_message, transforms_message
 
 if TYPE_CHECKING:
     import rerun as rr
-
-# A topic, its type's name, and a message.
-Published = tuple[str, str, bytes]
 
 
 def show_failed_run(simulation: Simulation, base: Path) -> list[Path]:
@@ -64,8 +56,11 @@ def show_failed_run(simulation: Simulation, base: Path) -> list[Path]:
 
 
 def _record(simulation: Simulation, stream: "rr.RecordingStream") -> None:
-    robots = [_ShownRobot(name, robot) for name, robot in simulation.robots.items()]
-    names = [robot.names for robot in robots]
+    robots = [RobotMessages(robot.description, name) for name, robot in simulation.robots.items()]
+    names = [
+        RobotToShow(f"/{name}" if name else "", f"{name}/" if name else "", plotted=not name)
+        for name in simulation.robots
+    ]
     view = RobotView(stream, ViewConfig(fixed_frame=WORLD_FRAME), robots=names, from_start=True)
     world, moments = simulation.world, simulation.kept
     messages: list[Published] = []
@@ -73,16 +68,14 @@ def _record(simulation: Simulation, stream: "rr.RecordingStream") -> None:
         start = moments[0].stamp
         messages += (message for robot in robots for message in robot.standing(start))
         if world is not None:
-            messages.append(_text(WORLD_DESCRIPTION, world))
-            messages.append(_tf("/tf_static", scene_transforms(world, WORLD_FRAME, start)))
+            messages.append(published(WORLD_DESCRIPTION, String(data=world.urdf)))
+            messages.append(published("/tf_static", scene_transforms(world, WORLD_FRAME, start)))
     for moment in moments:
         for robot, pose, joints in zip(robots, moment.poses, moment.joints, strict=True):
-            messages += robot.moving(moment.stamp, pose, joints)
+            messages.append(_in_world(moment.stamp, {robot.root: pose}))
+            messages += robot.moving(moment.stamp, robot.model.positions(joints))
         if moment.boxes:
-            boxes, poses = [*moment.boxes], [*moment.boxes.values()]
-            messages.append(
-                _transforms("/tf", moment.stamp, [WORLD_FRAME] * len(boxes), boxes, _rows(poses))
-            )
+            messages.append(_in_world(moment.stamp, moment.boxes))
         for topic, kind, data in messages:
             view.take(topic, kind, data, moment.stamp)
         messages.clear()
@@ -90,65 +83,7 @@ def _record(simulation: Simulation, stream: "rr.RecordingStream") -> None:
     view.finish()
 
 
-class _ShownRobot:
-    """Makes a robot's messages as its nodes would publish them."""
-
-    def __init__(self, name: str, robot: SimulatedRobot) -> None:
-        self._prefix = f"{name}/" if name else ""
-        self.names = RobotToShow(f"/{name}" if name else "", self._prefix, plotted=not name)
-        self._description = robot.description
-        self._model = RobotModel.from_description(self._description)
-
-    def standing(self, stamp: int) -> list[Published]:
-        """Return its description, and the transforms of its fixed joints."""
-        fixed = self._model.fixed
-        return [
-            _text(self.names.topic(ROBOT_DESCRIPTION), self._description),
-            self._transforms("/tf_static", stamp, fixed, fixed.constant),
-        ]
-
-    def moving(
-        self, stamp: int, pose: Transform, positions: Mapping[str, float]
-    ) -> list[Published]:
-        """Return the messages of its pose and its joints' positions.
-
-        Args:
-            stamp: the time, nanoseconds.
-            pose: the pose of its root link.
-            positions: joint positions by name, rad or m.
-        """
-        moving = self._model.moving
-        message = JointState(name=[*positions], position=[*positions.values()])
-        message.header.stamp = time_message(stamp)
-        root = self._prefix + self._description.root_link
-        values = moving.transforms(self._model.positions(positions))
-        return [
-            _transforms("/tf", stamp, [WORLD_FRAME], [root], _rows([pose])),
-            self._transforms("/tf", stamp, moving, values),
-            (self.names.topic("joint_states"), JOINT_STATE.name, bytes(serialize_message(message))),
-        ]
-
-    def _transforms(self, topic: str, stamp: int, joints: JointArrays, values: Floats) -> Published:
-        parents, children = (
-            [self._prefix + link for link in links] for links in (joints.parents, joints.children)
-        )
-        return _transforms(topic, stamp, parents, children, values)
-
-
-def _rows(poses: Sequence[Transform]) -> Floats:
-    """Return poses as (N, 7): x y z in m, and a quaternion x y z w."""
-    return np.array([np.hstack(pose) for pose in poses])
-
-
-def _text(topic: str, description: Description) -> Published:
-    return topic, DESCRIPTION.name, bytes(serialize_message(String(data=description.urdf)))
-
-
-def _transforms(
-    topic: str, stamp: int, parents: Sequence[str], children: Sequence[str], values: Floats
-) -> Published:
-    return _tf(topic, transforms_message(time_message(stamp), parents, children, values))
-
-
-def _tf(topic: str, message: TFMessage) -> Published:
-    return topic, TF.name, bytes(serialize_message(message))
+def _in_world(stamp_ns: int, poses: Mapping[str, Transform]) -> Published:
+    """Return the transforms of frames at these poses in the world."""
+    values = np.array([np.hstack(pose) for pose in poses.values()])
+    return published_transforms("/tf", stamp_ns, [WORLD_FRAME] * len(poses), [*poses], values)

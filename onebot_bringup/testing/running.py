@@ -12,14 +12,11 @@ from types import TracebackType
 from unittest.mock import patch
 
 from onebot_bringup.launch.bringup import UP
+from onebot_bringup.launch.nodes import BRINGUPS
 from onebot_bringup.launcher.guard import Guard, signal_group
 from onebot_description.errors import OneBotError
 from onebot_description.ros.discovery import configure_discovery
 
-_MODULES = {
-    "onebot_bringup": "onebot_bringup.launch.onebot_bringup",
-    "mrm_bringup": "mrm_description.launch.mrm_bringup",
-}
 _START = 60.0  # s for the robot to be up
 _STOP = 30.0  # s; the launcher itself kills nodes that have not ended after 4 s
 _POLL = 0.02  # s
@@ -48,7 +45,7 @@ class RunningBringup:
         arguments = [*words] if shown else ["viewer:=none", *words]
         with self._log.open("w") as log:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", _MODULES[command], *arguments],
+                [sys.executable, "-m", BRINGUPS[command], *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,

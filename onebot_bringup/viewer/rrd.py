@@ -1,23 +1,8 @@
-"""Checks Rerun's recording files (.rrd), and saves the recording that a viewer's page serves."""
+"""Checks Rerun's recording files (.rrd)."""
 
-import http.client
-import time
 import warnings
-from collections.abc import Hashable, Iterator
 from pathlib import Path
 
-from onebot_bringup.serving.ports import LOOPBACK
-from onebot_bringup.serving.rerun_messages import (
-    GRPC_WEB,
-    HEAD,
-    LAYOUT,
-    REQUEST,
-    SERVICE,
-    content,
-    length,
-    logged_ns,
-    subject,
-)
 from onebot_description.errors import OneBotError
 from onebot_description.ros.parameters.bounded_yaml import open_regular
 
@@ -71,70 +56,3 @@ def has_content(rrd: Path) -> bool | None:
             )
     except (RuntimeError, ValueError, OSError):
         return None
-
-
-# --- what a page serves ---------------------------------------------------------------------------
-
-_QUIET = 5.0  # seconds without a message, after which nothing moves
-_PATIENCE = 60.0  # seconds
-_LARGE = 1 << 14  # bytes: pictures, clouds and maps, of which only the newest is drawn
-
-
-def save_served(port: int, rrd: Path) -> None:
-    """Save the recording that a page serves now.
-
-    Args:
-        port: the page's port on 127.0.0.1.
-        rrd: the file to write.
-
-    Raises:
-        OneBotError: the page does not respond.
-    """
-    messages: dict[Hashable, bytes] = {}
-    try:
-        for message in _served(port):
-            about = subject(message) if len(message) > _LARGE else object()
-            messages.pop(about, None)
-            messages[about] = message
-    except (OSError, ValueError, http.client.HTTPException) as error:
-        raise OneBotError(f"the viewer's page at port {port} does not respond: {error}") from error
-    with rrd.open("wb") as file:
-        file.write(_file_head())
-        for message in messages.values():
-            kind, data = content(message)
-            file.write(kind.to_bytes(8, "little") + len(data).to_bytes(8, "little") + data)
-
-
-def _served(port: int) -> Iterator[bytes]:
-    """Yield the messages of a page until the layout and current data have come, or none comes."""
-    now_ns, deadline = time.time_ns(), time.monotonic() + _PATIENCE
-    laid_out = False
-    connection = http.client.HTTPConnection(LOOPBACK, port, timeout=_PATIENCE)
-    try:
-        headers = {"Content-Type": GRPC_WEB}
-        connection.request("POST", f"/{SERVICE}/ReadMessages", REQUEST, headers)
-        response = connection.getresponse()
-        if response.status != http.HTTPStatus.OK:
-            raise http.client.HTTPException(f"{response.status} {response.reason}")
-        connection.sock.settimeout(_QUIET)
-        while time.monotonic() < deadline:
-            head = response.read(HEAD)
-            message = head + response.read(length(head))
-            if len(message) <= HEAD or head[0]:
-                return  # the server has closed the stream
-            yield message
-            laid_out = laid_out or content(message)[0] == LAYOUT
-            if laid_out and logged_ns(message) > now_ns:
-                return
-    except TimeoutError:
-        pass
-    finally:
-        connection.close()
-
-
-def _file_head() -> bytes:
-    """Return the bytes that files of this version of Rerun begin with."""
-    import rerun as rr  # slower to import
-
-    stream = rr.RecordingStream("onebot_head")
-    return bytes(stream.memory_recording().drain_as_bytes())[:_FILE_HEAD]

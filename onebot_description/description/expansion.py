@@ -17,6 +17,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 from xml.dom import minicompat, minidom
+from xml.etree.ElementTree import Element
 
 import xacro
 from simpleeval import FunctionNotDefined, NameNotDefined
@@ -26,7 +27,7 @@ from onebot_description.description import xml
 from onebot_description.description.bounded_process import Place
 from onebot_description.description.expressions import evaluate, global_symbols
 from onebot_description.description.packages import Resources
-from onebot_description.description.xacro import arguments_in, root_of
+from onebot_description.description.xacro import arguments_in
 from onebot_description.description.xml import missing_file, shown_path
 from onebot_description.errors import (
     DescriptionError,
@@ -62,7 +63,7 @@ def expand_file(request: dict[str, Any], place: Place) -> dict[str, Any]:
         answer["problems"] = list(error.problems)
     except Exception as error:
         failure = error
-    declared, used = arguments_in((file, root_of(file)) for file in run.files)
+    declared, used = arguments_in(run.files.items())
     if failure is not None:
         answer["problems"] = [explain(failure, path, declared)]
     included = [str(Path(name).absolute()) for name in xacro.all_includes]
@@ -122,7 +123,7 @@ class _Run:
     """One run of xacro: collects files and warnings, and has the replaced functions of xacro."""
 
     def __init__(self, place: Place) -> None:
-        self.files: list[Path] = []
+        self.files: dict[Path, Element] = {}  # the root of each file read
         self.warnings: list[str] = []
         self._place = place
         self._packages: dict[Path, Resources] = {}  # key: folder of the file that names them
@@ -158,10 +159,11 @@ class _Run:
         name = shown_path(path)
         self._place.note(name)
         data = xml.read_bytes(path)
-        self.files.append(path)
-        places = xml.parse(data, name).places.values()
+        parsed = xml.parse(data, name)
+        self.files[path] = parsed.root
         document = minidom.parseString(data)
-        for element, place in zip(document.getElementsByTagName("*"), places, strict=True):
+        elements, places = document.getElementsByTagName("*"), parsed.places.values()
+        for element, place in zip(elements, places, strict=True):
             element.setUserData("places", (place,), self._copy_places)
         return document
 

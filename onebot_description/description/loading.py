@@ -74,8 +74,8 @@ def _read(
     values = {name: str(value) for name, value in arguments.items()}
     name = xml.shown_path(path)
     data, blank = xml.declaration_first(xml.read_bytes(path), name)
-    document = xml.parse(data, name, path.parent)
-    if document.has_xacro or path.suffix == ".xacro":
+    document = None if path.suffix == ".xacro" else xml.parse(data, name, path.parent)
+    if document is None or document.has_xacro:
         from onebot_description.description.xacro import expand
 
         return expand(path, values)

@@ -90,8 +90,8 @@ def xacro_arguments(source: str) -> XacroArguments:
     nothing: loading the description is what reports it.
     """
     files = list(_files(_path_of(source)))
-    declared, used = arguments_in(files)
-    complete = all(None not in _includes(file, root, {}) for file, root in files)
+    declared, used = arguments_in((path, root) for path, root, _ in files)
+    complete = all(None not in included for _, _, included in files)
     return XacroArguments(tuple({**used, **declared}.values()), complete)
 
 
@@ -116,10 +116,10 @@ def arguments_in(
 
 def included_files(source: str) -> tuple[Path, ...]:
     """Return the file and the files that it includes, even if they cannot be read now."""
-    return tuple(path for path, _ in _files(_path_of(source).absolute()))
+    return tuple(path for path, _, _ in _files(_path_of(source).absolute()))
 
 
-def root_of(file: Path) -> Element:
+def _root_of(file: Path) -> Element:
     """Return the root of an XML file; an empty element if it cannot be read."""
     try:
         return xml.parse(xml.read_bytes(file), str(file)).root
@@ -137,8 +137,8 @@ def _path_of(source: str) -> Path:
         return Path(source)
 
 
-def _files(file: Path) -> Iterator[tuple[Path, Element]]:
-    """Yield a file and those it includes, each once."""
+def _files(file: Path) -> Iterator[tuple[Path, Element, list[Path | None]]]:
+    """Yield a file and those it includes, each once, with its root and what itself includes."""
     waiting, names = [file], set()
     packages: dict[Path, Resources] = {}
     while waiting:
@@ -146,9 +146,10 @@ def _files(file: Path) -> Iterator[tuple[Path, Element]]:
         real = os.path.realpath(file)
         if real not in names:
             names.add(real)
-            root = root_of(file)
-            yield file, root
-            waiting += filter(None, _includes(file, root, packages))
+            root = _root_of(file)
+            included = _includes(file, root, packages)
+            yield file, root, included
+            waiting += filter(None, included)
 
 
 def _includes(file: Path, root: Element, packages: dict[Path, Resources]) -> list[Path | None]:

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from onebot_bringup.cli.main import _FORMER as FORMER
-from onebot_bringup.cli.main import VERBS, main
+from onebot_bringup.cli.main import main
 from onebot_bringup.cli.run import EXECUTABLES, run
+from onebot_bringup.cli.verbs import _FORMER as FORMER
+from onebot_bringup.cli.verbs import VERBS
 from onebot_description.errors import UsageError
 from tests.onebot_bringup.cli_support import onebot, running
 from tests.ros_support import Peer

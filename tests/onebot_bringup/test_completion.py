@@ -11,7 +11,7 @@ import pytest
 from geometry_msgs.msg import TransformStamped
 from std_msgs.msg import String
 
-from onebot_bringup.cli.main import VERBS
+from onebot_bringup.cli.verbs import VERBS
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_bringup.cli_support import MODULE, onebot, output_of
 from tests.ros_support import LATCHED, Peer

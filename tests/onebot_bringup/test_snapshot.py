@@ -1,29 +1,22 @@
 """``onebot snapshot``: its command line, the pose it draws, and how the picture is framed."""
 
-import itertools
 import os
 import subprocess
 import sys
-import threading
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 import rerun as rr
-import rerun.blueprint as rrb
-from rerun.chunk import RrdReader
 
-from onebot_bringup.cli.scenes import _record_description, port_of
+from onebot_bringup.cli.scenes import _record_description
 from onebot_bringup.cli.snapshot import check_picture, parse_camera, parse_command_line, run
 from onebot_bringup.launch.arguments import UsageError
-from onebot_bringup.serving.ports import free_port
-from onebot_bringup.viewer.display_server import WebPage, open_recording
+from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.rendering import Framing, framed, robot_view_id
-from onebot_bringup.viewer.rrd import has_content, save_served
+from onebot_bringup.viewer.rrd import has_content
 from onebot_description.description import load_description
 from onebot_description.errors import OneBotError
-from tests.support import PATIENCE, wait_for
+from tests.support import PATIENCE
 
 
 def test_cameras():
@@ -49,7 +42,6 @@ def test_command_line():
     assert args.joints == {"p": 0.5, "q": -0.01}
     assert (args.width, args.height, args.dashboard) == (1280, 720, False)
     args = parse_command_line(["a.png", "--ros-args", "-r", "__ns:=/left"])
-    assert parse_command_line(["a.png", "b.mcap", "--frame-prefix", "a/"]).frame_prefix == "a/"
     assert args.ros_args == ["--ros-args", "-r", "__ns:=/left"] and args.source is None
     assert parse_command_line(["a.png", "run", "namespace:=left"]).source == "run"
     bag = parse_command_line(["a.png", "run.mcap", "namespace:=left"])
@@ -72,9 +64,6 @@ def test_command_line():
         ["a.png", "b.rrd", "namespace:=left"],
         ["a.png", "b.mcap", "mesh:=no"],
         ["a.png", "b.urdf", "--ros-args", "-r", "__ns:=/left"],
-        ["a.png", "b.urdf", "--frame-prefix", "left/"],
-        ["a.png", "b.rrd", "--frame-prefix", "left/"],
-        ["a.png", "--dashboard", "--view", "v.yaml"],
     ],
 )
 def test_wrong_command_lines_are_refused(words: list[str]):
@@ -162,15 +151,6 @@ def test_the_view_of_the_robot_is_found():
         robot_view_id({"a": ("TimeSeries", "Robot")})
 
 
-def test_only_pages_on_this_host_are_asked():
-    """Of a page's address, nothing but a port of loopback is used."""
-    page = "http://127.0.0.1:9090/?url=rerun%2Bhttp://127.0.0.1:9876/proxy&hide_welcome_screen"
-    assert port_of(page) == 9090
-    for other in ("127.0.0.1:9090@evil", "10.0.0.1:9090", "127.0.0.1", "127.0.0.1.evil:9090"):
-        assert port_of(page.replace("127.0.0.1:9090", other)) == 0
-    assert port_of("") == 0
-
-
 def test_rerun_does_not_warn_of_a_recording_of_ours(tmp_path):
     """Whatever module imports rerun first: each snapshot of a file began with a warning."""
     code = (
@@ -229,66 +209,3 @@ def test_a_missing_mesh_is_one_warning(tmp_path, capsys):
     assert "gazbo" in typo
     assert missing.startswith("warning: link a: not drawn but marked by a box: mesh ")
     assert f"{tmp_path / 'no.stl'}: no such file" in missing
-
-
-@pytest.mark.filterwarnings("ignore:RRD file has no footer")
-@pytest.mark.parametrize("moves", [True, False])
-def test_a_page_s_recording_as_a_file(tmp_path, moves):
-    """What is served now, whether more comes or not: of pictures the newest, of curves all."""
-    file, ended = tmp_path / "served.rrd", threading.Event()
-    recording = open_recording(0)
-    page = WebPage(0, recording.uri, recording.server)
-
-    def lay_out() -> None:
-        recording.stream.send_blueprint(rrb.Blueprint(rrb.Spatial3DView()))
-
-    def log_on() -> None:
-        for number in itertools.count():
-            if not moves or ended.wait(0.02):
-                return
-            recording.stream.log("later", rr.TextLog("more"))
-            if number == 20:
-                lay_out()
-
-    pictures = [os.urandom(100_000) for _ in range(20)]
-    logging = threading.Thread(target=log_on)
-    try:
-        wait_for(lambda: page.ready, "the page")
-        recording.stream.log("robot", rr.TextDocument("model"), static=True)
-        if not moves:
-            lay_out()
-        for number, picture in enumerate(pictures):
-            recording.stream.log(
-                "camera", rr.EncodedImage(contents=picture, media_type="image/png")
-            )
-            recording.stream.log("speed", rr.Scalars(number))
-            recording.stream.flush()
-        logging.start()
-        save_served(page.port, file)
-    finally:
-        ended.set()
-        logging.join()
-        page.stop()
-        recording.close()
-    rows = list(stored(file))
-    assert [data for entity, data in rows if entity == "/robot"] == ["model"]
-    assert [data for entity, data in rows if entity == "/speed"] == list(map(float, range(20)))
-    assert [bytes(data) for entity, data in rows if entity == "/camera"] == pictures[-1:]
-    assert ("/later" in dict(rows)) == moves
-    assert RrdReader(str(file)).blueprints(), "the layout, waited for"
-
-
-def stored(rrd: Path) -> Iterator[tuple[str, Any]]:
-    """Yield the entity and the first component of each row of a file."""
-    for chunk in RrdReader(str(rrd)).stream():
-        batch = chunk.to_record_batch()
-        [name, *_] = [name for name in batch.schema.names if ":" in name]
-        for row in batch.column(name).to_pylist():
-            yield str(chunk.entity_path), row[0]
-
-
-def test_a_page_that_does_not_respond_is_a_clear_error(tmp_path):
-    """It names the page."""
-    port = free_port(0)
-    with pytest.raises(OneBotError, match=f"the viewer's page at port {port} does not respond"):
-        save_served(port, tmp_path / "x.rrd")

@@ -125,9 +125,10 @@ def test_where_no_viewer_answers_it_starts_one(ros_domain, tmp_path, monkeypatch
 
 
 def test_frames_of_a_robot_yet_to_come_are_named_as_by_a_bringup(ros_domain):
+    with Session(["--ros-args", "-r", "__ns:=/left"]) as session:
+        assert robot_parameters(session) == {"frame_prefix": "left/"}
     with Session() as session:
-        assert robot_parameters(session, "left") == {"frame_prefix": "left/"}
-        assert robot_parameters(session, "") == {"frame_prefix": ""}
+        assert robot_parameters(session) == {"frame_prefix": ""}
 
 
 def test_with_a_viewer_it_starts_none(ros_domain, tmp_path):

@@ -255,15 +255,30 @@ def no_section(parameters: Parameters, files: Iterable[Path], node: str) -> str 
     return f"{names} has no section for {node}, only for {listing(sections)}"
 
 
-def undeclared_names(file: Path, unknown: Iterable[Unknown]) -> list[str]:
-    """Return a warning for each name that sections of several nodes have for none of these.
+def check_sections(file: Path, nodes: Sequence[str], unknown: Iterable[Unknown]) -> list[str]:
+    """Check the sections of a file that a bringup gives to some nodes.
 
     Args:
-        file: its other sections are checked by their nodes.
-        unknown: of each node that gets the file, what reports the names that it does not declare.
+        file: its sections for one node are checked by that node.
+        nodes: the full names of the nodes.
+        unknown: of each node, what reports the names that it does not declare.
+
+    Returns:
+        A warning for each name that sections of several nodes have for none of these.
+
+    Raises:
+        ConfigError: sections are for none of the nodes, and would do nothing; lists those that
+            would be for them.
     """
+    sections = read_sections(read_text(file), str(file))
+    if problems := [
+        Problem("", f'{file}: section "{section}" is for no node that it is given to: {possible}')
+        for section in sections
+        if (possible := _meant(section, nodes))
+    ]:
+        raise ConfigError(problems)
     warnings = []
-    for section, parameters in read_sections(read_text(file), str(file)).items():
+    for section, parameters in sections.items():
         names: set[str] = parameters.shared
         for report in unknown:
             names = {problem.key for problem in report(names)}
@@ -276,22 +291,14 @@ def undeclared_names(file: Path, unknown: Iterable[Unknown]) -> list[str]:
     return warnings
 
 
-def refuse_other_sections(file: Path, nodes: Sequence[str]) -> None:
-    """Refuse a file with sections for none of ``nodes``, full names: they would do nothing.
-
-    The ConfigError lists the sections that would be for them.
-    """
-    problems = []
-    for section in read_sections(read_text(file), str(file)):
-        if not any(section_matches(section, node) for node in nodes):
-            name = section.rpartition("/")[2]
-            same = [node for node in nodes if node.rpartition("/")[2] == name] or nodes
-            names = dict.fromkeys(node.rpartition("/")[2] for node in same)
-            possible = listing([*same, *(f"/**/{name}" for name in names)])
-            text = f'{file}: section "{section}" is for no node that it is given to: {possible}'
-            problems.append(Problem("", text))
-    if problems:
-        raise ConfigError(problems)
+def _meant(section: str, nodes: Sequence[str]) -> str:
+    """Return the sections that would be for one of ``nodes``; "" if this one is."""
+    if any(section_matches(section, node) for node in nodes):
+        return ""
+    name = section.rpartition("/")[2]
+    same = [node for node in nodes if node.rpartition("/")[2] == name] or nodes
+    names = dict.fromkeys(node.rpartition("/")[2] for node in same)
+    return listing([*same, *(f"/**/{name}" for name in names)])
 
 
 def read_text(file: Path) -> str:

@@ -1,0 +1,126 @@
+"""The verbs of ``onebot``: a table of them, and how the words of a command line choose one."""
+
+import os
+import sys
+from collections import namedtuple
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+
+from onebot_bringup.launch.program import INTERRUPTED, USAGE, VERSION, print_version
+from onebot_description.errors import UsageError, did_you_mean
+
+TYPE_CHECKING = False  # typing's constant; typing is slow to import
+if TYPE_CHECKING:
+    from onebot_bringup.cli.options import Subcommand
+
+# A line for ``onebot --help``, and the exit code after Ctrl-C, 0 if that is the normal end.
+Verb = namedtuple("Verb", ["summary", "interrupted"], defaults=[INTERRUPTED])  # noqa: PYI024
+
+# Each verb is a module of this package, imported only when it is used. It has either a table
+# ``COMMANDS`` of ``Subcommand``, or ``run(argv) -> int``; ``argv`` are the words after the verb.
+PACKAGE = "onebot_bringup.cli"
+VERBS = {
+    "check": Verb("check a URDF or xacro file and show its tree"),
+    "view": Verb("bring up any robot from its file and move it", 0),
+    "topic": Verb("list, print, measure and publish topics", 0),
+    "node": Verb("list nodes and show what they do"),
+    "param": Verb("list, describe, get, set, save and load parameters"),
+    "service": Verb("list and call services"),
+    "interface": Verb("list types of messages and show them"),
+    "tf": Verb("show the tree of frames, and transforms between frames", 0),
+    "snapshot": Verb("draw a robot into a picture file"),
+    "run": Verb("run a node by its package and name", 0),
+    "bag": Verb("record topics, play a recording, show what it holds", 0),
+    "replay": Verb("show a recording", 0),
+    "doctor": Verb("check what is wrong on this computer"),
+    "completion": Verb("print the tab completion of a shell"),
+    "steer": Verb("drive from a page in the browser", 0),
+    "teleop": Verb("drive from the keyboard", 0),
+    "trajectory": Verb("move joints to positions, and list those that can be moved"),
+}
+# Commands of ROS 1 and ros2 with other names, and our verbs for them.
+_FORMER = {
+    "rostopic": "topic",
+    "rosnode": "node",
+    "rosparam": "param",
+    "rosservice": "service",
+    **dict.fromkeys(("rosmsg", "rossrv", "msg", "srv"), "interface"),
+    "rosbag": "bag",
+    **dict.fromkeys(("roswtf", "wtf"), "doctor"),
+    "rosrun": "run",
+    **dict.fromkeys(("tf_echo", "tf2_echo"), "tf echo"),
+    **dict.fromkeys(("tf_monitor", "tf2_monitor", "view_frames"), "tf tree"),
+    "check_urdf": "check",
+    **dict.fromkeys(("rviz", "rviz2", "urdf_launch"), "view"),
+    **dict.fromkeys(("teleop_twist_keyboard", "rqt_robot_steering"), "teleop"),
+    "rqt_joint_trajectory_controller": "trajectory",
+}
+_LAUNCH = ("launch", "roslaunch")
+
+
+def help_command(words: list[str]) -> str:
+    """Return the command that prints the help of the command in ``words``."""
+    if not words or words[0] not in VERBS:
+        return "onebot --help"
+    count = 2 if len(words) > 1 and words[1] in subcommands(words[0]) else 1
+    return f"onebot {' '.join(words[:count])} --help"
+
+
+def subcommands(verb: str) -> "Mapping[str, Subcommand]":
+    """Return the subcommands of a verb; empty for most verbs."""
+    return getattr(import_module(f"{PACKAGE}.{verb}"), "COMMANDS", {})
+
+
+def run_verb(words: list[str]) -> int:
+    """Run ``onebot`` with these words and return its exit code."""
+    words = take_settings(words)
+    if not words:
+        print(usage(), file=sys.stderr)
+        return USAGE
+    first, *arguments = words
+    if first == "help" and arguments:
+        first, *arguments = [*arguments, "--help"]
+    if first in ("-h", "--help", "help"):
+        print(usage())
+        return 0
+    if first in VERSION:
+        return print_version("onebot")
+    if first not in VERBS:
+        raise UsageError(f'onebot has no command "{first}"{_instead(first, arguments)}')
+    if table := subcommands(first):
+        from onebot_bringup.cli.options import dispatch
+
+        return dispatch(first, table, arguments)
+    return int(import_module(f"{PACKAGE}.{first}").run(arguments))
+
+
+def take_settings(words: list[str]) -> list[str]:
+    """Apply ``discovery:=`` and ``domain_id:=`` before the verb; return the other words."""
+    count = next((n for n, word in enumerate(words) if ":=" not in word), len(words))
+    if count:
+        from onebot_bringup.launch.arguments import complete, discovery_settings, split
+        from onebot_description.ros.discovery import discovery_variables
+
+        settings = split(words[:count]).given
+        values = complete(discovery_settings(), settings)
+        os.environ.update(discovery_variables(values, forced="discovery" in settings))
+    return words[count:]
+
+
+def _instead(verb: str, rest: Sequence[str]) -> str:
+    """Return what to write in place of a verb that does not exist."""
+    if verb in _LAUNCH:
+        return ": write onebot_bringup, mrm_bringup or onebot view FILE, and name:=value after it"
+    if verb in _FORMER:
+        import shlex
+
+        return f": write onebot {shlex.join([*_FORMER[verb].split(), *rest])}"
+    return did_you_mean(verb, VERBS, "commands")
+
+
+def usage() -> str:
+    """Return the text of ``onebot --help``."""
+    from onebot_bringup.cli.options import commands_text
+
+    text = commands_text("onebot", VERBS, "[discovery:=WHERE] [domain_id:=N] ")
+    return f"{text}; onebot --version shows the version."

@@ -1,0 +1,91 @@
+"""No circle of imports in the product: neither of files nor of rooms, whenever they are imported.
+
+A room is a folder, and so is each module directly in a package such as ``onebot_control``. An
+``__init__`` that exports its names lazily belongs to none.
+"""
+
+import ast
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator
+from functools import cache
+from graphlib import CycleError, TopologicalSorter
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("mrm_description", "onebot_bringup", "onebot_control", "onebot_description")
+
+
+class Import(NamedTuple):
+    """A module imports another one, at the top, in a function, or for its types only."""
+
+    importer: str
+    imported: str
+    place: str = ""
+
+
+@cache
+def modules() -> dict[str, Path]:
+    """The files of the product by their modules' names; examples are the users'."""
+    files = (file for package in PACKAGES for file in sorted((ROOT / package).rglob("*.py")))
+    found = {}
+    for file in files:
+        *folders, name = file.relative_to(ROOT).with_suffix("").parts
+        if "examples" in folders or (name == "__init__" and "__getattr__ =" in file.read_text()):
+            continue
+        found[".".join(folders if name == "__init__" else [*folders, name])] = file
+    return found
+
+
+def imports() -> Iterator[Import]:
+    files = modules()
+    for importer, file in files.items():
+        for node in ast.walk(ast.parse(file.read_text())):
+            names = []
+            if isinstance(node, ast.Import):
+                names = [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom):
+                whole = [f"{node.module}.{alias.name}" for alias in node.names]
+                names = [name if name in files else str(node.module) for name in whole]
+            place = f"{file.relative_to(ROOT)}:{getattr(node, 'lineno', 0)}"
+            yield from (Import(importer, name, place) for name in {*names} & files.keys())
+
+
+def room(module: str) -> str:
+    """The room of a module: its folder, or itself."""
+    file = modules()[module].relative_to(ROOT)
+    return file.parent.as_posix() if len(file.parts) > 2 else module
+
+
+def circle(found: Iterable[Import], unit: Callable[[str], str]) -> str:
+    """The imports of one circle of units; "" if there is none."""
+    graph, places = defaultdict[str, set[str]](set), defaultdict[tuple[str, str], list[str]](list)
+    for importer, imported, place in found:
+        ends = unit(importer), unit(imported)
+        if ends[0] != ends[1]:
+            graph[ends[0]].add(ends[1])
+            places[ends].append(place)
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        steps = [(importer, imported) for imported, importer in pairwise(error.args[1])]
+        return "\n".join(f"{a} imports {b}: {', '.join(places[a, b][:5])}" for a, b in steps)
+    return ""
+
+
+@pytest.mark.parametrize("unit", [str, room], ids=["files", "rooms"])
+def test_there_is_no_circle(unit):
+    """What two files, or two rooms, need of each other belongs into one of them, or a third."""
+    found = circle(imports(), unit)
+    assert not found, found
+
+
+def test_a_circle_is_found():
+    """Between rooms, although their files are in none."""
+    found = [Import("drive.a", "nodes.b", "a.py:1"), Import("nodes.c", "drive.d", "c.py:2")]
+    assert circle(found, str) == ""
+    shown = circle(found, lambda module: module.partition(".")[0]).splitlines()
+    assert sorted(shown) == ["drive imports nodes: a.py:1", "nodes imports drive: c.py:2"]
