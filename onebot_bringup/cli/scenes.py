@@ -18,18 +18,18 @@ from std_msgs.msg import Header, String
 from onebot_bringup.cli.running_robots import description_topics, frame_prefix
 from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.cli.snapshot import NAMESPACE, kind_of
-from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
-from onebot_bringup.viewer.displays.tf_display import TF
-from onebot_bringup.viewer.inbox import DESCRIPTION
-from onebot_bringup.viewer.rendering import Framing, render
-from onebot_bringup.viewer.robot_view import RobotView
-from onebot_bringup.viewer.rrd import check_rrd, has_content, save_served
-from onebot_bringup.viewer.shown_robot import (
+from onebot_bringup.viewer.core.inbox import DESCRIPTION
+from onebot_bringup.viewer.core.shown_robot import (
     ROBOT_DESCRIPTION,
     WORLD_DESCRIPTION,
     RobotToShow,
 )
+from onebot_bringup.viewer.core.transforms import TF
+from onebot_bringup.viewer.display_server import open_recording
+from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
+from onebot_bringup.viewer.rendering import Framing, render
+from onebot_bringup.viewer.robot_view import RobotView
+from onebot_bringup.viewer.rrd import check_rrd, has_content, save_served
 from onebot_bringup.viewer.topics import ViewFeed
 from onebot_bringup.viewer.view_source import ViewSource
 from onebot_control.poses import prefixed
@@ -189,7 +189,7 @@ class RunningRobots:
             return not (lacks_world or view.stage.missing) and view.stage.has_fixed_frame
 
         if not self._wait(is_complete, PATIENCE):
-            missing = view.stage.missing or [view.stage.view.fixed_frame]
+            missing = view.stage.missing or [view.stage.view_frame]
             _progress(f"waiting for the frames of {listing(missing, _LISTED)} ...")
             self._wait(is_complete, _FRAMES - PATIENCE)
         if view.stage.missing:

@@ -10,13 +10,13 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
+from onebot_bringup.viewer.core.inbox import DESCRIPTION
+from onebot_bringup.viewer.core.shown_robot import ROBOT_DESCRIPTION, WORLD_DESCRIPTION, RobotToShow
+from onebot_bringup.viewer.core.transforms import TF
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
-from onebot_bringup.viewer.displays.tf_display import TF
-from onebot_bringup.viewer.inbox import DESCRIPTION
 from onebot_bringup.viewer.rendering import render
 from onebot_bringup.viewer.robot_view import RobotView
-from onebot_bringup.viewer.shown_robot import ROBOT_DESCRIPTION, WORLD_DESCRIPTION, RobotToShow
 from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_control.nodes.publishing import scene_transforms
 from onebot_control.poses import WORLD_FRAME, Transform

@@ -13,7 +13,7 @@ from typing import Any
 
 import yaml
 
-from onebot_bringup.viewer.automatic import DRAWING_BY_TYPE
+from onebot_bringup.viewer.displays import MESSAGE_DRAWINGS
 from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_description.errors import OneBotError, listing
 from onebot_description.ros.parameters import bounded_yaml
@@ -23,7 +23,7 @@ RVIZ_SUFFIX = ".rviz"
 _MOST_LISTED = 12
 _UNIT = re.compile(r"\s*\([^)]*\)$")
 _COLOR = re.compile(r"\s*(\d+)\s*;\s*(\d+)\s*;\s*(\d+)\s*")
-_KEYS = {display.key: display for display in DRAWING_BY_TYPE.values()}
+_KEYS = {drawing.key for drawing in MESSAGE_DRAWINGS}
 # Our keys of RViz's displays whose class is not simply that key in title case.
 _CLASSES = {"marker_array": "marker", "compressed_image": "image", "camera": "image"}
 

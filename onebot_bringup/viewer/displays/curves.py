@@ -16,17 +16,19 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.columns import ColumnMaker, entity_path, time_column
-from onebot_bringup.viewer.displays.display import LARGEST, SELDOM, LayoutPart, Plot, below
-from onebot_bringup.viewer.displays.drawing import Drawing, NamedDisplay
-from onebot_bringup.viewer.displays.odometry_display import ODOMETRY
-from onebot_bringup.viewer.inbox import MessageType, WantedTopic, known_type
-from onebot_bringup.viewer.settings import Color, color, one_of, setting, topic
+from onebot_bringup.viewer.core.columns import ColumnMaker, below, entity_path, time_column
+from onebot_bringup.viewer.core.display import LayoutPart, Plot
+from onebot_bringup.viewer.core.drawing import Drawing, NamedDisplay
+from onebot_bringup.viewer.core.inbox import MessageType, WantedTopic, known_type
+from onebot_bringup.viewer.core.rerun_limits import LARGEST, SELDOM
+from onebot_bringup.viewer.core.settings import Color, color, one_of, setting, topic
+from onebot_bringup.viewer.displays.odometry import ODOMETRY
 from onebot_description.errors import OneBotError, listing
 from onebot_description.ros.parameters.reader import REQUIRED
 from onebot_description.ros.wire.schema import Message, Table
 
 S = TypeVar("S", bound="SpeedSettings | CurveSettings")
+C = TypeVar("C", bound="SpeedsSettings | CurvesSettings")
 
 _SCALARS = ColumnMaker(rr.Scalars.columns(scalars=[0.0]))
 
@@ -68,7 +70,7 @@ class Curves:
 class CurveDrawing(Drawing[S]):
     """Curves of the numbers of one topic."""
 
-    stamped = False
+    has_header = False
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
@@ -106,7 +108,7 @@ class CurveDrawing(Drawing[S]):
             curve.flush()
 
 
-class _CurvesDisplay(NamedDisplay):
+class _CurvesDisplay(NamedDisplay[C]):
     """Plots the lines that a view names."""
 
     plots = True
@@ -186,10 +188,11 @@ class SpeedDrawing(CurveDrawing[SpeedSettings]):
         )
 
 
-class SpeedsDisplay(_CurvesDisplay):
+class SpeedsDisplay(_CurvesDisplay[SpeedsSettings]):
     """Plots speeds commanded and measured."""
 
     key, noun = "speeds", "speed"
+    order = 5
     draws = SpeedDrawing
 
     def subscriptions(self, line: SpeedSettings) -> Sequence[WantedTopic]:
@@ -292,10 +295,11 @@ class FieldDrawing(CurveDrawing[CurveSettings]):
         return [self._field.value(message)]
 
 
-class CurvesDisplay(_CurvesDisplay):
+class CurvesDisplay(_CurvesDisplay[CurvesSettings]):
     """Plots numbers of messages."""
 
     key, noun = "curves", "curve"
+    order = 6
     draws = FieldDrawing
 
     def __init__(self, *arguments: Any) -> None:

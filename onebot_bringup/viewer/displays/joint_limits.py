@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
-from onebot_bringup.viewer.columns import entity_path
-from onebot_bringup.viewer.displays.display import Display
-from onebot_bringup.viewer.settings import Color, setting
+from onebot_bringup.viewer.core.columns import entity_path
+from onebot_bringup.viewer.core.display import Display
+from onebot_bringup.viewer.core.settings import Color, setting
 from onebot_description.arrays import Floats
 from onebot_description.description.description import Description, Joint, Triple
 from onebot_description.model.quaternions import from_rpy, to_matrix
@@ -39,6 +39,7 @@ class JointLimitsDisplay(Display[JointRangesSettings]):
     """Draws the ranges of joints in the colours of their curves; redraws only what changes."""
 
     key = "joint_ranges"
+    order = 2
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)

@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
+from onebot_bringup.viewer.core.display import Display, LayoutPart, Plot
+from onebot_bringup.viewer.core.inbox import MessageType, WantedTopic, one_by_one
+from onebot_bringup.viewer.core.rerun_limits import SELDOM
+from onebot_bringup.viewer.core.settings import Color, setting
 from onebot_bringup.viewer.displays.curves import Curves
-from onebot_bringup.viewer.displays.display import SELDOM, Display, LayoutPart, Plot
 from onebot_bringup.viewer.displays.joint_limits import limited_joints, limits
-from onebot_bringup.viewer.inbox import MessageType, WantedTopic, one_by_one
-from onebot_bringup.viewer.settings import Color, setting
 from onebot_description.ros.wire.messages import JointStateArrays, one_joint_state
 
 POSITION_ENTITY = "joints/position"
@@ -42,6 +43,7 @@ class JointPlotDisplay(Display[JointPlotSettings]):
     """Plots joint_states."""
 
     key = "joint_plot"
+    order = 1
     plots = True
     period_ns = SELDOM
 

@@ -11,11 +11,11 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.columns import BytesMaker, ReadyColumn, empty, one_row
-from onebot_bringup.viewer.displays.display import LARGEST, SELDOM
-from onebot_bringup.viewer.displays.drawing import AUTO, Drawing, TopicSettings
-from onebot_bringup.viewer.inbox import message_type
-from onebot_bringup.viewer.settings import fraction, one_of, setting
+from onebot_bringup.viewer.core.columns import BytesMaker, ReadyColumn, empty, one_row
+from onebot_bringup.viewer.core.drawing import AUTO, Drawing, TopicSettings
+from onebot_bringup.viewer.core.inbox import message_type
+from onebot_bringup.viewer.core.rerun_limits import LARGEST, SELDOM
+from onebot_bringup.viewer.core.settings import fraction, one_of, setting
 from onebot_description.model.quaternions import normalized
 
 UPDATES = "_updates"  # suffix of the topic of updates
@@ -68,8 +68,8 @@ class MapDrawing(Drawing[MapSettings]):
 
     key = "map"
     message_types = ("nav_msgs/msg/OccupancyGrid",)
-    others: ClassVar = {UPDATES: UPDATE}
-    live, repeated = False, True
+    suffixed_topics: ClassVar = {UPDATES: UPDATE}
+    stamped_when_sent, repeat_when_silent = False, True
     period_ns = SELDOM
     _grid: CurrentMap | None = None
     _whole_ns = 0  # the time of the map received since the last flush; 0 for none

@@ -12,15 +12,17 @@ import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.columns import entity_path, one_row, time_column
-from onebot_bringup.viewer.displays.display import LARGEST, below, is_old
-from onebot_bringup.viewer.displays.drawing import Drawing, TopicSettings
+from onebot_bringup.viewer.core.columns import below, entity_path, one_row, time_column
+from onebot_bringup.viewer.core.drawing import Drawing, TopicSettings
+from onebot_bringup.viewer.core.rerun_limits import LARGEST, is_old
+from onebot_bringup.viewer.core.settings import name_list, setting
+from onebot_bringup.viewer.core.stage import Stage
 from onebot_bringup.viewer.displays.marker_shapes import (
     ARROW,
     ARROW_STRIP,
@@ -36,13 +38,9 @@ from onebot_bringup.viewer.displays.marker_shapes import (
     Piece,
     rgba,
 )
-from onebot_bringup.viewer.settings import name_list, setting
 from onebot_description.arrays import Floats
 from onebot_description.errors import OneBotError, printable, shortened
 from onebot_description.model.quaternions import from_matrix, multiply, rotate
-
-if TYPE_CHECKING:
-    from onebot_bringup.viewer.stage import Stage
 
 ADD, DELETE, DELETE_ALL = 0, 2, 3
 _NEVER = np.iinfo(np.int64).max  # the end of an infinite lifetime
@@ -169,7 +167,7 @@ class LayerKey(NamedTuple):
 class Layer:
     """Markers of one type and namespace, on one entity."""
 
-    def __init__(self, stage: "Stage", entity: str, key: LayerKey, kind: Kind) -> None:
+    def __init__(self, stage: Stage, entity: str, key: LayerKey, kind: Kind) -> None:
         self._stage, self.entity, self._kind = stage, entity, kind
         self._frame = key.frame
         self._own: list[Piece] = [*one_row(rr.CoordinateFrame(key.frame))]  # same for all rows
@@ -250,11 +248,11 @@ class MarkerPlan(NamedTuple):
 class MarkerDrawing(Drawing[MarkerSettings]):
     """The markers of one topic."""
 
-    stamped = False
+    has_header = False
 
     key = "marker"
     message_types = ("visualization_msgs/msg/Marker", "visualization_msgs/msg/MarkerArray")
-    live = False
+    stamped_when_sent = False
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)

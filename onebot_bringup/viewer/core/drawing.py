@@ -23,23 +23,22 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, ClassVar, Generic
+from typing import Any, ClassVar, Generic
 
 import rerun as rr
 
-from onebot_bringup.viewer.columns import ReadyColumn, entity_path, one_row
-from onebot_bringup.viewer.displays.display import COLORS, Display, LayoutPart, S, is_old
-from onebot_bringup.viewer.inbox import WARN_AFTER, MessageType, WantedTopic
-from onebot_bringup.viewer.settings import Color, one_of, setting
+from onebot_bringup.viewer.core.columns import ReadyColumn, entity_path, one_row
+from onebot_bringup.viewer.core.display import COLORS, Display, LayoutPart, S
+from onebot_bringup.viewer.core.inbox import WARN_AFTER, MessageType, WantedTopic
+from onebot_bringup.viewer.core.rerun_limits import is_old
+from onebot_bringup.viewer.core.settings import Color, one_of, setting
+from onebot_bringup.viewer.core.stage import Stage
 from onebot_description.arrays import Floats
 from onebot_description.ros.parameters.reader import OwnClass
 
-if TYPE_CHECKING:
-    from onebot_bringup.viewer.stage import Stage
-
 AUTO = "auto"
 _RELIABILITIES = (AUTO, "reliable", "best_effort")
-DEPTH, DEPTH_HEAVY = 100, 5  # messages queued in DDS, or for a transform
+DEPTH, DEPTH_HIGH_BANDWIDTH = 100, 5  # messages queued in DDS, or for a transform
 _MOST_AWAITED_NS = 1_000_000_000  # longest lag of transforms for which messages wait
 
 Archetypes = Sequence[rr.AsComponents | ReadyColumn]
@@ -64,23 +63,23 @@ class Drawing(Generic[S]):
     # Which messages to draw:
     key: ClassVar[str]  # the name in a view file, and the prefix of its ROS parameters
     message_types: ClassVar[tuple[str, ...]]  # full names, such as "nav_msgs/msg/Path"
-    heavy: ClassVar[bool] = False  # megabytes per second: few topics are shown automatically
-    live: ClassVar[bool] = True  # see ``MessageType``
+    high_bandwidth: ClassVar[bool] = False  # megabytes per second: few are shown automatically
+    stamped_when_sent: ClassVar[bool] = True  # see ``MessageType``
     plots: ClassVar[bool] = False  # draws nothing in the robots' own view
     period_ns: ClassVar[int] = 0  # see ``Display``
     # Types of further topics to subscribe to, by the suffix of their names after the topic's.
-    others: ClassVar[Mapping[str, MessageType[Any]]] = {}
+    suffixed_topics: ClassVar[Mapping[str, MessageType[Any]]] = {}
     # Types of further topics of the topic's robot, by name.
     robot_topics: ClassVar[Mapping[str, MessageType[Any]]] = {}
 
     # How to draw them:
-    stamped: ClassVar[bool] = True  # messages have a header and are drawn in its frame
-    placed: ClassVar[bool] = False  # drawn where the frame was at the time of the stamp
-    repeated: ClassVar[bool] = False  # logged again if messages are rare: see REPEAT_AFTER
-    latest: ClassVar[bool] = False  # only the newest message of a flush is drawn
-    kept: ClassVar[int] = DEPTH  # most messages that wait for a transform
+    has_header: ClassVar[bool] = True  # messages are drawn in the frame of their header
+    at_stamp_time: ClassVar[bool] = False  # drawn where the frame was at the time of the stamp
+    repeat_when_silent: ClassVar[bool] = False  # logged again if messages are rare: REPEAT_AFTER
+    newest_only: ClassVar[bool] = False  # only the newest message of a flush is drawn
+    max_waiting: ClassVar[int] = DEPTH  # most messages that wait for a transform
 
-    def __init__(self, stage: "Stage", name: str, entity: str, settings: S, color: Color) -> None:
+    def __init__(self, stage: Stage, name: str, entity: str, settings: S, color: Color) -> None:
         """Draw nothing yet.
 
         Args:
@@ -125,7 +124,7 @@ class Drawing(Generic[S]):
 
     def frame_of(self, message: Any) -> str:
         """Return the frame that a message names."""
-        return str(message.header.frame_id.lstrip("/")) if self.stamped else ""
+        return str(message.header.frame_id.lstrip("/")) if self.has_header else ""
 
     def drawn_in(self) -> str:
         """Return the frame to put the entity in."""
@@ -140,7 +139,7 @@ class Drawing(Generic[S]):
 
     def add(self, stamp_ns: int, message: Any) -> None:
         """Add a message, to be logged by ``flush``."""
-        if self.stamped:
+        if self.has_header:
             self.frame = self.frame_of(message) or self.frame
             if not self.frame:
                 self.problems.setdefault("", "its header has no frame_id")
@@ -153,10 +152,10 @@ class Drawing(Generic[S]):
         The others wait for a transform until a newer message is shown.
         """
         pending, self._pending = self._pending, []
-        if not pending and self.repeated and self._last is not None and is_old(self._logged_at):
-            pending = [self._last]
+        if not pending and self._last is not None and self.repeat_when_silent:
+            pending = [self._last] if is_old(self._logged_at) else []
         rows: list[tuple[int, Archetypes]] = []
-        for stamp_ns, message in pending[-1:] if self.latest else pending:
+        for stamp_ns, message in pending[-1:] if self.newest_only else pending:
             # A message without a frame, such as an empty path, keeps the last one's.
             frame = self._frame_before = self.frame_of(message) or self._frame_before
             if not self._is_due(frame, stamp_ns):
@@ -176,7 +175,7 @@ class Drawing(Generic[S]):
             self._last = stamp_ns, message
             if archetypes:
                 rows.append((stamp_ns, [*archetypes, *_in_frame(self.home)]))
-        del self._pending[: -self.kept]
+        del self._pending[: -self.max_waiting]
         self._log_rows(rows)
 
     def _is_due(self, frame: str, stamp_ns: int) -> bool:
@@ -189,7 +188,7 @@ class Drawing(Generic[S]):
             return True
         if not stage.connected(frame):
             return False
-        ahead_ns = stamp_ns - stage.frames.known_until(frame) if self.placed else 0
+        ahead_ns = stamp_ns - stage.frames.known_until(frame) if self.at_stamp_time else 0
         waits = 0 <= stage.now_ns - stamp_ns < stage.transform_timeout_ns
         return not (waits and 0 < ahead_ns < _MOST_AWAITED_NS)
 
@@ -342,7 +341,7 @@ _NO_PART = LayoutPart()
 class MessageDisplay(DrawingsDisplay[Any]):
     """Draws all topics of some message types, of any robot, as RViz does."""
 
-    def __init__(self, stage: "Stage", draws: type[Drawing[Any]]) -> None:
+    def __init__(self, stage: Stage, draws: type[Drawing[Any]]) -> None:
         super().__init__(stage)
         self.draws = draws
         self.key = draws.key
@@ -365,28 +364,32 @@ class MessageDisplay(DrawingsDisplay[Any]):
         draws = self.draws
         subscription = WantedTopic(
             topic,
-            (self.stage.message_type(self._offered[topic], live=draws.live),),
+            (
+                self.stage.message_type(
+                    self._offered[topic], stamped_when_sent=draws.stamped_when_sent
+                ),
+            ),
             reliable=settings.reliability == "reliable",
             optional=True,
             as_published=settings.reliability == AUTO,
-            depth=settings.depth or (DEPTH_HEAVY if draws.heavy else DEPTH),
+            depth=settings.depth or (DEPTH_HIGH_BANDWIDTH if draws.high_bandwidth else DEPTH),
         )
-        others = (
-            WantedTopic(topic + end, (kind,), optional=True, as_published=True)
-            for end, kind in draws.others.items()
+        suffixed = (
+            WantedTopic(topic + suffix, (kind,), optional=True, as_published=True)
+            for suffix, kind in draws.suffixed_topics.items()
         )
         robot = self.stage.robot_of(topic)
         of_robot = (
             WantedTopic(robot.full_name(name), (kind,), optional=True)
             for name, kind in draws.robot_topics.items()
         )
-        return [subscription, *others, *of_robot]
+        return [subscription, *suffixed, *of_robot]
 
     def make(self, name: str, settings: Any, color: Color) -> Drawing[Any]:
         return self.draws(self.stage, name, topic_entity(self.key, name), settings, color)
 
 
-class NamedDisplay(DrawingsDisplay[Any]):
+class NamedDisplay(DrawingsDisplay[S]):
     """Draws the entries that a view names, with one drawing each."""
 
     draws: ClassVar[type[Drawing[Any]]]

@@ -25,6 +25,11 @@ def entity_path(*names: str) -> str:
     return rr.new_entity_path(list(names)).lstrip("/")
 
 
+def below(root: str, entity: str) -> str:
+    """Return the path of ``entity`` below ``root``, which is "" for the top."""
+    return f"{root}/{entity}" if root else entity
+
+
 class ReadyColumn(rr.ComponentColumn):
     """A column with a finished Arrow array, which can be sent many times."""
 
