@@ -7,7 +7,6 @@ lays out what is drawn.
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -104,18 +103,14 @@ class RobotView:
         # Topics whose pictures the page around the view shows itself; None without a page.
         self.page_cameras: Collection[str] | None = None
         self.message_displays = [MessageDisplay(stage, draws) for draws in MESSAGE_DRAWINGS]
-        of_all = [display(stage) for display in ROBOT_DISPLAYS if display.of_all_robots]
-        self.robot_displays: Mapping[ShownRobot, Sequence[Display[Any]]] = {
-            robot: [
-                display(stage, robot)
-                for display in ROBOT_DISPLAYS
-                if not display.of_all_robots and (robot.names.plotted or not display.plots)
-            ]
-            for robot in stage.robots
-        }
-        self._shared_displays: Sequence[Display[Any]] = [*of_all, *self.message_displays]
-        self._own_displays = [*of_all, *chain.from_iterable(self.robot_displays.values())]
-        self._displays: Sequence[Display[Any]] = [*self._own_displays, *self.message_displays]
+        self.robot_displays = [
+            display(stage, robot)
+            for robot in (None, *stage.robots)
+            for display in ROBOT_DISPLAYS
+            if display.of_all_robots == (robot is None)
+            and (robot is None or robot.names.plotted or not display.plots)
+        ]
+        self._displays: Sequence[Display[Any]] = [*self.robot_displays, *self.message_displays]
         for display in self._displays:
             display.apply(self._view.settings_of(display))
         if live:
@@ -202,7 +197,7 @@ class RobotView:
             name, optional = robot.names.description, robot is stage.world
             topic = WantedTopic(name, (DESCRIPTION,), latched=True, optional=optional)
             yield robot.full_name(name), None, topic
-        for display in self._own_displays:
+        for display in self.robot_displays:
             for topic in display.topics():
                 # An absolute name belongs to no robot: the first robot's displays draw it.
                 if display.is_first or not topic.name.startswith("/"):
@@ -354,8 +349,9 @@ class RobotView:
         twins = (twin for twin in stage.robots if twin is not robot and twin.urdf == urdf)
         alike = next((twin.description for twin in twins), None)
         warnings = robot.set_description(urdf, alike)
-        for display in (*self.robot_displays.get(robot, ()), *self._shared_displays):
-            display.set_robot()
+        for display in self._displays:
+            if display.shown_robot in (None, robot):
+                display.set_robot()
         warnings += self._select()
         stage.robot_size = min(map(robot_size, self.robots.values()), default=0.0)
         first = self.robot
@@ -391,22 +387,17 @@ class RobotView:
             complete = all(robot.is_complete(stage.wanted_frame) for robot in stage.robots)
         if not complete and stage.clock() - self._changed < _PATIENCE:
             return
-        parts = [display.layout() for display in self._shared_displays]
-        for robot in (*stage.robots, stage.world):
-            parts += self._parts_of(robot)
+        collisions = [below(robot.root, COLLISION_ENTITY) for robot in (*stage.robots, stage.world)]
+        visible = tuple((entity, self._view.collision) for entity in collisions)
+        parts = [LayoutPart(visible=visible)]
+        for display in (*self.message_displays, *self.robot_displays):
+            parts += (replace(part, robot=display.root) for part in display.layout())
         layout = Layout.from_view(self._view, parts, stage.fixed_frame, complete, stage.robots)
         if not self._plots:
             layout = layout.without_plots()
         if self.page_cameras is not None:
             layout = layout.in_page(self.page_cameras)
         self._blueprint.update(layout, send=self._own_blueprint)
-
-    def _parts_of(self, robot: ShownRobot) -> list[LayoutPart]:
-        """Return the parts of the layout of a robot: its shapes' and its displays'."""
-        collision = below(robot.root, COLLISION_ENTITY)
-        parts = [LayoutPart(visible=((collision, self._view.collision),))]
-        parts += (display.layout() for display in self.robot_displays.get(robot, ()))
-        return [replace(part, robot=robot.root) for part in parts]
 
 
 class WarningFilter:

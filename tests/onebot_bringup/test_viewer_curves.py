@@ -150,9 +150,9 @@ def test_curves_are_in_plots_by_name(tmp_path):
         "a: {topic: t, field: x}, b: {topic: t, field: y, plot: Battery}, c: {topic: t, field: z}"
     )
     shown = Shown(tmp_path, f"curves: {{window: 5.0, lines: {{{lines}}}}}")
-    [displays] = shown.view.robot_displays.values()
+    displays = shown.view.robot_displays
     [display] = [each for each in displays if isinstance(each, CurvesDisplay)]
-    assert display.layout().views == (
+    assert display.layout()[0].views == (
         Plot("curves", "Curves", 5.0, ("curves/a", "curves/c")),
         Plot("curves", "Battery", 5.0, ("curves/b",)),
     )

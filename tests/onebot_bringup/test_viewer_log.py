@@ -63,7 +63,7 @@ def test_its_view_is_below_the_robot_if_it_is_asked_for(tmp_path, view, views):
     assert [each.visible for each in shown.view.offered] == [bool(views)]
     displays = shown.view.message_displays
     [display] = [each for each in displays if each.draws is LogDrawing]
-    assert display.layout() == LayoutPart(wide=views)
+    assert display.layout() == ([LayoutPart(wide=views)] if views else [])
     for each in views:
         assert each.view().class_identifier == "TextLog"
     shown.end()

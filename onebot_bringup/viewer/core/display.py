@@ -112,27 +112,29 @@ class Display(ABC, Generic[S]):
     def __init__(self, stage: Stage, robot: ShownRobot | None = None) -> None:
         """Draw nothing yet; ``robot`` is the robot to show, None for all."""
         self.stage = stage
-        self._robot = robot
+        self.shown_robot = robot
+        self.root = "" if robot is None else robot.root  # the entity above the robot's
         self._flushed_ns: tuple[int, ...] = ()
 
     @property
     def robot(self) -> ShownRobot:
         """The robot that it shows."""
-        assert self._robot is not None
-        return self._robot
+        assert self.shown_robot is not None
+        return self.shown_robot
 
     @property
     def is_first(self) -> bool:
         """Whether it shows the first robot or all of them."""
-        return self._robot in (None, self.stage.robots[0])
+        return self.shown_robot in (None, self.stage.robots[0])
 
     def entity(self, name: str) -> str:
         """Return the path of an entity below the robot's."""
-        return name if self._robot is None else below(self._robot.root, name)
+        return below(self.root, name)
 
     def full_name(self, topic: str) -> str:
         """Return the full name of a topic that the view names."""
-        return self.stage.resolve(topic) if self._robot is None else self._robot.full_name(topic)
+        robot = self.shown_robot
+        return self.stage.resolve(topic) if robot is None else robot.full_name(topic)
 
     def is_due(self, *now_ns: int) -> bool:
         """Whether to flush it now by any of several clocks; if so, the period starts again."""
@@ -179,9 +181,9 @@ class Display(ABC, Generic[S]):
         """
         return False
 
-    def layout(self) -> LayoutPart:
-        """Return its part of the layout, by the current settings."""
-        return LayoutPart()
+    def layout(self) -> Sequence[LayoutPart]:
+        """Return its parts of the layout, by the current settings."""
+        return ()
 
     def legend(self) -> Sequence[LegendEntry]:
         """Return its entries of the legend."""

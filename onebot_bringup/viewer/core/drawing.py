@@ -1,6 +1,6 @@
 """Displays of topics, with one drawing for each topic or for each entry of a view.
 
-Each message type is drawn by one class::
+Each message type is drawn by one class, in a file of the folder ``displays``::
 
     @dataclass(frozen=True)
     class PathSettings(TopicSettings):
@@ -90,9 +90,10 @@ class Drawing(Generic[S]):
             color: used if the settings have no colour.
         """
         self.stage, self.name, self.entity, self.settings = stage, name, entity, settings
+        self.default_color = color
         self.color: Color = getattr(settings, "color", None) or color
         self.frame = ""  # frame of the drawn message, or the newest one; "" for none
-        self.home = ""  # the frame that the entity is in
+        self.entity_frame = ""  # the frame that the entity is in
         self.stamp_ns = 0  # stamp of the message that is drawn
         self.problems: dict[str, str] = {}  # the first problem of each kind
         self._pending: list[tuple[int, Any]] = []
@@ -126,7 +127,7 @@ class Drawing(Generic[S]):
         """Return the frame that a message names."""
         return str(message.header.frame_id.lstrip("/")) if self.has_header else ""
 
-    def drawn_in(self) -> str:
+    def frame_to_draw_in(self) -> str:
         """Return the frame to put the entity in."""
         return self.frame
 
@@ -166,7 +167,7 @@ class Drawing(Generic[S]):
                 self.problems.setdefault("", f'messages in "{self.frame}" are not shown')
                 self._pending.clear()
             self.frame, self.stamp_ns = frame, stamp_ns
-            self.home = self.drawn_in()
+            self.entity_frame = self.frame_to_draw_in()
             try:
                 archetypes = self.draw(message)
             except ValueError as error:
@@ -174,7 +175,7 @@ class Drawing(Generic[S]):
                 archetypes = ()
             self._last = stamp_ns, message
             if archetypes:
-                rows.append((stamp_ns, [*archetypes, *_in_frame(self.home)]))
+                rows.append((stamp_ns, [*archetypes, *_in_frame(self.entity_frame)]))
         del self._pending[: -self.max_waiting]
         self._log_rows(rows)
 
@@ -208,7 +209,7 @@ class Drawing(Generic[S]):
         A latched message can be shown again: data logged later at the same time is drawn.
         """
         if self._last is not None:
-            self.stage.clear(self.entity, self._last[0], self.home)
+            self.stage.clear(self.entity, self._last[0], self.entity_frame)
 
     def replace(self, before: "Drawing[S]") -> None:
         """Take over the last and the pending messages of a drawing with other settings."""
@@ -254,7 +255,6 @@ class DrawingsDisplay(Display[S]):
         super().__init__(*arguments)
         self.items: dict[str, Drawing[Any]] = {}
         self._topics: dict[str, Sequence[WantedTopic]] = {}  # by item
-        self._made_of: dict[str, tuple[Any, Color]] = {}
         self._waiting_since: dict[str, float] = {}
 
     @abstractmethod
@@ -268,22 +268,22 @@ class DrawingsDisplay(Display[S]):
     def apply(self, settings: S) -> None:
         """Redraw drawings whose settings changed; erase drawings that are gone."""
         wanted, before = self.wanted(settings), self.items
-        colors = {name: color for name, (_, color) in self._made_of.items() if name in wanted}
-        self.items, made_of = {}, {}
+        colors = {name: old.default_color for name, old in before.items() if name in wanted}
+        self.items = {}
         for name, (_, item) in wanted.items():
             if name not in colors:  # drawings keep their colours when more topics are published
                 colors[name] = min(COLORS, key=[*colors.values()].count)
-            made_of[name] = item, colors[name]
-            same = self._made_of.get(name) == made_of[name]
-            self.items[name] = before[name] if same else self.make(name, *made_of[name])
+            old = before.pop(name, None)
+            if old is not None and old.settings == item:
+                self.items[name] = old
+                continue
+            new = self.items[name] = self.make(name, item, colors[name])
+            if old is not None:
+                old.erase()
+                new.replace(old)
+        for gone in before.values():
+            gone.erase()
         self._topics = {name: topics for name, (topics, _) in wanted.items()}
-        self._made_of = made_of
-        for name, drawing in before.items():
-            new = self.items.get(name)
-            if new is not drawing:
-                drawing.erase()
-                if new is not None:
-                    new.replace(drawing)
 
     def topics(self) -> Sequence[WantedTopic]:
         return [topic for topics in self._topics.values() for topic in topics]
@@ -299,18 +299,9 @@ class DrawingsDisplay(Display[S]):
         for drawing in self.items.values():
             drawing.flush()
 
-    def layout(self) -> LayoutPart:
+    def layout(self) -> Sequence[LayoutPart]:
         """Return what its drawings add; those in the robots' view add nothing."""
-        if not self.items:  # most displays have none, and this is called with every tick
-            return _NO_PART
-        parts = [drawing.layout() for drawing in self.items.values()]
-        return LayoutPart(
-            views=tuple(view for part in parts for view in part.views),
-            hidden=tuple(entity for part in parts for entity in part.hidden),
-            shown=tuple(entity for part in parts for entity in part.shown),
-            windows=tuple(window for part in parts for window in part.windows),
-            wide=tuple(view for part in parts for view in part.wide),
-        )
+        return [drawing.layout() for drawing in self.items.values()]
 
     def warnings(self) -> list[str]:
         """Return a sentence per drawing that waits long for a transform, or cannot be drawn."""
@@ -333,9 +324,6 @@ class DrawingsDisplay(Display[S]):
             return False
         now = self.stage.clock()
         return now - self._waiting_since.setdefault(name, now) > WARN_AFTER
-
-
-_NO_PART = LayoutPart()
 
 
 class MessageDisplay(DrawingsDisplay[Any]):
@@ -361,14 +349,11 @@ class MessageDisplay(DrawingsDisplay[Any]):
 
     def _subscriptions(self, topic: str, settings: TopicSettings) -> Sequence[WantedTopic]:
         """Return the subscriptions of a topic, with its type's definition and its QoS."""
-        draws = self.draws
+        draws, name = self.draws, self._offered[topic]
+        kind = self.stage.message_type(name, stamped_when_sent=draws.stamped_when_sent)
         subscription = WantedTopic(
             topic,
-            (
-                self.stage.message_type(
-                    self._offered[topic], stamped_when_sent=draws.stamped_when_sent
-                ),
-            ),
+            (kind,),
             reliable=settings.reliability == "reliable",
             optional=True,
             as_published=settings.reliability == AUTO,

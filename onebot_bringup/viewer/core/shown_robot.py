@@ -88,7 +88,7 @@ class ShownRobot:
         return self._resolve(self.names.topic(topic))
 
     @property
-    def home(self) -> str:
+    def root_frame(self) -> str:
         """The root link's frame, which exists."""
         return "" if self.description is None else self.frame_of(self.description.root_link)
 
@@ -125,7 +125,7 @@ class ShownRobot:
     @property
     def top_frame(self) -> str:
         """The topmost frame above the root link; "" without a description."""
-        return self.frames.top(self.home) if self.home else ""
+        return self.frames.top(self.root_frame) if self.root_frame else ""
 
     def known_as(self, wanted: str) -> str:
         """Return the name of a known frame, with or without the prefix; "" if neither is known.

@@ -5,11 +5,10 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
-import numpy as np
 import rerun as rr
 
 from onebot_bringup.introspection.transforms import FrameTree
-from onebot_bringup.viewer.core.columns import ReadyColumn, joinable, joined, one_row, time_column
+from onebot_bringup.viewer.core.columns import ReadyColumn, joinable, joined, one_row, send
 from onebot_bringup.viewer.core.inbox import MessageType, message_type
 from onebot_bringup.viewer.core.shown_robot import (
     WORLD_DESCRIPTION,
@@ -83,9 +82,8 @@ class Stage:
             for stamp_ns, archetypes in rows
         ]
         for same in joinable(ready):
-            stamps = np.array([stamp_ns for stamp_ns, _ in same])
-            columns = joined([columns for _, columns in same])
-            self.recording.send_columns(entity, indexes=[time_column(stamps)], columns=columns)
+            stamps_ns, columns = zip(*same, strict=True)
+            send(self.recording, entity, stamps_ns, joined(columns))
 
     def clear(self, entity: str, stamp_ns: int, frame: str) -> None:
         """Remove what is drawn at an entity; the view would report one without a frame."""

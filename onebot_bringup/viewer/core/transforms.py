@@ -15,7 +15,7 @@ from onebot_bringup.viewer.core.columns import (
     ReadyColumn,
     entity_path,
     ready,
-    time_column,
+    send,
 )
 from onebot_bringup.viewer.core.inbox import OTHER_CLOCK_NS, MessageType, one_by_one
 from onebot_bringup.viewer.core.rerun_limits import LARGEST, is_old
@@ -188,4 +188,4 @@ class TransformStream:
     ) -> None:
         numbers = [_TRANSLATIONS.column(translations), _ROTATIONS.column(rotations)]
         columns = [*numbers, *_name_columns(parents, children)]
-        self.recording.send_columns(TF_ENTITY, indexes=[time_column(stamps_ns)], columns=columns)
+        send(self.recording, TF_ENTITY, stamps_ns, columns)

@@ -17,7 +17,7 @@ from onebot_bringup.viewer.core.drawing import (
     TopicSettings,
     topic_entity,
 )
-from onebot_bringup.viewer.core.rerun_limits import LARGEST, SELDOM, is_old
+from onebot_bringup.viewer.core.rerun_limits import SELDOM, is_drawable, is_old
 from onebot_bringup.viewer.core.settings import Color, color, setting
 from onebot_bringup.viewer.displays.image import picture_frame
 
@@ -78,7 +78,7 @@ def _projection(message: Any) -> tuple[np.ndarray, tuple[int, int]]:
         else [*message.k[:3], 0.0, *message.k[3:6], 0.0, *message.k[6:], 0.0]
     )
     matrix = matrix.reshape(3, 4)[:, :3].astype(float)
-    if not (matrix[0, 0] and matrix[1, 1] and (np.abs(matrix) <= LARGEST).all()):
+    if not (matrix[0, 0] and matrix[1, 1] and is_drawable(matrix)):
         raise ValueError("it is not calibrated: neither k nor p has focal lengths")
     roi = message.roi
     size = np.array([roi.width or message.width, roi.height or message.height], float)

@@ -16,7 +16,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.core.columns import ColumnMaker, below, entity_path, time_column
+from onebot_bringup.viewer.core.columns import ColumnMaker, below, entity_path, send
 from onebot_bringup.viewer.core.display import LayoutPart, Plot
 from onebot_bringup.viewer.core.drawing import Drawing, NamedDisplay
 from onebot_bringup.viewer.core.inbox import MessageType, WantedTopic, known_type
@@ -60,11 +60,8 @@ class Curves:
         numbers = np.array(rows, np.float64)
         # Rerun draws nothing of a plot that contains infinity.
         numbers[~(np.abs(numbers) <= LARGEST)] = math.nan
-        self._recording.send_columns(
-            self.entity,
-            indexes=[time_column(np.array(stamps_ns, np.int64))],
-            columns=[_SCALARS.column(numbers, each=numbers.shape[1])],
-        )
+        columns = [_SCALARS.column(numbers, each=numbers.shape[1])]
+        send(self._recording, self.entity, stamps_ns, columns)
 
 
 class CurveDrawing(Drawing[S]):
@@ -199,17 +196,16 @@ class SpeedsDisplay(_CurvesDisplay[SpeedsSettings]):
         types = (_TYPES[line.type],) if line.type in _TYPES else tuple(_TYPES.values())
         return [WantedTopic(line.topic, types)]
 
-    def layout(self) -> LayoutPart:
+    def layout(self) -> Sequence[LayoutPart]:
         """Return both plots, if there is a line to plot."""
         root = self.entity(self.key)
         drawings: Any = self.items.values()
         lines = zip(*(drawing.entities() for drawing in drawings), strict=True)
-        return LayoutPart(
-            views=tuple(
-                Plot(below(root, plot), title, self._window, entities)
-                for (plot, title), entities in zip(SPEEDS.items(), lines, strict=False)
-            )
+        plots = (
+            Plot(below(root, plot), title, self._window, entities)
+            for (plot, title), entities in zip(SPEEDS.items(), lines, strict=False)
         )
+        return [LayoutPart(views=tuple(plots))]
 
 
 # --- any fields -----------------------------------------------------------------------------------
@@ -327,16 +323,13 @@ class CurvesDisplay(_CurvesDisplay[CurvesSettings]):
             self._unreadable[line.topic] = f"{line.topic} cannot be plotted: {error}"
             return ()
 
-    def layout(self) -> LayoutPart:
+    def layout(self) -> Sequence[LayoutPart]:
         plots: dict[str, list[str]] = {}
         for drawing in self.items.values():
             plots.setdefault(drawing.settings.plot, []).append(drawing.entity)
         root = self.entity(self.key)
-        return LayoutPart(
-            views=tuple(
-                Plot(root, title, self._window, tuple(lines)) for title, lines in plots.items()
-            )
-        )
+        views = (Plot(root, title, self._window, tuple(lines)) for title, lines in plots.items())
+        return [LayoutPart(views=tuple(views))]
 
     def warnings(self) -> list[str]:
         return [*self._unreadable.values(), *super().warnings()]

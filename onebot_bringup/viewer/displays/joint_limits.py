@@ -76,7 +76,7 @@ class JointLimitsDisplay(Display[JointRangesSettings]):
         for entity in set(self._drawn).difference(marks):
             # Static data cannot be cleared but overwritten, in a frame that exists.
             del self._drawn[entity]
-            home = rr.CoordinateFrame(self.robot.home)
+            home = rr.CoordinateFrame(self.robot.root_frame)
             recording.log(entity, home, rr.LineStrips3D.cleared(), static=True)
         for entity, (link, strips, width, color) in marks.items():
             what = (link, [strip.tolist() for strip in strips], color)

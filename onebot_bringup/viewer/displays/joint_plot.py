@@ -110,7 +110,7 @@ class JointPlotDisplay(Display[JointPlotSettings]):
         text = f"joint_states has more than {_MOST_SETS} lists of names: not all plotted"
         return [text] if self._is_full else []
 
-    def layout(self) -> LayoutPart:
+    def layout(self) -> Sequence[LayoutPart]:
         """Return the plots that have data."""
         plot, robot = self._settings, self.robot.description
         moves = robot is not None and any(joint.kind != "fixed" for joint in robot.joints)
@@ -121,7 +121,7 @@ class JointPlotDisplay(Display[JointPlotSettings]):
         if plot.velocities and self._has_velocities:
             entity = self.entity(VELOCITY_ENTITY)
             views.append(Plot(entity, "Joint velocities (rad/s, m/s)", plot.window))
-        return LayoutPart(views=tuple(views))
+        return [LayoutPart(views=tuple(views))]
 
 
 class _JointSet:

@@ -72,7 +72,7 @@ class JointTrajectoryDrawing(Drawing[JointTrajectorySettings]):
 
     def frame_of(self, message: Any) -> str:
         """Return the frame of the robot's root link, in which joint positions place the links."""
-        return self.robot.home
+        return self.robot.root_frame
 
     def _is_due(self, frame: str, stamp_ns: int) -> bool:
         return bool(frame) and super()._is_due(frame, stamp_ns)  # it waits for the description

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from onebot_bringup.viewer.core.columns import BytesMaker, ReadyColumn, empty, one_row
 from onebot_bringup.viewer.core.drawing import AUTO, Drawing, TopicSettings
 from onebot_bringup.viewer.core.inbox import message_type
-from onebot_bringup.viewer.core.rerun_limits import LARGEST, SELDOM
+from onebot_bringup.viewer.core.rerun_limits import SELDOM, is_drawable
 from onebot_bringup.viewer.core.settings import fraction, one_of, setting
 from onebot_description.model.quaternions import normalized
 
@@ -137,7 +137,7 @@ class MapDrawing(Drawing[MapSettings]):
     def draw(self, message: Any) -> Sequence[rr.AsComponents | ReadyColumn]:
         """Return the cells, the highest y first, and the map's pose and cell size."""
         if not message.cells.size:
-            self.stage.clear(self.entity, self.stamp_ns, self.home)
+            self.stage.clear(self.entity, self.stamp_ns, self.entity_frame)
             self._logged_at = time.monotonic()
             return ()
         return [_cells(message.cells), *_geometry(message.info)]
@@ -171,7 +171,7 @@ def _grid(message: Any) -> CurrentMap:
     if len(message.data) != info.width * info.height:
         raise ValueError(f"it has {len(message.data)} cells: {_by(info)}")
     origin = info.origin.array()
-    if not (math.isfinite(info.resolution) and (np.abs(origin) <= LARGEST).all()):
+    if not (math.isfinite(info.resolution) and is_drawable(origin)):
         raise ValueError("its resolution or its origin is not finite")
     if info.resolution <= 0 and len(message.data):
         raise ValueError(f"its resolution is {info.resolution:g} m")

@@ -5,7 +5,7 @@ covariances instead.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
@@ -19,7 +19,7 @@ from onebot_bringup.viewer.core.drawing import (
     NamedDisplay,
 )
 from onebot_bringup.viewer.core.inbox import WantedTopic, known_type
-from onebot_bringup.viewer.core.rerun_limits import LARGEST, SELDOM
+from onebot_bringup.viewer.core.rerun_limits import SELDOM, is_drawable
 from onebot_bringup.viewer.core.settings import Color, color, height, setting, topic
 from onebot_bringup.viewer.displays.pose import (
     PosesDrawing,
@@ -92,10 +92,10 @@ class OdometryDisplay(NamedDisplay[M]):
     def subscriptions(self, item: Any) -> Sequence[WantedTopic]:
         return [WantedTopic(item.topic, (ODOMETRY,))]
 
-    def layout(self) -> LayoutPart:
+    def layout(self) -> Sequence[LayoutPart]:
         """Show its drawings, but hide the drawings of an earlier view."""
         entities = tuple(drawing.entity for drawing in self.items.values())
-        return replace(super().layout(), hidden=(self.entity(self.key),), shown=entities)
+        return [*super().layout(), LayoutPart(hidden=(self.entity(self.key),), shown=entities)]
 
     def legend(self) -> Sequence[LegendEntry]:
         items = self.items.items()
@@ -111,7 +111,7 @@ class PlaceDrawing(Drawing[T]):
     def place_of(self, message: Any) -> Floats | None:
         """Return where to draw: (3,) metres; None if it is not finite."""
         place = message.pose.pose.position.array() + (0.0, 0.0, self.settings.height)
-        return place if (np.abs(place) <= LARGEST).all() else None
+        return place if is_drawable(place) else None
 
 
 # --- trails ---------------------------------------------------------------------------------------

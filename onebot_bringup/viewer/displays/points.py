@@ -94,7 +94,7 @@ class PointsDrawing(Drawing[P]):
         seconds = self.settings.decay_time
         return LayoutPart(windows=((self.entity, seconds),) if seconds else ())
 
-    def drawn_in(self) -> str:
+    def frame_to_draw_in(self) -> str:
         """Return the fixed frame: points stay where they were measured when the sensor moves on."""
         return self.stage.fixed_frame
 
@@ -105,7 +105,7 @@ class PointsDrawing(Drawing[P]):
         if usable is not None:
             positions = positions[usable]
             own = None if own is None else own[usable]
-        if self.home != self.frame and (pose := self.pose()) is not None:
+        if self.entity_frame != self.frame and (pose := self.pose()) is not None:
             positions = _moved(positions, pose.astype(np.float32))
         transform = self.settings.color_transformer
         for name in self.order if transform == AUTO else (transform,):

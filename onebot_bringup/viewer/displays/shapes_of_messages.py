@@ -16,7 +16,7 @@ from onebot_bringup.viewer.core.drawing import (
     History,
     TopicSettings,
 )
-from onebot_bringup.viewer.core.rerun_limits import LARGEST, SELDOM, drawable
+from onebot_bringup.viewer.core.rerun_limits import LARGEST, SELDOM, drawable, is_drawable
 from onebot_bringup.viewer.core.settings import Color, color, fraction, height, setting
 from onebot_description.arrays import Floats
 from onebot_description.model.quaternions import to_matrix
@@ -107,7 +107,7 @@ class PointStampedDrawing(Drawing[PointStampedSettings]):
 
     def draw(self, message: Any) -> Archetypes:
         place = message.point.array()
-        if not (np.abs(place) <= LARGEST).all():
+        if not is_drawable(place):
             raise ValueError("its point is not finite")
         self._history.begin(self.frame)
         if self._last is None or message is not self._last[1]:  # not a repetition
@@ -226,7 +226,7 @@ class ImuDrawing(Drawing[ImuSettings]):
         if self.settings.acceleration and message.linear_acceleration_covariance[0] != _UNKNOWN:
             measured = message.linear_acceleration
             arrow = np.array([measured.x, measured.y, measured.z])
-            if not (np.abs(arrow) <= LARGEST).all():
+            if not is_drawable(arrow):
                 raise ValueError("its acceleration is not finite")
             arrow *= self.settings.acceleration_scale
             # It is measured in the sensor's own axes, rotated by the reported orientation.

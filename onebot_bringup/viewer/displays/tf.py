@@ -10,7 +10,6 @@ from onebot_bringup.viewer.core.display import Display, LayoutPart
 from onebot_bringup.viewer.core.inbox import MessageType, WantedTopic
 from onebot_bringup.viewer.core.settings import name_list, setting
 from onebot_bringup.viewer.core.shown_robot import FRAMES_ENTITY, axes_entity
-from onebot_bringup.viewer.core.stage import Stage
 from onebot_bringup.viewer.core.transforms import TF, TF_STATIC
 from onebot_description.ros.wire.messages import TfArrays
 
@@ -36,8 +35,8 @@ class TfDisplay(Display[AxesSettings]):
     key = "axes"
     order, of_all_robots = 0, True
 
-    def __init__(self, stage: Stage) -> None:
-        super().__init__(stage)
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
         self._settings = AxesSettings()
         self._look: tuple[object, ...] = ()  # everything that the look of drawn axes depends on
         self._only: set[str] = set()  # frames that have axes; empty for all
@@ -96,8 +95,8 @@ class TfDisplay(Display[AxesSettings]):
         reason = "it is not finite, or its rotation no unit quaternion"
         return [f'a transform of "{frame}" is ignored: {reason}'] if frame else []
 
-    def layout(self) -> LayoutPart:
-        return LayoutPart(visible=((FRAMES_ENTITY, self._settings.visible),))
+    def layout(self) -> Sequence[LayoutPart]:
+        return [LayoutPart(visible=((FRAMES_ENTITY, self._settings.visible),))]
 
     def _show_connected(self) -> None:
         """Draw axes in the frames connected with the fixed frame.
@@ -137,7 +136,7 @@ class TfDisplay(Display[AxesSettings]):
 
     def _hide(self, frames: Iterable[str]) -> None:
         # Static data cannot be cleared but overwritten, in a frame that exists.
-        home = next((robot.home for robot in self.stage.robots if robot.home), "")
+        home = next((robot.root_frame for robot in self.stage.robots if robot.root_frame), "")
         for frame in self._drawn.intersection(frames):
             self._drawn.discard(frame)
             self._log(frame, home, rr.TransformAxes3D.cleared())
