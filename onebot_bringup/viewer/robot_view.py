@@ -108,7 +108,7 @@ class RobotView:
             for robot in (None, *stage.robots)
             for display in ROBOT_DISPLAYS
             if display.of_all_robots == (robot is None)
-            and (robot is None or robot.names.plotted or not display.plots)
+            and (robot is None or robot.names.plotted or not display.only_plots)
         ]
         self._displays: Sequence[Display[Any]] = [*self.robot_displays, *self.message_displays]
         for display in self._displays:
@@ -167,7 +167,7 @@ class RobotView:
         drawn = {
             name
             for name, display, _ in self._subscriptions_of_robots()
-            if display and not display.plots
+            if display and not display.only_plots
         }.union(*(robot.clouds_of_scans for robot in self.stage.robots))
         problems = self._selection.choose(self._view, self._published, drawn)
         changed = []

@@ -21,9 +21,9 @@ Example (every key may be left out; the settings of a display are below its key)
 """
 
 import re
-from dataclasses import dataclass, is_dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_origin
 
 import yaml
 
@@ -88,8 +88,9 @@ def _with_displays(view: type[T]) -> type[T]:
         if key in view.__annotations__:
             raise TypeError(f'the key "{key}" of {display} is a setting of the whole view')
         kind = view.__annotations__[key] = settings_type(display)
-        named = setting({}, f"{key}, by names of your own")
-        setattr(view, key, group(kind) if is_dataclass(kind) else named)
+        is_map = get_origin(kind) is not None
+        field = setting({}, f"{key}, by names of your own") if is_map else group(kind)
+        setattr(view, key, field)
     return view
 
 

@@ -106,7 +106,7 @@ class Display(ABC, Generic[S]):
     order: ClassVar[int] = 100  # the displays of a robot are drawn and laid out in this order
     of_all_robots: ClassVar[bool] = False
     period_ns: int = 0  # nanoseconds between two calls of ``flush``; 0: every tick
-    plots: bool = False  # draws only curves, and nothing in the robots' own view
+    only_plots: bool = False  # draws nothing in the robots' own view
     limit: LoadLimit | None = None  # drops messages if too many come
 
     def __init__(self, stage: Stage, robot: ShownRobot | None = None) -> None:

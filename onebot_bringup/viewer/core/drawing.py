@@ -65,7 +65,6 @@ class Drawing(Generic[S]):
     message_types: ClassVar[tuple[str, ...]]  # full names, such as "nav_msgs/msg/Path"
     high_bandwidth: ClassVar[bool] = False  # megabytes per second: few are shown automatically
     stamped_when_sent: ClassVar[bool] = True  # see ``MessageType``
-    plots: ClassVar[bool] = False  # draws nothing in the robots' own view
     period_ns: ClassVar[int] = 0  # see ``Display``
     # Types of further topics to subscribe to, by the suffix of their names after the topic's.
     suffixed_topics: ClassVar[Mapping[str, MessageType[Any]]] = {}
@@ -334,7 +333,7 @@ class MessageDisplay(DrawingsDisplay[Any]):
         self.draws = draws
         self.key = draws.key
         self.noun = draws.key.replace("_", " ")
-        self.period_ns, self.plots = draws.period_ns, draws.plots
+        self.period_ns = draws.period_ns
         self._offered: Mapping[str, str] = {}
 
     def offer(self, topics: Mapping[str, str]) -> bool:

@@ -8,12 +8,13 @@ base, as ``Drawing[PathSettings]`` does. Nothing else has to be registered.
 from collections.abc import Iterable, Iterator, Mapping
 from importlib import import_module
 from pkgutil import iter_modules
-from typing import Any, TypeVar, get_args
+from typing import Any, TypeAlias, TypeVar, get_args
 
 from onebot_bringup.viewer.core.display import Display
 from onebot_bringup.viewer.core.drawing import Drawing
 
 T = TypeVar("T")
+AnyDisplay: TypeAlias = type[Display[Any]] | type[Drawing[Any]]
 
 
 def _found(base: type[T]) -> Iterator[type[T]]:
@@ -39,7 +40,7 @@ def unique(displays: Iterable[tuple[str, T]]) -> dict[str, T]:
     return by_name
 
 
-def settings_type(display: type[Display[Any]] | type[Drawing[Any]]) -> Any:
+def settings_type(display: AnyDisplay) -> Any:
     """Return the type of a display's settings: a dataclass, or a map from names to one.
 
     Raises:
@@ -59,9 +60,8 @@ ROBOT_DISPLAYS: tuple[type[Display[Any]], ...] = tuple(
 MESSAGE_DRAWINGS: tuple[type[Drawing[Any]], ...] = tuple(
     sorted(_found(Drawing), key=lambda drawing: drawing.key)
 )
-DISPLAY_BY_KEY: Mapping[str, type[Display[Any]] | type[Drawing[Any]]] = unique(
-    (display.key, display) for display in (*ROBOT_DISPLAYS, *MESSAGE_DRAWINGS)
-)
+_ALL: tuple[AnyDisplay, ...] = (*ROBOT_DISPLAYS, *MESSAGE_DRAWINGS)
+DISPLAY_BY_KEY: Mapping[str, AnyDisplay] = unique((display.key, display) for display in _ALL)
 DRAWING_BY_TYPE: Mapping[str, type[Drawing[Any]]] = unique(
     (name, drawing) for drawing in MESSAGE_DRAWINGS for name in drawing.message_types
 )

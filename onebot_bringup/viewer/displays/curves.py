@@ -108,7 +108,7 @@ class CurveDrawing(Drawing[S]):
 class _CurvesDisplay(NamedDisplay[C]):
     """Plots the lines that a view names."""
 
-    plots = True
+    only_plots = True
     period_ns = SELDOM
 
     def apply(self, settings: Any) -> None:

@@ -44,7 +44,7 @@ class JointPlotDisplay(Display[JointPlotSettings]):
 
     key = "joint_plot"
     order = 1
-    plots = True
+    only_plots = True
     period_ns = SELDOM
 
     def __init__(self, *arguments: Any) -> None:

@@ -56,7 +56,6 @@ class LogDrawing(Drawing[LogSettings]):
 
     key = "log"
     message_types = ("rcl_interfaces/msg/Log",)
-    plots = True
     has_header = False
 
     def add(self, stamp_ns: int, message: Any) -> None:
