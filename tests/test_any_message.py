@@ -23,7 +23,7 @@ from onebot_bringup.bags.bag_recorder import BagRecorder
 from onebot_bringup.introspection.interfaces import installed, message_class
 from onebot_bringup.introspection.message_text import Style, to_csv, to_yaml
 from onebot_bringup.steering.steering_page import SteeringPage
-from onebot_bringup.viewer.automatic import DRAWING_BY_TYPE
+from onebot_bringup.viewer.displays import DRAWING_BY_TYPE
 from onebot_bringup.viewer.rerun_viewer import RerunViewer
 from onebot_control.velocity_controller import simulation_nodes
 from onebot_description.description import load_description, parse_description

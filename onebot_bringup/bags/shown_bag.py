@@ -8,11 +8,11 @@ from itertools import islice
 from typing import TYPE_CHECKING
 
 from onebot_bringup.bags.bag_reader import Bag
+from onebot_bringup.viewer.core.inbox import DESCRIPTION
+from onebot_bringup.viewer.core.shown_robot import MOST_PLOTTED, WORLD_DESCRIPTION, RobotToShow
+from onebot_bringup.viewer.core.transforms import TF
 from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
-from onebot_bringup.viewer.displays.tf_display import TF
-from onebot_bringup.viewer.inbox import DESCRIPTION
 from onebot_bringup.viewer.robot_view import RobotView
-from onebot_bringup.viewer.shown_robot import MOST_PLOTTED, WORLD_DESCRIPTION, RobotToShow
 from onebot_bringup.viewer.view_source import ViewSource
 from onebot_description.description import Description, parse_description
 from onebot_description.errors import OneBotError, did_you_mean, listing, printable

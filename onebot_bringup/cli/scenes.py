@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING
 from onebot_bringup.cli.options import warn
 from onebot_bringup.cli.running_robots import description_topics, frame_prefix
 from onebot_bringup.cli.session import PATIENCE, Session
+from onebot_bringup.viewer.core.shown_robot import (
+    ROBOT_DESCRIPTION,
+    WORLD_DESCRIPTION,
+    RobotToShow,
+)
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.rendering import Framing, render
 from onebot_bringup.viewer.robot_messages import RobotMessages
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.rrd import check_rrd, has_content
-from onebot_bringup.viewer.shown_robot import (
-    ROBOT_DESCRIPTION,
-    WORLD_DESCRIPTION,
-    RobotToShow,
-)
 from onebot_bringup.viewer.topics import ViewFeed
 from onebot_bringup.viewer.view_source import ViewSource
 from onebot_control.frame_names import prefixed
@@ -148,7 +148,7 @@ class RunningRobots:
             return not (lacks_world or view.stage.missing) and view.stage.has_fixed_frame
 
         if not self._wait(is_complete, PATIENCE):
-            missing = view.stage.missing or [view.stage.view.fixed_frame]
+            missing = view.stage.missing or [view.stage.view_frame]
             _progress(f"waiting for the frames of {listing(missing, _LISTED)} ...")
             self._wait(is_complete, _FRAMES - PATIENCE)
         if view.stage.missing:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any, NoReturn
 
 from onebot_bringup.steering.page_parameters import PageParameters
-from onebot_bringup.viewer.settings import FrameSettings
+from onebot_bringup.viewer.core.settings import FrameSettings
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_control.frame_names import prefixed
 from onebot_description.description.packages import PACKAGE_PATH, use_package_path

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from std_msgs.msg import String
 
+from onebot_bringup.viewer.core.shown_robot import WORLD_DESCRIPTION, RobotToShow
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.rendering import render
 from onebot_bringup.viewer.robot_messages import (
@@ -17,7 +18,6 @@ from onebot_bringup.viewer.robot_messages import (
     published_transforms,
 )
 from onebot_bringup.viewer.robot_view import RobotView
-from onebot_bringup.viewer.shown_robot import WORLD_DESCRIPTION, RobotToShow
 from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_control.frame_names import WORLD_FRAME
 from onebot_control.nodes.publishing import scene_transforms

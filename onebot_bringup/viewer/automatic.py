@@ -1,24 +1,18 @@
 """Chooses which of the available topics to show, in addition to those that the view names."""
 
 from collections.abc import Collection, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from onebot_bringup.introspection.interfaces import is_hidden
-from onebot_bringup.viewer.displays import MESSAGE_DRAWINGS
-from onebot_bringup.viewer.displays.drawing import Drawing
+from onebot_bringup.viewer.core.drawing import Drawing
+from onebot_bringup.viewer.core.stage import Stage
+from onebot_bringup.viewer.displays import DRAWING_BY_TYPE
+from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_description.errors import OneBotError, listing
 
-if TYPE_CHECKING:
-    from onebot_bringup.viewer.stage import Stage
-
 # Most topics shown automatically: with more, there are too many curves and the page falls behind.
-MOST_SHOWN, MOST_HEAVY = 40, 6
+MOST_SHOWN, MOST_HIGH_BANDWIDTH = 40, 6
 _LISTED = 5  # topics named in a message
-
-DRAWING_BY_TYPE: Mapping[str, type[Drawing[Any]]] = {
-    name: drawing for drawing in MESSAGE_DRAWINGS for name in drawing.message_types
-}
-"""The drawing class of each message type."""
 
 
 class OfferedTopic(NamedTuple):
@@ -32,14 +26,17 @@ class OfferedTopic(NamedTuple):
 class TopicSelection:
     """Chooses the topics to show, and remembers the choice."""
 
-    def __init__(self, stage: "Stage") -> None:
+    def __init__(self, stage: Stage) -> None:
         self.offered: tuple[OfferedTopic, ...] = ()
         self.stage = stage
 
-    def choose(self, published: Mapping[str, str], drawn_otherwise: Collection[str]) -> list[str]:
+    def choose(
+        self, view: ViewConfig, published: Mapping[str, str], drawn_otherwise: Collection[str]
+    ) -> list[str]:
         """Choose the topics to show; a topic once shown stays, whatever is published later.
 
         Args:
+            view: its settings.
             published: message types by full topic names.
             drawn_otherwise: topics that the view already draws, such as trails.
 
@@ -47,14 +44,14 @@ class TopicSelection:
             One sentence per thing that cannot be shown.
         """
         topics, problems = self._readable(published)
-        view, resolve = self.stage.view, self.stage.resolve
+        resolve = self.stage.resolve
         kept = {offer.topic for offer in self.offered if offer.visible}
         hidden, named = set(map(resolve, view.hidden)), set(map(resolve, view.shown))
         visible, crowded = set[str](), list[str]()
-        room = {False: MOST_SHOWN, True: MOST_HEAVY}
+        room = {False: MOST_SHOWN, True: MOST_HIGH_BANDWIDTH}
         for topic in sorted(topics, key=lambda name: (name not in kept, name)):
             drawing = DRAWING_BY_TYPE[topics[topic]]
-            settings = view.of(drawing)
+            settings = view.settings_of(drawing)
             of_topics = {resolve(name): setting for name, setting in settings.topics.items()}
             is_excluded = is_hidden(topic) or topic in drawn_otherwise
             is_excluded = is_excluded or drawing.is_duplicate(topic, topics)
@@ -63,9 +60,9 @@ class TopicSelection:
             is_wanted = chosen or (view.automatic and not is_excluded)
             if topic in hidden or not drawn or not is_wanted:
                 continue
-            if chosen or room[drawing.heavy] > 0:
+            if chosen or room[drawing.high_bandwidth] > 0:
                 visible.add(topic)
-                room[drawing.heavy] -= 1
+                room[drawing.high_bandwidth] -= 1
             else:
                 crowded.append(topic)
         self.offered = tuple(
@@ -89,7 +86,7 @@ class TopicSelection:
                     bad[kind] = f"{listing(topics, _LISTED)} cannot be shown: {error}"
         return readable, list(bad.values())
 
-    def of(self, drawing: type[Drawing[Any]]) -> dict[str, str]:
+    def topics_of(self, drawing: type[Drawing[Any]]) -> dict[str, str]:
         """Return the topics that ``drawing`` draws, with their types."""
         return {
             offer.topic: offer.type

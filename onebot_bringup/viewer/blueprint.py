@@ -10,9 +10,11 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from onebot_bringup.viewer.columns import TIMELINE
-from onebot_bringup.viewer.displays.display import LayoutPart, last
-from onebot_bringup.viewer.displays.drawing import topic_entity
+from onebot_bringup.viewer.core.columns import TIMELINE
+from onebot_bringup.viewer.core.display import LayoutPart, last
+from onebot_bringup.viewer.core.drawing import topic_entity
+from onebot_bringup.viewer.core.settings import Color
+from onebot_bringup.viewer.core.shown_robot import ShownRobot
 from onebot_bringup.viewer.displays.image import ImageDrawing
 from onebot_bringup.viewer.robot_size import (
     axes_lengths,
@@ -22,8 +24,6 @@ from onebot_bringup.viewer.robot_size import (
     fitting_length,
     robot_bounds,
 )
-from onebot_bringup.viewer.settings import Color
-from onebot_bringup.viewer.shown_robot import ShownRobot
 from onebot_bringup.viewer.view_config import (
     CameraSettings,
     GridSettings,
@@ -57,7 +57,7 @@ class Layout:
     tabs: bool = False  # the robots fill the viewer; the other views are in a tab
 
     @classmethod
-    def of(
+    def from_view(
         cls,
         view: ViewConfig,
         parts: Iterable[LayoutPart],
@@ -151,7 +151,7 @@ class BlueprintSender:
         if robot is None:
             return None
         links = {shown.frame_of(link): link for link in robot.link_names}
-        poses = shown.stage.frames.poses(links, fixed_frame)
+        poses = shown.frames.poses(links, fixed_frame)
         bounds = robot_bounds(robot, {links[frame]: pose for frame, pose in poses.items()})
         if bounds is not None:
             longest = fitting_length(diagonal(bounds), len(links))

@@ -17,8 +17,8 @@ import rerun.blueprint as rrb
 from IPython.display import display
 from ipywidgets import FloatSlider, VBox
 
+from onebot_bringup.viewer.core.scene import COLLISION_ENTITY, Scene
 from onebot_bringup.viewer.robot_size import diagonal, fitting_eye, posed_bounds
-from onebot_bringup.viewer.scene import COLLISION_ENTITY, Scene
 from onebot_description.arrays import Floats
 from onebot_description.description import Description, Joint
 from onebot_description.errors import OneBotError

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from onebot_bringup.viewer.scene import marker_size
+from onebot_bringup.viewer.core.scene import marker_size
 from onebot_description.arrays import Floats
 from onebot_description.description.description import Description, Geometry, Link
 from onebot_description.errors import OneBotError
@@ -15,7 +15,7 @@ from onebot_description.model.robot_model import RobotModel
 
 def corners(geometry: Geometry) -> Floats:
     """Return the (8, 3) corners of the box around ``geometry``, metres, in its link's frame."""
-    from onebot_bringup.viewer.shapes import load_shape  # imports trimesh
+    from onebot_bringup.viewer.core.shapes import load_shape  # imports trimesh
 
     low, high = load_shape(geometry.shape).bounds
     grid = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])

@@ -5,7 +5,8 @@ lays out what is drawn.
 """
 
 import time
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,24 +14,26 @@ import rerun as rr
 
 from onebot_bringup.viewer.automatic import OfferedTopic, TopicSelection
 from onebot_bringup.viewer.blueprint import BlueprintSender, Layout
-from onebot_bringup.viewer.displays import MESSAGE_DRAWINGS, ROBOT_DISPLAYS
-from onebot_bringup.viewer.displays.display import SELDOM, Display, LegendEntry
-from onebot_bringup.viewer.displays.drawing import MessageDisplay
-from onebot_bringup.viewer.displays.tf_display import TfDisplay
-from onebot_bringup.viewer.inbox import (
+from onebot_bringup.viewer.core.columns import below
+from onebot_bringup.viewer.core.display import Display, LayoutPart, LegendEntry
+from onebot_bringup.viewer.core.drawing import MessageDisplay
+from onebot_bringup.viewer.core.inbox import (
     DESCRIPTION,
     WARN_AFTER,
     Inbox,
     LoadLimit,
-    Taker,
+    Subscription,
     WantedTopic,
 )
+from onebot_bringup.viewer.core.rerun_limits import SELDOM
+from onebot_bringup.viewer.core.scene import COLLISION_ENTITY
+from onebot_bringup.viewer.core.shown_robot import RobotToShow, ShownRobot
+from onebot_bringup.viewer.core.stage import Stage
+from onebot_bringup.viewer.displays import MESSAGE_DRAWINGS, ROBOT_DISPLAYS
 from onebot_bringup.viewer.robot_size import robot_size
-from onebot_bringup.viewer.shown_robot import RobotToShow, ShownRobot
-from onebot_bringup.viewer.stage import Stage
 from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_description.description import Description
-from onebot_description.errors import OneBotError
+from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.ros.wire.interface_text import full_definition
 
 # Seconds to wait for all links' frames before laying out without them.
@@ -79,11 +82,10 @@ class RobotView:
             OneBotError: two displays want the same topic with different types.
         """
         self.inbox = Inbox(report or _raise)
-        self.wants = self.inbox.wants
-        self.take = self.inbox.take  # queues a message, which a later ``tick`` shows
+        self._view = view or ViewConfig()
         self.stage = stage = Stage(
             recording,
-            view or ViewConfig(),
+            self._view.fixed_frame,
             robots,
             resolve=resolve,
             clock=clock,
@@ -100,26 +102,21 @@ class RobotView:
         self._own_blueprint = True
         # Topics whose pictures the page around the view shows itself; None without a page.
         self.page_cameras: Collection[str] | None = None
-        self._tf = TfDisplay(stage)
-        stage.message_displays = [MessageDisplay(stage, draws) for draws in MESSAGE_DRAWINGS]
-        self._shared_displays: Sequence[Display[Any]] = [self._tf, *stage.message_displays]
-        for robot in stage.robots:
-            robot.displays = [
-                display(stage, robot)
-                for display in ROBOT_DISPLAYS
-                if robot.names.plotted or not display.plots
-            ]
-        self._displays: Sequence[Display[Any]] = [
-            self._tf,
-            *(display for robot in stage.robots for display in robot.displays),
-            *stage.message_displays,
+        self.message_displays = [MessageDisplay(stage, draws) for draws in MESSAGE_DRAWINGS]
+        self.robot_displays = [
+            display(stage, robot)
+            for robot in (None, *stage.robots)
+            for display in ROBOT_DISPLAYS
+            if display.of_all_robots == (robot is None)
+            and (robot is None or robot.names.plotted or not display.only_plots)
         ]
+        self._displays: Sequence[Display[Any]] = [*self.robot_displays, *self.message_displays]
         for display in self._displays:
-            display.apply(stage.view.of(display))
+            display.apply(self._view.settings_of(display))
         if live:
-            for message_display in stage.message_displays:
+            for message_display in self.message_displays:
                 message_display.limit = LoadLimit()
-        problems = self.inbox.set_takers(self._takers())
+        problems = self.inbox.subscribe(self._subscriptions())
         if problems:
             raise OneBotError("; ".join(problems))
         if blueprint is not None:
@@ -132,6 +129,14 @@ class RobotView:
         """The topics to subscribe to now, by full names; ``set_view`` may change them."""
         return self.inbox.topics
 
+    def wants(self, topic: str, type_name: str) -> bool:
+        """Whether anything is shown of this topic (its full name) and type."""
+        return self.inbox.wants(topic, type_name)
+
+    def take(self, topic: str, type_name: str, data: bytes, time_ns: int) -> None:
+        """Queue a message, which a later ``tick`` shows; see ``Inbox.take``."""
+        self.inbox.take(topic, type_name, data, time_ns)
+
     @property
     def offered(self) -> Sequence[OfferedTopic]:
         """The topics that could be shown, and whether they are."""
@@ -140,12 +145,7 @@ class RobotView:
     @property
     def legend(self) -> list[LegendEntry]:
         """The entries of a legend, without duplicates for robots that are drawn alike."""
-        entries = (
-            entry
-            for robot in self.stage.robots
-            for display in robot.displays
-            for entry in display.legend()
-        )
+        entries = (entry for display in self._displays for entry in display.legend())
         return list(dict.fromkeys(entries))
 
     def offer(self, topics: Mapping[str, str]) -> list[str]:
@@ -166,40 +166,42 @@ class RobotView:
         """Choose the topics to show and offer them to the displays; update the subscriptions."""
         drawn = {
             name
-            for name, display, _ in self._takers(of_messages=False)
-            if display and not display.plots
+            for name, display, _ in self._subscriptions_of_robots()
+            if display and not display.only_plots
         }.union(*(robot.clouds_of_scans for robot in self.stage.robots))
-        problems = self._selection.choose(self._published, drawn)
+        problems = self._selection.choose(self._view, self._published, drawn)
         changed = []
         for display in self._displays:
             topics = self._published
             if isinstance(display, MessageDisplay):
-                topics = self._selection.of(display.draws)
+                topics = self._selection.topics_of(display.draws)
             if display.offer(topics):
                 changed.append(display)
         if changed:
-            self.inbox.deliver(self._displays)
-        self._apply(changed)
-        return problems + (self.inbox.set_takers(self._takers()) if changed else [])
+            self._deliver(self._displays)
+            self._apply(changed)
+            problems += self.inbox.subscribe(self._subscriptions())
+        return problems
 
-    def _takers(self, *, of_messages: bool = True) -> Iterable[Taker]:
-        """Yield all topics to subscribe to: the displays', of every robot, and the descriptions."""
-        for number, robot in enumerate(self.stage.robots):
-            name = robot.names.description
-            yield robot.full_name(name), None, WantedTopic(name, (DESCRIPTION,), latched=True)
-            for display in robot.displays if number else [self._tf, *robot.displays]:
-                for topic in display.topics():
-                    # An absolute name belongs to no robot: the first robot's displays draw it.
-                    if not number or not topic.name.startswith("/"):
-                        yield robot.full_name(topic.name), display, topic
-        world = self.stage.world
-        description_topic = WantedTopic(
-            world.names.description, (DESCRIPTION,), latched=True, optional=True
-        )
-        yield world.full_name(description_topic.name), None, description_topic
-        for message_display in self.stage.message_displays if of_messages else ():
-            for topic in message_display.topics():
-                yield topic.name, message_display, topic
+    def _subscriptions(self) -> Iterator[Subscription]:
+        """Yield all topics to subscribe to."""
+        yield from self._subscriptions_of_robots()
+        for display in self.message_displays:
+            for topic in display.topics():
+                yield topic.name, display, topic
+
+    def _subscriptions_of_robots(self) -> Iterator[tuple[str, Display[Any] | None, WantedTopic]]:
+        """Yield the topics of descriptions, and of all displays but those of message types."""
+        stage = self.stage
+        for robot in (*stage.robots, stage.world):
+            name, optional = robot.names.description, robot is stage.world
+            topic = WantedTopic(name, (DESCRIPTION,), latched=True, optional=optional)
+            yield robot.full_name(name), None, topic
+        for display in self.robot_displays:
+            for topic in display.topics():
+                # An absolute name belongs to no robot: the first robot's displays draw it.
+                if display.is_first or not topic.name.startswith("/"):
+                    yield display.full_name(topic.name), display, topic
 
     # --- time -----------------------------------------------------------------------------------
 
@@ -243,20 +245,36 @@ class RobotView:
             if not isinstance(display, MessageDisplay) or display.items
         ]
 
+    def _deliver(self, displays: Collection[Display[Any]]) -> None:
+        """Decode the messages for these displays."""
+        self.inbox.deliver(displays)
+        self._store_message_frames()
+
+    def _store_message_frames(self) -> None:
+        """Have the stage know the frames of messages, which without a robot give the fixed one."""
+        self.stage.message_frames = [
+            drawing.frame
+            for display in self.message_displays
+            for drawing in display.items.values()
+            if drawing.frame
+        ]
+
     def _flush(self, displays: Collection[Display[Any]]) -> None:
         """Decode and log the messages for these displays; measure how long that takes."""
-        self.inbox.deliver(displays)
+        self._deliver(displays)
         for display in displays:
             began = time.perf_counter()
             display.flush()
             if display.limit is not None:
                 display.limit.spent(time.perf_counter() - began)
+        self._store_message_frames()
 
     def _apply(self, displays: Iterable[Display[Any]]) -> None:
         """Use the view's settings from now on."""
         for display in displays:
             display.flush()
-            display.apply(self.stage.view.of(display))
+            display.apply(self._view.settings_of(display))
+        self._store_message_frames()
 
     def _late(self) -> list[str]:
         """Return a sentence per thing that is overdue or cannot be shown."""
@@ -294,14 +312,19 @@ class RobotView:
         Returns:
             One sentence per setting that does not fit the robot or the other topics.
         """
-        self.inbox.deliver(self._displays)
-        previous_view, self.stage.view = self.stage.view, view
-        self._apply(item for item in self._displays if view.of(item) != previous_view.of(item))
+        self._deliver(self._displays)
+        before, self._view = self._view, view
+        self.stage.view_frame = view.fixed_frame
+        self._apply(
+            display
+            for display in self._displays
+            if view.settings_of(display) != before.settings_of(display)
+        )
         self._laid_out_ns = 0
-        problems = [*self._select(), *self.inbox.set_takers(self._takers())]
+        problems = [*self._select(), *self.inbox.subscribe(self._subscriptions())]
         self._warnings.forget()
         self._changed = self.stage.clock()
-        return problems + self.stage.wrong_names()
+        return problems + self._wrong_names()
 
     def use_blueprint(self, blueprint: Path) -> None:
         """Arrange the viewer by a ``.rbl`` file that was saved in it."""
@@ -326,8 +349,9 @@ class RobotView:
         twins = (twin for twin in stage.robots if twin is not robot and twin.urdf == urdf)
         alike = next((twin.description for twin in twins), None)
         warnings = robot.set_description(urdf, alike)
-        for display in self._shared_displays:
-            display.set_robot()
+        for display in self._displays:
+            if display.shown_robot in (None, robot):
+                display.set_robot()
         warnings += self._select()
         stage.robot_size = min(map(robot_size, self.robots.values()), default=0.0)
         first = self.robot
@@ -338,7 +362,19 @@ class RobotView:
         if alike is not None:
             return []
         self._warnings.forget()
-        return warnings + stage.wrong_names()
+        return warnings + self._wrong_names()
+
+    def _wrong_names(self) -> list[str]:
+        """Return a sentence if no robot has the link that the camera should follow."""
+        follow, stage = self._view.camera.follow, self.stage
+        links = {link for robot in self.robots.values() for link in robot.link_names}
+        names = set(links)
+        for robot in () if stage.alone else stage.robots:  # several robots' links go by frame
+            names.update(map(robot.frame_of, links))
+        if not links or not follow or follow in names:
+            return []
+        hint = did_you_mean(follow, links, "links")
+        return [f'camera.follow: the robot has no link "{follow}"{hint}']
 
     def _lay_out(self) -> None:
         """Send the blueprint once all frames are known or have been waited for."""
@@ -351,10 +387,12 @@ class RobotView:
             complete = all(robot.is_complete(stage.wanted_frame) for robot in stage.robots)
         if not complete and stage.clock() - self._changed < _PATIENCE:
             return
-        parts = [display.layout() for display in self._shared_displays]
-        for robot in (*stage.robots, stage.world):
-            parts += robot.layout(collision=stage.view.collision)
-        layout = Layout.of(stage.view, parts, stage.fixed_frame, complete, stage.robots)
+        collisions = [below(robot.root, COLLISION_ENTITY) for robot in (*stage.robots, stage.world)]
+        visible = tuple((entity, self._view.collision) for entity in collisions)
+        parts = [LayoutPart(visible=visible)]
+        for display in (*self.message_displays, *self.robot_displays):
+            parts += (replace(part, robot=display.root) for part in display.layout())
+        layout = Layout.from_view(self._view, parts, stage.fixed_frame, complete, stage.robots)
         if not self._plots:
             layout = layout.without_plots()
         if self.page_cameras is not None:

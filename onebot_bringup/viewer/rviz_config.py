@@ -6,24 +6,23 @@ Most of RViz's property names are our settings' names written as titles with uni
 
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from onebot_bringup.viewer.automatic import DRAWING_BY_TYPE
+from onebot_bringup.viewer.displays import MESSAGE_DRAWINGS
 from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_description.errors import OneBotError, listing
 from onebot_description.ros.parameters import bounded_yaml
-from onebot_description.ros.parameters.reader import ConfigError, defaults, read, replaced
+from onebot_description.ros.parameters.reader import ConfigError, defaults, read
 
 RVIZ_SUFFIX = ".rviz"
 _MOST_LISTED = 12
 _UNIT = re.compile(r"\s*\([^)]*\)$")
 _COLOR = re.compile(r"\s*(\d+)\s*;\s*(\d+)\s*;\s*(\d+)\s*")
-_KEYS = {display.key: display for display in DRAWING_BY_TYPE.values()}
+_KEYS = {drawing.key for drawing in MESSAGE_DRAWINGS}
 # Our keys of RViz's displays whose class is not simply that key in title case.
 _CLASSES = {"marker_array": "marker", "compressed_image": "image", "camera": "image"}
 
@@ -57,19 +56,14 @@ class RvizConfig:
 
     def view(self) -> ViewConfig:
         """Return the view; values that a setting cannot have are left out and ``ignored``."""
-        view = read(ViewConfig, {"automatic": False})
-        fixed = defaults(ViewConfig)
-        looks: dict[str, Any] = {}
+        accepted: dict[str, Any] = {}
         for name, value in self.values.items():
             try:
-                if name in fixed:
-                    view = replaced(view, name, value)
-                else:
-                    read(ViewConfig, {name: value})
-                    looks[name] = value
+                read(ViewConfig, {name: value})
+                accepted[name] = value
             except ConfigError as error:
                 self.ignored.append(str(error))
-        return _with_looks(view, read(ViewConfig, looks), {name.split(".")[0] for name in looks})
+        return read(ViewConfig, accepted)
 
     # --- displays -------------------------------------------------------------------------------
 
@@ -153,13 +147,6 @@ def load_rviz(path: Path, notice: Callable[[str], object]) -> ViewConfig:
     if config.ignored:
         notice(f"{path}: not shown: {listing(dict.fromkeys(config.ignored), _MOST_LISTED)}")
     return view
-
-
-def _with_looks(view: ViewConfig, looks: ViewConfig, keys: Iterable[str]) -> ViewConfig:
-    changes: dict[str, Any] = {}
-    for key in keys:
-        changes[key] = replace(getattr(view, key), topics=getattr(looks, key).topics)
-    return replace(view, **changes)
 
 
 def _displays(found: Any) -> Iterator[Properties]:

@@ -4,7 +4,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from onebot_bringup.introspection.interfaces import message_class
-from onebot_bringup.viewer.inbox import WantedTopic
+from onebot_bringup.viewer.core.inbox import WantedTopic
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_description.errors import OneBotError
 from onebot_description.ros.clock_check import StampCheck

@@ -21,44 +21,15 @@ Example (every key may be left out; the settings of a display are below its key)
 """
 
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, get_origin
 
 import yaml
 
-from onebot_bringup.viewer.displays.camera_info import CameraInfoSettings
-from onebot_bringup.viewer.displays.curves import CurvesSettings, SpeedsSettings
-from onebot_bringup.viewer.displays.display import Display
-from onebot_bringup.viewer.displays.drawing import Drawing
-from onebot_bringup.viewer.displays.image import ImageSettings
-from onebot_bringup.viewer.displays.joint_limits import JointRangesSettings
-from onebot_bringup.viewer.displays.joint_plot import JointPlotSettings
-from onebot_bringup.viewer.displays.joint_trajectory import JointTrajectorySettings
-from onebot_bringup.viewer.displays.log import LogSettings
-from onebot_bringup.viewer.displays.map import MapSettings
-from onebot_bringup.viewer.displays.marker import MarkerSettings
-from onebot_bringup.viewer.displays.odometry_display import (
-    CovarianceSettings,
-    OdometrySettings,
-    TrailSettings,
-)
-from onebot_bringup.viewer.displays.points import PointCloud2Settings, PointsSettings
-from onebot_bringup.viewer.displays.pose_display import (
-    PoseArraySettings,
-    PoseSettings,
-    PoseWithCovarianceSettings,
-)
-from onebot_bringup.viewer.displays.shapes_of_messages import (
-    ImuSettings,
-    PathSettings,
-    PointStampedSettings,
-    PolygonSettings,
-    RangeSettings,
-)
-from onebot_bringup.viewer.displays.tf_display import AxesSettings
-from onebot_bringup.viewer.settings import (
+from onebot_bringup.viewer.core.display import Display, S
+from onebot_bringup.viewer.core.drawing import Drawing
+from onebot_bringup.viewer.core.settings import (
     Color,
     FrameSettings,
     color,
@@ -68,12 +39,14 @@ from onebot_bringup.viewer.settings import (
     topic_list,
     vector,
 )
+from onebot_bringup.viewer.displays import DISPLAY_BY_KEY, settings_type
 from onebot_description.description.packages import package_share
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import Triple
 from onebot_description.ros.parameters.files import read_map, read_text
 from onebot_description.ros.parameters.reader import as_map, group, read, values_of
 
+T = TypeVar("T")
 _PANEL = one_of("hidden", "collapsed", "expanded")
 
 
@@ -105,11 +78,28 @@ class PanelsSettings:
     top: str = setting("expanded", "state of the panel", _PANEL)
 
 
+def _with_displays(view: type[T]) -> type[T]:
+    """Add a field for the settings of each display to the fields of a view.
+
+    Raises:
+        TypeError: a display's key is already a field.
+    """
+    for key, display in DISPLAY_BY_KEY.items():
+        if key in view.__annotations__:
+            raise TypeError(f'the key "{key}" of {display} is a setting of the whole view')
+        kind = view.__annotations__[key] = settings_type(display)
+        is_map = get_origin(kind) is not None
+        field = setting({}, f"{key}, by names of your own") if is_map else group(kind)
+        setattr(view, key, field)
+    return view
+
+
 @dataclass(frozen=True)
+@_with_displays
 class ViewConfig(FrameSettings):
     """How robots are shown: settings of the whole view, and of each display.
 
-    The settings of a display are under its ``key``.
+    The settings of a display are a field, too, named as its ``key``.
     """
 
     grid: GridSettings = group(GridSettings)
@@ -120,36 +110,11 @@ class ViewConfig(FrameSettings):
     automatic: bool = setting(True, "show topics of all types that have a display")
     hidden: tuple[str, ...] = setting((), "topics not shown", topic_list)
     shown: tuple[str, ...] = setting((), "topics always shown", topic_list)
-    # Displays of the robots' own data.
-    axes: AxesSettings = group(AxesSettings)
-    joint_plot: JointPlotSettings = group(JointPlotSettings)
-    joint_ranges: JointRangesSettings = group(JointRangesSettings)
-    trails: Mapping[str, TrailSettings] = setting({}, "trails, by names of your own")
-    covariance: Mapping[str, CovarianceSettings] = setting({}, "covariances, by names of your own")
-    speeds: SpeedsSettings = group(SpeedsSettings)
-    curves: CurvesSettings = group(CurvesSettings)
-    # Displays that each draw a message type.
-    path: PathSettings = group(PathSettings)
-    joint_trajectory: JointTrajectorySettings = group(JointTrajectorySettings)
-    map: MapSettings = group(MapSettings)
-    odometry: OdometrySettings = group(OdometrySettings)
-    pose: PoseSettings = group(PoseSettings)
-    pose_array: PoseArraySettings = group(PoseArraySettings)
-    pose_with_covariance: PoseWithCovarianceSettings = group(PoseWithCovarianceSettings)
-    point_stamped: PointStampedSettings = group(PointStampedSettings)
-    polygon: PolygonSettings = group(PolygonSettings)
-    laser_scan: PointsSettings = group(PointsSettings)
-    point_cloud2: PointCloud2Settings = group(PointCloud2Settings)
-    image: ImageSettings = group(ImageSettings)
-    camera_info: CameraInfoSettings = group(CameraInfoSettings)
-    imu: ImuSettings = group(ImuSettings)
-    range: RangeSettings = group(RangeSettings)
-    marker: MarkerSettings = group(MarkerSettings)
-    log: LogSettings = group(LogSettings)
 
-    def of(self, display: Display[Any] | type[Drawing[Any]]) -> Any:
+    def settings_of(self, display: Display[S] | type[Display[S]] | type[Drawing[S]]) -> S:
         """Return the settings of a display."""
-        return getattr(self, display.key)
+        settings: S = getattr(self, display.key)
+        return settings
 
 
 def load_view(path: Path) -> ViewConfig:

@@ -12,7 +12,7 @@ from onebot_description.ros.parameters.reader import parameter
 from onebot_description.ros.parameters.values import MAX_PORT
 
 if TYPE_CHECKING:
-    from onebot_bringup.viewer.shown_robot import RobotToShow
+    from onebot_bringup.viewer.core.shown_robot import RobotToShow
 
 VIEWERS = ("web", "native", "none")
 _NO_VIEW = "none"
@@ -87,7 +87,10 @@ class ViewerParameters:
         Raises:
             OneBotError: ``plots`` names a robot that ``robots`` does not.
         """
-        from onebot_bringup.viewer.shown_robot import MOST_PLOTTED, RobotToShow  # slow to import
+        from onebot_bringup.viewer.core.shown_robot import (  # slow to import
+            MOST_PLOTTED,
+            RobotToShow,
+        )
 
         spaces = [resolve(name) for name in self.robots]
         plotted = [resolve(name) for name in self.plots] or spaces[:MOST_PLOTTED]

@@ -187,7 +187,7 @@ class RobotKind:
         """Return rotations (R, L, 3, 3) and positions (R, L, 3) of all links in the world."""
         positions = np.tile(self._positions, (len(states), 1))
         positions[:, self._joints] = [state.positions for state in states]
-        poses = self._model.rigid_frames(positions)
+        poses = self._model.link_poses(positions)
         bases = to_matrix([state.rotation for state in states])
         turns = to_matrix(poses[..., 3:])
         places = poses[..., :3] @ bases.transpose(0, 2, 1)

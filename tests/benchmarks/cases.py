@@ -15,9 +15,9 @@ from sensor_msgs.msg import Image, JointState, LaserScan, PointCloud2, PointFiel
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-from onebot_bringup.viewer.displays.display import SELDOM
+from onebot_bringup.viewer.core.rerun_limits import SELDOM
+from onebot_bringup.viewer.core.transforms import TF_ENTITY
 from onebot_bringup.viewer.displays.joint_plot import POSITION_ENTITY
-from onebot_bringup.viewer.displays.tf_display import TF_ENTITY
 from onebot_description.ros.wire.messages import transforms_message
 from tests.benchmarks.chains import Chain
 

@@ -25,10 +25,10 @@ from numpy.typing import NDArray
 from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
-from onebot_bringup.viewer.columns import TIMELINE
+from onebot_bringup.viewer.core.columns import TIMELINE
+from onebot_bringup.viewer.core.inbox import DESCRIPTION
+from onebot_bringup.viewer.core.transforms import TF
 from onebot_bringup.viewer.display_server import Recording, open_recording
-from onebot_bringup.viewer.displays.tf_display import TF
-from onebot_bringup.viewer.inbox import DESCRIPTION
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_description.ros.wire.cdr import NANO
 from onebot_description.ros.wire.messages import transforms_message

@@ -8,16 +8,11 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 
 from onebot_bringup.viewer import displays
-from onebot_bringup.viewer.automatic import (
-    DRAWING_BY_TYPE,
-    MOST_SHOWN,
-    OfferedTopic,
-    TopicSelection,
-)
-from onebot_bringup.viewer.displays import MESSAGE_DRAWINGS
-from onebot_bringup.viewer.displays.drawing import Drawing
-from onebot_bringup.viewer.inbox import LoadLimit
-from onebot_bringup.viewer.stage import Stage
+from onebot_bringup.viewer.automatic import MOST_SHOWN, OfferedTopic, TopicSelection
+from onebot_bringup.viewer.core.drawing import Drawing
+from onebot_bringup.viewer.core.inbox import LoadLimit
+from onebot_bringup.viewer.core.stage import Stage
+from onebot_bringup.viewer.displays import DRAWING_BY_TYPE, MESSAGE_DRAWINGS
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.errors import OneBotError
 from tests.onebot_bringup.drive_support import column
@@ -32,14 +27,13 @@ def full_name(topic):
     return topic if topic.startswith("/") else f"/{topic}"
 
 
-def _selection(view=""):
-    return TopicSelection(Stage(None, parse_view(view), resolve=full_name))
+def _selection():
+    return TopicSelection(Stage(None, resolve=full_name))
 
 
 def _visible(view, topics, selection=None):
     selection = selection or _selection()
-    selection.stage.view = parse_view(view)
-    selection.choose(topics, ())
+    selection.choose(parse_view(view), topics, ())
     return [each.topic for each in selection.offered if each.visible]
 
 
@@ -54,6 +48,10 @@ def test_each_drawing_is_registered_and_each_type_has_one():
     assert found == set(MESSAGE_DRAWINGS)
     types = [kind for drawing in MESSAGE_DRAWINGS for kind in drawing.message_types]
     assert len(types) == len(set(types)) == len(DRAWING_BY_TYPE)
+    with pytest.raises(TypeError, match='"path" belongs to two displays'):
+        displays.unique([("path", MESSAGE_DRAWINGS[0]), ("path", MESSAGE_DRAWINGS[1])])
+    with pytest.raises(TypeError, match="must name its settings"):
+        displays.settings_type(Drawing)
 
 
 @pytest.mark.parametrize(
@@ -110,8 +108,9 @@ def test_a_scan_is_not_shown_again_as_a_cloud(tmp_path):
 
 def test_all_that_could_be_shown_are_offered():
     """Those that are not shown, too: a page has a check box for each."""
-    selection = _selection("hidden: [b]")
-    selection.choose({"/a": PATH, "/b": PATH, "/x": "foo_msgs/msg/Bar"}, ())
+    selection = _selection()
+    topics = {"/a": PATH, "/b": PATH, "/x": "foo_msgs/msg/Bar"}
+    selection.choose(parse_view("hidden: [b]"), topics, ())
     assert selection.offered == (
         OfferedTopic("/a", PATH, True),
         OfferedTopic("/b", PATH, False),
@@ -161,7 +160,7 @@ def _path(length):
 def test_a_flood_is_dropped_but_for_the_newest(tmp_path, monkeypatch):
     """It is said once, and the last message is shown."""
     for name in ("_SHARE", "_SAVED"):
-        monkeypatch.setattr(f"onebot_bringup.viewer.inbox.{name}", 1e-9)
+        monkeypatch.setattr(f"onebot_bringup.viewer.core.inbox.{name}", 1e-9)
     now = [0.0]
     shown, said = Shown(tmp_path, live=True, clock=lambda: now[0]), []
     for number in range(400):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import CameraInfo, Image
 
-from onebot_bringup.viewer.displays.display import REPEAT_AFTER
+from onebot_bringup.viewer.core.rerun_limits import REPEAT_AFTER
 from onebot_description.ros.wire.messages import time_message
 from tests.onebot_bringup.drive_support import column
 from tests.onebot_bringup.test_viewer_image import image

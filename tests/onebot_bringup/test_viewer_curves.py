@@ -8,9 +8,9 @@ from geometry_msgs.msg import Vector3
 from sensor_msgs.msg import BatteryState, Imu, JointState
 from std_msgs.msg import Bool, Float32
 
+from onebot_bringup.viewer.core.display import Plot
+from onebot_bringup.viewer.core.shown_robot import RobotToShow
 from onebot_bringup.viewer.displays.curves import GAP, CurvesDisplay, FieldPath
-from onebot_bringup.viewer.displays.display import Plot
-from onebot_bringup.viewer.shown_robot import RobotToShow
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.errors import OneBotError
 from onebot_description.ros.parameters.reader import ConfigError
@@ -150,9 +150,9 @@ def test_curves_are_in_plots_by_name(tmp_path):
         "a: {topic: t, field: x}, b: {topic: t, field: y, plot: Battery}, c: {topic: t, field: z}"
     )
     shown = Shown(tmp_path, f"curves: {{window: 5.0, lines: {{{lines}}}}}")
-    displays = shown.view.stage.robots[0].displays
+    displays = shown.view.robot_displays
     [display] = [each for each in displays if isinstance(each, CurvesDisplay)]
-    assert display.layout().views == (
+    assert display.layout()[0].views == (
         Plot("curves", "Curves", 5.0, ("curves/a", "curves/c")),
         Plot("curves", "Battery", 5.0, ("curves/b",)),
     )

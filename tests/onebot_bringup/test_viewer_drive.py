@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from onebot_bringup.viewer.core.shown_robot import RobotToShow
 from onebot_bringup.viewer.rendering import headless_viewer, still
 from onebot_bringup.viewer.robot_view import RobotView
-from onebot_bringup.viewer.shown_robot import RobotToShow
 from tests.onebot_bringup.drive_support import chunks, curve, odometry, strips
 from tests.onebot_bringup.viewer_support import (
     BLUE,

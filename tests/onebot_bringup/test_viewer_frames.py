@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from onebot_bringup.introspection.transforms import FrameTree
+from onebot_bringup.viewer.core.shown_robot import RobotToShow
+from onebot_bringup.viewer.core.transforms import TransformStream
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.displays.tf_display import TransformStream
-from onebot_bringup.viewer.shown_robot import RobotToShow
 from onebot_description.ros.wire.messages import TfArrays
 from tests.onebot_bringup import viewer_support as support
 from tests.onebot_bringup.drive_support import chunks, column, stamps
@@ -46,7 +46,7 @@ def test_static_transforms_are_logged_once_until_they_change(tmp_path):
 
 def test_slow_transforms_are_repeated_among_fast_ones(tmp_path, monkeypatch):
     """What was said once is logged anew beside what comes all the time."""
-    monkeypatch.setattr("onebot_bringup.viewer.displays.display.REPEAT_AFTER", 0.05)
+    monkeypatch.setattr("onebot_bringup.viewer.core.rerun_limits.REPEAT_AFTER", 0.05)
     recording = open_recording(save=tmp_path / "x.rrd")
     stream = TransformStream(recording.stream, FrameTree())
     stream.add(START_NS, transforms("odom", "base", 3.0))

@@ -9,9 +9,9 @@ from PIL import Image as Pillow
 from sensor_msgs.msg import CompressedImage, Image
 
 from onebot_bringup.viewer.blueprint import Layout, make_blueprint
-from onebot_bringup.viewer.columns import BytesMaker
-from onebot_bringup.viewer.displays.display import LayoutPart, Plot
-from onebot_bringup.viewer.displays.drawing import topic_entity
+from onebot_bringup.viewer.core.columns import BytesMaker
+from onebot_bringup.viewer.core.display import LayoutPart, Plot
+from onebot_bringup.viewer.core.drawing import topic_entity
 from onebot_bringup.viewer.displays.image import ImageView
 from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_description.ros.wire.messages import time_message
@@ -174,7 +174,9 @@ def test_bytes_are_not_copied(monkeypatch, tmp_path):
 def test_many_pictures_are_in_two_columns(count, kind, shares):
     """So that each is still seen."""
     views = tuple(ImageView(f"image/{number}", f"/{number}") for number in range(count))
-    layout = Layout.of(ViewConfig(), [LayoutPart(views=views)], "base", complete=True, robots=[])
+    layout = Layout.from_view(
+        ViewConfig(), [LayoutPart(views=views)], "base", complete=True, robots=[]
+    )
     root = make_blueprint(layout).root_container
     assert isinstance(root.contents[1], kind) and list(root.column_shares) == [3, shares]
     assert len(root.contents[1].contents) == count
@@ -191,7 +193,7 @@ def test_in_a_page_the_robot_has_the_room_and_no_picture_is_there_twice():
         shown=tuple(picture.entity for picture in pictures),
     )
     parts = [of_pictures, LayoutPart(views=(speeds,))]
-    layout = Layout.of(ViewConfig(), parts, "base", complete=True, robots=[])
+    layout = Layout.from_view(ViewConfig(), parts, "base", complete=True, robots=[])
     root = make_blueprint(layout.in_page({front})).root_container
     assert isinstance(root, rrb.Tabs)
     robot, beside = root.contents
@@ -200,7 +202,7 @@ def test_in_a_page_the_robot_has_the_room_and_no_picture_is_there_twice():
     assert f"+ /{pictures[0].entity}/**" not in robot.contents
     assert f"- /{pictures[0].entity}/**" in robot.contents
     assert f"+ /{pictures[1].entity}/**" in robot.contents
-    alone = Layout.of(ViewConfig(), [of_pictures], "base", complete=True, robots=[])
+    alone = Layout.from_view(ViewConfig(), [of_pictures], "base", complete=True, robots=[])
     alone = alone.in_page({front, depth})
     root = make_blueprint(alone).root_container
     assert [type(view) for view in root.contents] == [rrb.Spatial3DView]

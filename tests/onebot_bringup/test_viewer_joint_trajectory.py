@@ -12,9 +12,9 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from onebot_bringup.bags.bag_reader import Bag
 from onebot_bringup.bags.shown_bag import log_bag
 from onebot_bringup.bags.writer import BagWriter
+from onebot_bringup.viewer.core.shown_robot import RobotToShow
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.robot_view import RobotView
-from onebot_bringup.viewer.shown_robot import RobotToShow
 from onebot_description.ros.wire.definition import type_name
 from onebot_description.ros.wire.messages import time_message
 from tests.onebot_bringup.bag_support import topic

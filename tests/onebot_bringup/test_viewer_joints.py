@@ -8,12 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from trimesh.transformations import euler_matrix, rotation_matrix
 
+from onebot_bringup.viewer.core.shown_robot import RobotToShow
 from onebot_bringup.viewer.displays.joint_limits import (
     limited_joints,
     needle_strips,
     scale_strips,
 )
-from onebot_bringup.viewer.shown_robot import RobotToShow
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.description import load_description, parse_description
 from onebot_description.description.packages import package_share

@@ -3,9 +3,9 @@
 import numpy as np
 import rerun.blueprint as rrb
 
-from onebot_bringup.viewer.displays.display import COLORS
+from onebot_bringup.viewer.core.display import COLORS
+from onebot_bringup.viewer.core.shown_robot import RobotToShow
 from onebot_bringup.viewer.robot_view import RobotView
-from onebot_bringup.viewer.shown_robot import RobotToShow
 from onebot_bringup.viewer.view_config import parse_view
 from tests.onebot_bringup.drive_support import column, odometry
 from tests.onebot_bringup.viewer_support import (

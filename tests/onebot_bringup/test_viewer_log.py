@@ -3,7 +3,7 @@
 import pytest
 from rcl_interfaces.msg import Log
 
-from onebot_bringup.viewer.displays.display import LayoutPart
+from onebot_bringup.viewer.core.display import LayoutPart
 from onebot_bringup.viewer.displays.log import LogDrawing, LogView
 from onebot_description.ros.wire.messages import time_message
 from tests.onebot_bringup.drive_support import column, stamps
@@ -61,9 +61,9 @@ def test_its_view_is_below_the_robot_if_it_is_asked_for(tmp_path, view, views):
     shown = Shown(tmp_path, view)
     shown.send("/rosout", line(20, ""))
     assert [each.visible for each in shown.view.offered] == [bool(views)]
-    displays = shown.view.stage.message_displays
+    displays = shown.view.message_displays
     [display] = [each for each in displays if each.draws is LogDrawing]
-    assert display.layout() == LayoutPart(wide=views)
+    assert display.layout() == ([LayoutPart(wide=views)] if views else [])
     for each in views:
         assert each.view().class_identifier == "TextLog"
     shown.end()

@@ -67,7 +67,7 @@ class Shown(support.Shown):
 
     def spaces(self, topic):
         """The namespaces of which something is drawn."""
-        displays = self.view.stage.message_displays
+        displays = self.view.message_displays
         [drawing] = [each.items[topic] for each in displays if each.draws is MarkerDrawing]
         return {space for space, _ in drawing._where}  # noqa: SLF001
 
@@ -306,7 +306,7 @@ def test_what_has_not_changed_is_not_logged_again(tmp_path):
 
 def test_what_is_sent_once_is_logged_again(tmp_path, monkeypatch):
     """A server with a memory limit drops the oldest data."""
-    monkeypatch.setattr("onebot_bringup.viewer.displays.display.REPEAT_AFTER", -1.0)
+    monkeypatch.setattr("onebot_bringup.viewer.core.rerun_limits.REPEAT_AFTER", -1.0)
     shown = Shown(tmp_path)
     shown.send(marker())
     for tick in range(3):

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
 
-from onebot_bringup.viewer.displays.odometry_display import JUMP, SPACING
-from onebot_bringup.viewer.displays.pose_display import (
+from onebot_bringup.viewer.displays.odometry import JUMP, SPACING
+from onebot_bringup.viewer.displays.pose import (
     Ellipse,
     ellipse_outline,
     heading_deviation,

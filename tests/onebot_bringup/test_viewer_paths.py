@@ -146,7 +146,7 @@ def test_a_path_in_an_unknown_frame_waits_and_is_warned_of(tmp_path):
 
 def test_what_is_sent_once_is_logged_again(tmp_path, monkeypatch):
     """A server with a memory limit drops the oldest data."""
-    monkeypatch.setattr("onebot_bringup.viewer.displays.display.REPEAT_AFTER", -1.0)
+    monkeypatch.setattr("onebot_bringup.viewer.core.rerun_limits.REPEAT_AFTER", -1.0)
     live, end = _begun(tmp_path)
     take(live, "/plan", path(LINE))
     for tick in range(5):

@@ -10,9 +10,9 @@ from std_msgs.msg import String
 
 from onebot_bringup.cli.scenes import RunningRobots, running_robots
 from onebot_bringup.cli.session import Session
+from onebot_bringup.viewer.core.shown_robot import RobotToShow
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.robot_view import RobotView
-from onebot_bringup.viewer.shown_robot import RobotToShow
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_description.errors import OneBotError

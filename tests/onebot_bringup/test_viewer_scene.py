@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import rerun.blueprint as rrb
 
+from onebot_bringup.viewer.core.scene import MISSING_COLOR, Scene
 from onebot_bringup.viewer.display_server import APPLICATION, open_recording
 from onebot_bringup.viewer.rendering import headless_viewer, render, still
 from onebot_bringup.viewer.robot_view import RobotView
-from onebot_bringup.viewer.scene import MISSING_COLOR, Scene
 from onebot_bringup.viewer.view_config import ViewConfig, parse_view
 from onebot_description.description import parse_description
 from onebot_description.ros.wire.messages import TfArrays
@@ -164,7 +164,7 @@ def test_what_cannot_be_drawn_is_named_once_and_marked(tmp_path):
 def test_a_late_viewer_of_a_full_server_still_sees_what_was_sent_once(monkeypatch):
     """With the memory limit reached many times over, layout, shapes and slow frames remain."""
     require_renderer()
-    monkeypatch.setattr("onebot_bringup.viewer.displays.display.REPEAT_AFTER", 0.2)
+    monkeypatch.setattr("onebot_bringup.viewer.core.rerun_limits.REPEAT_AFTER", 0.2)
     recording = open_recording(0, memory_limit="1MB")
     live = RobotView(recording.stream)
     describe(live, ARM)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from onebot_bringup.viewer.shapes import file_state, load_shape
+from onebot_bringup.viewer.core.shapes import file_state, load_shape
 from onebot_description.description.description import Box, Capsule, Cylinder, Sphere
 from onebot_description.description.meshes import locate_mesh
 from onebot_description.description.packages import Resources

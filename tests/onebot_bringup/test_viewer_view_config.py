@@ -5,7 +5,7 @@ import pytest
 
 from onebot_bringup.viewer.displays.curves import SpeedSettings
 from onebot_bringup.viewer.displays.joint_limits import JointRangesSettings
-from onebot_bringup.viewer.displays.odometry_display import CovarianceSettings, TrailSettings
+from onebot_bringup.viewer.displays.odometry import CovarianceSettings, TrailSettings
 from onebot_bringup.viewer.view_config import ViewConfig, load_view, view_for
 from onebot_description.errors import OneBotError
 

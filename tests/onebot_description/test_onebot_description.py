@@ -12,8 +12,8 @@ import rerun as rr
 import yaml
 import yourdfpy
 
-from onebot_bringup.viewer.scene import Scene
-from onebot_bringup.viewer.shapes import load_shape
+from onebot_bringup.viewer.core.scene import Scene
+from onebot_bringup.viewer.core.shapes import load_shape
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.description import Cylinder, Mesh, Sphere
 from onebot_description.description.meshes import locate_mesh

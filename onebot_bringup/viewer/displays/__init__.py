@@ -1,66 +1,68 @@
-"""The displays of the robot view.
+"""The displays of the robot view: each file of this folder holds one, or some that are alike.
 
-Each display is registered in one of these tables, and its settings in ``ViewConfig``.
+A display is a ``Drawing`` of message types, or a ``Display``, with a ``key`` of its own: under it,
+its settings are in view files and ROS parameters. Its class names their type as the argument of its
+base, as ``Drawing[PathSettings]`` does. Nothing else has to be registered.
 """
 
-from typing import Any
+from collections.abc import Iterable, Iterator, Mapping
+from importlib import import_module
+from pkgutil import iter_modules
+from typing import Any, TypeAlias, TypeVar, get_args
 
-from onebot_bringup.viewer.displays.camera_info import CameraInfoDrawing
-from onebot_bringup.viewer.displays.curves import CurvesDisplay, SpeedsDisplay
-from onebot_bringup.viewer.displays.display import Display
-from onebot_bringup.viewer.displays.drawing import Drawing
-from onebot_bringup.viewer.displays.image import ImageDrawing
-from onebot_bringup.viewer.displays.joint_limits import JointLimitsDisplay
-from onebot_bringup.viewer.displays.joint_plot import JointPlotDisplay
-from onebot_bringup.viewer.displays.joint_trajectory import JointTrajectoryDrawing
-from onebot_bringup.viewer.displays.log import LogDrawing
-from onebot_bringup.viewer.displays.map import MapDrawing
-from onebot_bringup.viewer.displays.marker import MarkerDrawing
-from onebot_bringup.viewer.displays.odometry_display import (
-    CovarianceDisplay,
-    OdometryDrawing,
-    TrailDisplay,
-)
-from onebot_bringup.viewer.displays.points import LaserScanDrawing, PointCloud2Drawing
-from onebot_bringup.viewer.displays.pose_display import (
-    PoseArrayDrawing,
-    PoseDrawing,
-    PoseWithCovarianceDrawing,
-)
-from onebot_bringup.viewer.displays.shapes_of_messages import (
-    ImuDrawing,
-    PathDrawing,
-    PointStampedDrawing,
-    PolygonDrawing,
-    RangeDrawing,
-)
+from onebot_bringup.viewer.core.display import Display
+from onebot_bringup.viewer.core.drawing import Drawing
 
-# Of each robot.
-ROBOT_DISPLAYS: tuple[type[Display[Any]], ...] = (
-    JointPlotDisplay,
-    JointLimitsDisplay,
-    TrailDisplay,
-    CovarianceDisplay,
-    SpeedsDisplay,
-    CurvesDisplay,
+T = TypeVar("T")
+AnyDisplay: TypeAlias = type[Display[Any]] | type[Drawing[Any]]
+
+
+def _found(base: type[T]) -> Iterator[type[T]]:
+    """Yield the subclasses of ``base`` in this folder that have a key of their own."""
+    for file in iter_modules(__path__, f"{__name__}."):
+        for item in vars(import_module(file.name)).values():
+            is_own = isinstance(item, type) and item.__module__ == file.name
+            if is_own and issubclass(item, base) and "key" in vars(item):
+                yield item
+
+
+def unique(displays: Iterable[tuple[str, T]]) -> dict[str, T]:
+    """Return displays by the name of each, a key or a message type.
+
+    Raises:
+        TypeError: two have the same name.
+    """
+    by_name: dict[str, T] = {}
+    for name, display in displays:
+        other = by_name.setdefault(name, display)
+        if other is not display:
+            raise TypeError(f'"{name}" belongs to two displays: {other} and {display}')
+    return by_name
+
+
+def settings_type(display: AnyDisplay) -> Any:
+    """Return the type of a display's settings: a dataclass, or a map from names to one.
+
+    Raises:
+        TypeError: its class does not name it.
+    """
+    arguments = get_args(vars(display).get("__orig_bases__", (None,))[0])
+    if len(arguments) != 1 or isinstance(arguments[0], TypeVar):
+        raise TypeError(f"{display} must name its settings, as Drawing[PathSettings] does")
+    return arguments[0]
+
+
+# Of each robot, or of all robots.
+ROBOT_DISPLAYS: tuple[type[Display[Any]], ...] = tuple(
+    sorted(_found(Display), key=lambda display: (display.order, display.key))  # type: ignore[type-abstract]
 )
 # Of the topics of message types, whichever robot's they are.
-MESSAGE_DRAWINGS: tuple[type[Drawing[Any]], ...] = (
-    PathDrawing,
-    JointTrajectoryDrawing,
-    MapDrawing,
-    OdometryDrawing,
-    PoseDrawing,
-    PoseArrayDrawing,
-    PoseWithCovarianceDrawing,
-    PointStampedDrawing,
-    PolygonDrawing,
-    LaserScanDrawing,
-    PointCloud2Drawing,
-    ImageDrawing,
-    CameraInfoDrawing,
-    ImuDrawing,
-    RangeDrawing,
-    MarkerDrawing,
-    LogDrawing,
+MESSAGE_DRAWINGS: tuple[type[Drawing[Any]], ...] = tuple(
+    sorted(_found(Drawing), key=lambda drawing: drawing.key)
 )
+_ALL: tuple[AnyDisplay, ...] = (*ROBOT_DISPLAYS, *MESSAGE_DRAWINGS)
+DISPLAY_BY_KEY: Mapping[str, AnyDisplay] = unique((display.key, display) for display in _ALL)
+DRAWING_BY_TYPE: Mapping[str, type[Drawing[Any]]] = unique(
+    (name, drawing) for drawing in MESSAGE_DRAWINGS for name in drawing.message_types
+)
+"""The drawing class of each message type."""

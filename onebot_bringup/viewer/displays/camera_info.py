@@ -11,14 +11,15 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
-from onebot_bringup.viewer.displays.display import LARGEST, SELDOM, LayoutPart, is_old
-from onebot_bringup.viewer.displays.drawing import (
+from onebot_bringup.viewer.core.display import LayoutPart
+from onebot_bringup.viewer.core.drawing import (
     Drawing,
     TopicSettings,
     topic_entity,
 )
+from onebot_bringup.viewer.core.rerun_limits import SELDOM, is_drawable, is_old
+from onebot_bringup.viewer.core.settings import Color, color, setting
 from onebot_bringup.viewer.displays.image import picture_frame
-from onebot_bringup.viewer.settings import Color, color, setting
 
 # Names of the picture topics beside a CameraInfo.
 _NAMES = ("image", "image_raw", "image_color", "image_mono", "image_rect", "image_rect_color")
@@ -38,7 +39,7 @@ class CameraInfoDrawing(Drawing[CameraInfoSettings]):
     key = "camera_info"
     message_types = ("sensor_msgs/msg/CameraInfo",)
     period_ns = SELDOM
-    latest = True
+    newest_only = True
     _drawn: object = None
 
     def layout(self) -> LayoutPart:
@@ -77,7 +78,7 @@ def _projection(message: Any) -> tuple[np.ndarray, tuple[int, int]]:
         else [*message.k[:3], 0.0, *message.k[3:6], 0.0, *message.k[6:], 0.0]
     )
     matrix = matrix.reshape(3, 4)[:, :3].astype(float)
-    if not (matrix[0, 0] and matrix[1, 1] and (np.abs(matrix) <= LARGEST).all()):
+    if not (matrix[0, 0] and matrix[1, 1] and is_drawable(matrix)):
         raise ValueError("it is not calibrated: neither k nor p has focal lengths")
     roi = message.roi
     size = np.array([roi.width or message.width, roi.height or message.height], float)

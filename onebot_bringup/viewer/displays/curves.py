@@ -16,17 +16,19 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.columns import ColumnMaker, entity_path, time_column
-from onebot_bringup.viewer.displays.display import LARGEST, SELDOM, LayoutPart, Plot, below
-from onebot_bringup.viewer.displays.drawing import Drawing, NamedDisplay
-from onebot_bringup.viewer.displays.odometry_display import ODOMETRY
-from onebot_bringup.viewer.inbox import MessageType, WantedTopic, known_type
-from onebot_bringup.viewer.settings import Color, color, one_of, setting, topic
+from onebot_bringup.viewer.core.columns import ColumnMaker, below, entity_path, send
+from onebot_bringup.viewer.core.display import LayoutPart, Plot
+from onebot_bringup.viewer.core.drawing import Drawing, NamedDisplay
+from onebot_bringup.viewer.core.inbox import MessageType, WantedTopic, known_type
+from onebot_bringup.viewer.core.rerun_limits import LARGEST, SELDOM
+from onebot_bringup.viewer.core.settings import Color, color, one_of, setting, topic
+from onebot_bringup.viewer.displays.odometry import ODOMETRY
 from onebot_description.errors import OneBotError, listing
 from onebot_description.ros.parameters.reader import REQUIRED
 from onebot_description.ros.wire.schema import Message, Table
 
 S = TypeVar("S", bound="SpeedSettings | CurveSettings")
+C = TypeVar("C", bound="SpeedsSettings | CurvesSettings")
 
 _SCALARS = ColumnMaker(rr.Scalars.columns(scalars=[0.0]))
 
@@ -58,17 +60,14 @@ class Curves:
         numbers = np.array(rows, np.float64)
         # Rerun draws nothing of a plot that contains infinity.
         numbers[~(np.abs(numbers) <= LARGEST)] = math.nan
-        self._recording.send_columns(
-            self.entity,
-            indexes=[time_column(np.array(stamps_ns, np.int64))],
-            columns=[_SCALARS.column(numbers, each=numbers.shape[1])],
-        )
+        columns = [_SCALARS.column(numbers, each=numbers.shape[1])]
+        send(self._recording, self.entity, stamps_ns, columns)
 
 
 class CurveDrawing(Drawing[S]):
     """Curves of the numbers of one topic."""
 
-    stamped = False
+    has_header = False
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
@@ -106,10 +105,10 @@ class CurveDrawing(Drawing[S]):
             curve.flush()
 
 
-class _CurvesDisplay(NamedDisplay):
+class _CurvesDisplay(NamedDisplay[C]):
     """Plots the lines that a view names."""
 
-    plots = True
+    only_plots = True
     period_ns = SELDOM
 
     def apply(self, settings: Any) -> None:
@@ -186,27 +185,27 @@ class SpeedDrawing(CurveDrawing[SpeedSettings]):
         )
 
 
-class SpeedsDisplay(_CurvesDisplay):
+class SpeedsDisplay(_CurvesDisplay[SpeedsSettings]):
     """Plots speeds commanded and measured."""
 
     key, noun = "speeds", "speed"
+    order = 5
     draws = SpeedDrawing
 
     def subscriptions(self, line: SpeedSettings) -> Sequence[WantedTopic]:
         types = (_TYPES[line.type],) if line.type in _TYPES else tuple(_TYPES.values())
         return [WantedTopic(line.topic, types)]
 
-    def layout(self) -> LayoutPart:
+    def layout(self) -> Sequence[LayoutPart]:
         """Return both plots, if there is a line to plot."""
         root = self.entity(self.key)
         drawings: Any = self.items.values()
         lines = zip(*(drawing.entities() for drawing in drawings), strict=True)
-        return LayoutPart(
-            views=tuple(
-                Plot(below(root, plot), title, self._window, entities)
-                for (plot, title), entities in zip(SPEEDS.items(), lines, strict=False)
-            )
+        plots = (
+            Plot(below(root, plot), title, self._window, entities)
+            for (plot, title), entities in zip(SPEEDS.items(), lines, strict=False)
         )
+        return [LayoutPart(views=tuple(plots))]
 
 
 # --- any fields -----------------------------------------------------------------------------------
@@ -292,10 +291,11 @@ class FieldDrawing(CurveDrawing[CurveSettings]):
         return [self._field.value(message)]
 
 
-class CurvesDisplay(_CurvesDisplay):
+class CurvesDisplay(_CurvesDisplay[CurvesSettings]):
     """Plots numbers of messages."""
 
     key, noun = "curves", "curve"
+    order = 6
     draws = FieldDrawing
 
     def __init__(self, *arguments: Any) -> None:
@@ -323,16 +323,13 @@ class CurvesDisplay(_CurvesDisplay):
             self._unreadable[line.topic] = f"{line.topic} cannot be plotted: {error}"
             return ()
 
-    def layout(self) -> LayoutPart:
+    def layout(self) -> Sequence[LayoutPart]:
         plots: dict[str, list[str]] = {}
         for drawing in self.items.values():
             plots.setdefault(drawing.settings.plot, []).append(drawing.entity)
         root = self.entity(self.key)
-        return LayoutPart(
-            views=tuple(
-                Plot(root, title, self._window, tuple(lines)) for title, lines in plots.items()
-            )
-        )
+        views = (Plot(root, title, self._window, tuple(lines)) for title, lines in plots.items())
+        return [LayoutPart(views=tuple(views))]
 
     def warnings(self) -> list[str]:
         return [*self._unreadable.values(), *super().warnings()]

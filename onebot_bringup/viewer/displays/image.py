@@ -10,14 +10,14 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.columns import BytesMaker, ReadyColumn, ready
-from onebot_bringup.viewer.displays.display import LayoutPart
-from onebot_bringup.viewer.displays.drawing import (
-    DEPTH_HEAVY,
+from onebot_bringup.viewer.core.columns import BytesMaker, ReadyColumn, ready
+from onebot_bringup.viewer.core.display import LayoutPart
+from onebot_bringup.viewer.core.drawing import (
+    DEPTH_HIGH_BANDWIDTH,
     Drawing,
     TopicSettings,
 )
-from onebot_bringup.viewer.settings import height, setting
+from onebot_bringup.viewer.core.settings import height, setting
 from onebot_description.arrays import Bytes
 from onebot_description.errors import printable
 
@@ -103,8 +103,8 @@ class ImageDrawing(Drawing[ImageSettings]):
 
     key = "image"
     message_types = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
-    heavy, kept = True, DEPTH_HEAVY
-    stamped = False  # shown without a transform
+    high_bandwidth, max_waiting = True, DEPTH_HIGH_BANDWIDTH
+    has_header = False  # shown without a transform
 
     @classmethod
     def is_duplicate(cls, topic: str, topics: Mapping[str, str]) -> bool:

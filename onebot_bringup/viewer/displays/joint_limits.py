@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
-from onebot_bringup.viewer.columns import entity_path
-from onebot_bringup.viewer.displays.display import Display
-from onebot_bringup.viewer.settings import Color, setting
+from onebot_bringup.viewer.core.columns import entity_path
+from onebot_bringup.viewer.core.display import Display
+from onebot_bringup.viewer.core.settings import Color, setting
 from onebot_description.arrays import Floats
 from onebot_description.description.description import Description, Joint
 from onebot_description.geometry import matrices, quaternions
@@ -40,6 +40,7 @@ class JointLimitsDisplay(Display[JointRangesSettings]):
     """Draws the ranges of joints in the colours of their curves; redraws only what changes."""
 
     key = "joint_ranges"
+    order = 2
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
@@ -76,7 +77,7 @@ class JointLimitsDisplay(Display[JointRangesSettings]):
         for entity in set(self._drawn).difference(marks):
             # Static data cannot be cleared but overwritten, in a frame that exists.
             del self._drawn[entity]
-            home = rr.CoordinateFrame(self.robot.home)
+            home = rr.CoordinateFrame(self.robot.root_frame)
             recording.log(entity, home, rr.LineStrips3D.cleared(), static=True)
         for entity, (link, strips, width, color) in marks.items():
             what = (link, [strip.tolist() for strip in strips], color)

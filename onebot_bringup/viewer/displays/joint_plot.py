@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
+from onebot_bringup.viewer.core.display import Display, LayoutPart, Plot
+from onebot_bringup.viewer.core.inbox import MessageType, WantedTopic, one_by_one
+from onebot_bringup.viewer.core.rerun_limits import SELDOM
+from onebot_bringup.viewer.core.settings import Color, setting
 from onebot_bringup.viewer.displays.curves import Curves
-from onebot_bringup.viewer.displays.display import SELDOM, Display, LayoutPart, Plot
 from onebot_bringup.viewer.displays.joint_limits import limited_joints, limits
-from onebot_bringup.viewer.inbox import MessageType, WantedTopic, one_by_one
-from onebot_bringup.viewer.settings import Color, setting
 from onebot_description.ros.wire.messages import JointStateArrays, one_joint_state
 
 POSITION_ENTITY = "joints/position"
@@ -42,7 +43,8 @@ class JointPlotDisplay(Display[JointPlotSettings]):
     """Plots joint_states."""
 
     key = "joint_plot"
-    plots = True
+    order = 1
+    only_plots = True
     period_ns = SELDOM
 
     def __init__(self, *arguments: Any) -> None:
@@ -108,7 +110,7 @@ class JointPlotDisplay(Display[JointPlotSettings]):
         text = f"joint_states has more than {_MOST_SETS} lists of names: not all plotted"
         return [text] if self._is_full else []
 
-    def layout(self) -> LayoutPart:
+    def layout(self) -> Sequence[LayoutPart]:
         """Return the plots that have data."""
         plot, robot = self._settings, self.robot.description
         moves = robot is not None and any(joint.kind != "fixed" for joint in robot.joints)
@@ -119,7 +121,7 @@ class JointPlotDisplay(Display[JointPlotSettings]):
         if plot.velocities and self._has_velocities:
             entity = self.entity(VELOCITY_ENTITY)
             views.append(Plot(entity, "Joint velocities (rad/s, m/s)", plot.window))
-        return LayoutPart(views=tuple(views))
+        return [LayoutPart(views=tuple(views))]
 
 
 class _JointSet:

@@ -3,24 +3,22 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.displays.display import LARGEST, SELDOM, drawable
-from onebot_bringup.viewer.displays.drawing import Archetypes, Drawing, TopicSettings
+from onebot_bringup.viewer.core.drawing import Archetypes, Drawing, TopicSettings
+from onebot_bringup.viewer.core.rerun_limits import LARGEST, SELDOM, drawable
+from onebot_bringup.viewer.core.settings import Color, color, setting
+from onebot_bringup.viewer.core.shown_robot import ShownRobot
 from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
-from onebot_bringup.viewer.settings import Color, color, setting
 from onebot_description.arrays import Floats
 from onebot_description.description.description import MOVING_KINDS, Description, Joint
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.model.robot_model import RobotModel
 from onebot_description.ros.wire.messages import JointStateArrays
-
-if TYPE_CHECKING:
-    from onebot_bringup.viewer.shown_robot import ShownRobot
 
 # Most points drawn of a trajectory; of a longer one, they are evenly chosen from first to last.
 _MOST_POINTS = 1000
@@ -45,13 +43,14 @@ class JointTrajectoryDrawing(Drawing[JointTrajectorySettings]):
     key = "joint_trajectory"
     message_types = ("trajectory_msgs/msg/JointTrajectory",)
     robot_topics: ClassVar = {"joint_states": JOINT_STATE}
-    live, repeated, stamped = False, True, False
+    stamped_when_sent, has_header = False, False
+    repeat_when_silent = True
     period_ns = SELDOM
     _motion: "LinkMotion | None" = None  # kinematics of the link; None if no path is drawn
     _held: Floats = np.zeros(0)  # positions of the held joints in the path that is drawn
 
     @cached_property
-    def robot(self) -> "ShownRobot":
+    def robot(self) -> ShownRobot:
         """The robot whose joints the trajectory moves."""
         return self.stage.robot_of(self.name)
 
@@ -73,7 +72,7 @@ class JointTrajectoryDrawing(Drawing[JointTrajectorySettings]):
 
     def frame_of(self, message: Any) -> str:
         """Return the frame of the robot's root link, in which joint positions place the links."""
-        return self.robot.home
+        return self.robot.root_frame
 
     def _is_due(self, frame: str, stamp_ns: int) -> bool:
         return bool(frame) and super()._is_due(frame, stamp_ns)  # it waits for the description

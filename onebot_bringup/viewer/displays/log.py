@@ -12,10 +12,10 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.encodings import TextLogColumnKind
 
-from onebot_bringup.viewer.columns import TIMELINE
-from onebot_bringup.viewer.displays.display import LayoutPart
-from onebot_bringup.viewer.displays.drawing import Drawing, TopicSettings
-from onebot_bringup.viewer.settings import one_of, setting
+from onebot_bringup.viewer.core.columns import TIMELINE
+from onebot_bringup.viewer.core.display import LayoutPart
+from onebot_bringup.viewer.core.drawing import Drawing, TopicSettings
+from onebot_bringup.viewer.core.settings import one_of, setting
 from onebot_description.errors import shortened
 
 _LEVELS = {  # the lowest number of each level
@@ -56,8 +56,7 @@ class LogDrawing(Drawing[LogSettings]):
 
     key = "log"
     message_types = ("rcl_interfaces/msg/Log",)
-    plots = True
-    stamped = False
+    has_header = False
 
     def add(self, stamp_ns: int, message: Any) -> None:
         if message.level >= _LEVELS[self.settings.level][0]:

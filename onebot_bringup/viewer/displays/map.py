@@ -11,11 +11,11 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.columns import BytesMaker, ReadyColumn, empty, one_row
-from onebot_bringup.viewer.displays.display import LARGEST, SELDOM
-from onebot_bringup.viewer.displays.drawing import AUTO, Drawing, TopicSettings
-from onebot_bringup.viewer.inbox import message_type
-from onebot_bringup.viewer.settings import fraction, one_of, setting
+from onebot_bringup.viewer.core.columns import BytesMaker, ReadyColumn, empty, one_row
+from onebot_bringup.viewer.core.drawing import AUTO, Drawing, TopicSettings
+from onebot_bringup.viewer.core.inbox import message_type
+from onebot_bringup.viewer.core.rerun_limits import SELDOM, is_drawable
+from onebot_bringup.viewer.core.settings import fraction, one_of, setting
 from onebot_description.geometry.quaternions import normalized
 
 UPDATES = "_updates"  # suffix of the topic of updates
@@ -68,8 +68,8 @@ class MapDrawing(Drawing[MapSettings]):
 
     key = "map"
     message_types = ("nav_msgs/msg/OccupancyGrid",)
-    others: ClassVar = {UPDATES: UPDATE}
-    live, repeated = False, True
+    suffixed_topics: ClassVar = {UPDATES: UPDATE}
+    stamped_when_sent, repeat_when_silent = False, True
     period_ns = SELDOM
     _grid: CurrentMap | None = None
     _whole_ns = 0  # the time of the map received since the last flush; 0 for none
@@ -137,7 +137,7 @@ class MapDrawing(Drawing[MapSettings]):
     def draw(self, message: Any) -> Sequence[rr.AsComponents | ReadyColumn]:
         """Return the cells, the highest y first, and the map's pose and cell size."""
         if not message.cells.size:
-            self.stage.clear(self.entity, self.stamp_ns, self.home)
+            self.stage.clear(self.entity, self.stamp_ns, self.entity_frame)
             self._logged_at = time.monotonic()
             return ()
         return [_cells(message.cells), *_geometry(message.info)]
@@ -171,7 +171,7 @@ def _grid(message: Any) -> CurrentMap:
     if len(message.data) != info.width * info.height:
         raise ValueError(f"it has {len(message.data)} cells: {_by(info)}")
     origin = info.origin.array()
-    if not (math.isfinite(info.resolution) and (np.abs(origin) <= LARGEST).all()):
+    if not (math.isfinite(info.resolution) and is_drawable(origin)):
         raise ValueError("its resolution or its origin is not finite")
     if info.resolution <= 0 and len(message.data):
         raise ValueError(f"its resolution is {info.resolution:g} m")

@@ -12,15 +12,17 @@ import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.columns import entity_path, one_row, time_column
-from onebot_bringup.viewer.displays.display import LARGEST, below, is_old
-from onebot_bringup.viewer.displays.drawing import Drawing, TopicSettings
+from onebot_bringup.viewer.core.columns import below, entity_path, one_row, send
+from onebot_bringup.viewer.core.drawing import Drawing, TopicSettings
+from onebot_bringup.viewer.core.rerun_limits import LARGEST, is_drawable, is_old
+from onebot_bringup.viewer.core.settings import name_list, setting
+from onebot_bringup.viewer.core.stage import Stage
 from onebot_bringup.viewer.displays.marker_shapes import (
     ARROW,
     ARROW_STRIP,
@@ -36,13 +38,9 @@ from onebot_bringup.viewer.displays.marker_shapes import (
     Piece,
     rgba,
 )
-from onebot_bringup.viewer.settings import name_list, setting
 from onebot_description.arrays import Floats
 from onebot_description.errors import OneBotError, printable, shortened
 from onebot_description.geometry.quaternions import from_matrix, multiply, rotate
-
-if TYPE_CHECKING:
-    from onebot_bringup.viewer.stage import Stage
 
 ADD, DELETE, DELETE_ALL = 0, 2, 3
 _NEVER = np.iinfo(np.int64).max  # the end of an infinite lifetime
@@ -84,7 +82,7 @@ class Incoming(NamedTuple):
     messages: Sequence[Any]
 
     @classmethod
-    def of_array(cls, markers: Any) -> "Incoming":
+    def from_array(cls, markers: Any) -> "Incoming":
         """Return the markers of a MarkerArray, which is a table."""
         return cls(
             markers.ns,
@@ -103,7 +101,7 @@ class Incoming(NamedTuple):
         )
 
     @classmethod
-    def of_single(cls, markers: Sequence[Any]) -> "Incoming":
+    def from_single(cls, markers: Sequence[Any]) -> "Incoming":
         """Return the markers of messages with one marker each."""
         numbers = [
             (
@@ -169,7 +167,7 @@ class LayerKey(NamedTuple):
 class Layer:
     """Markers of one type and namespace, on one entity."""
 
-    def __init__(self, stage: "Stage", entity: str, key: LayerKey, kind: Kind) -> None:
+    def __init__(self, stage: Stage, entity: str, key: LayerKey, kind: Kind) -> None:
         self._stage, self.entity, self._kind = stage, entity, kind
         self._frame = key.frame
         self._own: list[Piece] = [*one_row(rr.CoordinateFrame(key.frame))]  # same for all rows
@@ -217,11 +215,8 @@ class Layer:
             self.whole_at = time.monotonic()
         self._logged, self._stamp_ns = pieces, stamp_ns
         if columns:
-            self._stage.recording.send_columns(
-                self.entity,
-                indexes=[time_column(np.array([stamp_ns]))],
-                columns=[_column(piece) for piece in columns],
-            )
+            ready = [_column(piece) for piece in columns]
+            send(self._stage.recording, self.entity, [stamp_ns], ready)
 
 
 def _is_same(piece: Piece, previous: Piece) -> bool:
@@ -250,11 +245,11 @@ class MarkerPlan(NamedTuple):
 class MarkerDrawing(Drawing[MarkerSettings]):
     """The markers of one topic."""
 
-    stamped = False
+    has_header = False
 
     key = "marker"
     message_types = ("visualization_msgs/msg/Marker", "visualization_msgs/msg/MarkerArray")
-    live = False
+    stamped_when_sent = False
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
@@ -292,7 +287,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         if self._waiting and tree != self._tree:
             waiting, self._waiting = [*self._waiting.values()], {}
             latest_ns = max(stamp_ns for stamp_ns, _ in waiting)
-            self._take(latest_ns, now_ns, Incoming.of_single([message for _, message in waiting]))
+            self._take(latest_ns, now_ns, Incoming.from_single([message for _, message in waiting]))
         self._tree = tree
         if self._waiting:
             self.frame = _frame(next(iter(self._waiting.values()))[1])
@@ -327,7 +322,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         pending = [*self._pending]
         self._pending.clear()
         if self._in_arrays:
-            yield from ((stamp, Incoming.of_array(array.markers)) for stamp, array in pending)
+            yield from ((stamp, Incoming.from_array(array.markers)) for stamp, array in pending)
             return
         together: dict[MarkerId, Any] = {}
         first_ns = last_ns = 0
@@ -335,12 +330,12 @@ class MarkerDrawing(Drawing[MarkerSettings]):
             late = not 0 <= stamp_ns - first_ns <= _TOGETHER_NS
             if late or (message.ns, message.id) in together or message.action == DELETE_ALL:
                 if together:
-                    yield last_ns, Incoming.of_single([*together.values()])
+                    yield last_ns, Incoming.from_single([*together.values()])
                 together, first_ns = {}, stamp_ns
             together[message.ns, message.id] = message
             last_ns = stamp_ns
         if together:
-            yield last_ns, Incoming.of_single([*together.values()])
+            yield last_ns, Incoming.from_single([*together.values()])
 
     # --- what a message does ----------------------------------------------------------------------
 
@@ -500,7 +495,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
             text = f"it has {len(colors)} colours for {len(points)} points: its own is used"
             incoming.report(self.problems, row, text, "colours")
             colors = colors[:0]
-        if not (np.abs(points) <= LARGEST).all():
+        if not is_drawable(points):
             incoming.report(self.problems, row, "its points are not finite: not drawn")
             points = points[:0]
         most = len(points) - len(points) % 3 if kind == TRIANGLE_LIST else len(points)

@@ -13,7 +13,7 @@ import pyarrow as pa
 import rerun as rr
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.columns import ColumnMaker, ReadyColumn, one_row, ready
+from onebot_bringup.viewer.core.columns import ColumnMaker, ReadyColumn, one_row, ready
 from onebot_description.arrays import Floats
 from onebot_description.description.meshes import locate_mesh
 from onebot_description.description.packages import Resources
@@ -265,7 +265,7 @@ class MeshVariant(NamedTuple):
 
     def pieces(self) -> list[Piece]:
         """Return the columns of the mesh itself."""
-        from onebot_bringup.viewer.shapes import load_shape  # imports trimesh
+        from onebot_bringup.viewer.core.shapes import load_shape  # imports trimesh
 
         asset = load_shape(locate_mesh(Resources(None), self.uri))
         color = self.color if self.color is not None or asset.colored else 0xFFFFFFFF

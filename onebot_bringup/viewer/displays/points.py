@@ -4,21 +4,22 @@ from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.columns import ColumnMaker, ReadyColumn, empty
-from onebot_bringup.viewer.displays.display import LARGEST, LayoutPart
-from onebot_bringup.viewer.displays.drawing import (
+from onebot_bringup.viewer.core.columns import ColumnMaker, ReadyColumn, empty
+from onebot_bringup.viewer.core.display import LayoutPart
+from onebot_bringup.viewer.core.drawing import (
     AUTO,
-    DEPTH_HEAVY,
+    DEPTH_HIGH_BANDWIDTH,
     Drawing,
     TopicSettings,
 )
-from onebot_bringup.viewer.settings import Color, color, height, one_of, setting
+from onebot_bringup.viewer.core.rerun_limits import LARGEST
+from onebot_bringup.viewer.core.settings import Color, color, height, one_of, setting
 from onebot_description.errors import listing
 
 Floats32 = NDArray[np.float32]
@@ -55,6 +56,9 @@ class PointsSettings(TopicSettings):
     decay_time: float = setting(0.0, "seconds that points stay; 0: until the next message")
 
 
+P = TypeVar("P", bound=PointsSettings)
+
+
 class Points(NamedTuple):
     """The points of a message, including those that are not finite."""
 
@@ -68,11 +72,11 @@ _POSITIONS = ColumnMaker(rr.Points3D.columns(positions=[(0.0, 0.0, 0.0)]))
 _COLORS = ColumnMaker(rr.Points3D.columns(colors=np.zeros(1, np.uint32)))
 
 
-class PointsDrawing(Drawing[PointsSettings]):
+class PointsDrawing(Drawing[P]):
     """Draws the points of one topic."""
 
     order: ClassVar[Sequence[str]]  # transformers that "auto" tries in turn
-    placed = True
+    at_stamp_time = True
 
     @abstractmethod
     def points(self, message: Any) -> Points:
@@ -90,7 +94,7 @@ class PointsDrawing(Drawing[PointsSettings]):
         seconds = self.settings.decay_time
         return LayoutPart(windows=((self.entity, seconds),) if seconds else ())
 
-    def drawn_in(self) -> str:
+    def frame_to_draw_in(self) -> str:
         """Return the fixed frame: points stay where they were measured when the sensor moves on."""
         return self.stage.fixed_frame
 
@@ -101,7 +105,7 @@ class PointsDrawing(Drawing[PointsSettings]):
         if usable is not None:
             positions = positions[usable]
             own = None if own is None else own[usable]
-        if self.home != self.frame and (pose := self.pose()) is not None:
+        if self.entity_frame != self.frame and (pose := self.pose()) is not None:
             positions = _moved(positions, pose.astype(np.float32))
         transform = self.settings.color_transformer
         for name in self.order if transform == AUTO else (transform,):
@@ -172,7 +176,7 @@ def _usable(positions: Floats32) -> NDArray[np.bool_] | None:
 # --- scans ----------------------------------------------------------------------------------------
 
 
-class LaserScanDrawing(PointsDrawing):
+class LaserScanDrawing(PointsDrawing[PointsSettings]):
     """The scans of one topic."""
 
     key = "laser_scan"
@@ -225,12 +229,12 @@ class PointCloud2Settings(PointsSettings):
     )
 
 
-class PointCloud2Drawing(PointsDrawing):
+class PointCloud2Drawing(PointsDrawing[PointCloud2Settings]):
     """The clouds of one topic."""
 
     key = "point_cloud2"
     message_types = ("sensor_msgs/msg/PointCloud2",)
-    heavy, kept = True, DEPTH_HEAVY
+    high_bandwidth, max_waiting = True, DEPTH_HIGH_BANDWIDTH
     order = (RGB8, INTENSITY, AXIS)
 
     def points(self, message: Any) -> Points:

@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
-from onebot_bringup.viewer.displays.display import LARGEST, SELDOM, drawable
-from onebot_bringup.viewer.displays.drawing import (
+from onebot_bringup.viewer.core.drawing import (
     Archetypes,
     Drawing,
     History,
     TopicSettings,
 )
-from onebot_bringup.viewer.settings import Color, color, fraction, height, setting
+from onebot_bringup.viewer.core.rerun_limits import LARGEST, SELDOM, drawable, is_drawable
+from onebot_bringup.viewer.core.settings import Color, color, fraction, height, setting
 from onebot_description.arrays import Floats
 from onebot_description.geometry.quaternions import to_matrix
 from onebot_description.ros.parameters.reader import parameter
@@ -39,7 +39,7 @@ class PathDrawing(Drawing[PathSettings]):
 
     key = "path"
     message_types = ("nav_msgs/msg/Path",)
-    live, repeated = False, True
+    stamped_when_sent, repeat_when_silent = False, True
     period_ns = SELDOM
 
     def style(self) -> list[rr.AsComponents]:
@@ -68,7 +68,7 @@ class PolygonDrawing(Drawing[PolygonSettings]):
 
     key = "polygon"
     message_types = ("geometry_msgs/msg/PolygonStamped",)
-    repeated = True
+    repeat_when_silent = True
 
     def style(self) -> list[rr.AsComponents]:
         # A negative radius is in pixels.
@@ -96,7 +96,7 @@ class PointStampedDrawing(Drawing[PointStampedSettings]):
 
     key = "point_stamped"
     message_types = ("geometry_msgs/msg/PointStamped",)
-    repeated = True
+    repeat_when_silent = True
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
@@ -107,7 +107,7 @@ class PointStampedDrawing(Drawing[PointStampedSettings]):
 
     def draw(self, message: Any) -> Archetypes:
         place = message.point.array()
-        if not (np.abs(place) <= LARGEST).all():
+        if not is_drawable(place):
             raise ValueError("its point is not finite")
         self._history.begin(self.frame)
         if self._last is None or message is not self._last[1]:  # not a repetition
@@ -226,7 +226,7 @@ class ImuDrawing(Drawing[ImuSettings]):
         if self.settings.acceleration and message.linear_acceleration_covariance[0] != _UNKNOWN:
             measured = message.linear_acceleration
             arrow = np.array([measured.x, measured.y, measured.z])
-            if not (np.abs(arrow) <= LARGEST).all():
+            if not is_drawable(arrow):
                 raise ValueError("its acceleration is not finite")
             arrow *= self.settings.acceleration_scale
             # It is measured in the sensor's own axes, rotated by the reported orientation.

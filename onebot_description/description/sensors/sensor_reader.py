@@ -226,8 +226,8 @@ def _apart(sensor: Sensor, joints: Iterable[Joint]) -> str:
     if is_there or next(iter(sensor.topics)) not in OWN_FRAME:
         return ""
     fixed = [joint for joint in joints if joint.kind == "fixed"]
-    body, at, turn = placed(sensor.link, sensor.origin, fixed)
-    frame_body, place, direction = placed(sensor.frame, Origin(), fixed)
+    body, (at, turn) = placed(sensor.link, sensor.origin, fixed)
+    frame_body, (place, direction) = placed(sensor.frame, Origin(), fixed)
     if body != frame_body:
         return "moves against"
     apart = math.dist(at, place)

@@ -4,34 +4,36 @@ As in RViz, every topic of the type gets arrows. The topics that the view names 
 covariances instead.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
 import rerun as rr
 
-from onebot_bringup.viewer.displays.display import LARGEST, SELDOM, LayoutPart, LegendEntry
-from onebot_bringup.viewer.displays.drawing import (
+from onebot_bringup.viewer.core.display import LayoutPart, LegendEntry
+from onebot_bringup.viewer.core.drawing import (
     Archetypes,
     Drawing,
     History,
     NamedDisplay,
 )
-from onebot_bringup.viewer.displays.pose_display import (
+from onebot_bringup.viewer.core.inbox import WantedTopic, known_type
+from onebot_bringup.viewer.core.rerun_limits import SELDOM, is_drawable
+from onebot_bringup.viewer.core.settings import Color, color, height, setting, topic
+from onebot_bringup.viewer.displays.pose import (
     PosesDrawing,
     PoseSettings,
     covariance_shapes,
     one_pose,
     outlines,
 )
-from onebot_bringup.viewer.inbox import WantedTopic, known_type
-from onebot_bringup.viewer.settings import Color, color, height, setting, topic
 from onebot_description.arrays import Floats
 from onebot_description.ros.parameters.reader import REQUIRED
 
 ODOMETRY = known_type("nav_msgs/msg/Odometry")
 T = TypeVar("T", bound="TrailSettings | CovarianceSettings")
+M = TypeVar("M", bound=Mapping[str, Any])
 
 # --- arrows ---------------------------------------------------------------------------------------
 
@@ -84,16 +86,16 @@ class OdometryDrawing(PosesDrawing[OdometrySettings]):
 # --- topics that a view names ---------------------------------------------------------------------
 
 
-class OdometryDisplay(NamedDisplay):
+class OdometryDisplay(NamedDisplay[M]):
     """Draws Odometry topics that the view names."""
 
     def subscriptions(self, item: Any) -> Sequence[WantedTopic]:
         return [WantedTopic(item.topic, (ODOMETRY,))]
 
-    def layout(self) -> LayoutPart:
+    def layout(self) -> Sequence[LayoutPart]:
         """Show its drawings, but hide the drawings of an earlier view."""
         entities = tuple(drawing.entity for drawing in self.items.values())
-        return replace(super().layout(), hidden=(self.entity(self.key),), shown=entities)
+        return [*super().layout(), LayoutPart(hidden=(self.entity(self.key),), shown=entities)]
 
     def legend(self) -> Sequence[LegendEntry]:
         items = self.items.items()
@@ -109,7 +111,7 @@ class PlaceDrawing(Drawing[T]):
     def place_of(self, message: Any) -> Floats | None:
         """Return where to draw: (3,) metres; None if it is not finite."""
         place = message.pose.pose.position.array() + (0.0, 0.0, self.settings.height)
-        return place if (np.abs(place) <= LARGEST).all() else None
+        return place if is_drawable(place) else None
 
 
 # --- trails ---------------------------------------------------------------------------------------
@@ -139,7 +141,7 @@ class TrailDrawing(PlaceDrawing[TrailSettings]):
     trail too, and moving the time cursor back shortens it.
     """
 
-    kept = 5000
+    max_waiting = 5000
     _start: Floats | None = None  # where the next piece begins
     _previous: tuple[int, str, Floats] = (0, "", np.zeros(3))  # stamp, frame and place
 
@@ -174,10 +176,11 @@ class TrailDrawing(PlaceDrawing[TrailSettings]):
         self._pending.extend(before._pending)
 
 
-class TrailDisplay(OdometryDisplay):
+class TrailDisplay(OdometryDisplay[Mapping[str, TrailSettings]]):
     """Draws where the robot has been."""
 
     key, noun = "trails", "trail"
+    order = 3
     draws = TrailDrawing
     period_ns = SELDOM  # the missing last part is under the robot
 
@@ -200,7 +203,7 @@ class CovarianceSettings:
 class CovarianceDrawing(PlaceDrawing[CovarianceSettings]):
     """Pose uncertainty: an ellipse around the position, a sector around the heading."""
 
-    latest = True
+    newest_only = True
     _drawn = False  # whether the covariance is known and drawn
 
     def draw(self, message: Any) -> Archetypes:
@@ -217,8 +220,9 @@ class CovarianceDrawing(PlaceDrawing[CovarianceSettings]):
         return covariance_shapes(lines, self.color, [self.settings.width / 2])
 
 
-class CovarianceDisplay(OdometryDisplay):
+class CovarianceDisplay(OdometryDisplay[Mapping[str, CovarianceSettings]]):
     """Draws the uncertainty of the robot's pose."""
 
     key, noun = "covariance", "covariance"
+    order = 4
     draws = CovarianceDrawing

@@ -12,13 +12,13 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 import rerun as rr
 
-from onebot_bringup.viewer.displays.display import drawable
-from onebot_bringup.viewer.displays.drawing import (
+from onebot_bringup.viewer.core.drawing import (
     Archetypes,
     Drawing,
     TopicSettings,
 )
-from onebot_bringup.viewer.settings import Color, color, one_of, setting
+from onebot_bringup.viewer.core.rerun_limits import drawable
+from onebot_bringup.viewer.core.settings import Color, color, one_of, setting
 from onebot_description.arrays import Floats
 from onebot_description.geometry.quaternions import rotate, to_matrix
 
@@ -93,7 +93,7 @@ class PoseDrawing(PosesDrawing[PoseSettings]):
 
     key = "pose"
     message_types = ("geometry_msgs/msg/PoseStamped",)
-    live, repeated = False, True
+    stamped_when_sent, repeat_when_silent = False, True
 
     def draw(self, message: Any) -> Archetypes:
         return self.shapes(one_pose(message.pose))
@@ -117,7 +117,7 @@ class PoseArrayDrawing(PosesDrawing[PoseArraySettings]):
 
     key = "pose_array"
     message_types = ("geometry_msgs/msg/PoseArray",)
-    live, repeated = False, True
+    stamped_when_sent, repeat_when_silent = False, True
 
     def draw(self, message: Any) -> Archetypes:
         """Return the shapes of the finite poses; an empty array clears them."""
@@ -251,7 +251,7 @@ class PoseWithCovarianceDrawing(PosesDrawing[PoseWithCovarianceSettings]):
 
     key = "pose_with_covariance"
     message_types = ("geometry_msgs/msg/PoseWithCovarianceStamped",)
-    live, repeated = False, True
+    stamped_when_sent, repeat_when_silent = False, True
 
     def draw(self, message: Any) -> Archetypes:
         poses, look = one_pose(message.pose.pose), self.settings

@@ -1,13 +1,13 @@
 """Converts shapes to GLB, which every Rerun viewer reads, so that they look as in RViz.
 
-yourdfpy makes a trimesh scene of each shape (see ``meshes``). This module adds what RViz shows and
+yourdfpy makes a trimesh scene of each mesh (see ``meshes``). This module adds what RViz shows and
 yourdfpy leaves out:
 
-- capsules, and spheres and cylinders that look round at any size on the screen
+- spheres, cylinders and capsules that look round at any size on the screen
 - round faces and sharp edges where a file has no normals
 - whether a file has its own colours, converted to glTF's linear light
 
-yourdfpy and trimesh take a second to import, so modules import this one only to draw a shape.
+trimesh and yourdfpy take a second to import, so modules import this one only to draw a shape.
 """
 
 import functools
@@ -17,7 +17,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import trimesh
-import yourdfpy
 from numpy.typing import NDArray
 
 from onebot_description.description.description import (
@@ -28,7 +27,7 @@ from onebot_description.description.description import (
     Shape,
     Sphere,
 )
-from onebot_description.description.meshes import geometry_scene, has_colors, mesh_scene
+from onebot_description.description.meshes import has_colors, mesh_scene
 from onebot_description.errors import OneBotError
 
 _CYLINDER_SECTIONS = 72
@@ -83,7 +82,7 @@ def load_shape(shape: Shape) -> ShapeAsset:
 @functools.lru_cache(maxsize=256)
 def _load(shape: Shape, file: FileState | None) -> ShapeAsset:
     if not isinstance(shape, Mesh):
-        return _asset(_with_normals(_scene(shape)), colored=False)
+        return _asset(_with_normals(trimesh.Scene(_mesh(shape))), colored=False)
     assert file is not None
     path, suffix = file.path, file.path.suffix.lower()
     try:
@@ -113,28 +112,16 @@ def _asset(scene: trimesh.Scene, colored: bool, *, linear: bool = False) -> Shap
     return ShapeAsset(bytes(glb), np.asarray(scene.bounds, float), colored)
 
 
-def _scene(shape: Box | Capsule | Cylinder | Sphere) -> trimesh.Scene:
-    if isinstance(shape, Capsule):
-        # As in URDF, it is centred, and its height does not include the ends.
-        size = {"radius": shape.radius, "height": shape.length}
-        return trimesh.Scene(trimesh.creation.capsule(**size, count=(48, 48)))
-    scene = geometry_scene(_geometry(shape))
-    for name, part in scene.geometry.items():
-        if isinstance(part, trimesh.primitives.Cylinder):
-            part.primitive.sections = _CYLINDER_SECTIONS
-        elif isinstance(part, trimesh.primitives.Sphere):
-            part.primitive.subdivisions = _SPHERE_SUBDIVISIONS
-        if isinstance(part, trimesh.primitives.Primitive):
-            scene.geometry[name] = part.to_mesh()  # copies of primitives lose these numbers
-    return scene
-
-
-def _geometry(shape: Box | Cylinder | Sphere) -> yourdfpy.Geometry:
+def _mesh(shape: Box | Capsule | Cylinder | Sphere) -> trimesh.Trimesh:
+    """Return the mesh of a shape, centred as in URDF."""
     if isinstance(shape, Box):
-        return yourdfpy.Geometry(box=yourdfpy.Box(np.array(shape.size)))
+        return trimesh.creation.box(shape.size)
+    if isinstance(shape, Sphere):
+        return trimesh.creation.icosphere(_SPHERE_SUBDIVISIONS, max(shape.radius, _SMALLEST))
+    size = {"radius": shape.radius, "height": shape.length}
     if isinstance(shape, Cylinder):
-        return yourdfpy.Geometry(cylinder=yourdfpy.Cylinder(shape.radius, shape.length))
-    return yourdfpy.Geometry(sphere=yourdfpy.Sphere(max(shape.radius, _SMALLEST)))
+        return trimesh.creation.cylinder(**size, sections=_CYLINDER_SECTIONS)
+    return trimesh.creation.capsule(**size, count=(48, 48))  # its height excludes the ends
 
 
 def _with_normals(scene: trimesh.Scene) -> trimesh.Scene:

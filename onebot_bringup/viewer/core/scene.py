@@ -14,7 +14,7 @@ from typing import Any
 
 import rerun as rr
 
-from onebot_bringup.viewer.columns import entity_path
+from onebot_bringup.viewer.core.columns import entity_path
 from onebot_description.description.description import Description, Geometry, Mesh, Rgba
 from onebot_description.errors import OneBotError, condensed, listing
 from onebot_description.geometry.poses import from_rpy
@@ -83,7 +83,7 @@ class Scene:
 
     def _draw(self, path: str, link: str, geometry: Geometry, color: Rgba32 | None) -> None:
         """Draw ``geometry`` in its file's own colours, or else in ``color``."""
-        from onebot_bringup.viewer.shapes import file_state, load_shape  # imports trimesh
+        from onebot_bringup.viewer.core.shapes import file_state, load_shape  # imports trimesh
 
         what = (link, geometry, file_state(geometry.shape))
         if self._drawn.get(path) == what:

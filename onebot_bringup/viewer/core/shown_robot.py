@@ -1,19 +1,18 @@
-"""A robot of a view: its names, its description, its frames and its part of the layout."""
+"""A robot of a view: its names, its description and its frames."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
-from onebot_bringup.viewer.displays.display import Display, LayoutPart, below
-from onebot_bringup.viewer.displays.tf_display import axes_entity
-from onebot_bringup.viewer.scene import COLLISION_ENTITY, Scene
-from onebot_bringup.viewer.settings import Color
+import rerun as rr
+
+from onebot_bringup.introspection.transforms import FrameTree
+from onebot_bringup.viewer.core.columns import entity_path
+from onebot_bringup.viewer.core.scene import Scene
+from onebot_bringup.viewer.core.settings import Color
 from onebot_description.description import Description, parse_description
-from onebot_description.errors import listing
+from onebot_description.errors import did_you_mean, listing
 
-if TYPE_CHECKING:
-    from onebot_bringup.viewer.stage import Stage
-
+FRAMES_ENTITY = "frames"
 ROBOT_DESCRIPTION = "robot_description"
 WORLD_DESCRIPTION = "/world_description"
 MOST_PLOTTED = 5  # robots plotted by default: there is no room for more tabs
@@ -42,16 +41,37 @@ class RobotToShow:
         return self.namespace or "/"
 
 
+def axes_entity(frame: str) -> str:
+    """Return the entity of the axes of ``frame``."""
+    return entity_path(FRAMES_ENTITY, frame)
+
+
 class ShownRobot:
     """A robot on a stage, before and after its description is known."""
 
-    def __init__(self, stage: "Stage", names: RobotToShow, root: str) -> None:
-        """Show nothing yet; ``root`` is the entity above the robot's; "" for the only robot."""
-        self.stage, self.names, self.root = stage, names, root
-        self.scene = Scene(stage.recording, names.frame_prefix, root)
+    def __init__(
+        self,
+        recording: rr.RecordingStream,
+        names: RobotToShow,
+        root: str,
+        *,
+        frames: FrameTree,
+        resolve: Callable[[str], str],
+    ) -> None:
+        """Show nothing yet.
+
+        Args:
+            recording: where to log.
+            names: the robot's topics and frames.
+            root: the entity above the robot's; "" for the only robot.
+            frames: the TF tree.
+            resolve: returns the full name of a topic.
+        """
+        self.names, self.root = names, root
+        self.frames, self._resolve = frames, resolve
+        self.scene = Scene(recording, names.frame_prefix, root)
         self._missing: list[str] = []
         self._missing_of: tuple[object, ...] = ()  # robot, frame and tree that ``_missing`` is for
-        self.displays: list[Display[Any]] = []
         self.description: Description | None = None
         self.urdf = ""  # the text of the description
         self.fitting_length = 0.0  # length of axes and arcs that suits the robot, m; 0: unknown
@@ -65,10 +85,10 @@ class ShownRobot:
 
     def full_name(self, topic: str) -> str:
         """Return the full name of a topic of the robot."""
-        return self.stage.resolve(self.names.topic(topic))
+        return self._resolve(self.names.topic(topic))
 
     @property
-    def home(self) -> str:
+    def root_frame(self) -> str:
         """The root link's frame, which exists."""
         return "" if self.description is None else self.frame_of(self.description.root_link)
 
@@ -98,8 +118,6 @@ class ShownRobot:
         robot = description or parse_description(urdf, self.names.description.strip("/"))
         warnings = self.scene.set_robot(robot)
         self.urdf, self.description = urdf, robot
-        for display in self.displays:
-            display.set_robot()
         return warnings
 
     # --- frames -----------------------------------------------------------------------------------
@@ -107,7 +125,7 @@ class ShownRobot:
     @property
     def top_frame(self) -> str:
         """The topmost frame above the root link; "" without a description."""
-        return self.stage.frames.top(self.home) if self.home else ""
+        return self.frames.top(self.root_frame) if self.root_frame else ""
 
     def known_as(self, wanted: str) -> str:
         """Return the name of a known frame, with or without the prefix; "" if neither is known.
@@ -117,7 +135,7 @@ class ShownRobot:
         """
         if not wanted or self.description is None:
             return ""
-        frames, links = self.stage.frames, self.description.link_names
+        frames, links = self.frames, self.description.link_names
         prefixed = self.frame_of(wanted)
         names = [prefixed] if prefixed in frames.names or wanted in links else []
         if wanted in frames.names or wanted in map(self.frame_of, links):
@@ -131,7 +149,7 @@ class ShownRobot:
 
     def missing(self, fixed_frame: str) -> list[str]:
         """Return the frames of links that no transform connects with ``fixed_frame``."""
-        robot, frames = self.description, self.stage.frames
+        robot, frames = self.description, self.frames
         what = (frames.version, robot, fixed_frame)
         if what != self._missing_of:
             top, links = frames.top(fixed_frame), robot.link_names if robot is not None else ()
@@ -159,17 +177,18 @@ class ShownRobot:
                 "not shown until /tf or /tf_static brings it"
             )
         if wanted and not self.known_as(wanted):
-            warnings.append(self.stage.unknown_frame(wanted, fixed_frame))
+            warnings.append(unknown_frame(wanted, fixed_frame, self.frames))
         return warnings
-
-    # --- its part of the layout -------------------------------------------------------------------
 
     def entity_of(self, link: str) -> str:
         """Return the entity that moves with a link: its first visual, or else its axes."""
         return self.scene.visual_of(link) or axes_entity(self.frame_of(link))
 
-    def layout(self, *, collision: bool) -> list[LayoutPart]:
-        """Return the robot's part of the layout; ``collision`` shows its collision shapes."""
-        shapes = LayoutPart(visible=((below(self.root, COLLISION_ENTITY), collision),))
-        parts = [shapes, *(display.layout() for display in self.displays)]
-        return [replace(part, robot=self.root) for part in parts] if self.root else parts
+
+def unknown_frame(wanted: str, fixed_frame: str, frames: FrameTree) -> str:
+    """Return a warning that ``wanted`` is unknown, and which frame is used instead."""
+    hint = did_you_mean(wanted, frames.names, "frames received")
+    return (
+        f'the fixed frame "{wanted}" is not on /tf or /tf_static{hint}; '
+        f'shown in "{fixed_frame}" until it is'
+    )

@@ -25,6 +25,11 @@ def entity_path(*names: str) -> str:
     return rr.new_entity_path(list(names)).lstrip("/")
 
 
+def below(root: str, entity: str) -> str:
+    """Return the path of ``entity`` below ``root``, which is "" for the top."""
+    return f"{root}/{entity}" if root else entity
+
+
 class ReadyColumn(rr.ComponentColumn):
     """A column with a finished Arrow array, which can be sent many times."""
 
@@ -163,16 +168,15 @@ def joined(rows: Sequence[Sequence[ReadyColumn]]) -> Sequence[ReadyColumn]:
     ]
 
 
-class StampColumn:
-    """A column of times, like ``rr.TimeColumn`` but without its checks."""
+class TimeColumn:
+    """A column of times on our timeline, like ``rr.TimeColumn`` but without its checks."""
 
-    def __init__(self, timeline: str, stamps_ns: NDArray[np.int64]) -> None:
-        self._timeline = timeline
+    def __init__(self, stamps_ns: NDArray[np.int64]) -> None:
         self._array = _array(_STAMPS, stamps_ns, np.dtype(np.int64))
 
     def timeline_name(self) -> str:
         """Return the name of the timeline."""
-        return self._timeline
+        return TIMELINE
 
     def as_arrow_array(self) -> pa.Array:
         """Return the array, one time per row."""
@@ -209,6 +213,12 @@ def _offsets(rows: int, each: int) -> pa.Buffer:
     return pa.array(np.arange(rows + 1, dtype=np.int32) * np.int32(each)).buffers()[1]
 
 
-def time_column(stamps_ns: NDArray[np.int64]) -> StampColumn:
-    """Return stamps, nanoseconds, as a column of times on our timeline."""
-    return StampColumn(TIMELINE, stamps_ns)
+def send(
+    recording: rr.RecordingStream,
+    entity: str,
+    stamps_ns: Sequence[int] | NDArray[np.int64],
+    columns: Sequence[ReadyColumn],
+) -> None:
+    """Log columns, a row for each stamp (nanoseconds)."""
+    times = TimeColumn(np.asarray(stamps_ns, np.int64))
+    recording.send_columns(entity, indexes=[times], columns=columns)

@@ -1,6 +1,6 @@
 """Displays of topics, with one drawing for each topic or for each entry of a view.
 
-Each message type is drawn by one class::
+Each message type is drawn by one class, in a file of the folder ``displays``::
 
     @dataclass(frozen=True)
     class PathSettings(TopicSettings):
@@ -23,23 +23,22 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, ClassVar, Generic
+from typing import Any, ClassVar, Generic
 
 import rerun as rr
 
-from onebot_bringup.viewer.columns import ReadyColumn, entity_path, one_row
-from onebot_bringup.viewer.displays.display import COLORS, Display, LayoutPart, S, is_old
-from onebot_bringup.viewer.inbox import WARN_AFTER, MessageType, WantedTopic
-from onebot_bringup.viewer.settings import Color, one_of, setting
+from onebot_bringup.viewer.core.columns import ReadyColumn, entity_path, one_row
+from onebot_bringup.viewer.core.display import COLORS, Display, LayoutPart, S
+from onebot_bringup.viewer.core.inbox import WARN_AFTER, MessageType, WantedTopic
+from onebot_bringup.viewer.core.rerun_limits import is_old
+from onebot_bringup.viewer.core.settings import Color, one_of, setting
+from onebot_bringup.viewer.core.stage import Stage
 from onebot_description.arrays import Floats
 from onebot_description.ros.parameters.reader import OwnClass
 
-if TYPE_CHECKING:
-    from onebot_bringup.viewer.stage import Stage
-
 AUTO = "auto"
 _RELIABILITIES = (AUTO, "reliable", "best_effort")
-DEPTH, DEPTH_HEAVY = 100, 5  # messages queued in DDS, or for a transform
+DEPTH, DEPTH_HIGH_BANDWIDTH = 100, 5  # messages queued in DDS, or for a transform
 _MOST_AWAITED_NS = 1_000_000_000  # longest lag of transforms for which messages wait
 
 Archetypes = Sequence[rr.AsComponents | ReadyColumn]
@@ -64,23 +63,22 @@ class Drawing(Generic[S]):
     # Which messages to draw:
     key: ClassVar[str]  # the name in a view file, and the prefix of its ROS parameters
     message_types: ClassVar[tuple[str, ...]]  # full names, such as "nav_msgs/msg/Path"
-    heavy: ClassVar[bool] = False  # megabytes per second: few topics are shown automatically
-    live: ClassVar[bool] = True  # see ``MessageType``
-    plots: ClassVar[bool] = False  # draws nothing in the robots' own view
+    high_bandwidth: ClassVar[bool] = False  # megabytes per second: few are shown automatically
+    stamped_when_sent: ClassVar[bool] = True  # see ``MessageType``
     period_ns: ClassVar[int] = 0  # see ``Display``
     # Types of further topics to subscribe to, by the suffix of their names after the topic's.
-    others: ClassVar[Mapping[str, MessageType[Any]]] = {}
+    suffixed_topics: ClassVar[Mapping[str, MessageType[Any]]] = {}
     # Types of further topics of the topic's robot, by name.
     robot_topics: ClassVar[Mapping[str, MessageType[Any]]] = {}
 
     # How to draw them:
-    stamped: ClassVar[bool] = True  # messages have a header and are drawn in its frame
-    placed: ClassVar[bool] = False  # drawn where the frame was at the time of the stamp
-    repeated: ClassVar[bool] = False  # logged again if messages are rare: see REPEAT_AFTER
-    latest: ClassVar[bool] = False  # only the newest message of a flush is drawn
-    kept: ClassVar[int] = DEPTH  # most messages that wait for a transform
+    has_header: ClassVar[bool] = True  # messages are drawn in the frame of their header
+    at_stamp_time: ClassVar[bool] = False  # drawn where the frame was at the time of the stamp
+    repeat_when_silent: ClassVar[bool] = False  # logged again if messages are rare: REPEAT_AFTER
+    newest_only: ClassVar[bool] = False  # only the newest message of a flush is drawn
+    max_waiting: ClassVar[int] = DEPTH  # most messages that wait for a transform
 
-    def __init__(self, stage: "Stage", name: str, entity: str, settings: S, color: Color) -> None:
+    def __init__(self, stage: Stage, name: str, entity: str, settings: S, color: Color) -> None:
         """Draw nothing yet.
 
         Args:
@@ -91,9 +89,10 @@ class Drawing(Generic[S]):
             color: used if the settings have no colour.
         """
         self.stage, self.name, self.entity, self.settings = stage, name, entity, settings
+        self.default_color = color
         self.color: Color = getattr(settings, "color", None) or color
         self.frame = ""  # frame of the drawn message, or the newest one; "" for none
-        self.home = ""  # the frame that the entity is in
+        self.entity_frame = ""  # the frame that the entity is in
         self.stamp_ns = 0  # stamp of the message that is drawn
         self.problems: dict[str, str] = {}  # the first problem of each kind
         self._pending: list[tuple[int, Any]] = []
@@ -125,9 +124,9 @@ class Drawing(Generic[S]):
 
     def frame_of(self, message: Any) -> str:
         """Return the frame that a message names."""
-        return str(message.header.frame_id.lstrip("/")) if self.stamped else ""
+        return str(message.header.frame_id.lstrip("/")) if self.has_header else ""
 
-    def drawn_in(self) -> str:
+    def frame_to_draw_in(self) -> str:
         """Return the frame to put the entity in."""
         return self.frame
 
@@ -140,7 +139,7 @@ class Drawing(Generic[S]):
 
     def add(self, stamp_ns: int, message: Any) -> None:
         """Add a message, to be logged by ``flush``."""
-        if self.stamped:
+        if self.has_header:
             self.frame = self.frame_of(message) or self.frame
             if not self.frame:
                 self.problems.setdefault("", "its header has no frame_id")
@@ -153,10 +152,10 @@ class Drawing(Generic[S]):
         The others wait for a transform until a newer message is shown.
         """
         pending, self._pending = self._pending, []
-        if not pending and self.repeated and self._last is not None and is_old(self._logged_at):
-            pending = [self._last]
+        if not pending and self._last is not None and self.repeat_when_silent:
+            pending = [self._last] if is_old(self._logged_at) else []
         rows: list[tuple[int, Archetypes]] = []
-        for stamp_ns, message in pending[-1:] if self.latest else pending:
+        for stamp_ns, message in pending[-1:] if self.newest_only else pending:
             # A message without a frame, such as an empty path, keeps the last one's.
             frame = self._frame_before = self.frame_of(message) or self._frame_before
             if not self._is_due(frame, stamp_ns):
@@ -167,7 +166,7 @@ class Drawing(Generic[S]):
                 self.problems.setdefault("", f'messages in "{self.frame}" are not shown')
                 self._pending.clear()
             self.frame, self.stamp_ns = frame, stamp_ns
-            self.home = self.drawn_in()
+            self.entity_frame = self.frame_to_draw_in()
             try:
                 archetypes = self.draw(message)
             except ValueError as error:
@@ -175,8 +174,8 @@ class Drawing(Generic[S]):
                 archetypes = ()
             self._last = stamp_ns, message
             if archetypes:
-                rows.append((stamp_ns, [*archetypes, *_in_frame(self.home)]))
-        del self._pending[: -self.kept]
+                rows.append((stamp_ns, [*archetypes, *_in_frame(self.entity_frame)]))
+        del self._pending[: -self.max_waiting]
         self._log_rows(rows)
 
     def _is_due(self, frame: str, stamp_ns: int) -> bool:
@@ -189,7 +188,7 @@ class Drawing(Generic[S]):
             return True
         if not stage.connected(frame):
             return False
-        ahead_ns = stamp_ns - stage.frames.known_until(frame) if self.placed else 0
+        ahead_ns = stamp_ns - stage.frames.known_until(frame) if self.at_stamp_time else 0
         waits = 0 <= stage.now_ns - stamp_ns < stage.transform_timeout_ns
         return not (waits and 0 < ahead_ns < _MOST_AWAITED_NS)
 
@@ -209,7 +208,7 @@ class Drawing(Generic[S]):
         A latched message can be shown again: data logged later at the same time is drawn.
         """
         if self._last is not None:
-            self.stage.clear(self.entity, self._last[0], self.home)
+            self.stage.clear(self.entity, self._last[0], self.entity_frame)
 
     def replace(self, before: "Drawing[S]") -> None:
         """Take over the last and the pending messages of a drawing with other settings."""
@@ -255,7 +254,6 @@ class DrawingsDisplay(Display[S]):
         super().__init__(*arguments)
         self.items: dict[str, Drawing[Any]] = {}
         self._topics: dict[str, Sequence[WantedTopic]] = {}  # by item
-        self._made_of: dict[str, tuple[Any, Color]] = {}
         self._waiting_since: dict[str, float] = {}
 
     @abstractmethod
@@ -269,22 +267,22 @@ class DrawingsDisplay(Display[S]):
     def apply(self, settings: S) -> None:
         """Redraw drawings whose settings changed; erase drawings that are gone."""
         wanted, before = self.wanted(settings), self.items
-        colors = {name: color for name, (_, color) in self._made_of.items() if name in wanted}
-        self.items, made_of = {}, {}
+        colors = {name: old.default_color for name, old in before.items() if name in wanted}
+        self.items = {}
         for name, (_, item) in wanted.items():
             if name not in colors:  # drawings keep their colours when more topics are published
                 colors[name] = min(COLORS, key=[*colors.values()].count)
-            made_of[name] = item, colors[name]
-            same = self._made_of.get(name) == made_of[name]
-            self.items[name] = before[name] if same else self.make(name, *made_of[name])
+            old = before.pop(name, None)
+            if old is not None and old.settings == item:
+                self.items[name] = old
+                continue
+            new = self.items[name] = self.make(name, item, colors[name])
+            if old is not None:
+                old.erase()
+                new.replace(old)
+        for gone in before.values():
+            gone.erase()
         self._topics = {name: topics for name, (topics, _) in wanted.items()}
-        self._made_of = made_of
-        for name, drawing in before.items():
-            new = self.items.get(name)
-            if new is not drawing:
-                drawing.erase()
-                if new is not None:
-                    new.replace(drawing)
 
     def topics(self) -> Sequence[WantedTopic]:
         return [topic for topics in self._topics.values() for topic in topics]
@@ -300,18 +298,9 @@ class DrawingsDisplay(Display[S]):
         for drawing in self.items.values():
             drawing.flush()
 
-    def layout(self) -> LayoutPart:
+    def layout(self) -> Sequence[LayoutPart]:
         """Return what its drawings add; those in the robots' view add nothing."""
-        if not self.items:  # most displays have none, and this is called with every tick
-            return _NO_PART
-        parts = [drawing.layout() for drawing in self.items.values()]
-        return LayoutPart(
-            views=tuple(view for part in parts for view in part.views),
-            hidden=tuple(entity for part in parts for entity in part.hidden),
-            shown=tuple(entity for part in parts for entity in part.shown),
-            windows=tuple(window for part in parts for window in part.windows),
-            wide=tuple(view for part in parts for view in part.wide),
-        )
+        return [drawing.layout() for drawing in self.items.values()]
 
     def warnings(self) -> list[str]:
         """Return a sentence per drawing that waits long for a transform, or cannot be drawn."""
@@ -336,18 +325,15 @@ class DrawingsDisplay(Display[S]):
         return now - self._waiting_since.setdefault(name, now) > WARN_AFTER
 
 
-_NO_PART = LayoutPart()
-
-
 class MessageDisplay(DrawingsDisplay[Any]):
     """Draws all topics of some message types, of any robot, as RViz does."""
 
-    def __init__(self, stage: "Stage", draws: type[Drawing[Any]]) -> None:
+    def __init__(self, stage: Stage, draws: type[Drawing[Any]]) -> None:
         super().__init__(stage)
         self.draws = draws
         self.key = draws.key
         self.noun = draws.key.replace("_", " ")
-        self.period_ns, self.plots = draws.period_ns, draws.plots
+        self.period_ns = draws.period_ns
         self._offered: Mapping[str, str] = {}
 
     def offer(self, topics: Mapping[str, str]) -> bool:
@@ -362,31 +348,32 @@ class MessageDisplay(DrawingsDisplay[Any]):
 
     def _subscriptions(self, topic: str, settings: TopicSettings) -> Sequence[WantedTopic]:
         """Return the subscriptions of a topic, with its type's definition and its QoS."""
-        draws = self.draws
+        draws, name = self.draws, self._offered[topic]
+        kind = self.stage.message_type(name, stamped_when_sent=draws.stamped_when_sent)
         subscription = WantedTopic(
             topic,
-            (self.stage.message_type(self._offered[topic], live=draws.live),),
+            (kind,),
             reliable=settings.reliability == "reliable",
             optional=True,
             as_published=settings.reliability == AUTO,
-            depth=settings.depth or (DEPTH_HEAVY if draws.heavy else DEPTH),
+            depth=settings.depth or (DEPTH_HIGH_BANDWIDTH if draws.high_bandwidth else DEPTH),
         )
-        others = (
-            WantedTopic(topic + end, (kind,), optional=True, as_published=True)
-            for end, kind in draws.others.items()
+        suffixed = (
+            WantedTopic(topic + suffix, (kind,), optional=True, as_published=True)
+            for suffix, kind in draws.suffixed_topics.items()
         )
         robot = self.stage.robot_of(topic)
         of_robot = (
             WantedTopic(robot.full_name(name), (kind,), optional=True)
             for name, kind in draws.robot_topics.items()
         )
-        return [subscription, *others, *of_robot]
+        return [subscription, *suffixed, *of_robot]
 
     def make(self, name: str, settings: Any, color: Color) -> Drawing[Any]:
         return self.draws(self.stage, name, topic_entity(self.key, name), settings, color)
 
 
-class NamedDisplay(DrawingsDisplay[Any]):
+class NamedDisplay(DrawingsDisplay[S]):
     """Draws the entries that a view names, with one drawing each."""
 
     draws: ClassVar[type[Drawing[Any]]]

@@ -1,7 +1,6 @@
 """The base class of displays: their settings, their topics, and their part of the layout.
 
 Most displays draw the topics of a message type: see ``drawing``. The others subclass ``Display``.
-Both are registered in ``__init__.py``, and their settings in ``ViewConfig``, under the ``key``.
 ``topics`` says what the viewer's node, the replay of a bag and a snapshot subscribe to; ``apply``
 receives changes of the settings; the layout combines every ``layout``.
 """
@@ -10,19 +9,15 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Protocol, TypeVar
+from typing import Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar
 
-import numpy as np
 import rerun.blueprint as rrb
-from numpy.typing import NDArray
 
-from onebot_bringup.viewer.columns import TIMELINE
-from onebot_bringup.viewer.inbox import LoadLimit, MessageType, WantedTopic
-from onebot_bringup.viewer.settings import Color
-
-if TYPE_CHECKING:
-    from onebot_bringup.viewer.shown_robot import ShownRobot
-    from onebot_bringup.viewer.stage import Stage
+from onebot_bringup.viewer.core.columns import TIMELINE, below
+from onebot_bringup.viewer.core.inbox import LoadLimit, MessageType, WantedTopic
+from onebot_bringup.viewer.core.settings import Color
+from onebot_bringup.viewer.core.shown_robot import ShownRobot
+from onebot_bringup.viewer.core.stage import Stage
 
 S = TypeVar("S")  # a dataclass of settings
 
@@ -34,25 +29,6 @@ COLORS: tuple[Color, ...] = (
     (174, 213, 129),
     (179, 157, 219),
 )
-# A server with a memory limit drops the oldest data. Data that seldom changes is logged again this
-# often (seconds), so that it is never the oldest.
-REPEAT_AFTER = 10.0
-# Nanoseconds between calls into Rerun for data that is not urgent: each call costs a kilobyte in
-# the file and in the server's memory, and work for a page that draws slowly.
-SELDOM = 200_000_000
-LARGEST = 1e38  # largest drawable number: finite as float32, and its square finite as float64
-
-
-def is_old(logged_at: float) -> bool:
-    """Whether data logged at this time (of ``time.monotonic``) should be logged again."""
-    return time.monotonic() - logged_at > REPEAT_AFTER
-
-
-def drawable(rows: NDArray[Any]) -> NDArray[Any]:
-    """Return the rows of ``rows`` (N, k) whose numbers are all finite and at most LARGEST."""
-    finite: NDArray[Any] = rows[(np.abs(rows) <= LARGEST).all(axis=1)]
-    return finite
-
 
 # --- part of the layout -------------------------------------------------------------------------
 
@@ -105,11 +81,6 @@ class LegendEntry(NamedTuple):
     color: Color
 
 
-def below(root: str, entity: str) -> str:
-    """Return the path of ``entity`` below ``root``, which is "" for the top."""
-    return f"{root}/{entity}" if root else entity
-
-
 def last(seconds: float) -> rrb.VisibleTimeRanges:
     """Return the time range of the last ``seconds`` before the time cursor; 0 for all before it."""
     start = (
@@ -125,32 +96,45 @@ def last(seconds: float) -> rrb.VisibleTimeRanges:
 
 
 class Display(ABC, Generic[S]):
-    """Base class of displays, which each draw one kind of thing; ``S`` are the settings."""
+    """Base class of displays, which each draw one kind of thing; ``S`` are the settings.
+
+    A view has one of each class with a ``key`` in the folder of displays for each robot, or a
+    single one for all robots.
+    """
 
     key: str  # the name in a view file, and the prefix of its ROS parameters
+    order: ClassVar[int] = 100  # the displays of a robot are drawn and laid out in this order
+    of_all_robots: ClassVar[bool] = False
     period_ns: int = 0  # nanoseconds between two calls of ``flush``; 0: every tick
-    plots: bool = False  # draws only curves, and nothing in the robots' own view
+    only_plots: bool = False  # draws nothing in the robots' own view
     limit: LoadLimit | None = None  # drops messages if too many come
 
-    def __init__(self, stage: "Stage", robot: "ShownRobot | None" = None) -> None:
+    def __init__(self, stage: Stage, robot: ShownRobot | None = None) -> None:
         """Draw nothing yet; ``robot`` is the robot to show, None for all."""
         self.stage = stage
-        self._robot = robot
+        self.shown_robot = robot
+        self.root = "" if robot is None else robot.root  # the entity above the robot's
         self._flushed_ns: tuple[int, ...] = ()
 
     @property
-    def robot(self) -> "ShownRobot":
+    def robot(self) -> ShownRobot:
         """The robot that it shows."""
-        assert self._robot is not None
-        return self._robot
+        assert self.shown_robot is not None
+        return self.shown_robot
+
+    @property
+    def is_first(self) -> bool:
+        """Whether it shows the first robot or all of them."""
+        return self.shown_robot in (None, self.stage.robots[0])
 
     def entity(self, name: str) -> str:
         """Return the path of an entity below the robot's."""
-        return name if self._robot is None else below(self._robot.root, name)
+        return below(self.root, name)
 
     def full_name(self, topic: str) -> str:
         """Return the full name of a topic that the view names."""
-        return self.stage.resolve(topic) if self._robot is None else self._robot.full_name(topic)
+        robot = self.shown_robot
+        return self.stage.resolve(topic) if robot is None else robot.full_name(topic)
 
     def is_due(self, *now_ns: int) -> bool:
         """Whether to flush it now by any of several clocks; if so, the period starts again."""
@@ -197,9 +181,9 @@ class Display(ABC, Generic[S]):
         """
         return False
 
-    def layout(self) -> LayoutPart:
-        """Return its part of the layout, by the current settings."""
-        return LayoutPart()
+    def layout(self) -> Sequence[LayoutPart]:
+        """Return its parts of the layout, by the current settings."""
+        return ()
 
     def legend(self) -> Sequence[LegendEntry]:
         """Return its entries of the legend."""

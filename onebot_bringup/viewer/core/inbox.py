@@ -7,16 +7,13 @@ old ones are dropped (``LoadLimit``).
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeVar
+from typing import Any, Generic, Protocol, TypeAlias, TypeVar
 
 from std_msgs.msg import String
 
 from onebot_description.ros.wire.cdr import SYSTEM_TIME_NS, nanoseconds
 from onebot_description.ros.wire.messages import BAD_MESSAGE, deserialize_message, known_schema
 from onebot_description.ros.wire.schema import Schema
-
-if TYPE_CHECKING:
-    from onebot_bringup.viewer.displays.display import Display
 
 T = TypeVar("T")
 Report = Callable[[Exception], object]
@@ -39,22 +36,22 @@ class MessageType(Generic[T]):
     decode: Callable[[Sequence[bytes], Report], Sequence[T | None]]
     stamp_ns: Callable[[T], int]  # returns the header's stamp, nanoseconds; 0 for none
     # Stamps are close to the sending time; False for types that are latched for long, such as plans
-    live: bool = True
+    stamped_when_sent: bool = True
 
 
 @lru_cache(maxsize=256)
-def message_type(name: str, definition: str, live: bool = True) -> "MessageType[Any]":
+def message_type(name: str, definition: str, stamped_when_sent: bool = True) -> "MessageType[Any]":
     """Return a message type whose messages are decoded by its definition; see ``Schema``.
 
     Args:
         name: the type's name, such as "nav_msgs/msg/Odometry".
         definition: the text of its definition, with the definitions of the types in it.
-        live: see ``MessageType``.
+        stamped_when_sent: see ``MessageType``.
 
     Raises:
         ValueError: the definition cannot be read.
     """
-    return _read_by(name, Schema.from_definition(name, definition), live)
+    return _read_by(name, Schema.from_definition(name, definition), stamped_when_sent)
 
 
 def known_type(name: str) -> "MessageType[Any]":
@@ -62,8 +59,8 @@ def known_type(name: str) -> "MessageType[Any]":
     return _read_by(name, known_schema(name))
 
 
-def _read_by(name: str, schema: Schema, live: bool = True) -> "MessageType[Any]":
-    return MessageType(name, one_by_one(schema.read), _stamp_of(schema), live)
+def _read_by(name: str, schema: Schema, stamped_when_sent: bool = True) -> "MessageType[Any]":
+    return MessageType(name, one_by_one(schema.read), _stamp_of(schema), stamped_when_sent)
 
 
 def _stamp_of(schema: Schema) -> Callable[[Any], int]:
@@ -137,15 +134,24 @@ class WantedTopic:
         )
 
 
-# A topic's full name, the display that takes it (None for a description), and how to subscribe.
-Taker: TypeAlias = "tuple[str, Display[Any] | None, WantedTopic]"
-
-
 # --- queues ---------------------------------------------------------------------------------------
 
 
+class Receiver(Protocol):
+    """What messages are passed to: a display."""
+
+    limit: "LoadLimit | None"  # drops messages if too many come
+
+    def add(self, topic: str, kind: MessageType[Any], messages: Sequence[tuple[int, Any]]) -> None:
+        """Add messages of a topic, as it is called in its subscription, each with its time."""
+
+
+# A topic's full name, its receiver (None for a description), and how to subscribe.
+Subscription: TypeAlias = tuple[str, Receiver | None, WantedTopic]
+
+
 class Inbox:
-    """Queues messages until the displays that take them are due."""
+    """Queues messages until the displays that receive them are due."""
 
     def __init__(self, report: Callable[[str, Exception], object]) -> None:
         """Start empty; ``report`` is called with the topic and the error of a bad message."""
@@ -154,7 +160,7 @@ class Inbox:
         self.report = report
         self._queues: dict[tuple[str, str], _Queue] = {}
 
-    def set_takers(self, takers: Iterable[Taker]) -> list[str]:
+    def subscribe(self, subscriptions: Iterable[Subscription]) -> list[str]:
         """Make a queue for each topic and type; messages already queued for them are kept.
 
         Returns:
@@ -163,7 +169,7 @@ class Inbox:
         queues: dict[tuple[str, str], _Queue] = {}
         topics: dict[str, WantedTopic] = {}
         problems = []
-        for name, display, topic in takers:
+        for name, receiver, topic in subscriptions:
             try:
                 topics[name] = replace(topic, name=name).merged(topics.get(name))
             except ValueError as error:
@@ -173,10 +179,10 @@ class Inbox:
             for kind in topic.types:
                 queue = queues.setdefault((name, kind.name), _Queue())
                 # A display may have several items on one topic.
-                if display is not None and (display, topic.name, kind) not in queue.takers:
-                    queue.takers.append((display, topic.name, kind))
+                if receiver is not None and (receiver, topic.name, kind) not in queue.receivers:
+                    queue.receivers.append((receiver, topic.name, kind))
         for (name, kind_name), queue in queues.items():
-            limits = [display.limit for display, *_ in queue.takers]
+            limits = [receiver.limit for receiver, *_ in queue.receivers]
             if all(limits):
                 queue.limits, queue.most = [limit for limit in limits if limit], topics[name].depth
             previous_queue = self._queues.get((name, kind_name))
@@ -186,7 +192,7 @@ class Inbox:
         return problems
 
     def wants(self, topic: str, type_name: str) -> bool:
-        """Whether any display takes messages of this topic (its full name) and type."""
+        """Whether any display receives messages of this topic (its full name) and type."""
         return (topic, type_name) in self._queues
 
     def take(self, topic: str, type_name: str, data: bytes, time_ns: int) -> None:
@@ -202,21 +208,21 @@ class Inbox:
         if queue is not None:
             queue.append(data, time_ns)
 
-    def deliver(self, displays: "Collection[Display[Any]]") -> None:
-        """Decode the messages queued for these displays, and pass them on."""
-        due = set(displays)
+    def deliver(self, receivers: Collection[Receiver]) -> None:
+        """Decode the messages queued for these receivers, and pass them on."""
+        due = set(receivers)
         for (topic, _), queue in self._queues.items():
-            if not queue.messages or due.isdisjoint(display for display, *_ in queue.takers):
+            if not queue.messages or due.isdisjoint(receiver for receiver, *_ in queue.receivers):
                 continue
             messages, times = queue.empty()
             decoded: dict[MessageType[Any], Sequence[tuple[int, Any]]] = {}
-            for display, name, kind in queue.takers:
+            for receiver, name, kind in queue.receivers:
                 if kind not in decoded:
                     decoded[kind] = self._decoded(topic, kind, messages, times)
                 admitted = decoded[kind]
-                if display.limit is not None:
-                    admitted = display.limit.admit(admitted, map(len, messages))
-                display.add(name, kind, admitted)
+                if receiver.limit is not None:
+                    admitted = receiver.limit.admit(admitted, map(len, messages))
+                receiver.add(name, kind, admitted)
 
     def descriptions(self, topic: str) -> Sequence[tuple[int, str]]:
         """Remove and return the descriptions queued for a topic, with their times."""
@@ -235,13 +241,13 @@ class Inbox:
 
 @dataclass
 class _Queue:
-    """The queued messages of one topic and type, and the displays that take them."""
+    """The queued messages of one topic and type, and who receives them."""
 
     messages: list[bytes] = field(default_factory=list)
     times: list[int] = field(default_factory=list)
-    # A display, its name for the topic, and the type that decodes its messages.
-    takers: "list[tuple[Display[Any], str, MessageType[Any]]]" = field(default_factory=list)
-    # Set if each taker has a limit; more than ``most`` messages then drop the oldest.
+    # A receiver, its name for the topic, and the type that decodes its messages.
+    receivers: list[tuple[Receiver, str, MessageType[Any]]] = field(default_factory=list)
+    # Set if each receiver has a limit; more than ``most`` messages then drop the oldest.
     limits: "list[LoadLimit]" = field(default_factory=list)
     most: int = 0
 
@@ -294,7 +300,7 @@ class Stamps:
             stamp_ns = 0
         if not stamp_ns:
             return time_ns + self._shift
-        if kind is not None and kind.live:
+        if kind is not None and kind.stamped_when_sent:
             self._compare(stamp_ns - time_ns, time_ns, topic, is_tf=kind.name == _TF)
         return stamp_ns
 

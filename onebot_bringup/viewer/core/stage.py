@@ -2,35 +2,42 @@
 
 import time
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import Any
 
-import numpy as np
 import rerun as rr
 
 from onebot_bringup.introspection.transforms import FrameTree
-from onebot_bringup.viewer.columns import ReadyColumn, joinable, joined, one_row, time_column
-from onebot_bringup.viewer.displays.tf_display import TransformStream
-from onebot_bringup.viewer.inbox import MessageType, message_type
-from onebot_bringup.viewer.shown_robot import WORLD_DESCRIPTION, RobotToShow, ShownRobot
-from onebot_bringup.viewer.view_config import ViewConfig
+from onebot_bringup.viewer.core.columns import ReadyColumn, joinable, joined, one_row, send
+from onebot_bringup.viewer.core.inbox import MessageType, message_type
+from onebot_bringup.viewer.core.shown_robot import (
+    WORLD_DESCRIPTION,
+    RobotToShow,
+    ShownRobot,
+    unknown_frame,
+)
+from onebot_bringup.viewer.core.transforms import TransformStream
 from onebot_description.description import Description
-from onebot_description.errors import did_you_mean, listing
+from onebot_description.errors import listing
 from onebot_description.ros.wire.interface_text import full_definition
-
-if TYPE_CHECKING:
-    from onebot_bringup.viewer.displays.drawing import MessageDisplay
 
 _TRANSFORM_TIMEOUT_NS = 200_000_000
 _LISTED = 5  # robots named in a message
 
 
 class Stage:
-    """What all displays draw on: a recording, the robots in it and their frames."""
+    """What all displays draw on: a recording, the robots in it and their frames.
+
+    Attributes:
+        view_frame: the fixed frame that the view names; "" for none.
+        message_frames: the frame of each message that is shown.
+        now_ns: the time on the timeline, nanoseconds.
+    """
 
     def __init__(
         self,
         recording: rr.RecordingStream,
-        view: ViewConfig,
+        view_frame: str = "",
         robots: Sequence[RobotToShow] = (RobotToShow(),),
         *,
         resolve: Callable[[str], str] = str,
@@ -39,31 +46,30 @@ class Stage:
     ) -> None:
         """Prepare for robots whose descriptions follow; see ``RobotView`` for the arguments."""
         self.recording = recording
-        self.view = view
+        self.view_frame = view_frame
+        self.message_frames: Sequence[str] = ()
         self.resolve = resolve
         self.clock = clock
         self._definitions = definitions
         self.frames = FrameTree()
         self.transforms = TransformStream(recording, self.frames)
         self.alone = len(robots) == 1
-        self.robots = [
-            ShownRobot(self, names, "" if self.alone else names.entity) for names in robots
-        ]
+        shown = partial(ShownRobot, recording, frames=self.frames, resolve=resolve)
+        self.robots = [shown(names, "" if self.alone else names.entity) for names in robots]
         # The things that stand around the robots.
-        self.world = ShownRobot(self, RobotToShow(description=WORLD_DESCRIPTION), "world")
-        self.message_displays: Sequence[MessageDisplay] = ()
-        self.now_ns = 0  # the time on the timeline, nanoseconds
+        self.world = shown(RobotToShow(description=WORLD_DESCRIPTION), "world")
+        self.now_ns = 0
         self.transform_timeout_ns = _TRANSFORM_TIMEOUT_NS  # how long messages wait for transforms
         self.robot_size = 0.0  # the diagonal of the smallest robot, metres; 0: not known yet
 
-    def message_type(self, name: str, *, live: bool = True) -> MessageType[Any]:
+    def message_type(self, name: str, *, stamped_when_sent: bool = True) -> MessageType[Any]:
         """Return a message type whose messages are decoded by its definition.
 
         Raises:
             OneBotError: there is no definition of it.
             ValueError: the definition cannot be read.
         """
-        return message_type(name, self._definitions(name), live)
+        return message_type(name, self._definitions(name), stamped_when_sent)
 
     # --- what is logged ---------------------------------------------------------------------------
 
@@ -76,9 +82,8 @@ class Stage:
             for stamp_ns, archetypes in rows
         ]
         for same in joinable(ready):
-            stamps = np.array([stamp_ns for stamp_ns, _ in same])
-            columns = joined([columns for _, columns in same])
-            self.recording.send_columns(entity, indexes=[time_column(stamps)], columns=columns)
+            stamps_ns, columns = zip(*same, strict=True)
+            send(self.recording, entity, stamps_ns, joined(columns))
 
     def clear(self, entity: str, stamp_ns: int, frame: str) -> None:
         """Remove what is drawn at an entity; the view would report one without a frame."""
@@ -100,24 +105,12 @@ class Stage:
         inside = filter(topic.startswith, namespaces)
         return namespaces[max(inside, key=len, default=next(iter(namespaces)))]
 
-    def wrong_names(self) -> list[str]:
-        """Return a sentence if no robot has the link that the camera should follow."""
-        follow = self.view.camera.follow
-        links = {link for robot in self.descriptions.values() for link in robot.link_names}
-        names = set(links)
-        for robot in () if self.alone else self.robots:  # several robots' links go by frame
-            names.update(map(robot.frame_of, links))
-        if not links or not follow or follow in names:
-            return []
-        hint = did_you_mean(follow, links, "links")
-        return [f'camera.follow: the robot has no link "{follow}"{hint}']
-
     def late(self) -> list[str]:
         """Return a sentence per kind of frames and descriptions that are missing."""
         frame = self.wanted_frame
         if not self.descriptions:
-            fixed, frame = self.fixed_frame, self.view.fixed_frame
-            return [] if frame in ("", fixed) else [self.unknown_frame(frame, fixed)]
+            fixed, frame = self.fixed_frame, self.view_frame
+            return [] if frame in ("", fixed) else [unknown_frame(frame, fixed, self.frames)]
         sentences = []
         for robot in (*self.robots, self.world):
             sentences += robot.late(frame)
@@ -127,14 +120,6 @@ class Stage:
         return sentences
 
     # --- frames -----------------------------------------------------------------------------------
-
-    def unknown_frame(self, wanted: str, fixed_frame: str) -> str:
-        """Return a warning that ``wanted`` is unknown, and which frame is used instead."""
-        hint = did_you_mean(wanted, self.frames.names, "frames received")
-        return (
-            f'the fixed frame "{wanted}" is not on /tf or /tf_static{hint}; '
-            f'shown in "{fixed_frame}" until it is'
-        )
 
     def connected(self, frame: str) -> bool:
         """Whether transforms lead from ``frame`` to the fixed frame.
@@ -154,10 +139,10 @@ class Stage:
         for robot in self.robots:
             if robot.description is not None:
                 return robot.fixed_frame(self.wanted_frame)
-        view_frame = self.view.fixed_frame
-        if view_frame and (view_frame in self.frames.names or view_frame in self._message_frames):
-            return view_frame
-        return self.frame_without_robot or view_frame
+        frame = self.view_frame
+        if frame and (frame in self.frames.names or frame in self.message_frames):
+            return frame
+        return self.frame_without_robot or frame
 
     @property
     def frame_without_robot(self) -> str:
@@ -165,29 +150,19 @@ class Stage:
 
         Without transforms, it is the frame of most messages.
         """
-        names, tops = self.frames.names, [self.frames.top(frame) for frame in self._message_frames]
+        names, tops = self.frames.names, [self.frames.top(frame) for frame in self.message_frames]
         if tops:
             return max(tops, key=lambda top: (top in names, tops.count(top)))
         return self.frames.top(min(names)) if names else ""
 
     @property
-    def _message_frames(self) -> list[str]:
-        """The frame of each message that is shown."""
-        return [
-            drawing.frame
-            for display in self.message_displays
-            for drawing in display.items.values()
-            if drawing.frame
-        ]
-
-    @property
     def wanted_frame(self) -> str:
         """The frame that the view names; "" if several robots have it with their own prefix."""
-        view_frame = self.view.fixed_frame
-        if self.alone or view_frame in self.frames.names:
-            return view_frame
-        prefixed = (robot.frame_of(view_frame) for robot in self.robots)
-        return "" if any(frame in self.frames.names for frame in prefixed) else view_frame
+        frame = self.view_frame
+        if self.alone or frame in self.frames.names:
+            return frame
+        prefixed = (robot.frame_of(frame) for robot in self.robots)
+        return "" if any(name in self.frames.names for name in prefixed) else frame
 
     @property
     def missing(self) -> list[str]:

@@ -1,0 +1,146 @@
+"""Logs every transform of TF, so that entities move with their frames, and draws frames' axes."""
+
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import rerun as rr
+
+from onebot_bringup.viewer.core.display import Display, LayoutPart
+from onebot_bringup.viewer.core.inbox import MessageType, WantedTopic
+from onebot_bringup.viewer.core.settings import name_list, setting
+from onebot_bringup.viewer.core.shown_robot import FRAMES_ENTITY, axes_entity
+from onebot_bringup.viewer.core.transforms import TF, TF_STATIC
+from onebot_description.ros.wire.messages import TfArrays
+
+_DEFAULT_LENGTH = 0.5  # length of axes while the robot's size is unknown, metres
+# How long after a new description messages may still name frames of the old one (seconds).
+_STRAGGLING = 1.0
+
+
+@dataclass(frozen=True)
+class AxesSettings:
+    """The frames' axes."""
+
+    visible: bool = setting(True, "draw it")
+    length: float = setting(0.0, "metres; 0: by the robot's size")
+    names: bool = setting(True, "draw it")
+    names_up_to: int = setting(16, "write no names if there are more frames")
+    frames: tuple[str, ...] = setting((), "draw only these frames; empty: all", name_list)
+
+
+class TfDisplay(Display[AxesSettings]):
+    """Logs /tf and /tf_static, and draws axes in new frames."""
+
+    key = "axes"
+    order, of_all_robots = 0, True
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self._settings = AxesSettings()
+        self._look: tuple[object, ...] = ()  # everything that the look of drawn axes depends on
+        self._only: set[str] = set()  # frames that have axes; empty for all
+        self._drawn: set[str] = set()
+        self._links: set[str] = set()  # frames of the robots' links
+        self._shown_of: tuple[object, ...] | None = None  # the tree that ``_drawn`` is for
+        self._retired: set[str] = set()  # frames of links of the previous robot
+        self._retired_at = 0.0
+
+    def topics(self) -> Sequence[WantedTopic]:
+        static = WantedTopic("/tf_static", (TF_STATIC,), latched=True)
+        return [WantedTopic("/tf", (TF,), reliable=True), static]
+
+    def apply(self, settings: AxesSettings) -> None:
+        self._settings = settings
+        self._only = set(settings.frames)
+        for robot in self.stage.robots:
+            self._only.update(map(robot.frame_of, settings.frames))
+        if self._only:
+            self._hide(self._drawn - self._only)
+        self._shown_of = None
+        self._draw(())
+
+    def set_robot(self) -> None:
+        """Draw the axes of the links; the next flush hides the axes of links that are gone."""
+        old_links, self._links = self._links, set()
+        for robot in self.stage.robots:
+            if robot.description is not None:
+                self._links.update(map(robot.frame_of, robot.description.link_names))
+        self._show(self._links)
+        self._retired = (self._retired | old_links) - self._links
+        self._retired_at = self.stage.clock()
+        self._shown_of = None
+        self.stage.transforms.forget(self._retired)
+
+    def add(
+        self, _topic: str, kind: MessageType[Any], messages: Sequence[tuple[int, TfArrays]]
+    ) -> None:
+        for stamp_ns, message in messages:
+            if kind is TF_STATIC:
+                self.stage.transforms.add_static(message)
+            else:
+                self.stage.transforms.add(stamp_ns, message)
+
+    def flush(self) -> None:
+        self.stage.transforms.flush()
+        if self._retired and self.stage.clock() - self._retired_at > _STRAGGLING:
+            self.stage.transforms.forget(self._retired)
+            self._retired = set()
+            self._shown_of = None
+        self._show_connected()
+        self._draw(())
+
+    def warnings(self) -> list[str]:
+        frame = self.stage.transforms.ignored
+        reason = "it is not finite, or its rotation no unit quaternion"
+        return [f'a transform of "{frame}" is ignored: {reason}'] if frame else []
+
+    def layout(self) -> Sequence[LayoutPart]:
+        return [LayoutPart(visible=((FRAMES_ENTITY, self._settings.visible),))]
+
+    def _show_connected(self) -> None:
+        """Draw axes in the frames connected with the fixed frame.
+
+        The view would report an error for others, such as frames of another robot on the same /tf.
+        """
+        frames, fixed_frame = self.stage.frames, self.stage.fixed_frame
+        if self._shown_of == (frames.version, fixed_frame):
+            return
+        self._shown_of = frames.version, fixed_frame
+        connected = set(frames.names)
+        if self._links:
+            top = frames.top(fixed_frame)
+            connected = {frame for frame in connected if frames.top(frame) == top} | self._links
+        connected -= self._retired
+        self._hide(self._drawn - connected)
+        self._show(connected)
+
+    def _show(self, frames: Iterable[str]) -> None:
+        chosen_frames = self._only.intersection(frames) if self._only else set(frames)
+        new_frames = chosen_frames - self._drawn
+        self._drawn |= new_frames
+        self._draw(new_frames)
+
+    def _draw(self, frames: Collection[str]) -> None:
+        """Draw axes in ``frames``; in all frames if the look has changed."""
+        settings, robot = self._settings, self.stage.robots[0]
+        lengths = robot.axes_lengths
+        names = settings.names and len(self._drawn) <= settings.names_up_to
+        usual = robot.fitting_length or _DEFAULT_LENGTH
+        look = settings.length, usual, lengths, names
+        if look != self._look:
+            self._look, frames = look, self._drawn
+        for frame in frames:
+            length = settings.length or lengths.get(frame) or usual
+            self._log(frame, frame, rr.TransformAxes3D(length, show_frame=names))
+
+    def _hide(self, frames: Iterable[str]) -> None:
+        # Static data cannot be cleared but overwritten, in a frame that exists.
+        home = next((robot.root_frame for robot in self.stage.robots if robot.root_frame), "")
+        for frame in self._drawn.intersection(frames):
+            self._drawn.discard(frame)
+            self._log(frame, home, rr.TransformAxes3D.cleared())
+
+    def _log(self, frame: str, parent: str, axes: rr.TransformAxes3D) -> None:
+        entity = axes_entity(frame)
+        self.stage.recording.log(entity, rr.CoordinateFrame(parent), axes, static=True)
