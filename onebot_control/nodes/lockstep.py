@@ -196,7 +196,7 @@ class Lockstep(Generic[S]):
         if self._owns_default:
             rclpy.try_shutdown()
 
-    def __enter__(self) -> "Lockstep":
+    def __enter__(self) -> "Lockstep[S]":
         return self
 
     def __exit__(self, *_: object) -> None:
