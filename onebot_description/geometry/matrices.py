@@ -17,9 +17,7 @@ def of_transform(transform: Transform) -> Floats:
     (at_x, at_y, at_z), (x, y, z, w) = transform
     length = math.hypot(x, y, z, w) or 1.0
     first, second, third = rows_of((x / length, y / length, z / length, w / length))
-    return np.array(
-        [[*first, at_x], [*second, at_y], [*third, at_z], [0.0, 0.0, 0.0, 1.0]],
-    )
+    return np.array([[*first, at_x], [*second, at_y], [*third, at_z], [0.0, 0.0, 0.0, 1.0]])
 
 
 def of_poses(poses: Floats) -> Floats:
