@@ -22,9 +22,6 @@ RVIZ_SUFFIX = ".rviz"
 _MOST_LISTED = 12
 _UNIT = re.compile(r"\s*\([^)]*\)$")
 _COLOR = re.compile(r"\s*(\d+)\s*;\s*(\d+)\s*;\s*(\d+)\s*")
-_KEYS = {drawing.key for drawing in MESSAGE_DRAWINGS}
-# Our keys of RViz's displays whose class is not simply that key in title case.
-_CLASSES = {"marker_array": "marker", "compressed_image": "image", "camera": "image"}
 
 Properties = Mapping[str, Any]
 
@@ -74,9 +71,8 @@ class RvizConfig:
         if special is not None:
             self.values |= special(display) if enabled else {}
             return
-        key = _CLASSES.get(_snake(kind), _snake(kind))
-        topic = _topic(display)
-        if key not in _KEYS or not topic:
+        key, topic = _KEY_BY_CLASS.get(_snake(kind)), _topic(display)
+        if key is None or not topic:
             self.ignored.append(f'{kind or "a display"} "{display.get("Name", "")}"')
             return
         prefix = f"{key}.topics.{topic}"
@@ -199,6 +195,14 @@ def _snake(name: str) -> str:
     """Turn ``PointCloud2`` into ``point_cloud2``, and ``Size (m)`` into ``size``."""
     words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", _UNIT.sub("", str(name)))
     return words.replace(" ", "_").replace("-", "_").lower()
+
+
+# Our keys by RViz's classes of displays, both in small letters.
+_KEY_BY_CLASS = {
+    _snake(name): drawing.key
+    for drawing in MESSAGE_DRAWINGS
+    for name in (drawing.key, *drawing.rviz_classes)
+}
 
 
 def _color(value: Any) -> list[int] | None:

@@ -103,6 +103,7 @@ class Display(ABC, Generic[S]):
     """
 
     key: str  # the name in a view file, and the prefix of its ROS parameters
+    settings: S
     order: ClassVar[int] = 100  # the displays of a robot are drawn and laid out in this order
     of_all_robots: ClassVar[bool] = False
     period_ns: int = 0  # nanoseconds between two calls of ``flush``; 0: every tick
@@ -146,9 +147,9 @@ class Display(ABC, Generic[S]):
         self._flushed_ns = now_ns
         return True
 
-    @abstractmethod
     def apply(self, settings: S) -> None:
-        """Use these settings from now on; called after ``flush``."""
+        """Use these settings from now on; called first of all, and later after ``flush``."""
+        self.settings = settings
 
     def topics(self) -> Sequence[WantedTopic]:
         """Return the topics to subscribe to, by the current settings."""

@@ -66,6 +66,7 @@ class Drawing(Generic[S]):
     high_bandwidth: ClassVar[bool] = False  # megabytes per second: few are shown automatically
     stamped_when_sent: ClassVar[bool] = True  # see ``MessageType``
     period_ns: ClassVar[int] = 0  # see ``Display``
+    rviz_classes: ClassVar[tuple[str, ...]] = ()  # in RViz, besides the key in title case
     # Types of further topics to subscribe to, by the suffix of their names after the topic's.
     suffixed_topics: ClassVar[Mapping[str, MessageType[Any]]] = {}
     # Types of further topics of the topic's robot, by name.
@@ -266,6 +267,7 @@ class DrawingsDisplay(Display[S]):
 
     def apply(self, settings: S) -> None:
         """Redraw drawings whose settings changed; erase drawings that are gone."""
+        super().apply(settings)
         wanted, before = self.wanted(settings), self.items
         colors = {name: old.default_color for name, old in before.items() if name in wanted}
         self.items = {}

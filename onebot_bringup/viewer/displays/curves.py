@@ -111,9 +111,8 @@ class _CurvesDisplay(NamedDisplay[C]):
     only_plots = True
     period_ns = SELDOM
 
-    def apply(self, settings: Any) -> None:
-        self._window = settings.window
-        super().apply(settings.lines)
+    def wanted(self, settings: C) -> Mapping[str, tuple[Sequence[WantedTopic], Any]]:
+        return super().wanted(settings.lines)
 
 
 # --- speeds ---------------------------------------------------------------------------------------
@@ -202,7 +201,7 @@ class SpeedsDisplay(_CurvesDisplay[SpeedsSettings]):
         drawings: Any = self.items.values()
         lines = zip(*(drawing.entities() for drawing in drawings), strict=True)
         plots = (
-            Plot(below(root, plot), title, self._window, entities)
+            Plot(below(root, plot), title, self.settings.window, entities)
             for (plot, title), entities in zip(SPEEDS.items(), lines, strict=False)
         )
         return [LayoutPart(views=tuple(plots))]
@@ -328,7 +327,9 @@ class CurvesDisplay(_CurvesDisplay[CurvesSettings]):
         for drawing in self.items.values():
             plots.setdefault(drawing.settings.plot, []).append(drawing.entity)
         root = self.entity(self.key)
-        views = (Plot(root, title, self._window, tuple(lines)) for title, lines in plots.items())
+        views = (
+            Plot(root, title, self.settings.window, tuple(lines)) for title, lines in plots.items()
+        )
         return [LayoutPart(views=tuple(views))]
 
     def warnings(self) -> list[str]:

@@ -103,6 +103,7 @@ class ImageDrawing(Drawing[ImageSettings]):
 
     key = "image"
     message_types = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+    rviz_classes = ("CompressedImage", "Camera")
     high_bandwidth, max_waiting = True, DEPTH_HIGH_BANDWIDTH
     has_header = False  # shown without a transform
 

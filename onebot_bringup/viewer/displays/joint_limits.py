@@ -44,19 +44,15 @@ class JointLimitsDisplay(Display[JointRangesSettings]):
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
-        self._settings = JointRangesSettings()
         self._made_of: tuple[object, ...] = ()
         self._drawn: dict[str, object] = {}  # what is drawn, by entity
-
-    def apply(self, settings: JointRangesSettings) -> None:
-        self._settings = settings
 
     def flush(self) -> None:
         robot = self.robot
         if robot.description is None:
             return
-        radius = self._settings.radius or robot.fitting_length
-        visible = self._settings.visible and radius
+        radius = self.settings.radius or robot.fitting_length
+        visible = self.settings.visible and radius
         joints = limited_joints(robot.description) if visible else ()
         made_of = (joints, radius, len(robot.joint_colors))
         if made_of != self._made_of:

@@ -49,7 +49,6 @@ class JointPlotDisplay(Display[JointPlotSettings]):
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
-        self._settings = JointPlotSettings()
         self._limits: Limits = {}  # limits that are drawn
         self._sets: dict[tuple[str, ...], _JointSet] = {}
         self._count = 0  # number of sets so far
@@ -64,7 +63,7 @@ class JointPlotDisplay(Display[JointPlotSettings]):
 
     def apply(self, settings: JointPlotSettings) -> None:
         """Plot with or without limits; the other settings only affect the layout."""
-        self._settings = settings
+        super().apply(settings)
         robot = self.robot.description
         joints = limited_joints(robot) if robot is not None and settings.limits else ()
         drawn = {joint.name: limits(joint) for joint in joints}
@@ -77,7 +76,7 @@ class JointPlotDisplay(Display[JointPlotSettings]):
 
     def set_robot(self) -> None:
         """Take the limits of the robot's joints."""
-        self.apply(self._settings)
+        self.apply(self.settings)
 
     def add(
         self, _topic: str, _kind: MessageType[Any], messages: Sequence[tuple[int, JointStateArrays]]
@@ -112,7 +111,7 @@ class JointPlotDisplay(Display[JointPlotSettings]):
 
     def layout(self) -> Sequence[LayoutPart]:
         """Return the plots that have data."""
-        plot, robot = self._settings, self.robot.description
+        plot, robot = self.settings, self.robot.description
         moves = robot is not None and any(joint.kind != "fixed" for joint in robot.joints)
         views = []
         if plot.positions and moves:

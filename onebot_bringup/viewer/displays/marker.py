@@ -249,6 +249,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
 
     key = "marker"
     message_types = ("visualization_msgs/msg/Marker", "visualization_msgs/msg/MarkerArray")
+    rviz_classes = ("MarkerArray",)
     stamped_when_sent = False
 
     def __init__(self, *arguments: Any) -> None:

@@ -37,7 +37,6 @@ class TfDisplay(Display[AxesSettings]):
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
-        self._settings = AxesSettings()
         self._look: tuple[object, ...] = ()  # everything that the look of drawn axes depends on
         self._only: set[str] = set()  # frames that have axes; empty for all
         self._drawn: set[str] = set()
@@ -51,7 +50,7 @@ class TfDisplay(Display[AxesSettings]):
         return [WantedTopic("/tf", (TF,), reliable=True), static]
 
     def apply(self, settings: AxesSettings) -> None:
-        self._settings = settings
+        super().apply(settings)
         self._only = set(settings.frames)
         for robot in self.stage.robots:
             self._only.update(map(robot.frame_of, settings.frames))
@@ -96,7 +95,7 @@ class TfDisplay(Display[AxesSettings]):
         return [f'a transform of "{frame}" is ignored: {reason}'] if frame else []
 
     def layout(self) -> Sequence[LayoutPart]:
-        return [LayoutPart(visible=((FRAMES_ENTITY, self._settings.visible),))]
+        return [LayoutPart(visible=((FRAMES_ENTITY, self.settings.visible),))]
 
     def _show_connected(self) -> None:
         """Draw axes in the frames connected with the fixed frame.
@@ -123,7 +122,7 @@ class TfDisplay(Display[AxesSettings]):
 
     def _draw(self, frames: Collection[str]) -> None:
         """Draw axes in ``frames``; in all frames if the look has changed."""
-        settings, robot = self._settings, self.stage.robots[0]
+        settings, robot = self.settings, self.stage.robots[0]
         lengths = robot.axes_lengths
         names = settings.names and len(self._drawn) <= settings.names_up_to
         usual = robot.fitting_length or _DEFAULT_LENGTH
