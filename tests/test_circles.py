@@ -84,13 +84,13 @@ def circle(found: Iterable[Import], unit: Callable[[str], str]) -> str:
 
 
 @pytest.mark.parametrize("unit", [str, room], ids=["files", "rooms"])
-def test_there_is_no_circle(unit):
+def test_there_is_no_circle(unit: Callable[[str], str]) -> None:
     """What two files, or two rooms, need of each other belongs into one of them, or a third."""
     found = circle(imports(), unit)
     assert not found, found
 
 
-def test_a_circle_is_found():
+def test_a_circle_is_found() -> None:
     """Between rooms, although their files are in none."""
     found = [Import("drive.a", "nodes.b", "a.py:1"), Import("nodes.c", "drive.d", "c.py:2")]
     assert circle(found, str) == ""
