@@ -40,20 +40,27 @@ def modules() -> dict[str, Path]:
     return found
 
 
-def imports() -> Iterator[Import]:
-    files = modules()
-    for importer, file in files.items():
-        for node in ast.walk(ast.parse(file.read_text())):
-            names = []
-            if isinstance(node, ast.Import):
-                names = [alias.name for alias in node.names]
-            elif isinstance(node, ast.ImportFrom):
-                whole = [f"{node.module}.{alias.name}" for alias in node.names]
-                names = [name if name in files else str(node.module) for name in whole]
-            place = f"{file.relative_to(ROOT)}:{getattr(node, 'lineno', 0)}"
-            yield from (Import(importer, name, place) for name in {*names} & files.keys())
+@cache
+def imports() -> list[Import]:
+    """Every import of one module of the product by another."""
+    return [found for module, file in modules().items() for found in imports_of(module, file)]
 
 
+def imports_of(module: str, file: Path) -> Iterator[Import]:
+    files, shown = modules(), file.relative_to(ROOT)
+    for node in ast.walk(ast.parse(file.read_text())):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            whole = [f"{node.module}.{alias.name}" for alias in node.names]
+            names = [name if name in files else str(node.module) for name in whole]
+        else:
+            continue
+        for name in {*names} & files.keys():
+            yield Import(module, name, f"{shown}:{node.lineno}")
+
+
+@cache
 def room(module: str) -> str:
     """The room of a module: its folder, or itself."""
     file = modules()[module].relative_to(ROOT)
@@ -77,13 +84,13 @@ def circle(found: Iterable[Import], unit: Callable[[str], str]) -> str:
 
 
 @pytest.mark.parametrize("unit", [str, room], ids=["files", "rooms"])
-def test_there_is_no_circle(unit):
+def test_there_is_no_circle(unit: Callable[[str], str]) -> None:
     """What two files, or two rooms, need of each other belongs into one of them, or a third."""
     found = circle(imports(), unit)
     assert not found, found
 
 
-def test_a_circle_is_found():
+def test_a_circle_is_found() -> None:
     """Between rooms, although their files are in none."""
     found = [Import("drive.a", "nodes.b", "a.py:1"), Import("nodes.c", "drive.d", "c.py:2")]
     assert circle(found, str) == ""
