@@ -87,4 +87,4 @@ class ParameterChanges:
         slot = self._robot.slot
         slot.robot.configure(config)
         slot.running.set_factor(config.real_time_factor)
-        self._robot.publishing.use(slot.robot)
+        self._robot.use(slot.robot)

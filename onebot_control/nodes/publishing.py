@@ -53,7 +53,7 @@ class Publishers:
 
     def __init__(self, node: Node, *, clock: bool, stands: bool = False) -> None:
         """Create the publishers; ``clock``: also of /clock; ``stands``: there is no odometry."""
-        self._node, self._namespace, self._stands = node, node.get_namespace(), stands
+        self._node, self._stands = node, stands
         self._joint_states = node.create_publisher(JointState, "joint_states", _DEPTH)
         self._tf_static = node.create_publisher(TFMessage, "/tf_static", LATCHED)
         if not stands:
@@ -69,17 +69,10 @@ class Publishers:
             self._clock = node.create_publisher(Clock, "/clock", _DEPTH)
             OnlyPublisher(node, "/clock", _TWO_CLOCKS, own=True)
 
-    def use(self, robot: ControlledRobot) -> None:
-        """Publish this robot from now on, with its current parameters."""
+    def use(self, robot: ControlledRobot, frames: Frames) -> None:
+        """Publish this robot from now on, with its current parameters and ``frames``."""
         self._robot, config = robot, robot.config
         self._in_scene = robot.plant.world.scene is not None  # there, odom drifts from the truth
-        frames = Frames.from_parameters(
-            config,
-            robot.description,
-            self._namespace,
-            in_scene=self._in_scene,
-            stands=self._stands,
-        )
         self.world_frame, odom, base, _ = frames
         self.odom_frame = odom
         self._stamp = Time()  # shared by all messages of a cycle

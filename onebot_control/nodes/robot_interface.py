@@ -141,8 +141,12 @@ class RobotInterface:
     def prepare(self, robot: ControlledRobot, sensing: Sensing) -> None:
         """Publish ``robot`` and measure with its sensors, as soon as the control loop starts."""
         self._sensing = sensing
-        self.publishing.use(robot)
+        self.use(robot)
         self._sense(robot, self._channels(robot.config))
+
+    def use(self, robot: ControlledRobot) -> None:
+        """Publish ``robot`` from now on, with its current parameters."""
+        self.publishing.use(robot, self.frames(robot.config, robot.description))
 
     def control_joints(self, loop: ControlLoop, clock: Clock | None) -> Sequence[Node]:
         """Use a loop that is about to start; return the new nodes of the joint controllers.
@@ -163,7 +167,7 @@ class RobotInterface:
 
     def restart(self) -> None:
         """Begin again with the loop's fleet, which has gone back to the start."""
-        self.publishing.use(self.slot.robot)
+        self.use(self.slot.robot)
         self.step_topics.restart()
 
     def poll(self) -> None:
@@ -217,7 +221,7 @@ class RobotInterface:
         _check_joints(self.slot.robot, description)
         self.slot.running.fleet.replace(self.slot.row, description)
         robot = self.slot.robot
-        self.publishing.use(robot)
+        self.use(robot)
         self._sense(robot)
 
     # Sensors -----------------------------------------------------------------------------------

@@ -87,17 +87,20 @@ class Subscriptions:
 
     def __init__(self, peer: Peer, listener: Peer) -> None:
         self.publishers = Publishers(peer.node, clock=True)
-        self.publishers.use(
-            driven()[0]
-        )  # ~/cmd_vel_out is there because a robot's parameters want it
+        # ~/cmd_vel_out is there because a robot's parameters want it
+        self.use(driven()[0])
         self.received = {name: listener.hear(kind, name) for name, kind in TOPICS.items()}
         counts = [listener.node.count_publishers, peer.node.count_subscribers]
         for name, count in product(TOPICS, counts):
             wait_for(lambda name=name, count=count: count(name), f"{name} to be found")
 
+    def use(self, drive: ControlledRobot) -> None:
+        frames = Frames.from_parameters(drive.config, drive.description, "/", in_scene=False)
+        self.publishers.use(drive, frames)
+
     def last(self, drive: ControlledRobot, snapshot: Snapshot) -> dict[str, Any]:
         """What is received of ``snapshot``."""
-        self.publishers.use(drive)
+        self.use(drive)
         before = {name: len(received) for name, received in self.received.items()}
         self.publishers.publish(snapshot, STAMP)
         for name, received in self.received.items():
