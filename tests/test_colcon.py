@@ -7,7 +7,6 @@ import shutil
 import subprocess
 import sys
 import sysconfig
-from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -83,50 +82,18 @@ run(["--timeout", "60"])
 """
 
 
-@pytest.mark.parametrize("options", [(), ("--symlink-install",)])
-def test_workspace_builds_and_runs(tmp_path, options):
-    """Each package is built and found, and an executable starts as ``ros2 run`` would start it."""
-    for program in ("cmake", "make"):
-        require_program(program)
-    source = tmp_path / "src/onebot"
-    source.mkdir(parents=True)
-    for folder in (*PACKAGES, "tests"):
-        shutil.copytree(CHECKOUT / folder, source / folder, ignore=_left_out)
-    shutil.copy(CHECKOUT / "pyproject.toml", source)
-    built = _build(tmp_path, *options)
-    assert built.returncode == 0, built.stdout + built.stderr
-    assert "4 packages finished" in built.stdout + built.stderr
-    assert "FutureWarning" not in built.stderr and "error" not in built.stderr.lower()
-    # PYTHONPATH from setup.bash comes before this environment's own (editable) install.
-    sourced = _sourced(tmp_path)
-    code = (
-        "import onebot_description.ros.wire.interfaces as m; print(m.__file__);"
-        "from onebot_description.description.packages import package_share as share;"
-        "print(share('mrm_description'))"
-    )
-    module, share = _run(sourced, tmp_path, "python3", "-c", code).stdout.split()
-    assert str(tmp_path) in module
-    assert share == str(tmp_path / "install/mrm_description/share/mrm_description")
-    report = _run(sourced, tmp_path, "python3", "-c", DOCTOR).stdout
-    assert report.startswith("onebot 0.1.0, Python")
-    assert re.search(r"^ok       dependencies: 1\d as required$", report, re.MULTILINE), report
-    _check_executables(tmp_path, sourced, ["onebot_bringup/onebot"] if options else EXECUTABLES)
-    _check_launch_files(tmp_path)
-    _check_tests(tmp_path, ["mrm_description"] if options else PACKAGES)
+def test_workspace_builds_and_runs(tmp_path, ros_domain):
+    """Each package is built and found, and an executable starts as ``ros2 run`` would start it.
 
-
-def test_tf2_msgs_of_a_sourced_ros_is_used(tmp_path, ros_domain):
-    """It is generated here as ROS does it; robots use it, and our own type is the same on DDS."""
-    for program, package in (("cmake", "cmake"), ("make", "make"), ("c++", "g++")):
-        require_program(program, package)
+    tf2_msgs is generated here as ROS does it; robots use it, and our own type is the same on DDS.
+    """
     header = Path(sysconfig.get_path("include"), "Python.h")
     require(header.is_file(), str(header), "python3-dev")
     for name, text in TF2_MSGS.items():
         file = tmp_path / "src/tf2_msgs" / name
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(text)
-    built = _build(tmp_path, "--cmake-args", f"-DPython3_EXECUTABLE={sys.executable}")
-    assert built.returncode == 0, built.stdout + built.stderr
+    _build(tmp_path, "--cmake-args", f"-DPython3_EXECUTABLE={sys.executable}")
     sourced = _sourced(tmp_path)
     code = (
         "import sys; from onebot_description.ros.wire.interfaces import TFMessage;"
@@ -134,6 +101,11 @@ def test_tf2_msgs_of_a_sourced_ros_is_used(tmp_path, ros_domain):
     )
     used = _run(sourced, tmp_path, sys.executable, "-c", code)
     assert used.stdout.startswith(str(tmp_path / "install/tf2_msgs")), used.stderr
+    report = _run(sourced, tmp_path, "python3", "-c", DOCTOR).stdout
+    assert report.startswith("onebot 0.1.0, Python")
+    assert re.search(r"^ok       dependencies: 1\d as required$", report, re.MULTILINE), report
+    _check_executables(tmp_path, sourced)
+    _check_launch_files(tmp_path)
     command = [sys.executable, "-m", "mrm_description.launch.mrm_bringup", "viewer:=none"]
     running = RunningCommand(tmp_path, command, sourced)
     try:
@@ -142,6 +114,14 @@ def test_tf2_msgs_of_a_sourced_ros_is_used(tmp_path, ros_domain):
             stop(running)
     finally:
         running.close()
+    _check_tests(tmp_path)
+
+
+def test_workspace_of_links(tmp_path):
+    """It is built, too, and an executable starts."""
+    _build(tmp_path, "--symlink-install")
+    onebot = tmp_path / "install/onebot_bringup/lib/onebot_bringup/onebot"
+    assert "usage: onebot" in _run(_sourced(tmp_path), tmp_path, onebot, "--help").stdout
 
 
 def _left_out(folder: str, names: list[str]) -> set[str]:
@@ -150,8 +130,28 @@ def _left_out(folder: str, names: list[str]) -> set[str]:
     return left - {name for pattern in SOME_TESTS for name in fnmatch.filter(names, pattern)}
 
 
-def _build(workspace: Path, *options: str) -> subprocess.CompletedProcess[str]:
-    return _colcon(workspace, "build", *options)
+def _build(workspace: Path, *options: str) -> None:
+    """Build the packages in a workspace, with what it already has."""
+    for program, package in (("cmake", "cmake"), ("make", "make"), ("c++", "g++")):
+        require_program(program, package)
+    source = workspace / "src/onebot"
+    source.mkdir(parents=True)
+    for folder in (*PACKAGES, "tests"):
+        shutil.copytree(CHECKOUT / folder, source / folder, ignore=_left_out)
+    shutil.copy(CHECKOUT / "pyproject.toml", source)
+    built = _colcon(workspace, "build", *options)
+    assert built.returncode == 0, built.stdout + built.stderr
+    assert f"{len(list(workspace.glob('src/**/package.xml')))} packages finished" in built.stdout
+    assert "FutureWarning" not in built.stderr and "error" not in built.stderr.lower()
+    # PYTHONPATH from setup.bash comes before this environment's own (editable) install.
+    code = (
+        "import onebot_description.ros.wire.interfaces as m; print(m.__file__);"
+        "from onebot_description.description.packages import package_share as share;"
+        "print(share('mrm_description'))"
+    )
+    module, share = _run(_sourced(workspace), workspace, "python3", "-c", code).stdout.split()
+    assert str(workspace) in module
+    assert share == str(workspace / "install/mrm_description/share/mrm_description")
 
 
 def _colcon(workspace: Path, *words: str) -> subprocess.CompletedProcess[str]:
@@ -177,7 +177,7 @@ def _sourced(workspace: Path) -> dict[str, str]:
     return dict(word.split("=", 1) for word in shown.stdout.split("\0") if word)
 
 
-def _check_executables(workspace: Path, sourced: dict[str, str], started: Iterable[str]) -> None:
+def _check_executables(workspace: Path, sourced: dict[str, str]) -> None:
     """Each one is where ``ros2 run`` looks, and these start as it would start them."""
     found = {
         f"{package}/{file.name}": file
@@ -186,8 +186,7 @@ def _check_executables(workspace: Path, sourced: dict[str, str], started: Iterab
         if os.access(file, os.X_OK)
     }
     assert found.keys() == EXECUTABLES.keys()
-    for name in started:
-        arguments, code, says = EXECUTABLES[name]
+    for name, (arguments, code, says) in EXECUTABLES.items():
         ran = _run(sourced, workspace, found[name], *arguments)
         assert ran.returncode == code, ran.stderr
         assert says in ran.stdout + ran.stderr and "Traceback" not in ran.stderr
@@ -201,11 +200,11 @@ def _check_launch_files(workspace: Path) -> None:
         assert there.read_text() == file.read_text()
 
 
-def _check_tests(workspace: Path, packages: Iterable[str]) -> None:
+def _check_tests(workspace: Path) -> None:
     """``colcon test`` runs those of each package on what is installed: an edit there fails them."""
-    assert _colcon(workspace, "test", "--packages-select", *packages).returncode == 0
+    assert _colcon(workspace, "test", "--packages-select", *PACKAGES).returncode == 0
     good = _colcon(workspace, "test-result", "--all").stdout
-    for package in packages:
+    for package in PACKAGES:
         counts = rf"build/{package}/test_results/{package}/pytest.xml: (\d+) tests, 0 .*, 0 .*, 0 "
         assert int(re.findall(counts, good)[0]) > 1, good
     xacro = workspace / "install/mrm_description/share/mrm_description/urdf/mrm.xacro"

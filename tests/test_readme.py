@@ -76,11 +76,10 @@ def test_command(command, ros_domain, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("block", IN_TURN.findall(ALL))
-def test_commands_in_turn(block, ros_domain, tmp_path):
-    """Each finds what the one before has left."""
+def test_commands_in_turn(ros_domain, tmp_path):
+    """Each finds what the one before has left; the blocks begin alike."""
     _lay_out_checkout(tmp_path)
-    for command in block.splitlines():
+    for command in dict.fromkeys("".join(IN_TURN.findall(ALL)).splitlines()):
         _run(command, tmp_path)
 
 
@@ -109,13 +108,14 @@ def _run_node(command, name, domain, folder):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("robot", "block"), BESIDE.findall(ALL))
-def test_commands_beside_a_running_robot(robot, block, ros_domain, tmp_path):
+@pytest.mark.parametrize("robot", dict.fromkeys(robot for robot, _ in BESIDE.findall(ALL)))
+def test_commands_beside_a_running_robot(robot, ros_domain, tmp_path):
     """In a second terminal, each ends with exit code 0, or runs until Ctrl-C and then does."""
     _lay_out_checkout(tmp_path)
+    commands = "".join(block for beside, block in BESIDE.findall(ALL) if beside == robot)
     with RunningCommand(f"exec {robot}", tmp_path) as running:
         wait_for(lambda: readme.is_up(robot, running.output), "the robot")
-        for command in block.splitlines():
+        for command in commands.splitlines():
             [printed] = [text for kind, text in ENDLESS.items() if re.search(kind, command)] or [""]
             if printed:
                 with RunningCommand(f"exec {command}", tmp_path) as endless:

@@ -220,14 +220,6 @@ def test_simulated_time(tmp_path, ros_domain):
     assert {stamp for _, stamp, _ in read_all(folder)[0]} == {42 * 10**9}
 
 
-def test_a_missing_parameter(ros_domain):
-    """It is one line, exit code 1."""
-    with NodeProcess(MODULE, *ros_args(compression="none"), check=False) as node:
-        assert node.wait() == 1
-        assert "folder: is missing, where to record to, a new folder" in node.output
-        assert "Traceback" not in node.output
-
-
 def test_folder_that_vanishes(tmp_path, ros_domain):
     """The recorder ends with one error when its recording is deleted."""
     folder = tmp_path / "run"

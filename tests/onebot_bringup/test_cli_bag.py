@@ -75,21 +75,6 @@ def recording(folder: Path, plugin: StoragePlugin = StoragePlugin.SQLITE3) -> Pa
     return folder
 
 
-def test_what_a_recording_knows(tmp_path: Path) -> None:
-    """Numbers, times and QoS, of both formats; QoS in words and in numbers."""
-    bag = Bag(recording(tmp_path / "run"))
-    assert bag.counts == {"/once": 1, "/words": 10, "/odd": 1} and bag.count == 12
-    assert (bag.start_ns, bag.end_ns - bag.start_ns) == (START, 9 * SECOND // 5)
-    assert bag.offered["/once"] == [LATCHED_QOS] and bag.offered["/words"] == []
-    write_words(tmp_path / "ours", 3)
-    ours = Bag(tmp_path / "ours")
-    assert (ours.counts, ours.offered) == ({"/words": 3}, {"/words": [LATCHED_QOS]})
-    assert (ours.start_ns, ours.end_ns) == (SECOND, SECOND + 2_000_000)
-    cut = tmp_path / "cut.mcap"
-    cut.write_bytes((tmp_path / "ours/ours_0.mcap").read_bytes()[:-50])
-    assert Bag(cut).counts == ours.counts and Bag(cut).end_ns == ours.end_ns
-
-
 def add_what_is_not_played(folder: Path) -> None:
     """Names and types that ROS refuses, a second type of a topic, and publishers that disagree."""
     offered = """[{reliability: best_effort, deadline: {sec: 0, nsec: 500000000}},

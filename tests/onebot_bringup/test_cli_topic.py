@@ -202,20 +202,6 @@ def test_it_suggests_a_like_topic_and_waits_on(
         assert command.interrupt() == 0 and command.err.count("did you mean") == 1
 
 
-def test_info_suggests_like_topics_before_it_gives_up(ros_domain: int) -> None:
-    with Peer(ros_domain) as peer:
-        for name in ("/robot0/scan", "/robot1/scan", "/chatter"):
-            peer.node.create_publisher(String, name, 10)
-        for name, question in (
-            ("/chater", r'did you mean "/chatter"\?'),
-            ("scan", r'did you mean "/robot\d/scan"( or "/robot\d/scan")?\?'),
-        ):
-            wrong = onebot("topic", "info", name)
-            notice, error, _ = wrong.stderr.partition("error: ")
-            assert wrong.returncode == 1 and re.search(question, notice) and error, wrong.stderr
-        assert "did you mean" not in onebot("topic", "info", "/voltage").stderr
-
-
 def test_echo_into_head(ros_domain: int) -> None:
     """A reader that leaves ends it quietly."""
     with Peer(ros_domain) as peer:

@@ -625,42 +625,11 @@ def test_displays_and_parameters_are_set_in_panels(ros_domain: int, peer: Peer, 
         assert row("parameters", "lights").is_displayed()
 
 
-def test_the_map_draws_what_the_lidar_sees(peer: Peer, page: Page, tmp_path: Path) -> None:
-    """Without a map: the walls of a room, where they are, in a colour of their own."""
-    urdf = load_description(ONEBOT, {"sensors_enabled": "true"}).urdf
-    (tmp_path / "onebot.urdf").write_text(urdf)
-    robot = str(tmp_path / "onebot.urdf"), *ros_args(world=room(tmp_path), x=1.0)
-    with (
-        NodeProcess("onebot_description.robot_state_publisher", robot[0]),
-        NodeProcess("onebot_control.velocity_controller", *robot),
-    ):
-        page.find("[name=map]").click()
-        for _ in range(2):  # the whole room
-            page.find("[name=farther]").click()
+def test_it_shows_what_the_sensors_see(peer: Peer, page: Page, tmp_path: Path) -> None:
+    """In a room: the walls on the map, the camera, and an obstacle that is too near for braking.
 
-        def walls() -> list[float]:
-            """The farthest dots to the left, right, top and bottom of the robot, m."""
-            return list(page.driver.execute_script(WALLS))
-
-        wanted = pytest.approx([HALF + 1.0, HALF - 1.0, HALF, HALF], abs=0.1)
-        wait_for(lambda: walls() == wanted, "the walls of the room")
-        page.find("[name=map]").click()
-
-
-# At 80 pixels a metre; each press of a button is a factor of 1.5.
-WALLS = """
-const box = document.querySelector("#ground .scan").getBBox();
-const { width, height } = document.querySelector("#ground svg").getBoundingClientRect();
-const sides = [width / 2 - box.x, box.x + box.width - width / 2,
-               height / 2 - box.y, box.y + box.height - height / 2];
-return sides.map((pixels) => pixels * 1.5 ** 2 / 80);
-"""
-
-
-def test_it_shows_the_camera_and_an_obstacle_in_the_way(
-    peer: Peer, page: Page, tmp_path: Path
-) -> None:
-    """The camera is subscribed to while its picture is shown; too near for braking is red."""
+    The camera is subscribed to while its picture is shown.
+    """
     urdf = load_description(ONEBOT, {"sensors_enabled": "true"}).urdf
     (tmp_path / "onebot.urdf").write_text(urdf)
     robot = str(tmp_path / "onebot.urdf"), *ros_args(world=room(tmp_path), x=1.6)
@@ -674,6 +643,14 @@ def test_it_shows_the_camera_and_an_obstacle_in_the_way(
         wait_for(lambda: page.driver.execute_script(picture) == [160, camera], "a picture")
         page.driver.execute_script("document.querySelector('#camera').open = false")
         wait_for(lambda: not peer.node.count_subscribers(camera), "the camera to be left")
+
+        page.find("[name=map]").click()
+        for _ in range(2):  # the whole room
+            page.find("[name=farther]").click()
+        wanted = pytest.approx([HALF + 1.6, HALF - 1.6, HALF, HALF], abs=0.1)
+        wait_for(lambda: page.driver.execute_script(WALLS) == wanted, "the walls of the room")
+        page.find("[name=map]").click()
+
         distance = page.find("#braking output")
 
         def redness() -> int:
@@ -685,6 +662,17 @@ def test_it_shows_the_camera_and_an_obstacle_in_the_way(
         page.drive_by_keys("w", lambda: page.text("#braking small").startswith("obstacle at"))
         wait_for(lambda: redness() > 60, "red")
         page.release_keys("w")
+
+
+# The farthest dots to the left, right, top and bottom of the robot, m: at 80 pixels a metre; each
+# press of a button is a factor of 1.5.
+WALLS = """
+const box = document.querySelector("#ground .scan").getBBox();
+const { width, height } = document.querySelector("#ground svg").getBoundingClientRect();
+const sides = [width / 2 - box.x, box.x + box.width - width / 2,
+               height / 2 - box.y, box.y + box.height - height / 2];
+return sides.map((pixels) => pixels * 1.5 ** 2 / 80);
+"""
 
 
 def test_a_second_finger_stops_and_all_that_is_held_stays_so(

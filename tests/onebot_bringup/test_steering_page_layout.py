@@ -24,7 +24,7 @@ from tests.support import wait_for
 
 pytestmark = pytest.mark.slow
 
-SCREENS = [(1280, 800), (1280, 657), (1920, 1080)]
+SCREENS = [(1280, 657), (1920, 1080)]
 ROBOTS = {name: f"/{name}/velocity_controller/cmd_vel" for name in ("bare", "seeing")}
 CAMERAS = {"/seeing/front/image_raw": (200, 60, 30), "/seeing/rear/image_raw": (30, 60, 200)}
 # A viewer's page that has something to show at once, in place of Rerun, which draws for long.
