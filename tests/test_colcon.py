@@ -13,7 +13,7 @@ import pytest
 
 from tests.onebot_bringup.bringup_support import Transforms, stop, wait_for_robot
 from tests.onebot_bringup.launcher_support import RunningCommand
-from tests.support import require, require_program
+from tests.support import PATIENCE, require, require_program, run_to_end
 
 pytestmark = pytest.mark.slow
 
@@ -141,7 +141,10 @@ def _build(workspace: Path, *options: str) -> None:
     shutil.copy(CHECKOUT / "pyproject.toml", source)
     built = _colcon(workspace, "build", *options)
     assert built.returncode == 0, built.stdout + built.stderr
-    assert f"{len(list(workspace.glob('src/**/package.xml')))} packages finished" in built.stdout
+    assert (
+        f"{len(list(workspace.glob('src/**/package.xml')))} packages finished"
+        in built.stdout + built.stderr
+    )
     assert "FutureWarning" not in built.stderr and "error" not in built.stderr.lower()
     # PYTHONPATH from setup.bash comes before this environment's own (editable) install.
     code = (
@@ -166,7 +169,7 @@ def _colcon(workspace: Path, *words: str) -> subprocess.CompletedProcess[str]:
 def _run(
     environment: dict[str, str], workspace: Path, *command: str | Path
 ) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(command, cwd=workspace, env=environment, capture_output=True, text=True)
+    return run_to_end(command, cwd=workspace, env=environment, timeout=10 * PATIENCE)
 
 
 def _sourced(workspace: Path) -> dict[str, str]:

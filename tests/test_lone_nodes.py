@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from onebot_bringup.launch.nodes import NODES
-from tests.support import PATIENCE, wait_for
+from tests.support import PATIENCE, run_to_end, wait_for
 
 MODULES = [row.module for row in NODES]
 FIRST = "onebot_description.ros.missing_ros"  # which each of them imports
@@ -46,11 +46,8 @@ def at_import(tmp_path: Path, ros_domain: int) -> Run:
         environment = {key: value for key, value in os.environ.items() if "NUM_THREADS" not in key}
         environment["PYTHONPATH"] = f"{tmp_path}:{environment.get('PYTHONPATH', '')}"
         (tmp_path / "sitecustomize.py").write_text(SITECUSTOMIZE.format(name=name, action=action))
-        return subprocess.run(
+        return run_to_end(
             [sys.executable, "-m", *words],
-            capture_output=True,
-            text=True,
-            timeout=PATIENCE,
             env={**environment, **variables},
             preexec_fn=lambda: signal.signal(signal.SIGINT, handler),
         )

@@ -3,7 +3,6 @@
 import os
 import sqlite3
 import struct
-import subprocess
 import sys
 from contextlib import closing
 
@@ -16,7 +15,7 @@ from onebot_bringup.bags.bag_reader import Bag
 from onebot_bringup.bags.writer import BagWriter
 from onebot_bringup.cli.main import main
 from tests.onebot_bringup.bag_support import cdr, topic
-from tests.support import PATIENCE
+from tests.support import run_to_end
 
 HUGE = 2_000_000_000  # bytes
 MOST = 900_000  # KiB that a process which refuses them may take
@@ -175,10 +174,7 @@ def test_refused_soon_in_little_memory(tmp_path):
     """By one number for whatever is read or unpacked at once; what is sound before it is read."""
     for name, (write, _) in HOSTILE.items():
         write(tmp_path / name)
-    done = subprocess.run(
-        [sys.executable, "-c", READ, *HOSTILE],
-        cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE, check=True,
-    )  # fmt: skip
+    done = run_to_end([sys.executable, "-c", READ, *HOSTILE], cwd=tmp_path, check=True)
     for (name, (_, words)), line in zip(HOSTILE.items(), done.stdout.splitlines(), strict=True):
         said, _, memory = line.rpartition(" ")
         assert words in f"{said} ", name
@@ -241,8 +237,7 @@ QUERIES = {
 def test_ctrl_c_while_reading(tmp_path, ros_domain, query, words):
     """A search that goes on for ever ends, quietly, with exit code 0."""
     sqlite([STORED], [INSERT.format(1), cdr("word")])(tmp_path / "a.db3")
-    done = subprocess.run(
-        [sys.executable, "-c", INTERRUPTED, query, QUERIES[query], *words],
-        cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE, check=False,
-    )  # fmt: skip
+    done = run_to_end(
+        [sys.executable, "-c", INTERRUPTED, query, QUERIES[query], *words], cwd=tmp_path
+    )
     assert (done.returncode, "Traceback" in done.stderr) == (0, False), done.stderr

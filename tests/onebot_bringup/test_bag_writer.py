@@ -2,7 +2,6 @@
 
 import os
 import resource
-import subprocess
 import sys
 
 import pytest
@@ -12,6 +11,7 @@ from onebot_bringup.bags.bag_reader import Bag
 from onebot_bringup.bags.writer import BagWriter
 from onebot_description.errors import OneBotError
 from tests.onebot_bringup.bag_support import cdr, read_all, topic, write_words
+from tests.support import run_to_end
 
 
 @pytest.mark.parametrize("compress", [True, False])
@@ -104,12 +104,7 @@ except OneBotError as error:
 
 def test_full_disk(tmp_path):
     """No room left: one clear error, and what was recorded before can be read."""
-    done = subprocess.run(
-        [sys.executable, "-c", _FILL, str(tmp_path / "bag")],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    done = run_to_end([sys.executable, "-c", _FILL, str(tmp_path / "bag")], check=True)
     *counts, error = done.stdout.splitlines()
     assert error == f"cannot record to {tmp_path / 'bag'}: {os.strerror(27)}"
     found, _ = read_all(tmp_path / "bag")

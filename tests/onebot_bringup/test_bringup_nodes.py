@@ -4,7 +4,6 @@ What the nodes then do is tested by bringing robots up (``test_bringup``, ``test
 """
 
 import os
-import subprocess
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -50,6 +49,7 @@ from onebot_description.errors import OneBotError, UsageError
 from onebot_description.ros.parameters.files import read_parameters
 from onebot_description.ros.parameters.reader import leaves
 from tests.readme_tables import PARAMETERS
+from tests.support import run_to_end
 
 _MODULE = 3  # where a command names the node's module, after python -m interpreter
 ARM = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
@@ -800,9 +800,7 @@ def test_the_model_is_expanded_in_a_fork(tmp_path: Path) -> None:
         f"main(['model:={tmp_path / 'parts.xacro'}', 'viewer:=none'])"
     )
     environment = {key: value for key, value in os.environ.items() if "OPENBLAS" not in key}
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, env=environment, timeout=180
-    )
+    done = run_to_end([sys.executable, "-c", code], env=environment)
     assert "2 parts" in done.stderr, done.stderr
 
 

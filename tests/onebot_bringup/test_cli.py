@@ -95,15 +95,12 @@ def test_former_names_lead_to_commands() -> None:
         assert name not in VERBS and verb.split()[0] in VERBS
 
 
-def test_run(ros_domain: int, tmp_path: Path) -> None:
+def test_run(peer: Peer, tmp_path: Path) -> None:
     """A node is run by its package and name, with its arguments, until Ctrl-C."""
     file = tmp_path / "robot.urdf"
     file.write_text('<robot name="r"><link name="base"/></robot>')
     words = ("run", "onebot_description", "robot_state_publisher", str(file))
-    with (
-        Peer(ros_domain) as peer,
-        running(tmp_path, *words, "--ros-args", "-r", "__node:=mine") as node,
-    ):
+    with running(tmp_path, *words, "--ros-args", "-r", "__node:=mine") as node:
         wait_for(lambda: "mine" in peer.node.get_node_names(), "the node")
         assert node.interrupt() == 0 and not lines_of_ours(node.err)
 

@@ -136,29 +136,28 @@ def problems(command) -> list[str]:
     return [line for line in command.err.splitlines() if not line.startswith("looking for ")]
 
 
-def test_play(tmp_path: Path, ros_domain: int) -> None:
+def test_play(tmp_path: Path, peer: Peer) -> None:
     """Each message in its time and order, latched ones for who comes later, and the clock.
 
     What is not installed or not to be published is left out with one line each.
     """
     folder = recording(tmp_path / "run")
     add_what_is_not_played(folder)
-    with Peer(ros_domain) as peer:
-        deadline = Duration(seconds=1)  # which a publisher without one does not meet
-        heard = peer.hear(String, "/speech", QoSProfile(depth=100, deadline=deadline))
-        clock = peer.hear(Clock, "/clock")
-        words = ("--clock", "50", "-r", "2", "-m", "/words:=/speech")
-        started = time.monotonic()
-        with running(tmp_path, "bag", "play", str(folder), *words) as command:
-            wait_for(lambda: heard, "the first word")
-            once = peer.hear(String, "/once", LATCHED)
-            assert command.process.wait(PATIENCE) == 0, command.err
-        assert time.monotonic() - started > 0.9
-        assert [word.data for word in heard] == [f"word {index}" for index in range(10)]
-        assert [word.data for word in once] == ["once"]
-        stamps = [message.clock.sec * SECOND + message.clock.nanosec for message in clock]
-        assert {b - a for a, b in zip(stamps, stamps[1:], strict=False)} == {SECOND // 25}
-        assert START <= stamps[0] and stamps[-1] <= START + 9 * SECOND // 5
+    deadline = Duration(seconds=1)  # which a publisher without one does not meet
+    heard = peer.hear(String, "/speech", QoSProfile(depth=100, deadline=deadline))
+    clock = peer.hear(Clock, "/clock")
+    words = ("--clock", "50", "-r", "2", "-m", "/words:=/speech")
+    started = time.monotonic()
+    with running(tmp_path, "bag", "play", str(folder), *words) as command:
+        wait_for(lambda: heard, "the first word")
+        once = peer.hear(String, "/once", LATCHED)
+        assert command.process.wait(PATIENCE) == 0, command.err
+    assert time.monotonic() - started > 0.9
+    assert [word.data for word in heard] == [f"word {index}" for index in range(10)]
+    assert [word.data for word in once] == ["once"]
+    stamps = [message.clock.sec * SECOND + message.clock.nanosec for message in clock]
+    assert {b - a for a, b in zip(stamps, stamps[1:], strict=False)} == {SECOND // 25}
+    assert START <= stamps[0] and stamps[-1] <= START + 9 * SECOND // 5
     expected = (
         '/odd is not played: no message type "odd_msgs/msg/Odd"',
         '/a b is not played: "/a b" is no name: ',
@@ -170,19 +169,18 @@ def test_play(tmp_path: Path, ros_domain: int) -> None:
     assert f"playing {folder}: 1.8 s of 2 topics\n" in command.out
 
 
-def test_play_a_part_again_and_again(tmp_path: Path, ros_domain: int) -> None:
+def test_play_a_part_again_and_again(tmp_path: Path, peer: Peer) -> None:
     """Only some topics, from an offset on, for a while, in a loop until Ctrl-C (exit code 0)."""
     folder = recording(tmp_path / "run")
-    with Peer(ros_domain) as peer:
-        heard: list[tuple[String, int]] = []
-        peer.node.create_subscription(
-            String, "/words", lambda word, info: heard.append((word, info["source_timestamp"])), 100
-        )
-        once = peer.hear(String, "/once", LATCHED)
-        part = "--start-offset 0.5 --playback-duration 0.4 -x .*odd --loop --delay 0.5".split()
-        with running(tmp_path, "bag", "play", str(folder), *part) as command:
-            wait_for(lambda: len(heard) >= 5 and once, "two rounds")
-            assert command.interrupt() == 0 and "Traceback" not in command.err
+    heard: list[tuple[String, int]] = []
+    peer.node.create_subscription(
+        String, "/words", lambda word, info: heard.append((word, info["source_timestamp"])), 100
+    )
+    once = peer.hear(String, "/once", LATCHED)
+    part = "--start-offset 0.5 --playback-duration 0.4 -x .*odd --loop --delay 0.5".split()
+    with running(tmp_path, "bag", "play", str(folder), *part) as command:
+        wait_for(lambda: len(heard) >= 5 and once, "two rounds")
+        assert command.interrupt() == 0 and "Traceback" not in command.err
     expected = ["word 3", "word 4"] * 3
     assert [word.data for word, _ in heard][:5] == expected[:5]
     sent = [stamp for _, stamp in heard]
@@ -190,17 +188,16 @@ def test_play_a_part_again_and_again(tmp_path: Path, ros_domain: int) -> None:
     assert not problems(command)
 
 
-def test_loop_of_one_moment(tmp_path: Path, ros_domain: int) -> None:
+def test_loop_of_one_moment(tmp_path: Path, peer: Peer) -> None:
     """A recording without duration is not published as fast as can be."""
     folder = recording(tmp_path / "run")
-    with Peer(ros_domain) as peer:
-        heard = peer.hear(String, "/words")
-        started = time.monotonic()
-        words = ("-l", "--start-offset", "1.8", "-e", "/words")
-        with running(tmp_path, "bag", "play", str(folder), *words) as command:
-            wait_for(lambda: len(heard) >= 5, "some rounds")
-            assert command.interrupt() == 0
-        assert len(heard) <= 1 + (time.monotonic() - started) / 0.1
+    heard = peer.hear(String, "/words")
+    started = time.monotonic()
+    words = ("-l", "--start-offset", "1.8", "-e", "/words")
+    with running(tmp_path, "bag", "play", str(folder), *words) as command:
+        wait_for(lambda: len(heard) >= 5, "some rounds")
+        assert command.interrupt() == 0
+    assert len(heard) <= 1 + (time.monotonic() - started) / 0.1
 
 
 @pytest.mark.parametrize(
@@ -226,22 +223,21 @@ def test_play_mistakes(
     assert part in capsys.readouterr().err
 
 
-def test_record(tmp_path: Path, ros_domain: int) -> None:
+def test_record(tmp_path: Path, peer: Peer) -> None:
     """The topics chosen by name and pattern, without those excluded, until Ctrl-C."""
     folder = tmp_path / "run"
-    with Peer(ros_domain) as peer:
-        for name in ("/left/words", "/right/words", "/right/secret"):
-            peer.node.create_publisher(String, name, LATCHED).publish(String(data=name))
-        words = ("/left/words", "-e", "^/right", "-x", "secret", "-o", str(folder))
-        with running(tmp_path, "bag", "record", *words) as command:
-            wait_for(
-                lambda: (folder / "metadata.yaml").is_file() and Bag(folder).count == 2,
-                "both messages",
-            )
-            assert command.interrupt() == 0, command.err
-        assert set(Bag(folder).topics) == {"/left/words", "/right/words"}
-        again = onebot("bag", "record", "-a", "-o", str(folder))
-        assert again.returncode == 1 and "exists already" in again.stderr
+    for name in ("/left/words", "/right/words", "/right/secret"):
+        peer.node.create_publisher(String, name, LATCHED).publish(String(data=name))
+    words = ("/left/words", "-e", "^/right", "-x", "secret", "-o", str(folder))
+    with running(tmp_path, "bag", "record", *words) as command:
+        wait_for(
+            lambda: (folder / "metadata.yaml").is_file() and Bag(folder).count == 2,
+            "both messages",
+        )
+        assert command.interrupt() == 0, command.err
+    assert set(Bag(folder).topics) == {"/left/words", "/right/words"}
+    again = onebot("bag", "record", "-a", "-o", str(folder))
+    assert again.returncode == 1 and "exists already" in again.stderr
     assert onebot("bag", "record").returncode == 2
     both = onebot("bag", "record", "-a", "/words")
     assert both.returncode == 2 and "-a records all topics" in both.stderr

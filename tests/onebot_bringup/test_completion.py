@@ -2,7 +2,6 @@
 
 import json
 import os
-import subprocess
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -15,6 +14,7 @@ from onebot_bringup.cli.main import VERBS
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_bringup.cli_support import MODULE, onebot, output_of
 from tests.ros_support import LATCHED, Peer
+from tests.support import run_to_end
 
 ROBOT = Path(__file__).parents[2] / "mrm_description/urdf/mrm.xacro"
 
@@ -68,10 +68,7 @@ def completed(lines: Iterable[str], folder: Path) -> dict[str, set[str]]:
     """What argcomplete's function of a shell gets for lines whose end Tab is pressed at."""
     modules = {"onebot_bringup": BRINGUP, "mrm_bringup": MRM}
     asked = [(line, modules.get(Path(line.split()[0]).name, MODULE)) for line in lines]
-    done = subprocess.run(
-        [sys.executable, "-c", COMPLETE, json.dumps(asked), str(folder)],
-        capture_output=True, text=True,
-    )  # fmt: skip
+    done = run_to_end([sys.executable, "-c", COMPLETE, json.dumps(asked), str(folder)])
     assert done.returncode == 0 and "Traceback" not in done.stderr, done.stderr
     found = {}
     for number, (line, _) in enumerate(asked):
@@ -129,9 +126,7 @@ def test_in_bash(tmp_path: Path) -> None:
         '_python_argcomplete onebot\necho "${COMPREPLY[0]}"'
     )
     path = f"{tmp_path}:{os.environ['PATH']}"
-    done = subprocess.run(
-        ["bash", "-c", script], env=os.environ | {"PATH": path}, capture_output=True, text=True
-    )
+    done = run_to_end(["bash", "-c", script], env=os.environ | {"PATH": path})
     assert done.stdout.split() == ["-F", "_python_argcomplete", "info"], done.stderr
     assert "compdef" in output_of("completion", "zsh")
     assert "complete --command mrm_bringup" in output_of("completion", "fish")

@@ -1,7 +1,6 @@
 """How a module of a node is run: it ends as by itself."""
 
 import os
-import subprocess
 import sys
 from pathlib import Path
 
@@ -11,6 +10,7 @@ from onebot_bringup.launch.bringup import Bringup, bring_up
 from onebot_description.errors import UsageError
 from tests.onebot_bringup.bringup_support import MARK
 from tests.orphans import marked
+from tests.support import run_to_end
 
 BEGIN = """
 import atexit, sys, threading, time
@@ -33,9 +33,7 @@ def test_a_module_ends_as_by_itself(tmp_path: Path, end: str, code: int, complai
     """Its threads are awaited, its exit functions called and its output is whole."""
     (tmp_path / "ending.py").write_text(BEGIN + end)
     for runner in ([], ["onebot_bringup.launcher.interpreter"]):
-        ended = subprocess.run(
-            [sys.executable, "-m", *runner, "ending"], cwd=tmp_path, capture_output=True, text=True
-        )
+        ended = run_to_end([sys.executable, "-m", *runner, "ending"], cwd=tmp_path)
         assert ended.returncode == code
         assert ended.stdout == "thread\nat exit"
         assert ended.stderr.endswith(complaint) and bool(ended.stderr) == bool(complaint)

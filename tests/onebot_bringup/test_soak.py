@@ -128,10 +128,10 @@ def leaking() -> Iterator[psutil.Process]:
 
 
 @pytest.mark.slow
-def test_driving_about(ros_domain: int) -> None:
+def test_driving_about(peer: Peer) -> None:
     """Stamps without gaps, no process that grows."""
     usage = Usage()
-    with Peer(ros_domain) as peer, NodeProcess(BRINGUP, *WORDS, *SIMULATED) as bringup:
+    with NodeProcess(BRINGUP, *WORDS, *SIMULATED) as bringup:
         drive = Drive(peer)
         launcher = psutil.Process(bringup.process.pid)
         wait_for(lambda: drive.now > BEGIN, "the robot to drive")

@@ -131,7 +131,7 @@ CLIFF = sensor("cliff", "LaserScan", 'xyz="0.08 0 0.02" rpy="0 1.570796326794896
     ],
 )
 def test_every_sensor_counts_in_the_direction_driven(
-    ros_domain: int, tmp_path: Path, sensors: str, speed: float
+    peer: Peer, tmp_path: Path, sensors: str, speed: float
 ) -> None:
     """In a room, on the wire: the way to the wall, until the robot pushes it.
 
@@ -145,7 +145,6 @@ def test_every_sensor_counts_in_the_direction_driven(
     footprint = Footprint.of(described(robot))
     reach = footprint.high[0] if speed > 0.0 else -footprint.low[0]
     with (
-        Peer(ros_domain) as peer,
         NodeProcess("onebot_description.robot_state_publisher", model),
         NodeProcess("onebot_control.velocity_controller", model, *simulated),
         steered() as (_, page),

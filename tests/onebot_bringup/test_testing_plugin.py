@@ -14,7 +14,7 @@ from PIL import Image
 from onebot_bringup.viewer.rrd import has_content
 from tests.orphans import marked
 from tests.ros_support import RunningProcess
-from tests.support import wait_for
+from tests.support import run_to_end, wait_for
 from tests.support_rendering import require_renderer
 
 PLUGIN = "onebot_bringup.testing.plugin"
@@ -85,9 +85,7 @@ def run(folder: Path, code: str, *arguments: str) -> str:
     """Run tests in a folder without any settings; what pytest prints."""
     (folder / "test_robot.py").write_text(code)
     environment = {name: value for name, value in os.environ.items() if name != "ROS_DOMAIN_ID"}
-    done = subprocess.run(
-        words(*arguments), cwd=folder, capture_output=True, text=True, env=environment
-    )
+    done = run_to_end(words(*arguments), cwd=folder, env=environment)
     return done.stdout + done.stderr
 
 
