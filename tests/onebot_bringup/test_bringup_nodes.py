@@ -46,7 +46,6 @@ from onebot_control.parameters import SimulationConfig
 from onebot_description.description import Description, load_description
 from onebot_description.description_files import Source
 from onebot_description.errors import OneBotError, UsageError
-from onebot_description.ros.parameters.files import read_parameters
 from onebot_description.ros.parameters.reader import leaves
 from tests.readme_tables import PARAMETERS
 from tests.support import run_to_end
@@ -170,15 +169,16 @@ def test_every_argument_is_read_and_every_parameter_declared(make: Make) -> None
     assert names - values.names == {PACKAGES.name}  # which is used before the model is read
 
 
-def test_an_argument_given_is_what_the_node_gets(make: Make) -> None:
+@pytest.mark.parametrize("sim", [True, False])
+def test_an_argument_given_is_what_the_node_gets(make: Make, sim: bool) -> None:
     """What a row of the nodes' table sets by itself does not override it."""
     candidates = ("0.25", "7", "false", "true", "given", "a,b")
-    for argument in make().arguments:
+    for argument in make(sim).arguments:
         if argument.node not in ("", "steering_page"):  # the page's address is tested by itself
             possible = (text for text in argument.choices or candidates if text != argument.default)
             text = next(text for text in possible if not argument.problem(text))
-            both = {"left_wheel": "left", "right_wheel": "right"}  # neither goes alone
-            launch = make(**{**both, argument.name: text})
+            both = {"left_wheel": "left", "right_wheel": "right"} if sim else {}  # none goes alone
+            launch = make(sim, **{**both, argument.name: text})
             assert parameters_of(launch, argument.node)[argument.parameter] == argument.value(text)
 
 
@@ -262,10 +262,6 @@ def test_robot_state_publisher_gets_the_robot(make: Make) -> None:
         "ignore_timestamp": False,
         "use_sim_time": False,
     }
-    given = {"frame_prefix": "a_", "publish_frequency": "20", "ignore_timestamp": "true"}
-    found = parameters_of(make(False, **given), "robot_state_publisher")
-    assert found["frame_prefix"] == "a_" and found["ignore_timestamp"] is True
-    assert found["publish_frequency"] == 20.0 and isinstance(found["publish_frequency"], float)
 
 
 def test_joint_state_publisher_has_a_file_or_swings(make: Make, arm: Path) -> None:
@@ -277,13 +273,8 @@ def test_joint_state_publisher_has_a_file_or_swings(make: Make, arm: Path) -> No
     }
     swing = parameters_of(make(), "joint_state_publisher")
     assert swing == {"rate": 30.0, "swing": 8.0, "use_sim_time": False}
-    for simulated, sim in ((False, {}), (True, {"sim": "false"})):
-        given = parameters_of(make(simulated, rate="20", **sim), "joint_state_publisher")
-        assert given == {"rate": 20.0, "swing": 8.0, "use_sim_time": False}
-        given = parameters_of(
-            make(simulated, rate="20", joints=file, **sim), "joint_state_publisher"
-        )
-        assert given["rate"] == 20.0
+    given = parameters_of(make(rate="20", joints=file, sim="false"), "joint_state_publisher")
+    assert given["rate"] == 20.0
 
 
 def test_velocity_controller_starts_where_it_is_put(
@@ -812,24 +803,20 @@ def test_no_argument_without_need(tmp_path: Path) -> None:
 
 
 Text = st.text(st.characters(blacklist_categories=("Cs",)))
+Number = st.booleans() | st.integers(-(2**31), 2**31) | st.sampled_from((10.0, 1e-5, -2.5e300))
 Name = st.text(st.characters(blacklist_categories=("Cs",)), max_size=50)
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(st.dictionaries(Name, Text | st.booleans() | st.integers(-(2**31), 2**31), max_size=5))
+@given(st.dictionaries(Name, Text | Number, max_size=5))
 def test_values_come_back_with_their_type(tmp_path: Path, values: dict[str, object]) -> None:
-    """Any text (emoji, quotes, "1.0", "true"), boolean or whole number is read back unchanged."""
+    """Any text (emoji, quotes, "1.0", "true"), boolean or number is read back unchanged.
+
+    ROS would take 10 for an integer, and YAML 1.1 takes 1e-05 for a text.
+    """
     path = write_parameters(tmp_path, "node", values)
     loaded = yaml.safe_load(path.read_text())["/node"]["ros__parameters"] or {}
     assert loaded == values
     assert {name: type(value) for name, value in loaded.items()} == {
         name: type(value) for name, value in values.items()
     }
-
-
-def test_doubles_keep_their_point(tmp_path: Path) -> None:
-    """ROS would take 10 for an integer, and YAML 1.1 takes 1e-05 for a text."""
-    path = write_parameters(tmp_path, "node", {"rate": 10.0, "small": 1e-5})
-    values = read_parameters(path.read_text(), "node.yaml", "/node").values
-    assert values == {"rate": 10.0, "small": 1e-5} and type(values["rate"]) is float
-    assert yaml.safe_load(path.read_text())["/node"]["ros__parameters"] == values
