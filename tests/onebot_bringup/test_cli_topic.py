@@ -5,7 +5,6 @@ import re
 import shlex
 import sys
 import time
-from pathlib import Path
 
 import pytest
 from geometry_msgs.msg import Twist, TwistStamped
@@ -25,7 +24,7 @@ SHOWN = (
 )
 
 
-def test_pub_once(peer: Peer) -> None:
+def test_pub_once(peer):
     """--once waits for a listener, publishes one message, prints it as ros2 does, and ends."""
     heard = peer.hear(Twist, "/cmd_vel")
     done = onebot("topic", "pub", "--once", "cmd_vel", TWIST, "{linear: {x: 0.2}}")
@@ -35,7 +34,7 @@ def test_pub_once(peer: Peer) -> None:
     assert len(heard) == 1 and heard[0].linear.x == 0.2
 
 
-def test_pub_at_a_rate(peer: Peer) -> None:
+def test_pub_at_a_rate(peer):
     """-r and --times: so many messages, evenly, each with the time of its sending."""
     heard = peer.hear(TwistStamped, "/cmd_vel")
     done = onebot(
@@ -50,7 +49,7 @@ def test_pub_at_a_rate(peer: Peer) -> None:
     assert stamps == sorted(stamps) and len(set(stamps)) == 11
 
 
-def test_pub_until_interrupted(ros_domain: int, tmp_path: Path) -> None:
+def test_pub_until_interrupted(ros_domain, tmp_path):
     """Without a number it publishes until Ctrl-C (exit code 0); it reports a missing subscriber.
 
     Its own TFMessage replaces tf2_msgs.
@@ -70,7 +69,7 @@ def test_pub_until_interrupted(ros_domain: int, tmp_path: Path) -> None:
         assert "Traceback" not in command.err
 
 
-def test_pub_waits_and_says_for_what(peer: Peer) -> None:
+def test_pub_waits_and_says_for_what(peer):
     """A listener of another type does not count, and is named; the wait can be limited."""
     peer.hear(TwistStamped, "/cmd_vel")
     done = onebot("topic", "pub", "-1", "--max-wait-time-secs", "4", "/cmd_vel", TWIST)
@@ -94,13 +93,7 @@ def test_pub_waits_and_says_for_what(peer: Peer) -> None:
         (("/x", TWIST, "--no-such"), 2, "--no-such"),
     ],
 )  # fmt: skip
-def test_pub_mistakes(
-    ros_domain: int,
-    words: tuple[str, ...],
-    code: int,
-    part: str,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_pub_mistakes(ros_domain, words, code, part, capsys):
     """Each mistake is one line on stderr; usage exits with 2 and points to the help."""
     assert main(["topic", "pub", *words]) == code
     printed = capsys.readouterr()
@@ -108,7 +101,7 @@ def test_pub_mistakes(
     assert ("see: onebot topic pub --help" in printed.err) == (code == 2)
 
 
-def test_echo_forms(peer: Peer) -> None:
+def test_echo_forms(peer):
     """The forms of output: YAML, one line, values, a part, a part's value.
 
     The QoS suits the publisher, so that what was published before is received; type discovered.
@@ -138,7 +131,7 @@ def test_echo_forms(peer: Peer) -> None:
         assert wrong.returncode == code and part in wrong.stderr, wrong.stderr
 
 
-def test_errors_of_dds_are_not_output(ros_domain: int) -> None:
+def test_errors_of_dds_are_not_output(ros_domain):
     """Without shared memory Fast DDS logs errors: to stderr, for stdout may be a file of values."""
     if problem := missing():
         skip_for(problem)
@@ -151,7 +144,7 @@ def test_errors_of_dds_are_not_output(ros_domain: int) -> None:
     assert done.stdout.split() == ["/parameter_events", "/rosout"]
 
 
-def test_echo_waits_for_the_topic(ros_domain: int, tmp_path: Path) -> None:
+def test_echo_waits_for_the_topic(ros_domain, tmp_path):
     """What is not there yet is awaited, and said; then it runs until Ctrl-C, with exit code 0."""
     with running(tmp_path, "topic", "echo", "/later") as command:
         command.says("WARNING: topic [/later] does not appear to be published yet")
@@ -172,9 +165,7 @@ def test_echo_waits_for_the_topic(ros_domain: int, tmp_path: Path) -> None:
         (("bw", "/odom"), "waiting for it", "B/s from"),
     ],
 )
-def test_it_suggests_a_like_topic_and_waits_on(
-    peer: Peer, tmp_path: Path, words: tuple[str, ...], waiting: str, shown: str
-) -> None:
+def test_it_suggests_a_like_topic_and_waits_on(peer, tmp_path, words, waiting, shown):
     """Also if the like one comes later; then what was asked for comes."""
     with running(tmp_path, "topic", *words) as command:
         command.says(waiting)
@@ -189,7 +180,7 @@ def test_it_suggests_a_like_topic_and_waits_on(
         assert command.interrupt() == 0 and command.err.count("did you mean") == 1
 
 
-def test_echo_into_head(peer: Peer) -> None:
+def test_echo_into_head(peer):
     """A reader that leaves ends it quietly."""
     publisher = peer.node.create_publisher(String, "/chatter", 10)
     peer.node.create_timer(0.02, lambda: publisher.publish(String(data="hello")))
@@ -199,7 +190,7 @@ def test_echo_into_head(peer: Peer) -> None:
     assert [line for line in done.stderr.splitlines() if "waiting for it" not in line] == []
 
 
-def test_echo_of_nothing(peer: Peer) -> None:
+def test_echo_of_nothing(peer):
     """--timeout ends the wait for a first message, or for the topic, with exit code 1."""
     peer.node.create_publisher(String, "/silent", 10)
     done = onebot("topic", "echo", "/silent", "std_msgs/msg/String", "--timeout", "1")
@@ -208,7 +199,7 @@ def test_echo_of_nothing(peer: Peer) -> None:
     assert done.returncode == 1 and "no topic /nothing within 0.5 s" in done.stderr
 
 
-def test_list(peer: Peer) -> None:
+def test_list(peer):
     """Names; with types; their number; the lists of -v; hidden ones on request."""
     peer.node.create_publisher(String, "/chatter", 10)
     peer.node.create_publisher(String, "/_secret", 10)
@@ -226,7 +217,7 @@ def test_list(peer: Peer) -> None:
     )
 
 
-def test_info_type_and_find(ros_domain: int) -> None:
+def test_info_type_and_find(ros_domain):
     """The counts; with -v each endpoint, its node and QoS; a topic's type and a type's topics."""
     with Peer(ros_domain, "talker") as peer:
         peer.node.create_publisher(String, "/chatter", LATCHED)
@@ -248,7 +239,7 @@ def test_info_type_and_find(ros_domain: int) -> None:
 
 # Simulated time stands still without a /clock.
 @pytest.mark.parametrize("options", [(), ("--wall-time", "--ros-args", "-p", "use_sim_time:=true")])
-def test_hz(peer: Peer, tmp_path: Path, options: tuple[str, ...]) -> None:
+def test_hz(peer, tmp_path, options):
     """The rate, in ros2's form, once a second, until Ctrl-C."""
     form = r"average rate: (\d+\.\d{3})\n\tmin: \d\.\d{3}s max: \d\.\d{3}s std dev: \d\.\d{5}s w"
     words = ("topic", "hz", "-w", "50", "/x", *options)

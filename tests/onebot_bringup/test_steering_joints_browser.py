@@ -94,7 +94,7 @@ def value(page: Page, slider: str = SLIDER) -> float:
     return float(page.find(slider).get_property("value"))
 
 
-def test_a_slider_moves_its_joint_while_it_is_held(page: Page, arm: Arm) -> None:
+def test_a_slider_moves_its_joint_while_it_is_held(page, arm):
     """With that share of its speed; let go, it springs back, and the joint stops."""
     names = [label.text for label in page.find("#joints").find_elements("css selector", "label")]
     assert names == ["arm_joint", "lift_joint"]
@@ -108,9 +108,7 @@ def test_a_slider_moves_its_joint_while_it_is_held(page: Page, arm: Arm) -> None
     wait_for(lambda: page.text("#joint-0-position") == words, "where it is")
 
 
-def test_arrow_keys_move_the_joint_with_the_focus(
-    page: Page, arm: Arm, twists: list[Twist]
-) -> None:
+def test_arrow_keys_move_the_joint_with_the_focus(page, arm, twists):
     """And do not drive; without the focus they drive and move no joint."""
     wait_for(lambda: page.find("#pad").is_displayed(), "the wheels")
     for key, sign in ((Keys.ARROW_RIGHT, 1.0), (Keys.ARROW_DOWN, -1.0)):
@@ -137,13 +135,13 @@ def test_arrow_keys_move_the_joint_with_the_focus(
         "document.body.dispatchEvent(new Event('contextmenu', { bubbles: true }))",
     ],
 )
-def test_leaving_stops_the_arm(page: Page, arm: Arm, leave: str) -> None:
+def test_leaving_stops_the_arm(page, arm, leave):
     """The window, the panel of joints, or a menu that takes the pointer."""
     hold(page, arm)
     stop(arm, lambda: page.driver.execute_script(leave))
 
 
-def test_a_dead_server_stops_the_arm(tab: Page, arm: Arm) -> None:
+def test_a_dead_server_stops_the_arm(tab, arm):
     """By the end of its last trajectory; the page shows that it knows no positions."""
     with steering(check=False) as node:
         page = opened(tab, node)
@@ -154,9 +152,7 @@ def test_a_dead_server_stops_the_arm(tab: Page, arm: Arm) -> None:
         assert not page.find(SLIDER).is_enabled()
 
 
-def test_an_arm_that_stands_has_its_joints_only(
-    page: Page, arm: Arm, request: pytest.FixtureRequest
-) -> None:
+def test_an_arm_that_stands_has_its_joints_only(page, arm, request):
     """They are open from the beginning; what drives is there as soon as there are wheels."""
     driving = "#pad", "#linear", "#angular", "#braking", "#settings", "#readout"
     wait_for(lambda: not any(page.find(part).is_displayed() for part in driving), "no wheels")
@@ -171,9 +167,7 @@ def test_an_arm_that_stands_has_its_joints_only(
     stop(arm, page.let_go)
 
 
-def test_stop_and_another_page_stop_the_arm(
-    page: Page, node: Steering, arm: Arm, twists: list[Twist]
-) -> None:
+def test_stop_and_another_page_stop_the_arm(page, node, arm, twists):
     """What is still held then does nothing; the next press unlocks."""
     wait_for(lambda: page.find("#pad").is_displayed(), "the wheels")
     hold(page, arm)
@@ -191,7 +185,7 @@ def test_stop_and_another_page_stop_the_arm(
     page.let_go()
 
 
-def test_fingers_move_two_joints_at_once(tab: Page, node: Steering, arm: Arm) -> None:
+def test_fingers_move_two_joints_at_once(tab, node, arm):
     """On a phone, where Stop stays in sight; the system may take the touch away."""
     tab.devtools("Emulation.setTouchEmulationEnabled", enabled=True)
     tab.emulate(390, 844, mobile=True)
@@ -227,7 +221,7 @@ def touch(page: Page, kind: str, shares: dict[str, float]) -> None:
     page.devtools("Input.dispatchTouchEvent", type=kind, touchPoints=points)
 
 
-def test_axe_finds_nothing(page: Page, arm: Arm) -> None:
+def test_axe_finds_nothing(page, arm):
     """In both schemes, and while a slider is held."""
     for scheme in ("light", "dark"):
         page.emulate(1280, 657, prefers_color_scheme=scheme)
@@ -237,7 +231,7 @@ def test_axe_finds_nothing(page: Page, arm: Arm) -> None:
     page.let_go()
 
 
-def test_without_joints_there_is_no_panel(tab: Page, ros_domain: int) -> None:
+def test_without_joints_there_is_no_panel(tab, ros_domain):
     """As for a robot that only drives."""
     with Peer(ros_domain), steering() as node:
         tab.open(node.address)
