@@ -1,4 +1,4 @@
-"""OneBot drives about for half a minute of simulated time: no gap, no leak."""
+"""OneBot drives about for 28 s of simulated time: no gap, no leak."""
 
 import random
 import subprocess
@@ -23,9 +23,9 @@ BRINGUP = "onebot_bringup.launch.onebot_bringup"
 # In simulated time a slow machine makes it last longer, and nothing else.
 WORDS = ("viewer:=none", "steer:=true", "port:=0")
 SIMULATED = ("--ros-args", "-p", "use_sim_time:=true")
-BEGIN, END = 10.0, 40.0  # s of simulated time; before, memory may grow
+BEGIN, END = 8.0, 28.0  # s of simulated time; before, memory may grow
 LONGEST_GAP = 0.5  # s of simulated time
-MOST_GROWTH = {"memory": 8.0, "handles": 8.0, "threads": 4.0}  # memory in MB
+MOST_GROWTH = {"memory": 5.0, "handles": 5.0, "threads": 3.0}  # memory in MB
 LEAK = """
 import os, threading, time
 kept = []
@@ -146,7 +146,7 @@ def test_driving_about(peer: Peer) -> None:
             wait_for(arrived, "the end of the drive")
         assert all(node.is_running() for node in nodes)
     assert not drive.problems, drive.problems[:5]
-    assert drive.driven > 3.0
+    assert drive.driven > 2.0
     assert usage.grown(leak.pid) == set(MOST_GROWTH)
     for node in nodes:
         assert not usage.grown(node.pid), usage.names[node.pid]
