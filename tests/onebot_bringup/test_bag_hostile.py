@@ -91,10 +91,10 @@ def overlapping():
         + text("")
         + struct.pack("<QQ", len(content), len(content)),
     )
-    statistics = record(11, struct.pack("<QHIIIIQQIHQ", 2000, 1, 1, 0, 0, 2000, 1, 2, 10, 1, 2000))
+    statistics = record(11, struct.pack("<QHIIIIQQIHQ", 1000, 1, 1, 0, 0, 1000, 1, 2, 10, 1, 1000))
     body = MCAP0_MAGIC + DECLARED + packed + record(15, bytes(4))
     footer = record(2, struct.pack("<QQI", len(body), 0, 0))
-    return body + DECLARED + statistics + index * 2000 + footer + MCAP0_MAGIC
+    return body + DECLARED + statistics + index * 1000 + footer + MCAP0_MAGIC
 
 
 def mcap(data):
