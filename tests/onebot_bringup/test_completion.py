@@ -89,9 +89,9 @@ def test_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_every_command(tmp_path: Path) -> None:
     """A command that is added is completed, and none runs for it."""
-    lines = {verb: (f"onebot {verb} ", f"onebot {verb} --") for verb in VERBS}
-    found = completed([line for both in lines.values() for line in both], tmp_path)
-    assert [verb for verb, both in lines.items() if not any(found[line] for line in both)] == []
+    options = completed([f"onebot {verb} --" for verb in VERBS], tmp_path)
+    others = [line.removesuffix("--") for line, words in options.items() if not words]
+    assert [line for line, words in completed(others, tmp_path).items() if not words] == []
 
 
 def test_running_topics(ros_domain: int, tmp_path: Path) -> None:
@@ -106,9 +106,7 @@ def test_running_topics(ros_domain: int, tmp_path: Path) -> None:
             "onebot topic echo /wo": {"/words"},
             "onebot node info /t": {"/talker"},
             "onebot param get /talker sp": {"speed"},
-            "onebot param set /talker sp": {"speed"},
             "onebot param set /talker speed sp": set(),
-            "onebot tf echo base": {"base_link"},
             "onebot tf echo base_link le": {"left_wheel"},
         }
         assert completed(lines, tmp_path) == lines

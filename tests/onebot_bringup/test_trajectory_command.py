@@ -134,17 +134,17 @@ def test_completion(arm: Arm, tmp_path: Path) -> None:
     assert completed(lines, tmp_path) == lines
 
 
-def test_the_controller_ends_meanwhile(ros_domain: int, tmp_path: Path) -> None:
+def test_the_controller_ends_meanwhile(peer: Peer, tmp_path: Path) -> None:
     file = tmp_path / "arm.urdf"
     file.write_text(URDF)
-    with (
-        NodeProcess(MODULE, str(file)) as process,
-        running(tmp_path, "trajectory", "wrist=1", "time:=60") as command,
-    ):
-        command.says("0.0 of 60 s")
-        process.interrupt()
-        assert command.wait() == 1
-        assert f"error: {NAME} does not answer: the joints may still move" in command.err
+    states = peer.hear(STATE, f"{NAME}/controller_state")
+    with NodeProcess(MODULE, str(file)) as process:
+        wait_for(lambda: states, "the controller")
+        with running(tmp_path, "trajectory", "wrist=1", "time:=60") as command:
+            command.says("0.0 of 60 s")
+            process.interrupt()
+            assert command.wait() == 1
+            assert f"error: {NAME} does not answer: the joints may still move" in command.err
 
 
 def test_no_controller(ros_domain: int) -> None:
