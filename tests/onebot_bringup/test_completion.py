@@ -5,6 +5,7 @@ import os
 import sys
 from collections.abc import Iterable
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 from geometry_msgs.msg import TransformStamped
@@ -64,37 +65,36 @@ for number, (line, module) in enumerate(json.loads(sys.argv[1])):
 """
 
 
-def completed(lines: Iterable[str], folder: Path) -> dict[str, set[str]]:
+def completed(lines: Iterable[str]) -> dict[str, set[str]]:
     """What argcomplete's function of a shell gets for lines whose end Tab is pressed at."""
     modules = {"onebot_bringup": BRINGUP, "mrm_bringup": MRM}
     asked = [(line, modules.get(Path(line.split()[0]).name, MODULE)) for line in lines]
-    done = run_to_end([sys.executable, "-c", COMPLETE, json.dumps(asked), str(folder)])
-    assert done.returncode == 0 and "Traceback" not in done.stderr, done.stderr
     found = {}
-    for number, (line, _) in enumerate(asked):
-        file = folder / str(number)
-        words = file.read_text().splitlines() if file.exists() else []
-        found[line] = {word.strip() for word in words}
+    with TemporaryDirectory() as folder:
+        done = run_to_end([sys.executable, "-c", COMPLETE, json.dumps(asked), folder])
+        assert done.returncode == 0 and "Traceback" not in done.stderr, done.stderr
+        for number, (line, _) in enumerate(asked):
+            file = Path(folder, str(number))
+            words = file.read_text().splitlines() if file.exists() else []
+            found[line] = {word.strip() for word in words}
     return found
 
 
 def test_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Commands, subcommands, options, types; launch arguments with their choices, and files."""
-    folder = tmp_path / "here"
-    folder.mkdir()
-    (folder / "arm.urdf").touch()
-    monkeypatch.chdir(folder)
-    assert completed(WORDS, tmp_path) == WORDS
+    (tmp_path / "arm.urdf").touch()
+    monkeypatch.chdir(tmp_path)
+    assert completed(WORDS) == WORDS
 
 
-def test_every_command(tmp_path: Path) -> None:
+def test_every_command() -> None:
     """A command that is added is completed, and none runs for it."""
-    options = completed([f"onebot {verb} --" for verb in VERBS], tmp_path)
+    options = completed([f"onebot {verb} --" for verb in VERBS])
     others = [line.removesuffix("--") for line, words in options.items() if not words]
-    assert [line for line, words in completed(others, tmp_path).items() if not words] == []
+    assert [line for line, words in completed(others).items() if not words] == []
 
 
-def test_running_topics(ros_domain: int, tmp_path: Path) -> None:
+def test_running_topics(ros_domain: int) -> None:
     """Names of what is discovered."""
     with Peer(ros_domain, "talker") as peer:
         peer.node.create_publisher(String, "/words", 10)
@@ -109,7 +109,7 @@ def test_running_topics(ros_domain: int, tmp_path: Path) -> None:
             "onebot param set /talker speed sp": set(),
             "onebot tf echo base_link le": {"left_wheel"},
         }
-        assert completed(lines, tmp_path) == lines
+        assert completed(lines) == lines
 
 
 def test_in_bash(tmp_path: Path) -> None:

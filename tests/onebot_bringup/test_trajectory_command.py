@@ -126,12 +126,12 @@ def test_ctrl_c_cancels(arm: Arm, tmp_path: Path) -> None:
     assert arm.positions()["shoulder"] == pytest.approx(stopped, abs=0.01)
 
 
-def test_completion(arm: Arm, tmp_path: Path) -> None:
+def test_completion(arm: Arm) -> None:
     lines = {
         "onebot trajectory shou": {"shoulder="},
         "onebot trajectory shoulder=1 controller:=/": {f"controller:={NAME}"},
     }
-    assert completed(lines, tmp_path) == lines
+    assert completed(lines) == lines
 
 
 def test_the_controller_ends_meanwhile(peer: Peer, tmp_path: Path) -> None:
