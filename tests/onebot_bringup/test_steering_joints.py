@@ -108,11 +108,18 @@ def domain() -> Iterator[int]:
 
 
 @pytest.fixture(scope="module")
-def arm(domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Arm]:
-    """A robot that stands, with one controller of both joints."""
+def controller(domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[NodeProcess]:
+    """The controller of both joints of a robot that stands."""
     model = tmp_path_factory.mktemp("robot") / "standing.urdf"
     model.write_text(STANDING)
-    with NodeProcess(MODULE, str(model)), described(domain, STANDING) as peer:
+    with NodeProcess(MODULE, str(model)) as process:
+        yield process
+
+
+@pytest.fixture(scope="module")
+def arm(domain: int, controller: NodeProcess) -> Iterator[Arm]:
+    """What it publishes."""
+    with described(domain, STANDING) as peer:
         yield Arm(peer)
 
 
@@ -171,18 +178,17 @@ def test_the_arm_stops_when_the_server_does(arm: Arm, number: int) -> None:
         wait_for(lambda: page.closed, "the end of the connection")
 
 
-def test_an_arm_that_hung_does_not_follow_what_it_missed(ros_domain: int, tmp_path: Path) -> None:
+def test_an_arm_that_hung_does_not_follow_what_it_missed(
+    controller: NodeProcess, node: Any, arm: Arm
+) -> None:
     """Its controller refuses trajectories whose time has passed."""
-    (tmp_path / "standing.urdf").write_text(STANDING)
-    process = NodeProcess(MODULE, str(tmp_path / "standing.urdf"))
-    with process, described(ros_domain, STANDING) as peer, steering() as own, opened(own) as page:
-        arm = Arm(peer)
+    with opened(node) as page:
         hold(page, arm)
-        process.process.send_signal(signal.SIGSTOP)
+        controller.process.send_signal(signal.SIGSTOP)
         wait_for(lambda: page.state["joints"][0]["position"] is None, "the state to be old")
         wait_for(_silent(arm), "an end of what it is commanded")
         page.let_go()
-        arm.stop(lambda: process.process.send_signal(signal.SIGCONT))
+        arm.stop(lambda: controller.process.send_signal(signal.SIGCONT))
 
 
 def _silent(arm: Arm) -> Callable[[], bool]:

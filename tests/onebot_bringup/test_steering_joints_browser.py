@@ -40,14 +40,6 @@ def node(arm: Arm) -> Iterator[Steering]:
 
 
 @pytest.fixture
-def tab(chromium: Page) -> Iterator[Page]:
-    yield chromium
-    chromium.let_go()
-    chromium.emulate_nothing()
-    chromium.devtools("Emulation.setTouchEmulationEnabled", enabled=False)
-
-
-@pytest.fixture
 def page(tab: Page, node: Steering) -> Page:
     return opened(tab, node)
 

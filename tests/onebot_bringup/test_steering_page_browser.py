@@ -37,15 +37,6 @@ LIMITS = {"max_linear": 0.5, "max_angular": 1.0}
 
 
 @pytest.fixture
-def tab(chromium: Page) -> Iterator[Page]:
-    """No page yet."""
-    yield chromium
-    chromium.let_go()
-    chromium.devtools("Emulation.clearDeviceMetricsOverride")
-    chromium.devtools("Emulation.setTouchEmulationEnabled", enabled=False)
-
-
-@pytest.fixture
 def heard(peer: Peer) -> list[Twist]:
     """The commands that a robot receives."""
     return peer.hear(Twist, TOPIC, 1000)

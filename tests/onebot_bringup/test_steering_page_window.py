@@ -75,9 +75,7 @@ def test_a_release_that_the_page_never_sees_stops(peer: Peer, tmp_path: Path) ->
         for hold, elsewhere, grab in (
             (key, nothing, grabbed_keyboard),
             (key, dots, nullcontext),
-            (key, menu, nullcontext),
             (key, title, nullcontext),
-            (mouse("#linear input"), menu, nullcontext),
             (mouse("#linear [name=plus]"), menu, nullcontext),
             (mouse("#pad"), menu, nullcontext),
         ):

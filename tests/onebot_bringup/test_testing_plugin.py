@@ -116,7 +116,7 @@ def test_a_failure_is_reported_and_shown(tmp_path):
 @pytest.mark.slow
 def test_bringups_side_by_side(tmp_path):
     """Each in a domain of its own; what a bringup says of a mistake is the error."""
-    output = run(tmp_path, BRINGUP, "-n", "3")
+    output = run(tmp_path, BRINGUP, "-n", "2")
     assert "2 passed" in output and "1 failed" in output, output
     assert 'no world "maize"' in output
 
