@@ -139,9 +139,7 @@ def _fresh_environment(folder: Path) -> Path:
 
 def _install(python: Path, *args: str) -> None:
     pip = [sys.executable, "-m", "pip", "--python", str(python), "install", "-q", "--no-deps"]
-    # What builds is there: pip need not fetch it.
-    command = [*pip, "--no-build-isolation", *args]
-    subprocess.run(command, check=True, env=_environment_without_ros_variables())
+    subprocess.run([*pip, *args], check=True, env=_environment_without_ros_variables())
 
 
 def _say(python: Path, code: str, cwd: Path) -> str:
