@@ -13,6 +13,7 @@ from pathlib import Path
 from types import TracebackType
 
 from onebot_description.errors import OneBotError
+from tests.support import run_to_end
 
 PROGRAMS = {"ip": "iproute2", "nsenter": "util-linux", "unshare": "util-linux"}
 _READY = "ready"
@@ -45,7 +46,7 @@ class Namespaces:
 
     def ip(self, *words: str) -> None:
         """Run ``ip`` here."""
-        done = subprocess.run(self.command(["ip", *words]), capture_output=True, text=True)
+        done = run_to_end(self.command(["ip", *words]))
         if done.returncode:
             raise OneBotError(f"ip {' '.join(words)}: {done.stderr.strip()}")
 

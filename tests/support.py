@@ -2,10 +2,12 @@
 
 import os
 import shutil
+import subprocess
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import TypeVar
+from pathlib import Path
+from typing import Any, TypeVar
 
 import pytest
 
@@ -56,6 +58,13 @@ def assert_time_grows_with_size(seconds: Callable[[int], float], size: int) -> N
         if large < 40 * small:
             return
     raise AssertionError(f"{size // 10} took {small:.4f} s, {size} took {large:.4f} s")
+
+
+def run_to_end(
+    command: Sequence[str | bytes | Path], *, timeout: float = PATIENCE, **options: Any
+) -> subprocess.CompletedProcess[str]:
+    """Run a command, with the options of ``subprocess.run``; its exit code and what it printed."""
+    return subprocess.run(command, capture_output=True, text=True, timeout=timeout, **options)
 
 
 def lines_of_ours(output: str) -> list[str]:

@@ -7,14 +7,13 @@ import shutil
 import subprocess
 import sys
 import sysconfig
-from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
 
 from tests.onebot_bringup.bringup_support import Transforms, stop, wait_for_robot
 from tests.onebot_bringup.launcher_support import RunningCommand
-from tests.support import require, require_program
+from tests.support import PATIENCE, require, require_program, run_to_end
 
 pytestmark = pytest.mark.slow
 
@@ -83,36 +82,22 @@ run(["--timeout", "60"])
 """
 
 
-@pytest.mark.parametrize("options", [(), ("--symlink-install",)])
-def test_workspace_builds_and_runs(tmp_path, options):
+def test_workspace_builds_and_runs(tmp_path):
     """Each package is built and found, and an executable starts as ``ros2 run`` would start it."""
-    for program in ("cmake", "make"):
-        require_program(program)
-    source = tmp_path / "src/onebot"
-    source.mkdir(parents=True)
-    for folder in (*PACKAGES, "tests"):
-        shutil.copytree(CHECKOUT / folder, source / folder, ignore=_left_out)
-    shutil.copy(CHECKOUT / "pyproject.toml", source)
-    built = _build(tmp_path, *options)
-    assert built.returncode == 0, built.stdout + built.stderr
-    assert "4 packages finished" in built.stdout + built.stderr
-    assert "FutureWarning" not in built.stderr and "error" not in built.stderr.lower()
-    # PYTHONPATH from setup.bash comes before this environment's own (editable) install.
-    sourced = _sourced(tmp_path)
-    code = (
-        "import onebot_description.ros.wire.interfaces as m; print(m.__file__);"
-        "from onebot_description.description.packages import package_share as share;"
-        "print(share('mrm_description'))"
-    )
-    module, share = _run(sourced, tmp_path, "python3", "-c", code).stdout.split()
-    assert str(tmp_path) in module
-    assert share == str(tmp_path / "install/mrm_description/share/mrm_description")
+    sourced = _built(tmp_path)
     report = _run(sourced, tmp_path, "python3", "-c", DOCTOR).stdout
     assert report.startswith("onebot 0.1.0, Python")
     assert re.search(r"^ok       dependencies: 1\d as required$", report, re.MULTILINE), report
-    _check_executables(tmp_path, sourced, ["onebot_bringup/onebot"] if options else EXECUTABLES)
+    _check_executables(tmp_path, sourced)
     _check_launch_files(tmp_path)
-    _check_tests(tmp_path, ["mrm_description"] if options else PACKAGES)
+    _check_tests(tmp_path)
+
+
+def test_workspace_of_links(tmp_path):
+    """It is built, too, and an executable starts."""
+    sourced = _built(tmp_path, "--symlink-install")
+    onebot = tmp_path / "install/onebot_bringup/lib/onebot_bringup/onebot"
+    assert "usage: onebot" in _run(sourced, tmp_path, onebot, "--help").stdout
 
 
 def test_tf2_msgs_of_a_sourced_ros_is_used(tmp_path, ros_domain):
@@ -125,7 +110,7 @@ def test_tf2_msgs_of_a_sourced_ros_is_used(tmp_path, ros_domain):
         file = tmp_path / "src/tf2_msgs" / name
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(text)
-    built = _build(tmp_path, "--cmake-args", f"-DPython3_EXECUTABLE={sys.executable}")
+    built = _colcon(tmp_path, "build", "--cmake-args", f"-DPython3_EXECUTABLE={sys.executable}")
     assert built.returncode == 0, built.stdout + built.stderr
     sourced = _sourced(tmp_path)
     code = (
@@ -150,8 +135,30 @@ def _left_out(folder: str, names: list[str]) -> set[str]:
     return left - {name for pattern in SOME_TESTS for name in fnmatch.filter(names, pattern)}
 
 
-def _build(workspace: Path, *options: str) -> subprocess.CompletedProcess[str]:
-    return _colcon(workspace, "build", *options)
+def _built(workspace: Path, *options: str) -> dict[str, str]:
+    """Build the packages in a workspace; the variables of a shell that has sourced it."""
+    for program in ("cmake", "make"):
+        require_program(program)
+    source = workspace / "src/onebot"
+    source.mkdir(parents=True)
+    for folder in (*PACKAGES, "tests"):
+        shutil.copytree(CHECKOUT / folder, source / folder, ignore=_left_out)
+    shutil.copy(CHECKOUT / "pyproject.toml", source)
+    built = _colcon(workspace, "build", *options)
+    assert built.returncode == 0, built.stdout + built.stderr
+    assert "4 packages finished" in built.stdout + built.stderr
+    assert "FutureWarning" not in built.stderr and "error" not in built.stderr.lower()
+    # PYTHONPATH from setup.bash comes before this environment's own (editable) install.
+    sourced = _sourced(workspace)
+    code = (
+        "import onebot_description.ros.wire.interfaces as m; print(m.__file__);"
+        "from onebot_description.description.packages import package_share as share;"
+        "print(share('mrm_description'))"
+    )
+    module, share = _run(sourced, workspace, "python3", "-c", code).stdout.split()
+    assert str(workspace) in module
+    assert share == str(workspace / "install/mrm_description/share/mrm_description")
+    return sourced
 
 
 def _colcon(workspace: Path, *words: str) -> subprocess.CompletedProcess[str]:
@@ -166,7 +173,7 @@ def _colcon(workspace: Path, *words: str) -> subprocess.CompletedProcess[str]:
 def _run(
     environment: dict[str, str], workspace: Path, *command: str | Path
 ) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(command, cwd=workspace, env=environment, capture_output=True, text=True)
+    return run_to_end(command, cwd=workspace, env=environment, timeout=10 * PATIENCE)
 
 
 def _sourced(workspace: Path) -> dict[str, str]:
@@ -177,7 +184,7 @@ def _sourced(workspace: Path) -> dict[str, str]:
     return dict(word.split("=", 1) for word in shown.stdout.split("\0") if word)
 
 
-def _check_executables(workspace: Path, sourced: dict[str, str], started: Iterable[str]) -> None:
+def _check_executables(workspace: Path, sourced: dict[str, str]) -> None:
     """Each one is where ``ros2 run`` looks, and these start as it would start them."""
     found = {
         f"{package}/{file.name}": file
@@ -186,8 +193,7 @@ def _check_executables(workspace: Path, sourced: dict[str, str], started: Iterab
         if os.access(file, os.X_OK)
     }
     assert found.keys() == EXECUTABLES.keys()
-    for name in started:
-        arguments, code, says = EXECUTABLES[name]
+    for name, (arguments, code, says) in EXECUTABLES.items():
         ran = _run(sourced, workspace, found[name], *arguments)
         assert ran.returncode == code, ran.stderr
         assert says in ran.stdout + ran.stderr and "Traceback" not in ran.stderr
@@ -201,11 +207,11 @@ def _check_launch_files(workspace: Path) -> None:
         assert there.read_text() == file.read_text()
 
 
-def _check_tests(workspace: Path, packages: Iterable[str]) -> None:
+def _check_tests(workspace: Path) -> None:
     """``colcon test`` runs those of each package on what is installed: an edit there fails them."""
-    assert _colcon(workspace, "test", "--packages-select", *packages).returncode == 0
+    assert _colcon(workspace, "test", "--packages-select", *PACKAGES).returncode == 0
     good = _colcon(workspace, "test-result", "--all").stdout
-    for package in packages:
+    for package in PACKAGES:
         counts = rf"build/{package}/test_results/{package}/pytest.xml: (\d+) tests, 0 .*, 0 .*, 0 "
         assert int(re.findall(counts, good)[0]) > 1, good
     xacro = workspace / "install/mrm_description/share/mrm_description/urdf/mrm.xacro"

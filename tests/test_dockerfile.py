@@ -3,11 +3,12 @@
 import json
 import re
 import shlex
-import subprocess
 import sys
 from pathlib import Path
 
 from packaging.specifiers import SpecifierSet
+
+from tests.support import run_to_end
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -72,8 +73,6 @@ def test_command_is_one_of_ours():
     program, *arguments = json.loads(text)
     assert INSTRUCTIONS[-1][0] == "CMD"
     module = PROJECT["scripts"][program].partition(":")[0]
-    shown = subprocess.run(
-        [sys.executable, "-m", module, "--show-args"], capture_output=True, text=True, check=True
-    )
+    shown = run_to_end([sys.executable, "-m", module, "--show-args"], check=True)
     known = re.findall(r"^ *(\w+):=", shown.stdout, re.MULTILINE)
     assert {argument.partition(":=")[0] for argument in arguments} <= {*known}

@@ -16,6 +16,7 @@ import pytest
 
 from onebot_description.ros.missing_ros import ROS_PACKAGES, LastFinder, MissingRosError
 from tests.readme import run_until_up
+from tests.support import run_to_end
 
 CHECKOUT = Path(__file__).resolve().parent.parent
 PACKAGES = ("onebot_description", "onebot_control", "onebot_bringup", "mrm_description")
@@ -103,9 +104,7 @@ def test_robots_run_on_an_installed_ros(python, sourced, robot, tmp_path, ros_do
 )
 def test_without_any_ros_one_line_says_what_to_source(python, words, tmp_path):
     """Neither a traceback nor an error of each node."""
-    ran = subprocess.run(
-        [python, "-m", *words.split()], cwd=tmp_path, capture_output=True, text=True
-    )
+    ran = run_to_end([python, "-m", *words.split()], cwd=tmp_path)
     assert ran.returncode == 1
     (line,) = ran.stderr.splitlines()
     assert line.startswith("error: no ROS 2 here")
@@ -115,7 +114,7 @@ def test_without_any_ros_one_line_says_what_to_source(python, words, tmp_path):
 def test_a_description_is_checked_without_any_ros(python, tmp_path):
     """What needs no ROS does without."""
     words = ["-m", "onebot_bringup.cli.main", "check", str(MRM)]
-    ran = subprocess.run([python, *words], cwd=tmp_path, capture_output=True, text=True)
+    ran = run_to_end([python, *words], cwd=tmp_path)
     assert ran.returncode == 0, ran.stderr
     assert "base_link" in ran.stdout
 

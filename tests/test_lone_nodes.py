@@ -10,9 +10,10 @@ from pathlib import Path
 import pytest
 
 from onebot_bringup.launch.nodes import NODES
-from tests.support import PATIENCE, wait_for
+from tests.support import PATIENCE, run_to_end, wait_for
 
 MODULES = [row.module for row in NODES]
+FIRST = "onebot_description.ros.missing_ros"  # which each of them imports
 # Python imports it at its start: something happens when a module of that name is imported.
 SITECUSTOMIZE = """
 import os, signal, sys
@@ -25,6 +26,9 @@ class Finder:
 sys.meta_path.insert(0, Finder())
 """
 INTERRUPT = "os.kill(os.getpid(), signal.SIGINT)"
+THREADS = (
+    'print(os.environ.get("OPENBLAS_NUM_THREADS"), "numpy" in sys.modules, flush=True); os._exit(0)'
+)
 Run = Callable[..., subprocess.CompletedProcess[str]]
 
 
@@ -42,11 +46,8 @@ def at_import(tmp_path: Path, ros_domain: int) -> Run:
         environment = {key: value for key, value in os.environ.items() if "NUM_THREADS" not in key}
         environment["PYTHONPATH"] = f"{tmp_path}:{environment.get('PYTHONPATH', '')}"
         (tmp_path / "sitecustomize.py").write_text(SITECUSTOMIZE.format(name=name, action=action))
-        return subprocess.run(
+        return run_to_end(
             [sys.executable, "-m", *words],
-            capture_output=True,
-            text=True,
-            timeout=PATIENCE,
             env={**environment, **variables},
             preexec_fn=lambda: signal.signal(signal.SIGINT, handler),
         )
@@ -54,20 +55,22 @@ def at_import(tmp_path: Path, ros_domain: int) -> Run:
     return run
 
 
-@pytest.mark.parametrize("module", MODULES)
 @pytest.mark.parametrize(
-    "name",
-    ["onebot_description.ros.missing_ros", "rclpy", "onebot_description.ros.parameters.reader"],
+    ("module", "name"),
+    [
+        *((module, FIRST) for module in MODULES),
+        (MODULES[0], "rclpy"),
+        (MODULES[0], "onebot_description.ros.parameters.reader"),
+    ],
 )
 def test_ctrl_c_while_it_imports(at_import: Run, module: str, name: str) -> None:
-    """The end is as silent as later, with the same exit code."""
+    """The end is as silent as later, with the same exit code: from the first import on."""
     done = at_import(name, INTERRUPT, module)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
-@pytest.mark.parametrize("module", MODULES)
-def test_ctrl_c_as_it_loads_ros(ros_domain: int, module: str) -> None:
-    with subprocess.Popen([sys.executable, "-m", module], stderr=-1, text=True) as process:
+def test_ctrl_c_as_it_loads_ros(ros_domain: int) -> None:
+    with subprocess.Popen([sys.executable, "-m", MODULES[0]], stderr=-1, text=True) as process:
         maps = Path(f"/proc/{process.pid}/maps")
         wait_for(lambda: "_rclpy_pybind11" in maps.read_text(), "the library of rclpy")
         process.send_signal(signal.SIGINT)
@@ -75,7 +78,7 @@ def test_ctrl_c_as_it_loads_ros(ros_domain: int, module: str) -> None:
     assert (process.returncode, "Traceback" in err, "Exception" in err) == (0, False, False), err
 
 
-@pytest.mark.parametrize("name", ["onebot_description.ros.missing_ros", "rclpy"])
+@pytest.mark.parametrize("name", [FIRST, "rclpy"])
 def test_a_background_job_ignores_ctrl_c(at_import: Run, name: str) -> None:
     """A shell starts it so."""
     action = f"{INTERRUPT}; print('goes on', flush=True); os._exit(7)"
@@ -91,8 +94,10 @@ def test_a_background_job_ignores_ctrl_c(at_import: Run, name: str) -> None:
     ],
 )
 def test_numpy_starts_no_threads(at_import: Run, words: list[str]) -> None:
-    """As under a bringup; what the user has set stays."""
-    report = 'print(os.environ.get("OPENBLAS_NUM_THREADS"), "numpy" in sys.modules, flush=True)'
-    action = f"{report}; os._exit(0)"
-    assert at_import("rclpy", action, *words).stdout == "1 False\n"
-    assert at_import("rclpy", action, *words, OMP_NUM_THREADS="4").stdout == "None False\n"
+    """As under a bringup."""
+    assert at_import("rclpy", THREADS, *words).stdout == "1 False\n"
+
+
+def test_the_threads_of_numpy_that_the_user_has_set_stay(at_import: Run) -> None:
+    done = at_import("rclpy", THREADS, MODULES[0], OMP_NUM_THREADS="4")
+    assert done.stdout == "None False\n"

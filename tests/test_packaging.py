@@ -17,6 +17,8 @@ from zipfile import ZipFile
 import pytest
 from packaging.requirements import Requirement
 
+from tests.support import run_to_end
+
 if sys.version_info >= (3, 11):
     import tomllib
 else:
@@ -39,9 +41,7 @@ def _manifest(package: str) -> ElementTree.Element:
 
 def test_top_level_folders_are_the_fixed_ones():
     """No package folder stands beside those the project has."""
-    tracked = subprocess.run(
-        ["git", "ls-files"], cwd=CHECKOUT, capture_output=True, text=True, check=True
-    ).stdout.split()
+    tracked = run_to_end(["git", "ls-files"], cwd=CHECKOUT, check=True).stdout.split()
     folders = {path.split("/")[0] for path in tracked if "/" in path}
     assert folders <= {*MAY_IMPORT, "tests", ".ci", ".github"}
 
@@ -147,9 +147,7 @@ def _say(python: Path, code: str, cwd: Path) -> str:
     # The wheels' start-up hook is not run for a path that a .pth adds: name the libraries instead.
     environment["LD_LIBRARY_PATH"] = os.environ.get("LD_LIBRARY_PATH", "")
     environment["_ROS_WHEELS_BOOTSTRAP_COMPLETE"] = "1"
-    done = subprocess.run(
-        [str(python), "-c", code], env=environment, cwd=cwd, capture_output=True, text=True
-    )
+    done = run_to_end([str(python), "-c", code], env=environment, cwd=cwd)
     assert done.returncode == 0, done.stderr
     return done.stdout.strip()
 
@@ -194,30 +192,15 @@ def test_each_package_has_the_installed_version(package):
 )
 def test_each_command_prints_the_installed_version(words, program):
     """They start nothing."""
-    done = subprocess.run([sys.executable, *words.split()], capture_output=True, text=True)
+    done = run_to_end([sys.executable, *words.split()])
     version = metadata.version("onebot-robots")
     assert (done.returncode, done.stdout, done.stderr) == (0, f"{program} {version}\n", "")
 
 
 def test_python_m_onebot_bringup_is_the_command():
     words = [sys.executable, "-m", "onebot_bringup", "no_such:=1"]
-    done = subprocess.run(words, capture_output=True, text=True)
+    done = run_to_end(words)
     assert done.returncode == 2 and done.stderr.endswith("see: onebot_bringup --help\n")
-
-
-@pytest.mark.slow
-def test_regular_install_registers_the_packages(tmp_path):
-    """From a wheel, $(find pkg) and ament_index work with no variable set by the user."""
-    python = _fresh_environment(tmp_path)
-    _install(python, str(_copy_of_checkout(tmp_path)))
-    share = tmp_path / "venv/share/mrm_description"
-    assert _say(python, WHERE, tmp_path) == f"{share} mrm"
-    (file,) = (tmp_path / "venv").rglob("mrm_bringup.launch.py")  # where ros2 launch looks
-    assert file == share / "launch/mrm_bringup.launch.py"
-    scripts = {path.name for path in (tmp_path / "venv/bin").iterdir()}
-    assert {"onebot", "mrm_bringup"} <= scripts
-    version = subprocess.run([tmp_path / "venv/bin/onebot", "--version"], stdout=subprocess.PIPE)
-    assert version.stdout.decode().split() == ["onebot", "0.1.0"]
 
 
 def _build(project: Path, target: str, folder: Path) -> Path:
@@ -230,7 +213,10 @@ def _build(project: Path, target: str, folder: Path) -> Path:
 
 @pytest.mark.slow
 def test_source_distribution_gives_the_same_wheel(tmp_path):
-    """What an index serves builds without the checkout, and what comes out runs."""
+    """What an index serves builds without the checkout, and registers the packages.
+
+    $(find pkg) and ament_index work with no variable set by the user.
+    """
     checkout = _copy_of_checkout(tmp_path)
     there = _build(checkout, "wheel", tmp_path / "there")
     shutil.unpack_archive(_build(checkout, "sdist", tmp_path / "sdist"), tmp_path / "unpacked")
@@ -243,7 +229,13 @@ def test_source_distribution_gives_the_same_wheel(tmp_path):
     assert ZipFile(wheel).namelist() == ZipFile(there).namelist()
     python = _fresh_environment(tmp_path)
     _install(python, str(wheel))
-    assert _say(python, WHERE, tmp_path) == f"{tmp_path}/venv/share/mrm_description mrm"
+    share = tmp_path / "venv/share/mrm_description"
+    assert _say(python, WHERE, tmp_path) == f"{share} mrm"
+    (file,) = (tmp_path / "venv").rglob("mrm_bringup.launch.py")  # where ros2 launch looks
+    assert file == share / "launch/mrm_bringup.launch.py"
+    assert (tmp_path / "venv/bin/mrm_bringup").is_file()
+    version = run_to_end([tmp_path / "venv/bin/onebot", "--version"])
+    assert version.stdout.split() == ["onebot", "0.1.0"]
 
 
 @pytest.mark.slow

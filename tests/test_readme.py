@@ -1,8 +1,6 @@
 """Every command of every README does what the README says."""
 
-import os
 import re
-import subprocess
 import sys
 from pathlib import Path
 
@@ -13,7 +11,7 @@ from nav_msgs.msg import Odometry
 from tests import readme
 from tests.readme import CHECKOUT
 from tests.ros_support import Peer, RunningProcess
-from tests.support import PATIENCE, wait_for
+from tests.support import PATIENCE, run_to_end, wait_for
 from tests.support_rendering import require_renderer
 
 TEXTS = {
@@ -76,11 +74,10 @@ def test_command(command, ros_domain, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("block", IN_TURN.findall(ALL))
-def test_commands_in_turn(block, ros_domain, tmp_path):
-    """Each finds what the one before has left."""
+def test_commands_in_turn(ros_domain, tmp_path):
+    """Each finds what the one before has left; the blocks begin alike."""
     _lay_out_checkout(tmp_path)
-    for command in block.splitlines():
+    for command in dict.fromkeys("".join(IN_TURN.findall(ALL)).splitlines()):
         _run(command, tmp_path)
 
 
@@ -96,9 +93,7 @@ def _run(command, tmp_path):
         assert "Traceback" not in output
         assert code == 0
         return
-    done = subprocess.run(
-        ["bash", "-c", command], cwd=tmp_path, capture_output=True, text=True, env=dict(os.environ)
-    )
+    done = run_to_end(["bash", "-c", command], cwd=tmp_path, timeout=5 * PATIENCE)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
@@ -109,21 +104,20 @@ def _run_node(command, name, domain, folder):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("robot", "block"), BESIDE.findall(ALL))
-def test_commands_beside_a_running_robot(robot, block, ros_domain, tmp_path):
+@pytest.mark.parametrize("robot", dict.fromkeys(robot for robot, _ in BESIDE.findall(ALL)))
+def test_commands_beside_a_running_robot(robot, ros_domain, tmp_path):
     """In a second terminal, each ends with exit code 0, or runs until Ctrl-C and then does."""
     _lay_out_checkout(tmp_path)
+    commands = "".join(block for beside, block in BESIDE.findall(ALL) if beside == robot)
     with RunningCommand(f"exec {robot}", tmp_path) as running:
         wait_for(lambda: readme.is_up(robot, running.output), "the robot")
-        for command in block.splitlines():
+        for command in commands.splitlines():
             [printed] = [text for kind, text in ENDLESS.items() if re.search(kind, command)] or [""]
             if printed:
                 with RunningCommand(f"exec {command}", tmp_path) as endless:
                     wait_for(lambda e=endless, p=printed: p in e.output, command)
                 continue
-            done = subprocess.run(
-                ["bash", "-c", command], cwd=tmp_path, capture_output=True, text=True
-            )
+            done = run_to_end(["bash", "-c", command], cwd=tmp_path, timeout=5 * PATIENCE)
             assert done.returncode == 0 and done.stdout, command + done.stdout + done.stderr
 
 
@@ -135,7 +129,7 @@ def test_an_example_in_python(name, code, tmp_path, ros_domain):
     """Saved as the README has it, it passes."""
     (tmp_path / name).write_text(code)
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", name]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    done = run_to_end(command, cwd=tmp_path, timeout=5 * PATIENCE)
     assert "1 passed" in done.stdout, done.stdout + done.stderr
 
 

@@ -3,7 +3,6 @@
 import datetime
 import os
 import platform
-import subprocess
 from collections.abc import Sequence
 from importlib import metadata
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import NamedTuple
 
 from onebot_description.errors import OneBotError
 from tests.readme import CHECKOUT
+from tests.support import run_to_end
 
 _HEAD = "| Benchmark | What | Measured | Goal |\n| --- | --- | --- | --- |"
 BEGIN, END = "<!-- benchmarks -->", "<!-- /benchmarks -->"
@@ -73,7 +73,7 @@ def machine() -> str:
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
     # With a + where files differ from the commit.
     describe = ["git", "describe", "--always", "--dirty=+", "--exclude=*"]
-    commit = subprocess.run(describe, cwd=CHECKOUT, capture_output=True, text=True).stdout.strip()
+    commit = run_to_end(describe, cwd=CHECKOUT).stdout.strip()
     facts = {
         "date": datetime.datetime.now(datetime.timezone.utc).strftime("%Y-%m-%d %H:%M UTC"),
         "cpu": next(iter(models), platform.machine()),

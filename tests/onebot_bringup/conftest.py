@@ -17,3 +17,12 @@ def chromium(tmp_path_factory: pytest.TempPathFactory) -> "Iterator[Page]":
 
     with browser(tmp_path_factory.mktemp("profile")) as driver:
         yield Page(driver)
+
+
+@pytest.fixture
+def tab(chromium: "Page") -> "Iterator[Page]":
+    """The browser without a page, and afterwards without what a test has left in it."""
+    yield chromium
+    chromium.let_go()
+    chromium.emulate_nothing()
+    chromium.devtools("Emulation.setTouchEmulationEnabled", enabled=False)

@@ -67,10 +67,10 @@ def different(kind, number):
     return message
 
 
-def test_records_every_message(tmp_path, ros_domain):
+def test_records_every_message(tmp_path, peer):
     """Types, bytes, order, QoS and hashes of the robot's topics are as published."""
     folder = tmp_path / "run"
-    with Peer(ros_domain) as peer, record(folder) as node:
+    with record(folder) as node:
         wait_for(folder.is_dir, "the recording")
         topics = {}
         for topic, kind, qos in (
@@ -105,10 +105,10 @@ def test_records_every_message(tmp_path, ros_domain):
     assert set(connections) == set(topics)  # nothing hidden, no /rosout
 
 
-def test_absence(tmp_path, ros_domain):
+def test_absence(tmp_path, peer):
     """What was published while the recorder was stopped is missing, and it says so."""
     folder = tmp_path / "run"
-    with Peer(ros_domain) as peer, record(folder) as node:
+    with record(folder) as node:
         states = peer.publisher(JointState, "/joint_states", QoSProfile(depth=1))
         send = lambda: states.publish(JointState())  # noqa: E731
         wait_for(lambda: send() or counted(folder, "/joint_states"), "a message")
@@ -125,11 +125,11 @@ def test_absence(tmp_path, ros_domain):
         assert re.search(f"to {folder}, [0-9]+ were lost", node.output)
 
 
-def test_suits_every_publisher(tmp_path, ros_domain):
+def test_suits_every_publisher(tmp_path, ros_domain, peer):
     """Best effort, alone or beside a reliable one; latched before; of a type others do not want."""
     folder, words = tmp_path / "run", "/words"
     best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
-    with Peer(ros_domain) as peer, Peer(ros_domain, "driver") as driver:
+    with Peer(ros_domain, "driver") as driver:
         peer.node.create_publisher(String, "/early", LATCHED).publish(String(data="before"))
         peer.hear(Twist, COMMANDS)
         with record(folder):
@@ -160,10 +160,9 @@ def test_suits_every_publisher(tmp_path, ros_domain):
         assert [one.topic for one in reader.connections].count(words) == 1
 
 
-def test_a_type_that_the_executor_still_holds(tmp_path, ros_domain):
+def test_a_type_that_the_executor_still_holds(tmp_path, ros_domain, peer):
     """Polls that follow each other at once, as after a delay, change the type all the same."""
     with (
-        Peer(ros_domain) as peer,
         Peer(ros_domain, "driver") as driver,
         Peer(ros_domain, "other") as other,
         closing(BagWriter(tmp_path / "run")) as bag,
@@ -185,11 +184,11 @@ def test_a_type_that_the_executor_still_holds(tmp_path, ros_domain):
         node.destroy_node()
 
 
-def test_only_wanted_topics(tmp_path, ros_domain):
+def test_only_wanted_topics(tmp_path, peer):
     """Of topics:=[...], relative to the namespace, nothing else is recorded."""
     folder = tmp_path / "run"
     space = ("-r", "__ns:=/left")
-    with Peer(ros_domain) as peer, record(folder, *space, topics="[words]"):
+    with record(folder, *space, topics="[words]"):
         publisher = peer.publisher(String, "/left/words", LATCHED)
         publisher.publish(String(data="yes"))
         peer.node.create_publisher(String, "/words", LATCHED).publish(String(data="no"))
@@ -197,35 +196,26 @@ def test_only_wanted_topics(tmp_path, ros_domain):
     assert set(read_all(folder)[1]) == {"/left/words"}
 
 
-def test_simulated_time(tmp_path, ros_domain):
+def test_simulated_time(tmp_path, peer):
     """With use_sim_time all messages are stamped by /clock, latched ones of before it, too."""
     folder = tmp_path / "run"
-    with Peer(ros_domain) as peer:
-        peer.node.create_publisher(String, "robot_description", LATCHED).publish(String())
-        words = peer.node.create_publisher(String, "/words", MANY)
-        with record(folder, use_sim_time=True) as node:
-            clock = peer.publisher(Clock, "/clock")
-            wait_for(lambda: "waiting for the first message on /clock" in node.output, "a notice")
-            assert words.get_subscription_count() == 0
-            tick = Clock()
-            tick.clock.sec = 42
+    peer.node.create_publisher(String, "robot_description", LATCHED).publish(String())
+    words = peer.node.create_publisher(String, "/words", MANY)
+    with record(folder, use_sim_time=True) as node:
+        clock = peer.publisher(Clock, "/clock")
+        wait_for(lambda: "waiting for the first message on /clock" in node.output, "a notice")
+        assert words.get_subscription_count() == 0
+        tick = Clock()
+        tick.clock.sec = 42
 
-            def recorded():
-                clock.publish(tick)
-                words.publish(String())
-                return counted(folder, "/words") and counted(folder, "/robot_description")
+        def recorded():
+            clock.publish(tick)
+            words.publish(String())
+            return counted(folder, "/words") and counted(folder, "/robot_description")
 
-            wait_for(recorded, "both topics")
-            assert node.output.count("waiting for") == 1
+        wait_for(recorded, "both topics")
+        assert node.output.count("waiting for") == 1
     assert {stamp for _, stamp, _ in read_all(folder)[0]} == {42 * 10**9}
-
-
-def test_a_missing_parameter(ros_domain):
-    """It is one line, exit code 1."""
-    with NodeProcess(MODULE, *ros_args(compression="none"), check=False) as node:
-        assert node.wait() == 1
-        assert "folder: is missing, where to record to, a new folder" in node.output
-        assert "Traceback" not in node.output
 
 
 def test_folder_that_vanishes(tmp_path, ros_domain):

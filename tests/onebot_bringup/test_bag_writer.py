@@ -1,23 +1,17 @@
 """What is recorded, read again by rosbags and mcap: independent of what wrote it."""
 
 import os
-import random
 import resource
-import signal
-import struct
-import subprocess
 import sys
-from pathlib import Path
 
 import pytest
-from mcap.reader import NonSeekingReader
 from rosbags.rosbag2 import Reader
 
 from onebot_bringup.bags.bag_reader import Bag
 from onebot_bringup.bags.writer import BagWriter
 from onebot_description.errors import OneBotError
 from tests.onebot_bringup.bag_support import cdr, read_all, topic, write_words
-from tests.support import wait_for
+from tests.support import run_to_end
 
 
 @pytest.mark.parametrize("compress", [True, False])
@@ -65,55 +59,6 @@ def test_refuses_a_folder_that_exists(tmp_path):
         BagWriter(tmp_path / "none/bag")
 
 
-_WRITE_WITHOUT_END = """
-import sys, time
-from pathlib import Path
-from tests.onebot_bringup.bag_support import cdr, topic
-from onebot_bringup.bags.writer import BagWriter
-bag = BagWriter(Path(sys.argv[1]), chunk_size=5000)
-number = bag.add_topic(topic())
-count = 0
-while True:
-    for _ in range(20):
-        count += 1
-        bag.write(number, count, cdr(f"word {count}"))
-    bag.checkpoint()
-    print(count, flush=True)
-"""
-
-
-@pytest.mark.parametrize("attempt", range(2))
-def test_killed_at_any_moment(tmp_path, attempt):
-    """SIGKILL leaves a folder that rosbags reads, with all up to the last checkpoint."""
-    output = tmp_path / "output"
-    with output.open("w") as file:
-        writer = subprocess.Popen(
-            [sys.executable, "-c", _WRITE_WITHOUT_END, str(tmp_path / "bag")], stdout=file
-        )
-    goal = random.Random(attempt).randint(100, 4000)
-    wait_for(lambda: int((output.read_text().split() or ["0"])[-1]) > goal, "messages")
-    writer.send_signal(signal.SIGKILL)
-    writer.wait()
-    reached = int(output.read_text().rpartition("\n")[0].split()[-1])
-    bag = Bag(tmp_path / "bag")
-    stamps = [message.time for message in bag.messages(bag.topics)]
-    assert stamps == list(range(1, len(stamps) + 1))
-    assert len(stamps) >= reached
-    if _is_complete(tmp_path / "bag/bag_0.mcap"):
-        found, _ = read_all(tmp_path / "bag")
-        assert [stamp for _, stamp, _ in found] == stamps
-        with (tmp_path / "bag/bag_0.mcap").open("rb") as file:
-            in_order = NonSeekingReader(file, validate_crcs=True).iter_messages()
-            assert [message.log_time for _, _, message in in_order] == stamps
-
-
-def _is_complete(path: Path) -> bool:
-    """Whether the summary follows the data; not so if the very call that writes was killed."""
-    content = path.read_bytes()
-    (summary,) = struct.unpack("<Q", content[-28:-20])  # the footer's, where the summary begins
-    return content[summary - 13 : summary - 4] == struct.pack("<BQ", 0x0F, 4)  # DataEnd, its size
-
-
 def test_killed_while_writing(tmp_path):
     """Of the call that writes, any part may have happened: what was there before can be read."""
     folder = tmp_path / "bag"
@@ -159,12 +104,7 @@ except OneBotError as error:
 
 def test_full_disk(tmp_path):
     """No room left: one clear error, and what was recorded before can be read."""
-    done = subprocess.run(
-        [sys.executable, "-c", _FILL, str(tmp_path / "bag")],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    done = run_to_end([sys.executable, "-c", _FILL, str(tmp_path / "bag")], check=True)
     *counts, error = done.stdout.splitlines()
     assert error == f"cannot record to {tmp_path / 'bag'}: {os.strerror(27)}"
     found, _ = read_all(tmp_path / "bag")

@@ -23,7 +23,7 @@ from onebot_bringup.cli.main import main
 from tests.onebot_bringup.bag_support import LATCHED as LATCHED_QOS
 from tests.onebot_bringup.bag_support import cdr, write_words
 from tests.onebot_bringup.cli_support import onebot, output_of, running
-from tests.ros_support import LATCHED, Peer
+from tests.ros_support import LATCHED
 from tests.support import PATIENCE, wait_for
 
 SECOND = 1_000_000_000
@@ -31,7 +31,7 @@ START = 1_700_000_000 * SECOND
 BEST_EFFORT = ReliabilityPolicy.BEST_EFFORT
 
 
-def test_info(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_info(tmp_path, monkeypatch):
     """Files, size, times, and each topic with its number of messages, as ros2 bag info."""
     monkeypatch.setenv("TZ", "UTC")
     write_words(tmp_path / "run", 5)
@@ -73,21 +73,6 @@ def recording(folder: Path, plugin: StoragePlugin = StoragePlugin.SQLITE3) -> Pa
         )
         database.execute("UPDATE topics SET type = 'odd_msgs/msg/Odd' WHERE name = '/odd'")
     return folder
-
-
-def test_what_a_recording_knows(tmp_path: Path) -> None:
-    """Numbers, times and QoS, of both formats; QoS in words and in numbers."""
-    bag = Bag(recording(tmp_path / "run"))
-    assert bag.counts == {"/once": 1, "/words": 10, "/odd": 1} and bag.count == 12
-    assert (bag.start_ns, bag.end_ns - bag.start_ns) == (START, 9 * SECOND // 5)
-    assert bag.offered["/once"] == [LATCHED_QOS] and bag.offered["/words"] == []
-    write_words(tmp_path / "ours", 3)
-    ours = Bag(tmp_path / "ours")
-    assert (ours.counts, ours.offered) == ({"/words": 3}, {"/words": [LATCHED_QOS]})
-    assert (ours.start_ns, ours.end_ns) == (SECOND, SECOND + 2_000_000)
-    cut = tmp_path / "cut.mcap"
-    cut.write_bytes((tmp_path / "ours/ours_0.mcap").read_bytes()[:-50])
-    assert Bag(cut).counts == ours.counts and Bag(cut).end_ns == ours.end_ns
 
 
 def add_what_is_not_played(folder: Path) -> None:
@@ -134,7 +119,7 @@ def add_what_is_not_played(folder: Path) -> None:
         ),
     ],
 )
-def test_qos_that_suits_every_subscriber(offered: list[Qos], expected: QoSProfile) -> None:
+def test_qos_that_suits_every_subscriber(offered, expected):
     """Of the recorded publishers: more reliable than one of them harms none."""
     played = played_qos(offered)
     for name in ("depth", "reliability", "durability"):
@@ -151,29 +136,28 @@ def problems(command) -> list[str]:
     return [line for line in command.err.splitlines() if not line.startswith("looking for ")]
 
 
-def test_play(tmp_path: Path, ros_domain: int) -> None:
+def test_play(tmp_path, peer):
     """Each message in its time and order, latched ones for who comes later, and the clock.
 
     What is not installed or not to be published is left out with one line each.
     """
     folder = recording(tmp_path / "run")
     add_what_is_not_played(folder)
-    with Peer(ros_domain) as peer:
-        deadline = Duration(seconds=1)  # which a publisher without one does not meet
-        heard = peer.hear(String, "/speech", QoSProfile(depth=100, deadline=deadline))
-        clock = peer.hear(Clock, "/clock")
-        words = ("--clock", "50", "-r", "2", "-m", "/words:=/speech")
-        started = time.monotonic()
-        with running(tmp_path, "bag", "play", str(folder), *words) as command:
-            wait_for(lambda: heard, "the first word")
-            once = peer.hear(String, "/once", LATCHED)
-            assert command.process.wait(PATIENCE) == 0, command.err
-        assert time.monotonic() - started > 0.9
-        assert [word.data for word in heard] == [f"word {index}" for index in range(10)]
-        assert [word.data for word in once] == ["once"]
-        stamps = [message.clock.sec * SECOND + message.clock.nanosec for message in clock]
-        assert {b - a for a, b in zip(stamps, stamps[1:], strict=False)} == {SECOND // 25}
-        assert START <= stamps[0] and stamps[-1] <= START + 9 * SECOND // 5
+    deadline = Duration(seconds=1)  # which a publisher without one does not meet
+    heard = peer.hear(String, "/speech", QoSProfile(depth=100, deadline=deadline))
+    clock = peer.hear(Clock, "/clock")
+    words = ("--clock", "50", "-r", "2", "-m", "/words:=/speech")
+    started = time.monotonic()
+    with running(tmp_path, "bag", "play", str(folder), *words) as command:
+        wait_for(lambda: heard, "the first word")
+        once = peer.hear(String, "/once", LATCHED)
+        assert command.process.wait(PATIENCE) == 0, command.err
+    assert time.monotonic() - started > 0.9
+    assert [word.data for word in heard] == [f"word {index}" for index in range(10)]
+    assert [word.data for word in once] == ["once"]
+    stamps = [message.clock.sec * SECOND + message.clock.nanosec for message in clock]
+    assert {b - a for a, b in zip(stamps, stamps[1:], strict=False)} == {SECOND // 25}
+    assert START <= stamps[0] and stamps[-1] <= START + 9 * SECOND // 5
     expected = (
         '/odd is not played: no message type "odd_msgs/msg/Odd"',
         '/a b is not played: "/a b" is no name: ',
@@ -185,19 +169,18 @@ def test_play(tmp_path: Path, ros_domain: int) -> None:
     assert f"playing {folder}: 1.8 s of 2 topics\n" in command.out
 
 
-def test_play_a_part_again_and_again(tmp_path: Path, ros_domain: int) -> None:
+def test_play_a_part_again_and_again(tmp_path, peer):
     """Only some topics, from an offset on, for a while, in a loop until Ctrl-C (exit code 0)."""
     folder = recording(tmp_path / "run")
-    with Peer(ros_domain) as peer:
-        heard: list[tuple[String, int]] = []
-        peer.node.create_subscription(
-            String, "/words", lambda word, info: heard.append((word, info["source_timestamp"])), 100
-        )
-        once = peer.hear(String, "/once", LATCHED)
-        part = "--start-offset 0.5 --playback-duration 0.4 -x .*odd --loop --delay 0.5".split()
-        with running(tmp_path, "bag", "play", str(folder), *part) as command:
-            wait_for(lambda: len(heard) >= 5 and once, "two rounds")
-            assert command.interrupt() == 0 and "Traceback" not in command.err
+    heard: list[tuple[String, int]] = []
+    peer.node.create_subscription(
+        String, "/words", lambda word, info: heard.append((word, info["source_timestamp"])), 100
+    )
+    once = peer.hear(String, "/once", LATCHED)
+    part = "--start-offset 0.5 --playback-duration 0.4 -x .*odd --loop --delay 0.5".split()
+    with running(tmp_path, "bag", "play", str(folder), *part) as command:
+        wait_for(lambda: len(heard) >= 5 and once, "two rounds")
+        assert command.interrupt() == 0 and "Traceback" not in command.err
     expected = ["word 3", "word 4"] * 3
     assert [word.data for word, _ in heard][:5] == expected[:5]
     sent = [stamp for _, stamp in heard]
@@ -205,17 +188,16 @@ def test_play_a_part_again_and_again(tmp_path: Path, ros_domain: int) -> None:
     assert not problems(command)
 
 
-def test_loop_of_one_moment(tmp_path: Path, ros_domain: int) -> None:
+def test_loop_of_one_moment(tmp_path, peer):
     """A recording without duration is not published as fast as can be."""
     folder = recording(tmp_path / "run")
-    with Peer(ros_domain) as peer:
-        heard = peer.hear(String, "/words")
-        started = time.monotonic()
-        words = ("-l", "--start-offset", "1.8", "-e", "/words")
-        with running(tmp_path, "bag", "play", str(folder), *words) as command:
-            wait_for(lambda: len(heard) >= 5, "some rounds")
-            assert command.interrupt() == 0
-        assert len(heard) <= 1 + (time.monotonic() - started) / 0.1
+    heard = peer.hear(String, "/words")
+    started = time.monotonic()
+    words = ("-l", "--start-offset", "1.8", "-e", "/words")
+    with running(tmp_path, "bag", "play", str(folder), *words) as command:
+        wait_for(lambda: len(heard) >= 5, "some rounds")
+        assert command.interrupt() == 0
+    assert len(heard) <= 1 + (time.monotonic() - started) / 0.1
 
 
 @pytest.mark.parametrize(
@@ -229,40 +211,32 @@ def test_loop_of_one_moment(tmp_path: Path, ros_domain: int) -> None:
         (("-e", "word"), 1, "has nothing to play"),  # the whole name
     ],
 )  # fmt: skip
-def test_play_mistakes(
-    tmp_path: Path,
-    ros_domain: int,
-    words: tuple[str, ...],
-    code: int,
-    part: str,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_play_mistakes(tmp_path, ros_domain, words, code, part, capsys):
     assert main(["bag", "play", str(recording(tmp_path / "run")), *words]) == code
     assert part in capsys.readouterr().err
 
 
-def test_record(tmp_path: Path, ros_domain: int) -> None:
+def test_record(tmp_path, peer):
     """The topics chosen by name and pattern, without those excluded, until Ctrl-C."""
     folder = tmp_path / "run"
-    with Peer(ros_domain) as peer:
-        for name in ("/left/words", "/right/words", "/right/secret"):
-            peer.node.create_publisher(String, name, LATCHED).publish(String(data=name))
-        words = ("/left/words", "-e", "^/right", "-x", "secret", "-o", str(folder))
-        with running(tmp_path, "bag", "record", *words) as command:
-            wait_for(
-                lambda: (folder / "metadata.yaml").is_file() and Bag(folder).count == 2,
-                "both messages",
-            )
-            assert command.interrupt() == 0, command.err
-        assert set(Bag(folder).topics) == {"/left/words", "/right/words"}
-        again = onebot("bag", "record", "-a", "-o", str(folder))
-        assert again.returncode == 1 and "exists already" in again.stderr
+    for name in ("/left/words", "/right/words", "/right/secret"):
+        peer.node.create_publisher(String, name, LATCHED).publish(String(data=name))
+    words = ("/left/words", "-e", "^/right", "-x", "secret", "-o", str(folder))
+    with running(tmp_path, "bag", "record", *words) as command:
+        wait_for(
+            lambda: (folder / "metadata.yaml").is_file() and Bag(folder).count == 2,
+            "both messages",
+        )
+        assert command.interrupt() == 0, command.err
+    assert set(Bag(folder).topics) == {"/left/words", "/right/words"}
+    again = onebot("bag", "record", "-a", "-o", str(folder))
+    assert again.returncode == 1 and "exists already" in again.stderr
     assert onebot("bag", "record").returncode == 2
     both = onebot("bag", "record", "-a", "/words")
     assert both.returncode == 2 and "-a records all topics" in both.stderr
 
 
-def test_selection() -> None:
+def test_selection():
     """Names and pattern add up, the exclusion counts for all; without any, all but hidden ones."""
     everything = Selection()
     assert everything.has("/a") and not everything.has("/a/_b") and not everything.has("/rosout")

@@ -86,22 +86,21 @@ def test_param_list_get_and_dump(ros_domain: int) -> None:
         assert wrong.returncode == 1 and 'did you mean "rate"' in wrong.stderr
 
 
-def test_lost_response(ros_domain: int) -> None:
+def test_lost_response(peer: Peer) -> None:
     """A request is sent again when its response is lost, as on a busy machine."""
-    with Peer(ros_domain) as peer:
-        node = rclpy.create_node("robot", context=peer.context, start_parameter_services=False)
-        service = peer.node.create_service(
-            GetParameters,
-            "/robot/get_parameters",
-            lambda _, response: GetParameters.Response(
-                values=[ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=10.0)]
-            ),
-        )
-        send, lost = service.send_response, []
-        service.send_response = lambda *words: send(*words) if lost else lost.append(words)
-        assert output_of("param", "get", "/robot", "rate") == "Double value is: 10.0\n"
-        assert len(lost) == 1
-        node.destroy_node()
+    node = rclpy.create_node("robot", context=peer.context, start_parameter_services=False)
+    service = peer.node.create_service(
+        GetParameters,
+        "/robot/get_parameters",
+        lambda _, response: GetParameters.Response(
+            values=[ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=10.0)]
+        ),
+    )
+    send, lost = service.send_response, []
+    service.send_response = lambda *words: send(*words) if lost else lost.append(words)
+    assert output_of("param", "get", "/robot", "rate") == "Double value is: 10.0\n"
+    assert len(lost) == 1
+    node.destroy_node()
 
 
 def test_param_set(ros_domain: int) -> None:

@@ -8,6 +8,7 @@ import time
 import pytest
 
 from onebot_description.description.packages import package_share
+from tests.support import run_to_end
 
 MRM = str(package_share("mrm_description") / "urdf/mrm.xacro")
 COMMANDS = {
@@ -42,9 +43,7 @@ for words in {commands}:
 
 
 def python(program: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=180, check=False
-    )
+    return run_to_end([sys.executable, "-c", program])
 
 
 @pytest.mark.parametrize("module", COMMANDS.values())

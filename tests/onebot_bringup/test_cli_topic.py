@@ -3,10 +3,8 @@
 import itertools
 import re
 import shlex
-import subprocess
 import sys
 import time
-from pathlib import Path
 
 import pytest
 from geometry_msgs.msg import Twist, TwistStamped
@@ -17,7 +15,7 @@ from onebot_description.ros.wire.interfaces import TFMessage
 from tests.hosts import missing
 from tests.onebot_bringup.cli_support import MODULE, onebot, output_of, running
 from tests.ros_support import LATCHED, Peer
-from tests.support import PATIENCE, skip_for, wait_for
+from tests.support import run_to_end, skip_for, wait_for
 
 TWIST = "geometry_msgs/msg/Twist"
 SHOWN = (
@@ -26,34 +24,32 @@ SHOWN = (
 )
 
 
-def test_pub_once(ros_domain: int) -> None:
+def test_pub_once(peer):
     """--once waits for a listener, publishes one message, prints it as ros2 does, and ends."""
-    with Peer(ros_domain) as peer:
-        heard = peer.hear(Twist, "/cmd_vel")
-        done = onebot("topic", "pub", "--once", "cmd_vel", TWIST, "{linear: {x: 0.2}}")
-        assert done.returncode == 0, done.stderr
-        assert done.stdout.endswith(f"publisher: beginning loop\npublishing #1: {SHOWN}\n\n")
-        wait_for(lambda: heard, "the message")
-        assert len(heard) == 1 and heard[0].linear.x == 0.2
+    heard = peer.hear(Twist, "/cmd_vel")
+    done = onebot("topic", "pub", "--once", "cmd_vel", TWIST, "{linear: {x: 0.2}}")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.endswith(f"publisher: beginning loop\npublishing #1: {SHOWN}\n\n")
+    wait_for(lambda: heard, "the message")
+    assert len(heard) == 1 and heard[0].linear.x == 0.2
 
 
-def test_pub_at_a_rate(ros_domain: int) -> None:
+def test_pub_at_a_rate(peer):
     """-r and --times: so many messages, evenly, each with the time of its sending."""
-    with Peer(ros_domain) as peer:
-        heard = peer.hear(TwistStamped, "/cmd_vel")
-        done = onebot(
-            "topic", "pub", "-r", "5", "-t", "11", "-p", "5", "/cmd_vel",
-            "geometry_msgs/msg/TwistStamped", "{header: auto, twist: {linear: {x: 0.2}}}",
-        )  # fmt: skip
-        assert done.returncode == 0, done.stderr
-        assert re.findall(r"publishing #(\d+)", done.stdout) == ["5", "10"]
-        wait_for(lambda: len(heard) == 11, "11 messages")
-        stamps = [m.header.stamp.sec + m.header.stamp.nanosec * 1e-9 for m in heard]
-        assert stamps[-1] - stamps[0] == pytest.approx(2.0, rel=0.2)
-        assert stamps == sorted(stamps) and len(set(stamps)) == 11
+    heard = peer.hear(TwistStamped, "/cmd_vel")
+    done = onebot(
+        "topic", "pub", "-r", "5", "-t", "11", "-p", "5", "/cmd_vel",
+        "geometry_msgs/msg/TwistStamped", "{header: auto, twist: {linear: {x: 0.2}}}",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert re.findall(r"publishing #(\d+)", done.stdout) == ["5", "10"]
+    wait_for(lambda: len(heard) == 11, "11 messages")
+    stamps = [m.header.stamp.sec + m.header.stamp.nanosec * 1e-9 for m in heard]
+    assert stamps[-1] - stamps[0] == pytest.approx(2.0, rel=0.2)
+    assert stamps == sorted(stamps) and len(set(stamps)) == 11
 
 
-def test_pub_until_interrupted(ros_domain: int, tmp_path: Path) -> None:
+def test_pub_until_interrupted(ros_domain, tmp_path):
     """Without a number it publishes until Ctrl-C (exit code 0); it reports a missing subscriber.
 
     Its own TFMessage replaces tf2_msgs.
@@ -73,15 +69,14 @@ def test_pub_until_interrupted(ros_domain: int, tmp_path: Path) -> None:
         assert "Traceback" not in command.err
 
 
-def test_pub_waits_and_says_for_what(ros_domain: int) -> None:
+def test_pub_waits_and_says_for_what(peer):
     """A listener of another type does not count, and is named; the wait can be limited."""
-    with Peer(ros_domain) as peer:
-        peer.hear(TwistStamped, "/cmd_vel")
-        done = onebot("topic", "pub", "-1", "--max-wait-time-secs", "4", "/cmd_vel", TWIST)
-        assert done.returncode == 1
-        assert "Waiting for at least 1 matching subscription(s)..." in done.stdout
-        assert "timed out after 4 s" in done.stderr
-        assert "geometry_msgs/msg/TwistStamped" in done.stderr
+    peer.hear(TwistStamped, "/cmd_vel")
+    done = onebot("topic", "pub", "-1", "--max-wait-time-secs", "4", "/cmd_vel", TWIST)
+    assert done.returncode == 1
+    assert "Waiting for at least 1 matching subscription(s)..." in done.stdout
+    assert "timed out after 4 s" in done.stderr
+    assert "geometry_msgs/msg/TwistStamped" in done.stderr
 
 
 @pytest.mark.parametrize(
@@ -98,13 +93,7 @@ def test_pub_waits_and_says_for_what(ros_domain: int) -> None:
         (("/x", TWIST, "--no-such"), 2, "--no-such"),
     ],
 )  # fmt: skip
-def test_pub_mistakes(
-    ros_domain: int,
-    words: tuple[str, ...],
-    code: int,
-    part: str,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_pub_mistakes(ros_domain, words, code, part, capsys):
     """Each mistake is one line on stderr; usage exits with 2 and points to the help."""
     assert main(["topic", "pub", *words]) == code
     printed = capsys.readouterr()
@@ -112,59 +101,50 @@ def test_pub_mistakes(
     assert ("see: onebot topic pub --help" in printed.err) == (code == 2)
 
 
-def test_echo_forms(ros_domain: int) -> None:
+def test_echo_forms(peer):
     """The forms of output: YAML, one line, values, a part, a part's value.
 
     The QoS suits the publisher, so that what was published before is received; type discovered.
     """
     forms = {
         (): "linear:\n  x: 0.5\n  y: 0.0\n  z: 0.0\nangular:\n  x: 0.0\n  y: 0.0\n  z: 0.0\n---\n",
-        ("--flow-style",):
-            "{linear: {x: 0.5, y: 0.0, z: 0.0}, angular: {x: 0.0, y: 0.0, z: 0.0}}\n---\n",
-        ("--csv",): "0.5,0.0,0.0,0.0,0.0,0.0\n",
-        ("--field", "linear"): "x: 0.5\ny: 0.0\nz: 0.0\n---\n",
+        ("--flow-style", "--field", "linear"): "{x: 0.5, y: 0.0, z: 0.0}\n---\n",
         ("--field", "linear.x"): "0.5\n---\n",
         ("--filter", "any(getattr(m.linear, x) > 0.4 for x in 'xyz')", "--csv"):
             "0.5,0.0,0.0,0.0,0.0,0.0\n",
     }  # fmt: skip
-    with Peer(ros_domain) as peer:
-        publisher = peer.node.create_publisher(Twist, "/cmd_vel", LATCHED)
-        message = Twist()
-        message.linear.x = 0.5
-        publisher.publish(message)
-        for options, expected in forms.items():
-            done = onebot("topic", "echo", "--once", "/cmd_vel", *options)
-            assert (done.returncode, done.stdout) == (0, expected), done.stderr
-        wrong = onebot("topic", "echo", "--once", "/cmd_vel", "--field", "linar.x")
-        assert wrong.returncode == 1 and 'did you mean "linear"' in wrong.stderr
-        for words, code, part in (
-            (("--filter", "m.x > 1", "--field", "linear", "--timeout", "4"), 1, "no message that"),
-            (("--filter", "m.speed"), 1, "--filter: AttributeError: 'Twist' object has no"),
-            (("--filter", "m."), 2, "m. is no Python expression: invalid syntax"),
-        ):
-            wrong = onebot("topic", "echo", "--once", "/cmd_vel", *words)
-            assert wrong.returncode == code and part in wrong.stderr, wrong.stderr
+    publisher = peer.node.create_publisher(Twist, "/cmd_vel", LATCHED)
+    message = Twist()
+    message.linear.x = 0.5
+    publisher.publish(message)
+    for options, expected in forms.items():
+        done = onebot("topic", "echo", "--once", "/cmd_vel", *options)
+        assert (done.returncode, done.stdout) == (0, expected), done.stderr
+    wrong = onebot("topic", "echo", "--once", "/cmd_vel", "--field", "linar.x")
+    assert wrong.returncode == 1 and 'did you mean "linear"' in wrong.stderr
+    for words, code, part in (
+        (("--filter", "m.x > 1", "--field", "linear", "--timeout", "4"), 1, "no message that"),
+        (("--filter", "m.speed"), 1, "--filter: AttributeError: 'Twist' object has no"),
+        (("--filter", "m."), 2, "m. is no Python expression: invalid syntax"),
+    ):
+        wrong = onebot("topic", "echo", "--once", "/cmd_vel", *words)
+        assert wrong.returncode == code and part in wrong.stderr, wrong.stderr
 
 
-def test_errors_of_dds_are_not_output(ros_domain: int) -> None:
+def test_errors_of_dds_are_not_output(ros_domain):
     """Without shared memory Fast DDS logs errors: to stderr, for stdout may be a file of values."""
     if problem := missing():
         skip_for(problem)
     read_only = "mount -t tmpfs -o ro none /dev/shm && exec " + shlex.join(
         [sys.executable, "-m", MODULE, "topic", "list"]
     )
-    done = subprocess.run(
-        ["unshare", "--mount", "sh", "-c", read_only],
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-    )
+    done = run_to_end(["unshare", "--mount", "sh", "-c", read_only])
     assert done.returncode == 0, done.stderr
     assert "RTPS_TRANSPORT_SHM" in done.stderr
     assert done.stdout.split() == ["/parameter_events", "/rosout"]
 
 
-def test_echo_waits_for_the_topic(ros_domain: int, tmp_path: Path) -> None:
+def test_echo_waits_for_the_topic(ros_domain, tmp_path):
     """What is not there yet is awaited, and said; then it runs until Ctrl-C, with exit code 0."""
     with running(tmp_path, "topic", "echo", "/later") as command:
         command.says("WARNING: topic [/later] does not appear to be published yet")
@@ -185,11 +165,9 @@ def test_echo_waits_for_the_topic(ros_domain: int, tmp_path: Path) -> None:
         (("bw", "/odom"), "waiting for it", "B/s from"),
     ],
 )
-def test_it_suggests_a_like_topic_and_waits_on(
-    ros_domain: int, tmp_path: Path, words: tuple[str, ...], waiting: str, shown: str
-) -> None:
+def test_it_suggests_a_like_topic_and_waits_on(peer, tmp_path, words, waiting, shown):
     """Also if the like one comes later; then what was asked for comes."""
-    with running(tmp_path, "topic", *words) as command, Peer(ros_domain) as peer:
+    with running(tmp_path, "topic", *words) as command:
         command.says(waiting)
         assert "did you mean" not in command.err
         for name in ("/robot1/odom", "/robot1/status", "/odometry"):
@@ -202,64 +180,44 @@ def test_it_suggests_a_like_topic_and_waits_on(
         assert command.interrupt() == 0 and command.err.count("did you mean") == 1
 
 
-def test_info_suggests_like_topics_before_it_gives_up(ros_domain: int) -> None:
-    with Peer(ros_domain) as peer:
-        for name in ("/robot0/scan", "/robot1/scan", "/chatter"):
-            peer.node.create_publisher(String, name, 10)
-        for name, question in (
-            ("/chater", r'did you mean "/chatter"\?'),
-            ("scan", r'did you mean "/robot\d/scan"( or "/robot\d/scan")?\?'),
-        ):
-            wrong = onebot("topic", "info", name)
-            notice, error, _ = wrong.stderr.partition("error: ")
-            assert wrong.returncode == 1 and re.search(question, notice) and error, wrong.stderr
-        assert "did you mean" not in onebot("topic", "info", "/voltage").stderr
-
-
-def test_echo_into_head(ros_domain: int) -> None:
+def test_echo_into_head(peer):
     """A reader that leaves ends it quietly."""
-    with Peer(ros_domain) as peer:
-        publisher = peer.node.create_publisher(String, "/chatter", 10)
-        peer.node.create_timer(0.02, lambda: publisher.publish(String(data="hello")))
-        done = subprocess.run(
-            f"{sys.executable} -m {MODULE} topic echo /chatter | head -n 2",
-            shell=True, capture_output=True, text=True, timeout=180,
-        )  # fmt: skip
-        assert done.stdout == "data: hello\n---\n"
-        # On a busy machine it may wait for the topic first, and says so.
-        assert [line for line in done.stderr.splitlines() if "waiting for it" not in line] == []
+    publisher = peer.node.create_publisher(String, "/chatter", 10)
+    peer.node.create_timer(0.02, lambda: publisher.publish(String(data="hello")))
+    done = run_to_end(["sh", "-c", f"{sys.executable} -m {MODULE} topic echo /chatter | head -n 2"])
+    assert done.stdout == "data: hello\n---\n"
+    # On a busy machine it may wait for the topic first, and says so.
+    assert [line for line in done.stderr.splitlines() if "waiting for it" not in line] == []
 
 
-def test_echo_of_nothing(ros_domain: int) -> None:
+def test_echo_of_nothing(peer):
     """--timeout ends the wait for a first message, or for the topic, with exit code 1."""
-    with Peer(ros_domain) as peer:
-        peer.node.create_publisher(String, "/silent", 10)
-        done = onebot("topic", "echo", "/silent", "std_msgs/msg/String", "--timeout", "1")
-        assert done.returncode == 1 and "no message on /silent within 1 s" in done.stderr
-        done = onebot("topic", "echo", "/nothing", "--timeout", "0.5")
-        assert done.returncode == 1 and "no topic /nothing within 0.5 s" in done.stderr
+    peer.node.create_publisher(String, "/silent", 10)
+    done = onebot("topic", "echo", "/silent", "std_msgs/msg/String", "--timeout", "1")
+    assert done.returncode == 1 and "no message on /silent within 1 s" in done.stderr
+    done = onebot("topic", "echo", "/nothing", "--timeout", "0.5")
+    assert done.returncode == 1 and "no topic /nothing within 0.5 s" in done.stderr
 
 
-def test_list(ros_domain: int) -> None:
+def test_list(peer):
     """Names; with types; their number; the lists of -v; hidden ones on request."""
-    with Peer(ros_domain) as peer:
-        peer.node.create_publisher(String, "/chatter", 10)
-        peer.node.create_publisher(String, "/_secret", 10)
-        peer.hear(Twist, "/cmd_vel")
-        plain = output_of("topic", "list").splitlines()
-        assert plain == ["/chatter", "/cmd_vel", "/parameter_events", "/rosout"]
-        typed = output_of("topic", "list", "-t")
-        assert "/chatter [std_msgs/msg/String]\n/cmd_vel [geometry_msgs/msg/Twist]\n" in typed
-        assert output_of("topic", "list", "--count-topics") == "4\n"
-        assert "/_secret" in output_of("topic", "list", "--include-hidden-topics")
-        verbose = output_of("topic", "list", "-v")
-        assert verbose.startswith("Published topics:\n * /chatter [std_msgs/msg/String] 1 publi")
-        assert verbose.endswith(
-            "\n\nSubscribed topics:\n * /cmd_vel [geometry_msgs/msg/Twist] 1 subscriber\n\n"
-        )
+    peer.node.create_publisher(String, "/chatter", 10)
+    peer.node.create_publisher(String, "/_secret", 10)
+    peer.hear(Twist, "/cmd_vel")
+    plain = output_of("topic", "list").splitlines()
+    assert plain == ["/chatter", "/cmd_vel", "/parameter_events", "/rosout"]
+    typed = output_of("topic", "list", "-t")
+    assert "/chatter [std_msgs/msg/String]\n/cmd_vel [geometry_msgs/msg/Twist]\n" in typed
+    assert output_of("topic", "list", "--count-topics") == "4\n"
+    assert "/_secret" in output_of("topic", "list", "--include-hidden-topics")
+    verbose = output_of("topic", "list", "-v")
+    assert verbose.startswith("Published topics:\n * /chatter [std_msgs/msg/String] 1 publi")
+    assert verbose.endswith(
+        "\n\nSubscribed topics:\n * /cmd_vel [geometry_msgs/msg/Twist] 1 subscriber\n\n"
+    )
 
 
-def test_info_type_and_find(ros_domain: int) -> None:
+def test_info_type_and_find(ros_domain):
     """The counts; with -v each endpoint, its node and QoS; a topic's type and a type's topics."""
     with Peer(ros_domain, "talker") as peer:
         peer.node.create_publisher(String, "/chatter", LATCHED)
@@ -281,11 +239,11 @@ def test_info_type_and_find(ros_domain: int) -> None:
 
 # Simulated time stands still without a /clock.
 @pytest.mark.parametrize("options", [(), ("--wall-time", "--ros-args", "-p", "use_sim_time:=true")])
-def test_hz(ros_domain: int, tmp_path: Path, options: tuple[str, ...]) -> None:
+def test_hz(peer, tmp_path, options):
     """The rate, in ros2's form, once a second, until Ctrl-C."""
     form = r"average rate: (\d+\.\d{3})\n\tmin: \d\.\d{3}s max: \d\.\d{3}s std dev: \d\.\d{5}s w"
     words = ("topic", "hz", "-w", "50", "/x", *options)
-    with Peer(ros_domain) as peer, running(tmp_path, *words) as command:
+    with running(tmp_path, *words) as command:
         publisher = peer.node.create_publisher(String, "/x", 10)
         sent: list[float] = []
 

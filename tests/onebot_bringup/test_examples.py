@@ -2,7 +2,6 @@
 
 import os
 import re
-import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -15,6 +14,7 @@ from rclpy.serialization import deserialize_message
 
 from onebot_bringup.bags.bag_reader import Bag
 from tests.readme import CHECKOUT
+from tests.support import PATIENCE, run_to_end
 from tests.support_rendering import require_renderer
 
 EXAMPLES = sorted((CHECKOUT / "onebot_bringup/examples").iterdir())
@@ -40,12 +40,11 @@ def run(tmp_path: Path) -> Callable[[str], list[str]]:
         program, *words = _command(path)
         programs = {"python": [], "pytest": ["-m", "pytest", "-p", "no:cacheprovider"]}
         search = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-        done = subprocess.run(
+        done = run_to_end(
             [sys.executable, *programs[program], *words],
             cwd=tmp_path,
             env={**os.environ, "PATH": search},
-            capture_output=True,
-            text=True,
+            timeout=5 * PATIENCE,
         )
         assert done.returncode == 0, done.stdout + done.stderr
         return done.stdout.splitlines()

@@ -1,7 +1,6 @@
 """Types that are installed, by name, and the text that defines them."""
 
 import os
-import subprocess
 import sys
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from std_srvs.srv import SetBool
 from onebot_bringup.introspection.interfaces import message_class, service_class
 from onebot_description.errors import OneBotError
 from onebot_description.ros.wire.interface_text import full_definition
+from tests.support import run_to_end
 
 
 @pytest.mark.parametrize(
@@ -60,11 +60,5 @@ def test_a_definition_is_utf_8_whatever_the_locale(tmp_path: Path) -> None:
     )
     limited = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
     paths = {"AMENT_PREFIX_PATH": str(tmp_path), "PYTHONPATH": os.pathsep.join(sys.path)}
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        capture_output=True,
-        text=True,
-        env={**os.environ, **limited, **paths},
-        timeout=180,
-    )
+    done = run_to_end([sys.executable, "-c", code], env={**os.environ, **limited, **paths})
     assert done.stdout.strip() == ascii(text), done.stderr

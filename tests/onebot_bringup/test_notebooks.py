@@ -20,7 +20,7 @@ from onebot_bringup.viewer.notebook import NotebookRobot
 from onebot_description.description import load_description, parse_description
 from onebot_description.errors import OneBotError
 from tests.readme import CHECKOUT
-from tests.ros_support import LATCHED, Peer
+from tests.ros_support import LATCHED
 from tests.support import PATIENCE, wait_for
 
 NOTEBOOKS = sorted((CHECKOUT / "onebot_bringup/notebooks").glob("*.ipynb"))
@@ -171,14 +171,13 @@ def test_grasping_puts_the_box_onto_the_table(tmp_path):
 
 
 @pytest.mark.slow
-def test_ros_drives_a_running_robot_round_a_circle(ros_domain, tmp_path):
+def test_ros_drives_a_running_robot_round_a_circle(peer, tmp_path):
     """In the domain of the environment, and the robot ends with the last cell."""
-    with Peer(ros_domain) as peer:
-        received = peer.hear(Odometry, "/velocity_controller/odom")
-        results, notebook = _executed(
-            "ros", tmp_path, "{'distance': distance, 'truth': path(truth).tolist(), 'code': code}"
-        )
-        assert len(received) > 100
+    received = peer.hear(Odometry, "/velocity_controller/odom")
+    results, notebook = _executed(
+        "ros", tmp_path, "{'distance': distance, 'truth': path(truth).tolist(), 'code': code}"
+    )
+    assert len(received) > 100
     assert math.pi < results["distance"] < 2.0 * math.pi  # more than once round by its braking
     for x, y in results["truth"]:
         assert math.hypot(x, y - 0.5) == pytest.approx(0.5, abs=0.01)
@@ -188,14 +187,13 @@ def test_ros_drives_a_running_robot_round_a_circle(ros_domain, tmp_path):
 
 
 @pytest.mark.slow
-def test_mapping_drives_out_of_the_maze_with_its_map(ros_domain, tmp_path):
+def test_mapping_drives_out_of_the_maze_with_its_map(peer, tmp_path):
     """The map is published, and nearly all of it is as the maze is."""
-    with Peer(ros_domain) as peer:
-        received = peer.hear(OccupancyGrid, "/map", LATCHED)
-        results, notebook = _executed(
-            "mapping", tmp_path, "{'share': share, 'seen': int(seen.sum()), 'code': code}"
-        )
-        assert received and received[-1].header.frame_id == "world"
+    received = peer.hear(OccupancyGrid, "/map", LATCHED)
+    results, notebook = _executed(
+        "mapping", tmp_path, "{'share': share, 'seen': int(seen.sum()), 'code': code}"
+    )
+    assert received and received[-1].header.frame_id == "world"
     assert results["share"] > 0.97 and results["seen"] > 3000
     assert results["code"] == 0
     assert _pictures(notebook) == 1

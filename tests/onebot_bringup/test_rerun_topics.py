@@ -110,7 +110,7 @@ def test_the_file_has_trails_and_speeds(ros_domain, tmp_path):
         assert {*values[np.isfinite(values)]} == speeds
 
 
-def test_a_type_that_is_not_installed_is_said_once(ros_domain, monkeypatch, tmp_path):
+def test_a_type_that_is_not_installed_is_said_once(peer, monkeypatch, tmp_path):
     """Of a topic that nobody has asked for; another is named each time."""
 
     def message_class(name):
@@ -119,11 +119,10 @@ def test_a_type_that_is_not_installed_is_said_once(ros_domain, monkeypatch, tmp_
     monkeypatch.setattr("onebot_bringup.viewer.topics.message_class", message_class)
     recording = open_recording(save=tmp_path / "x.rrd")
     view = RobotView(recording.stream, parse_view("trails: {a: {topic: /way}}"))
-    with Peer(ros_domain) as peer:
-        peer.node.create_publisher(PathMessage, "/plan", 10)
-        peer.node.create_publisher(Odometry, "/way", 10)
-        feed = ViewFeed(peer.node, view)
-        problems = Counter(problem for _ in range(3) for problem in feed.update())
+    peer.node.create_publisher(PathMessage, "/plan", 10)
+    peer.node.create_publisher(Odometry, "/way", 10)
+    feed = ViewFeed(peer.node, view)
+    problems = Counter(problem for _ in range(3) for problem in feed.update())
     assert problems["no message type nav_msgs/msg/Path"] == 1
     assert problems["no message type nav_msgs/msg/Odometry"] == 3
     recording.close()

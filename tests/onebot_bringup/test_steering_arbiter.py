@@ -84,7 +84,7 @@ def steered() -> Steered:
     return Steered("ab")
 
 
-def test_nothing_is_published_before_anybody_drives(steered: Steered) -> None:
+def test_nothing_is_published_before_anybody_drives(steered):
     """Other sources of commands are left alone; to halt is no exception."""
     steered.arbiter.tick()
     steered.arbiter.halt()
@@ -92,7 +92,7 @@ def test_nothing_is_published_before_anybody_drives(steered: Steered) -> None:
     assert steered.sent() == [] and steered.driver is None
 
 
-def test_to_take_hold_is_published_at_once_and_then_at_the_fixed_rate(steered: Steered) -> None:
+def test_to_take_hold_is_published_at_once_and_then_at_the_fixed_rate(steered):
     """More of the same waits for its turn; a robot that is held at zero gets zeros."""
     steered.drive("a")
     assert steered.sent() == [FORWARD] and steered.changes == 1
@@ -117,7 +117,7 @@ def test_to_take_hold_is_published_at_once_and_then_at_the_fixed_rate(steered: S
     ],
     ids=["release", "leave", "reject", "stop", "silence"],
 )
-def test_every_end_gives_zeros_and_then_silence(steered: Steered, end) -> None:
+def test_every_end_gives_zeros_and_then_silence(steered, end):
     """The first at once, three in all, so that one may get lost; then others may drive."""
     steered.drive("a")
     steered.sent()
@@ -129,7 +129,7 @@ def test_every_end_gives_zeros_and_then_silence(steered: Steered, end) -> None:
     assert steered.joints == [{"arm": FORWARD.linear}, *[{}] * ZEROS]
 
 
-def test_the_last_to_take_hold_drives(steered: Steered) -> None:
+def test_the_last_to_take_hold_drives(steered):
     """At once; the page it takes control from has to let go, and stops nobody meanwhile."""
     steered.drive("a")
     steered.sent()
@@ -146,7 +146,7 @@ def test_the_last_to_take_hold_drives(steered: Steered) -> None:
     assert steered.driver == "a" and steered.command == FORWARD
 
 
-def test_joints_alone_take_control_and_unlock(steered: Steered) -> None:
+def test_joints_alone_take_control_and_unlock(steered):
     """As wheels do; those that are at rest do not."""
     steered.arbiter.handle("a", Drive(0.0, 0.0, steered.now, {}))
     assert steered.driver == "a" and steered.locks == []
@@ -165,7 +165,7 @@ def test_joints_alone_take_control_and_unlock(steered: Steered) -> None:
     ],
     ids=["stop", "reject", "halt"],
 )
-def test_a_page_that_was_stopped_has_to_let_go_first(steered: Steered, end, held: bool) -> None:
+def test_a_page_that_was_stopped_has_to_let_go_first(steered, end, held):
     """None of these is undone by going on to hold; a page that held nothing may take hold."""
     if held:
         steered.drive("a")
@@ -179,13 +179,13 @@ def test_a_page_that_was_stopped_has_to_let_go_first(steered: Steered, end, held
     assert steered.sent()[-1:] == [FORWARD] and steered.driver == "a"
 
 
-def test_nonsense_of_a_page_that_holds_nothing_costs_its_next_hold(steered: Steered) -> None:
+def test_nonsense_of_a_page_that_holds_nothing_costs_its_next_hold(steered):
     steered.arbiter.reject("a")
     steered.drive("a")
     assert steered.sent() == [] and steered.driver is None
 
 
-def test_a_stop_locks_the_robot_until_a_page_presses_anew(steered: Steered) -> None:
+def test_a_stop_locks_the_robot_until_a_page_presses_anew(steered):
     """Each press of Stop; no held control unlocks, nor does a halt of the server lock."""
     steered.drive("a")
     steered.sent()
@@ -204,7 +204,7 @@ def test_a_stop_locks_the_robot_until_a_page_presses_anew(steered: Steered) -> N
     assert steered.locks == [False, True, True, False]
 
 
-def test_a_control_held_at_zero_does_not_unlock(steered: Steered) -> None:
+def test_a_control_held_at_zero_does_not_unlock(steered):
     """Whoever presses 0 wants a robot that stands, which another node may drive; a push unlocks."""
     steered.stop("b")
     steered.drive("a", ZERO)
@@ -214,7 +214,7 @@ def test_a_control_held_at_zero_does_not_unlock(steered: Steered) -> None:
     assert steered.locks == [True, False]
 
 
-def test_a_silence_stops_and_the_same_grip_goes_on_after_it(steered: Steered) -> None:
+def test_a_silence_stops_and_the_same_grip_goes_on_after_it(steered):
     """After the time of the dead man's switch, not at it; a message that comes late is none."""
     for _ in range(10):
         steered.drive("a")
@@ -234,7 +234,7 @@ def test_a_silence_stops_and_the_same_grip_goes_on_after_it(steered: Steered) ->
     assert steered.sent() == [FORWARD] and not steered.arbiter.state.late
 
 
-def test_after_a_stall_nothing_old_is_published(steered: Steered) -> None:
+def test_after_a_stall_nothing_old_is_published(steered):
     """The next tick may come before the next check: its command is zero, too."""
     steered.drive("a")
     steered.sent()
@@ -244,7 +244,7 @@ def test_after_a_stall_nothing_old_is_published(steered: Steered) -> None:
     assert steered.sent() == [ZERO] * ZEROS and steered.arbiter.timeouts == 1
 
 
-def test_a_command_holds_until_half_a_second_after_its_stamp(steered: Steered) -> None:
+def test_a_command_holds_until_half_a_second_after_its_stamp(steered):
     """Whenever it comes: the hand that gave it may be gone as long as that."""
     steered.now = 0.0  # sums are exact
     steered.drive("a", age=MAX_AGE - 0.125)
@@ -260,9 +260,7 @@ def test_a_command_holds_until_half_a_second_after_its_stamp(steered: Steered) -
 
 @pytest.mark.parametrize("other", [lambda s: s.stop("b"), lambda s: s.drive("b")])
 @pytest.mark.parametrize("age", [5.0, 0.0])
-def test_who_held_before_another_page_acted_does_not_drive_after_it(
-    steered: Steered, age: float, other
-) -> None:
+def test_who_held_before_another_page_acted_does_not_drive_after_it(steered, age, other):
     """Whether it drove and fell silent, or never came in time: it has to let go first."""
     steered.drive("a", age=age)
     steered.wait(COMMAND_TIMEOUT + 0.01)
@@ -282,7 +280,7 @@ _event = st.tuples(
 
 
 @given(st.lists(_event, max_size=60))
-def test_the_robot_moves_only_while_its_driver_says_so(events) -> None:
+def test_the_robot_moves_only_while_its_driver_says_so(events):
     """Whatever pages do: a command that is not zero has a driver that spoke in time just before."""
     steered, spoke, pages = Steered("abc"), {}, set("abc")
     arbiter = steered.arbiter
@@ -310,7 +308,7 @@ def test_the_robot_moves_only_while_its_driver_says_so(events) -> None:
         assert arbiter.state.pages == len(pages)
 
 
-def test_limits_are_the_robots_or_lower(steered: Steered) -> None:
+def test_limits_are_the_robots_or_lower(steered):
     """Whoever sets them; they bind what is held, too, and pages learn of what is new only."""
     arbiter = steered.arbiter
     arbiter.handle("a", SetLimits(5.0, 0.5))
@@ -324,7 +322,7 @@ def test_limits_are_the_robots_or_lower(steered: Steered) -> None:
     assert steered.sent() == [Velocity(0.25, 0.05)] == [steered.command]
 
 
-def test_what_an_operator_chose_outlasts_the_robot(steered: Steered) -> None:
+def test_what_an_operator_chose_outlasts_the_robot(steered):
     """Also what is above the present robot's limit; and it binds a command that is held."""
     arbiter = steered.arbiter
     arbiter.handle("a", SetLimits(0.5, 9.0))
@@ -346,7 +344,7 @@ def _choose(steered: Steered, linear: float | None, angular: float | None = None
 
 
 @pytest.mark.parametrize("raised", [1.0, None], ids=["a number", "the field emptied"])
-def test_a_raised_limit_waits_for_the_next_press(steered: Steered, raised: float | None) -> None:
+def test_a_raised_limit_waits_for_the_next_press(steered, raised):
     """Another page's; a lowered one holds at once, and for the rest of the press."""
     _choose(steered, 0.3, 0.5)
     steered.drive("a", Velocity(0.3, 0.5))
@@ -370,7 +368,7 @@ def test_a_raised_limit_waits_for_the_next_press(steered: Steered, raised: float
     assert steered.command == Velocity(-(raised or 3.0), 0.0)
 
 
-def test_a_robot_that_may_go_back_faster_waits_for_the_next_press(steered: Steered) -> None:
+def test_a_robot_that_may_go_back_faster_waits_for_the_next_press(steered):
     one = limits(1.0, 1.0)
     steered.arbiter.set_limits(replace(one, linear=replace(one.linear, reverse=0.25)))
     steered.drive("a", Velocity(-1.0, 0.0))
@@ -381,7 +379,7 @@ def test_a_robot_that_may_go_back_faster_waits_for_the_next_press(steered: Steer
     assert steered.command == Velocity(-1.0, 0.0)
 
 
-def test_what_was_sent_before_the_process_woke_does_not_drive(steered: Steered) -> None:
+def test_what_was_sent_before_the_process_woke_does_not_drive(steered):
     """However short the stop was: neither the command in force nor those that waited."""
     steered.drive("a")
     steered.now += 0.1
@@ -399,7 +397,7 @@ def test_what_was_sent_before_the_process_woke_does_not_drive(steered: Steered) 
     assert steered.sent() == [FORWARD] and steered.driver == "a"
 
 
-def test_pages_come_and_go(steered: Steered) -> None:
+def test_pages_come_and_go(steered):
     """The others learn how many there are, the log who drove; a page that comes back is new."""
     steered.arbiter.join("c")
     assert steered.arbiter.state.pages == 3 and steered.changes == 1
@@ -413,7 +411,7 @@ def test_pages_come_and_go(steered: Steered) -> None:
     assert steered.arbiter.reject("a")
 
 
-def test_to_halt_sends_all_zeros_at_once(steered: Steered) -> None:
+def test_to_halt_sends_all_zeros_at_once(steered):
     """Also those that are left of an earlier end."""
     steered.drive("a")
     steered.release("a")

@@ -16,7 +16,7 @@ from tests.onebot_bringup.cli_support import onebot, running
 from tests.onebot_bringup.launcher_support import RunningCommand
 from tests.onebot_bringup.steering_support import PageClient, cookie_of
 from tests.orphans import marked
-from tests.ros_support import LATCHED, Peer
+from tests.ros_support import LATCHED
 from tests.support import wait_for
 
 QUIET = ("port:=0", "open_browser:=false")
@@ -70,14 +70,14 @@ def test_mistakes(ros_domain, words, code, message):
     assert "Traceback" not in done.stderr and "looking for" not in done.stderr + done.stdout
 
 
-def test_it_steers_the_topic_named_and_ends_with_ctrl_c(ros_domain, tmp_path, monkeypatch):
+def test_it_steers_the_topic_named_and_ends_with_ctrl_c(peer, tmp_path, monkeypatch):
     """The page drives; Ctrl-C stops the robot, ends with 0 and leaves no process.
 
     Other computers need the token that it prints, at which the page comes back when it restarts.
     """
     monkeypatch.setenv(MARK, str(tmp_path))
     words = ("steer", "viewer:=none", "/cmd_vel", "max_linear:=0.4", "host:=0.0.0.0", *QUIET)
-    with Peer(ros_domain) as peer, running(tmp_path, *words) as command:
+    with running(tmp_path, *words) as command:
         heard = peer.hear(Twist, "/cmd_vel")
         address = _address(command)
         command.says("other computers can reach the page")
@@ -107,21 +107,20 @@ def test_a_viewer_answers_at_a_port_of_this_computer():
     assert not page_answers(_page(port)) and not page_answers("")
 
 
-def test_where_no_viewer_answers_it_starts_one(ros_domain, tmp_path, monkeypatch):
+def test_where_no_viewer_answers_it_starts_one(peer, tmp_path, monkeypatch):
     """The page gets a view, whose frames are named as by the node that publishes the robot."""
     monkeypatch.setenv(MARK, str(tmp_path))
-    with Peer(ros_domain) as peer:
-        viewer = peer.node.create_publisher(String, "/left/rerun_viewer/page", LATCHED)
-        viewer.publish(String(data=_page(9090).replace("127.0.0.1", "192.0.2.7")))
-        peer.node.declare_parameter("frame_prefix", "a/")
-        peer.node.create_publisher(String, "/left/robot_description", LATCHED)
-        with running(tmp_path, "steer", "namespace:=left", *QUIET) as command:
-            with PageClient(_address(command)) as page:
-                wait_for(lambda: page.state["view"], "the view")
-            assert "looking for the robot's view" in command.err and "starting one" in command.out
-            assert peer.parameter("/left/steering_viewer", "frame_prefix") == "a/"
-            assert command.interrupt() == 0
-        assert marked(str(tmp_path)) == []
+    viewer = peer.node.create_publisher(String, "/left/rerun_viewer/page", LATCHED)
+    viewer.publish(String(data=_page(9090).replace("127.0.0.1", "192.0.2.7")))
+    peer.node.declare_parameter("frame_prefix", "a/")
+    peer.node.create_publisher(String, "/left/robot_description", LATCHED)
+    with running(tmp_path, "steer", "namespace:=left", *QUIET) as command:
+        with PageClient(_address(command)) as page:
+            wait_for(lambda: page.state["view"], "the view")
+        assert "looking for the robot's view" in command.err and "starting one" in command.out
+        assert peer.parameter("/left/steering_viewer", "frame_prefix") == "a/"
+        assert command.interrupt() == 0
+    assert marked(str(tmp_path)) == []
 
 
 def test_frames_of_a_robot_yet_to_come_are_named_as_by_a_bringup(ros_domain):
@@ -131,9 +130,9 @@ def test_frames_of_a_robot_yet_to_come_are_named_as_by_a_bringup(ros_domain):
         assert robot_parameters(session) == {"frame_prefix": ""}
 
 
-def test_with_a_viewer_it_starts_none(ros_domain, tmp_path):
+def test_with_a_viewer_it_starts_none(peer, tmp_path):
     """The robot's own view is beside the pad."""
-    with Peer(ros_domain) as peer, socket.create_server(("127.0.0.1", 0)) as server:
+    with socket.create_server(("127.0.0.1", 0)) as server:
         viewer = peer.node.create_publisher(String, "/left/rerun_viewer/page", LATCHED)
         viewer.publish(String(data=_page(server.getsockname()[1])))
         with running(tmp_path, "steer", "namespace:=left", *QUIET) as command:

@@ -2,7 +2,6 @@
 
 import signal
 from collections.abc import Callable, Iterator
-from typing import Any
 
 import pytest
 from geometry_msgs.msg import Twist
@@ -38,14 +37,6 @@ def arm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Arm]:
 def node(arm: Arm) -> Iterator[Steering]:
     with steering() as node:
         yield node
-
-
-@pytest.fixture
-def tab(chromium: Page) -> Iterator[Page]:
-    yield chromium
-    chromium.let_go()
-    chromium.emulate_nothing()
-    chromium.devtools("Emulation.setTouchEmulationEnabled", enabled=False)
 
 
 @pytest.fixture
@@ -95,7 +86,7 @@ def value(page: Page, slider: str = SLIDER) -> float:
     return float(page.find(slider).get_property("value"))
 
 
-def test_a_slider_moves_its_joint_while_it_is_held(page: Page, arm: Arm) -> None:
+def test_a_slider_moves_its_joint_while_it_is_held(page, arm):
     """With that share of its speed; let go, it springs back, and the joint stops."""
     names = [label.text for label in page.find("#joints").find_elements("css selector", "label")]
     assert names == ["arm_joint", "lift_joint"]
@@ -109,9 +100,7 @@ def test_a_slider_moves_its_joint_while_it_is_held(page: Page, arm: Arm) -> None
     wait_for(lambda: page.text("#joint-0-position") == words, "where it is")
 
 
-def test_arrow_keys_move_the_joint_with_the_focus(
-    page: Page, arm: Arm, twists: list[Twist]
-) -> None:
+def test_arrow_keys_move_the_joint_with_the_focus(page, arm, twists):
     """And do not drive; without the focus they drive and move no joint."""
     wait_for(lambda: page.find("#pad").is_displayed(), "the wheels")
     for key, sign in ((Keys.ARROW_RIGHT, 1.0), (Keys.ARROW_DOWN, -1.0)):
@@ -130,32 +119,21 @@ def test_arrow_keys_move_the_joint_with_the_focus(
     assert len(arm.commands) == count
 
 
-@pytest.mark.parametrize("leave", ["blur", "hide", "reload", "close panel", "menu"])
-def test_leaving_stops_the_arm(tab: Page, node: Steering, arm: Arm, leave: str) -> None:
-    """The window or the tab, the panel of joints, or a menu that takes the pointer."""
-    first = tab.driver.current_window_handle
-    tab.driver.switch_to.new_window("tab")
-    own = tab.driver.current_window_handle
-    page = opened(tab, node)
+@pytest.mark.parametrize(
+    "leave",
+    [
+        "window.dispatchEvent(new Event('blur'))",
+        "document.querySelector('[name=joints]').click()",
+        "document.body.dispatchEvent(new Event('contextmenu', { bubbles: true }))",
+    ],
+)
+def test_leaving_stops_the_arm(page, arm, leave):
+    """The window, the panel of joints, or a menu that takes the pointer."""
     hold(page, arm)
-    ends: dict[str, Callable[[], Any]] = {
-        "blur": lambda: page.driver.execute_script("window.dispatchEvent(new Event('blur'))"),
-        "hide": lambda: page.driver.switch_to.window(first),
-        "reload": page.driver.refresh,
-        "close panel": lambda: page.driver.execute_script(
-            "document.querySelector('[name=joints]').click()"
-        ),
-        "menu": lambda: page.driver.execute_script(
-            "document.body.dispatchEvent(new Event('contextmenu', { bubbles: true }))"
-        ),
-    }
-    stop(arm, ends[leave])
-    page.driver.switch_to.window(own)
-    page.driver.close()
-    page.driver.switch_to.window(first)
+    stop(arm, lambda: page.driver.execute_script(leave))
 
 
-def test_a_dead_server_stops_the_arm(tab: Page, arm: Arm) -> None:
+def test_a_dead_server_stops_the_arm(tab, arm):
     """By the end of its last trajectory; the page shows that it knows no positions."""
     with steering(check=False) as node:
         page = opened(tab, node)
@@ -166,9 +144,7 @@ def test_a_dead_server_stops_the_arm(tab: Page, arm: Arm) -> None:
         assert not page.find(SLIDER).is_enabled()
 
 
-def test_an_arm_that_stands_has_its_joints_only(
-    page: Page, arm: Arm, request: pytest.FixtureRequest
-) -> None:
+def test_an_arm_that_stands_has_its_joints_only(page, arm, request):
     """They are open from the beginning; what drives is there as soon as there are wheels."""
     driving = "#pad", "#linear", "#angular", "#braking", "#settings", "#readout"
     wait_for(lambda: not any(page.find(part).is_displayed() for part in driving), "no wheels")
@@ -183,9 +159,7 @@ def test_an_arm_that_stands_has_its_joints_only(
     stop(arm, page.let_go)
 
 
-def test_stop_and_another_page_stop_the_arm(
-    page: Page, node: Steering, arm: Arm, twists: list[Twist]
-) -> None:
+def test_stop_and_another_page_stop_the_arm(page, node, arm, twists):
     """What is still held then does nothing; the next press unlocks."""
     wait_for(lambda: page.find("#pad").is_displayed(), "the wheels")
     hold(page, arm)
@@ -203,7 +177,7 @@ def test_stop_and_another_page_stop_the_arm(
     page.let_go()
 
 
-def test_fingers_move_two_joints_at_once(tab: Page, node: Steering, arm: Arm) -> None:
+def test_fingers_move_two_joints_at_once(tab, node, arm):
     """On a phone, where Stop stays in sight; the system may take the touch away."""
     tab.devtools("Emulation.setTouchEmulationEnabled", enabled=True)
     tab.emulate(390, 844, mobile=True)
@@ -239,7 +213,7 @@ def touch(page: Page, kind: str, shares: dict[str, float]) -> None:
     page.devtools("Input.dispatchTouchEvent", type=kind, touchPoints=points)
 
 
-def test_axe_finds_nothing(page: Page, arm: Arm) -> None:
+def test_axe_finds_nothing(page, arm):
     """In both schemes, and while a slider is held."""
     for scheme in ("light", "dark"):
         page.emulate(1280, 657, prefers_color_scheme=scheme)
@@ -249,7 +223,7 @@ def test_axe_finds_nothing(page: Page, arm: Arm) -> None:
     page.let_go()
 
 
-def test_without_joints_there_is_no_panel(tab: Page, ros_domain: int) -> None:
+def test_without_joints_there_is_no_panel(tab, ros_domain):
     """As for a robot that only drives."""
     with Peer(ros_domain), steering() as node:
         tab.open(node.address)

@@ -60,21 +60,6 @@ def test_commands_go_out_while_held_and_stop_when_let_go(shared):
         robot.come_to_rest()
 
 
-def test_a_page_that_goes_stops_the_robot(shared):
-    """Closed, its connection lost, or still there but silent: three zeros, and then silence."""
-    with visited(*shared, 3) as (peer, closed, lost, silent):
-        robot = Commands(peer, silent)
-        for speed, page, leave in (
-            (0.1, closed, closed.close),
-            (0.2, lost, lost.cut),
-            (0.3, silent, silent.silence),
-        ):
-            page.hold(speed)
-            robot.reach(speed)
-            leave()
-            robot.come_to_rest()
-
-
 def test_a_slow_way_to_the_server_stops_the_robot(shared):
     """At once, not after the delay; it drives again when the way is fast. A late stop counts."""
     node = shared[1]
@@ -107,27 +92,6 @@ def test_a_slow_way_to_the_server_stops_the_robot(shared):
         way.delay = 0.0
         wait_for(lambda: other.state["driver"] is None, "the stop")
         robot.come_to_rest()
-
-
-def test_nonsense_is_refused_and_stops_the_robot(shared):
-    """It is answered with a sentence, never reaches the robot, and costs control."""
-    nonsense = (
-        '{"type":"drive","stamp":1e12,"linear":NaN,"angular":0,"joints":{}}',
-        '{"type":"drive","stamp":1e12,"linear":0.9,"angular":0,"joints":{},"more":1}',
-        b'{"type":"release"}',
-    )
-    with visited(*shared) as (peer, page):
-        robot, speeds = Commands(peer, page), {0.0}
-        for count, data in enumerate(nonsense, 1):
-            speeds.add(speed := 0.1 * count)
-            page.hold(speed)
-            robot.reach(speed)
-            page.say(data)
-            robot.come_to_rest()
-            wait_for(lambda count=count: len(page.errors) == count, "the refusal")
-            assert page.errors[-1].startswith("Refused: ")
-            assert set(robot.speeds) == speeds
-            page.let_go()
 
 
 def test_a_kind_of_warning_does_not_swallow_another(peer):

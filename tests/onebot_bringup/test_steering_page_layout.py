@@ -24,7 +24,7 @@ from tests.support import wait_for
 
 pytestmark = pytest.mark.slow
 
-SCREENS = [(1280, 800), (1280, 657), (1920, 1080)]
+SCREENS = [(1280, 657), (1920, 1080)]
 ROBOTS = {name: f"/{name}/velocity_controller/cmd_vel" for name in ("bare", "seeing")}
 CAMERAS = {"/seeing/front/image_raw": (200, 60, 30), "/seeing/rear/image_raw": (30, 60, 200)}
 # A viewer's page that has something to show at once, in place of Rerun, which draws for long.
@@ -162,6 +162,7 @@ def test_the_view_is_the_largest_part(page: Page, screen: tuple[int, int]) -> No
         page.find("#camera summary").click()
 
 
+@pytest.mark.parametrize("page", ["seeing"], indirect=True)
 def test_goal_poses_keep_their_fields_beside_a_panel(page: Page) -> None:
     """On a laptop both are seen; on a phone the panel makes room."""
     for width, height in ((1280, 657), (390, 844)):
@@ -177,19 +178,7 @@ def test_goal_poses_keep_their_fields_beside_a_panel(page: Page) -> None:
             page.find("[name=displays]").click()
 
 
-def test_a_page_names_its_robot_and_logs_no_problem(page: Page, node: Steering) -> None:
-    """In its title and in the browser's tab; each request of a page that runs succeeds."""
-    assert page.driver.title == f"{page.text('h1')} \N{EN DASH} Steering"
-    page.driver.get_log("browser")  # of other tests
-    page.driver.refresh()
-    wait_for(lambda: page.view_is_shown, "the page anew")
-    page.find("[name=map]").click()
-    page.wait_for_states(10)
-    page.find("[name=map]").click()
-    logged = [entry["message"] for entry in page.driver.get_log("browser")]
-    assert [message for message in logged if f":{node.port}/" in message] == []
-
-
+@pytest.mark.parametrize("page", ["bare"], indirect=True)
 def test_a_legend_names_the_lines_in_the_view(page: Page) -> None:
     """Below it, each with its colour; with the view it goes."""
     trail, sector = page.driver.execute_script(LEGEND)

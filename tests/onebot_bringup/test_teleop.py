@@ -198,9 +198,9 @@ def _hold(terminal: Terminal, key: str, heard: list[object]) -> None:
         time.sleep(0.1)
 
 
-def test_drives_while_a_key_is_held(ros_domain: int) -> None:
+def test_drives_while_a_key_is_held(peer: Peer) -> None:
     """While a key repeats a Twist comes at a fixed rate; when it does not, zero, then silence."""
-    with Peer(ros_domain) as peer, teleop("--hold", "3") as terminal:
+    with teleop("--hold", "3") as terminal:
         heard = peer.hear(Twist, TOPIC)
         ready(peer, terminal)
         met(terminal, heard)
@@ -222,37 +222,36 @@ def test_drives_while_a_key_is_held(ros_domain: int) -> None:
         assert heard
 
 
-def test_space_locks_the_robot_and_r_unlocks_it(ros_domain: int) -> None:
+def test_space_locks_the_robot_and_r_unlocks_it(peer: Peer) -> None:
     """No driving key unlocks, held all the time or since the command stood still for long."""
-    with Peer(ros_domain) as peer:
-        heard, locks = peer.hear(Twist, TOPIC), peer.hear(Bool, f"{TOPIC}_lock")
-        state = peer.node.create_publisher(Bool, f"{TOPIC}_locked", LATCHED)
-        with teleop("--hold", "0.3") as terminal:
-            ready(peer, terminal)
-            met(terminal, heard)
-            wait_for(lambda: peer.node.count_publishers(f"{TOPIC}_lock"), "the lock")
-            wait_for(state.get_subscription_count, "the subscriber of the state")
-            terminal.type(" ")
-            terminal.says("(locked: r unlocks)")
-            wait_for(lambda: locks == [Bool(data=True)], "the lock")
-            _ignores(terminal, "i")
-            assert locks == [Bool(data=True)] and not any(m.linear.x for m in heard)
-            terminal.type("r")
-            wait_for(lambda: locks == [Bool(data=True), Bool(data=False)], "the unlock")
-            heard.clear()
-            _hold(terminal, "i", heard)
-            wait_for(lambda: heard[-1].linear.x, "a motion")
-            terminal.process.send_signal(signal.SIGSTOP)
-            state.publish(Bool(data=True))  # by somebody else
-            terminal.type("i")
-            time.sleep(0.5)  # longer than a key counts as held
-            terminal.process.send_signal(signal.SIGCONT)
-            wait_for(lambda: terminal.shown.count("(locked") > 2, "the lock")
-            _ignores(terminal, "i")
-            assert len(locks) == 2
-            state.publish(Bool(data=False))  # somebody else's unlock does not make it drive
-            _ignores(terminal, "i")
-            wait_for(lambda: heard[-1] == Twist(), "a stop")
+    heard, locks = peer.hear(Twist, TOPIC), peer.hear(Bool, f"{TOPIC}_lock")
+    state = peer.node.create_publisher(Bool, f"{TOPIC}_locked", LATCHED)
+    with teleop("--hold", "0.3") as terminal:
+        ready(peer, terminal)
+        met(terminal, heard)
+        wait_for(lambda: peer.node.count_publishers(f"{TOPIC}_lock"), "the lock")
+        wait_for(state.get_subscription_count, "the subscriber of the state")
+        terminal.type(" ")
+        terminal.says("(locked: r unlocks)")
+        wait_for(lambda: locks == [Bool(data=True)], "the lock")
+        _ignores(terminal, "i")
+        assert locks == [Bool(data=True)] and not any(m.linear.x for m in heard)
+        terminal.type("r")
+        wait_for(lambda: locks == [Bool(data=True), Bool(data=False)], "the unlock")
+        heard.clear()
+        _hold(terminal, "i", heard)
+        wait_for(lambda: heard[-1].linear.x, "a motion")
+        terminal.process.send_signal(signal.SIGSTOP)
+        state.publish(Bool(data=True))  # by somebody else
+        terminal.type("i")
+        time.sleep(0.5)  # longer than a key counts as held
+        terminal.process.send_signal(signal.SIGCONT)
+        wait_for(lambda: terminal.shown.count("(locked") > 2, "the lock")
+        _ignores(terminal, "i")
+        assert len(locks) == 2
+        state.publish(Bool(data=False))  # somebody else's unlock does not make it drive
+        _ignores(terminal, "i")
+        wait_for(lambda: heard[-1] == Twist(), "a stop")
 
 
 def _ignores(terminal: Terminal, key: str) -> None:
@@ -264,10 +263,10 @@ def _ignores(terminal: Terminal, key: str) -> None:
 
 
 @pytest.mark.parametrize("leave", ["\x03", "\x1b", "SIGTERM"])
-def test_leaving_stops_the_robot_and_restores_the_terminal(ros_domain: int, leave: str) -> None:
+def test_leaving_stops_the_robot_and_restores_the_terminal(peer: Peer, leave: str) -> None:
     """However it is left, also while a key is held: zero is published and the terminal as was."""
     words = "/drive --stamped --frame-id base --speed 0.2 --turn 0.4".split()
-    with Peer(ros_domain) as peer, teleop(*words) as terminal:
+    with teleop(*words) as terminal:
         heard = peer.hear(TwistStamped, "/drive")
         ready(peer, terminal, "/drive")
         terminal.says("currently:\tspeed 0.2\tturn 0.4 ")
@@ -287,30 +286,29 @@ def test_leaving_stops_the_robot_and_restores_the_terminal(ros_domain: int, leav
         assert "Traceback" not in terminal.shown
 
 
-def test_of_several_robots_one_is_named(ros_domain: int) -> None:
+def test_of_several_robots_one_is_named(peer: Peer) -> None:
     """Without a name they are listed; by its name one is driven, and no other."""
-    with Peer(ros_domain) as peer:
-        heard = {
-            name: peer.hear(Twist, f"/{name}/velocity_controller/cmd_vel")
-            for name in ("robot1", "robot2")
-        }
-        with Session() as session:
-            wait_for(lambda: len(commanded_robots(session)) == 2, "both robots")
-            for name, text in (
-                ("", "2 robots take commands: robot1, robot2; choose one by its name"),
-                ("robot3", 'no robot "robot3" takes commands .did you mean'),
-            ):
-                with pytest.raises(OneBotError, match=text):
-                    chosen_commands(session, name)
-        with teleop("robot2") as terminal:
-            ready(peer, terminal, "/robot2/velocity_controller/cmd_vel")
-            _hold(terminal, "i", heard["robot2"])
-            assert heard["robot2"] and not heard["robot1"]
+    heard = {
+        name: peer.hear(Twist, f"/{name}/velocity_controller/cmd_vel")
+        for name in ("robot1", "robot2")
+    }
+    with Session() as session:
+        wait_for(lambda: len(commanded_robots(session)) == 2, "both robots")
+        for name, text in (
+            ("", "2 robots take commands: robot1, robot2; choose one by its name"),
+            ("robot3", 'no robot "robot3" takes commands .did you mean'),
+        ):
+            with pytest.raises(OneBotError, match=text):
+                chosen_commands(session, name)
+    with teleop("robot2") as terminal:
+        ready(peer, terminal, "/robot2/velocity_controller/cmd_vel")
+        _hold(terminal, "i", heard["robot2"])
+        assert heard["robot2"] and not heard["robot1"]
 
 
-def test_a_robot_that_wants_the_other_type_is_said(ros_domain: int) -> None:
+def test_a_robot_that_wants_the_other_type_is_said(peer: Peer) -> None:
     """Twist for a TwistStamped listener would be silently ignored."""
-    with Peer(ros_domain) as peer, teleop() as terminal:
+    with teleop() as terminal:
         peer.hear(TwistStamped, TOPIC)
         terminal.says("the robot subscribes to TwistStamped: use --stamped")
 

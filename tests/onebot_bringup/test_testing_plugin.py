@@ -14,7 +14,7 @@ from PIL import Image
 from onebot_bringup.viewer.rrd import has_content
 from tests.orphans import marked
 from tests.ros_support import RunningProcess
-from tests.support import wait_for
+from tests.support import run_to_end, wait_for
 from tests.support_rendering import require_renderer
 
 PLUGIN = "onebot_bringup.testing.plugin"
@@ -85,18 +85,16 @@ def run(folder: Path, code: str, *arguments: str) -> str:
     """Run tests in a folder without any settings; what pytest prints."""
     (folder / "test_robot.py").write_text(code)
     environment = {name: value for name, value in os.environ.items() if name != "ROS_DOMAIN_ID"}
-    done = subprocess.run(
-        words(*arguments), cwd=folder, capture_output=True, text=True, env=environment
-    )
+    done = run_to_end(words(*arguments), cwd=folder, env=environment)
     return done.stdout + done.stderr
 
 
-def test_fixtures(tmp_path: Path) -> None:
+def test_fixtures(tmp_path):
     assert "3 passed" in run(tmp_path, FIXTURES)
 
 
 @pytest.mark.slow
-def test_a_failure_is_reported_and_shown(tmp_path: Path) -> None:
+def test_a_failure_is_reported_and_shown(tmp_path):
     """Its seed, time and domain, and what it did last as a recording and a picture.
 
     Of a test that passes nothing is written.
@@ -116,17 +114,15 @@ def test_a_failure_is_reported_and_shown(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_bringups_side_by_side(tmp_path: Path) -> None:
+def test_bringups_side_by_side(tmp_path):
     """Each in a domain of its own; what a bringup says of a mistake is the error."""
-    output = run(tmp_path, BRINGUP, "-n", "3")
+    output = run(tmp_path, BRINGUP, "-n", "2")
     assert "2 passed" in output and "1 failed" in output, output
     assert 'no world "maize"' in output
 
 
 @pytest.mark.slow
-def test_nothing_is_left_of_a_run_that_is_killed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_nothing_is_left_of_a_run_that_is_killed(tmp_path, monkeypatch):
     mark = f"killed-{time.monotonic_ns()}"
     monkeypatch.setenv("ONEBOT_TEST_KILLED", mark)
     (tmp_path / "test_robot.py").write_text(WAITS)
@@ -139,7 +135,7 @@ def test_nothing_is_left_of_a_run_that_is_killed(
         assert time.monotonic() - killed < 15.0  # 5 s on an idle computer
 
 
-def test_importing_it_takes_nothing() -> None:
+def test_importing_it_takes_nothing():
     """A run of tests without robots pays nothing for the plugin."""
     code = (
         "import sys, os, pytest; before, environment = set(sys.modules), dict(os.environ);"

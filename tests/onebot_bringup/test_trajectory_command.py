@@ -126,19 +126,19 @@ def test_ctrl_c_cancels(arm: Arm, tmp_path: Path) -> None:
     assert arm.positions()["shoulder"] == pytest.approx(stopped, abs=0.01)
 
 
-def test_completion(arm: Arm, tmp_path: Path) -> None:
+def test_completion(arm: Arm) -> None:
     lines = {
         "onebot trajectory shou": {"shoulder="},
         "onebot trajectory shoulder=1 controller:=/": {f"controller:={NAME}"},
     }
-    assert completed(lines, tmp_path) == lines
+    assert completed(lines) == lines
 
 
-def test_the_controller_ends_meanwhile(ros_domain: int, tmp_path: Path) -> None:
+def test_the_controller_ends_meanwhile(peer: Peer, tmp_path: Path) -> None:
     file = tmp_path / "arm.urdf"
     file.write_text(URDF)
-    with NodeProcess(MODULE, str(file)) as process, Peer(ros_domain) as peer:
-        states = peer.hear(STATE, f"{NAME}/controller_state")
+    states = peer.hear(STATE, f"{NAME}/controller_state")
+    with NodeProcess(MODULE, str(file)) as process:
         wait_for(lambda: states, "the controller")
         with running(tmp_path, "trajectory", "wrist=1", "time:=60") as command:
             command.says("0.0 of 60 s")
@@ -154,20 +154,19 @@ def test_no_controller(ros_domain: int) -> None:
     assert error.startswith("error: no joint_trajectory_controller found; start one by mrm_bringup")
 
 
-def test_several_controllers(ros_domain: int) -> None:
+def test_several_controllers(peer: Peer) -> None:
     """Each is listed; a joint of one is moved by that, one of both by the one that is named."""
-    with Peer(ros_domain) as peer:
-        publish_states(peer, {"/left/arm": ["elbow", "left"], "/right/arm": ["elbow", "right"]})
-        names = [line for line in output_of("trajectory").splitlines() if line.startswith("/")]
-        assert names == ["/left/arm", "/right/arm"]
-        moves = "/left/arm moves elbow, left; /right/arm moves elbow, right"
-        for words, message in {
-            "elbow=1": f"several controllers move them, choose controller:=NAME: {moves}",
-            "left=1 right=1": f"no controller moves all of them, name those of one: {moves}",
-            "left=1 controller:=right/arm": 'no joint "left" (joints: elbow, right)',
-            "right=1 --ros-args -r __ns:=/left": 'no joint "right" (joints: elbow, left)',
-        }.items():
-            assert f"error: {message}" in onebot("trajectory", *words.split()).stderr
+    publish_states(peer, {"/left/arm": ["elbow", "left"], "/right/arm": ["elbow", "right"]})
+    names = [line for line in output_of("trajectory").splitlines() if line.startswith("/")]
+    assert names == ["/left/arm", "/right/arm"]
+    moves = "/left/arm moves elbow, left; /right/arm moves elbow, right"
+    for words, message in {
+        "elbow=1": f"several controllers move them, choose controller:=NAME: {moves}",
+        "left=1 right=1": f"no controller moves all of them, name those of one: {moves}",
+        "left=1 controller:=right/arm": 'no joint "left" (joints: elbow, right)',
+        "right=1 --ros-args -r __ns:=/left": 'no joint "right" (joints: elbow, left)',
+    }.items():
+        assert f"error: {message}" in onebot("trajectory", *words.split()).stderr
 
 
 def publish_states(peer: Peer, joints: Mapping[str, Sequence[str]]) -> None:
@@ -180,15 +179,14 @@ def publish_states(peer: Peer, joints: Mapping[str, Sequence[str]]) -> None:
             publisher.publish(state)
 
 
-def test_a_controller_that_does_not_work(ros_domain: int) -> None:
-    with Peer(ros_domain) as peer:
-        publish_states(peer, {"/arm": ["elbow"], "/inactive": []})
-        for name, message in {
-            "/arm": "there is no action /arm/follow_joint_trajectory",
-            "/inactive": "no ~/controller_state of /inactive: it is inactive, or",
-        }.items():
-            done = onebot("trajectory", "elbow=1", f"controller:={name}")
-            assert done.returncode == 1 and f"error: {message}" in done.stderr
+def test_a_controller_that_does_not_work(peer: Peer) -> None:
+    publish_states(peer, {"/arm": ["elbow"], "/inactive": []})
+    for name, message in {
+        "/arm": "there is no action /arm/follow_joint_trajectory",
+        "/inactive": "no ~/controller_state of /inactive: it is inactive, or",
+    }.items():
+        done = onebot("trajectory", "elbow=1", f"controller:={name}")
+        assert done.returncode == 1 and f"error: {message}" in done.stderr
 
 
 @pytest.mark.parametrize(
