@@ -20,6 +20,7 @@ BENCHMARKS = {
     "arms": "a step with 7 and 14 joints against bare PyBullet, and OneBot's cycle with an arm",
     "from_python": "Simulation in Python: times real time with and without sensors, start, reset",
     "lockstep": "a node in step with a Simulation: pace, and whether all runs end alike",
+    "stepping": "steps of a paused robot by another process: of one cycle and of many",
     "fleet": "pace and memory of robots:=20, all driven: with lidars, and with the viewer",
     "startup": "command to first /tf and /odom, and memory, against an empty node",
     "control_loop": "jitter at 100 Hz with and without viewer and sensors",
