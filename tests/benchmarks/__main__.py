@@ -24,7 +24,8 @@ BENCHMARKS = {
     "fleet": "pace and memory of robots:=20, all driven: with lidars, and with the viewer",
     "startup": "command to first /tf and /odom, and memory, against an empty node",
     "control_loop": "jitter at 100 Hz with and without viewer and sensors",
-    "viewer": "CPU of the viewer for states, scans, clouds and images against bare send_columns",
+    "viewer": "CPU of the viewer for states, scans, clouds, images, maps and markers against "
+    "bare send_columns",
     "sensing": "CPU of ranges and pictures against bare Embree",
 }
 

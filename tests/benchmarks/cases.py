@@ -9,10 +9,13 @@ import onebot_bringup.viewer  # noqa: F401  before Rerun, whose log it quiets
 import numpy as np
 import rerun as rr
 from builtin_interfaces.msg import Time
+from nav_msgs.msg import OccupancyGrid
 from numpy.typing import NDArray
 from sensor_msgs.msg import Image, JointState, LaserScan, PointCloud2, PointField
 from std_msgs.msg import Header
+from visualization_msgs.msg import Marker, MarkerArray
 
+from onebot_bringup.viewer.core.rerun_limits import SELDOM
 from onebot_bringup.viewer.core.transforms import TF_ENTITY
 from onebot_bringup.viewer.displays.joint_plot import POSITION_ENTITY
 from onebot_description.ros.wire.messages import transforms_message
@@ -43,6 +46,7 @@ class Case(NamedTuple):
     # Returns messages, and what is drawn of each, by a number.
     sample: Callable[[int], tuple[list[Any], list[Arrays]]]
     per_tick: int = 1
+    tick_ns: int = 50_000_000  # the viewer logs 20 times a second
     goal: float = 2.0
     urdf: str = f'<robot name="robot"><link name="{FIXED}"/></robot>'
 
@@ -170,26 +174,122 @@ def image_columns(arrays: Arrays, _count: int) -> Any:
     return rr.Image.columns(buffer=[arrays["Image:buffer"]], format=[form])
 
 
+def occupancy_grid(number: int) -> tuple[list[Any], list[Arrays]]:
+    """A map of 1000 x 1000 cells."""
+    cells = np.random.default_rng(number).integers(-1, 101, (1000, 1000), np.int8)
+    message = OccupancyGrid(data=cells.ravel().tolist())
+    message.info.width, message.info.height, message.info.resolution = 1000, 1000, 0.05
+    message.header = Header(stamp=STAMP, frame_id=FIXED)
+    return [message], [{"GridMap:data": np.flipud(cells).view(np.uint8).ravel()}]
+
+
+def map_columns(arrays: Arrays, _count: int) -> Any:
+    """The cells, and where they lie."""
+    form = rr.components.ImageFormat(1000, 1000, color_model="L", channel_datatype="U8")
+    return rr.GridMap.columns(
+        data=[arrays["GridMap:data"]],
+        format=[form],
+        cell_size=[0.05],
+        translation=[(0.0, 0.0, 0.0)],
+        quaternion=[(0.0, 0.0, 0.0, 1.0)],
+    )
+
+
+def markers(number: int) -> tuple[list[Any], list[Arrays]]:
+    """1000 cubes of any sizes and colours, which move and turn."""
+    noise, look = np.random.default_rng(number), np.random.default_rng(0)
+    places, turns = noise.normal(size=(1000, 3)), noise.normal(size=(1000, 4))
+    turns /= np.linalg.norm(turns, axis=1, keepdims=True)
+    scales, colors = look.uniform(0.1, 1.0, (1000, 3)), look.integers(0, 256, (1000, 4))
+    rows = zip(places, turns, scales, colors, strict=True)
+    message = MarkerArray()
+    for index, (place, turn, scale, color) in enumerate(rows):
+        marker = Marker(ns="boxes", id=index, type=Marker.CUBE)
+        marker.header.frame_id = FIXED
+        for part, names, values in (
+            (marker.pose.position, "xyz", place),
+            (marker.pose.orientation, "xyzw", turn),
+            (marker.scale, "xyz", scale),
+            (marker.color, "rgba", color / 255),
+        ):
+            for name, value in zip(names, values.tolist(), strict=True):
+                setattr(part, name, value)
+        message.markers.append(marker)
+    cubes = {
+        "InstancePoses3D:translations": places.astype(np.float32),
+        "InstancePoses3D:quaternions": turns.astype(np.float32),
+        "InstancePoses3D:scales": scales.astype(np.float32),
+        "Boxes3D:colors": colors.astype("u1").view(">u4").astype("u4").ravel(),
+    }
+    return [message], [cubes]
+
+
+def marker_columns(arrays: Arrays, _count: int) -> Any:
+    """Poses, sizes and colours of one row."""
+    translations, quaternions, scales, colors = arrays.values()
+    poses = rr.InstancePoses3D.columns(
+        translations=translations, quaternions=quaternions, scales=scales
+    )
+    boxes = rr.Boxes3D.columns(colors=colors)
+    return [*poses.partition([len(colors)]), *boxes.partition([len(colors)])]
+
+
+def _display(
+    name: str,
+    kind: str,
+    topic: str,
+    entity: str,
+    sample: Callable[[int], tuple[list[Any], list[Arrays]]],
+    columns: Callable[[Arrays, int], Any],
+    per_tick: int = 1,
+    tick_ns: int = 50_000_000,
+) -> Case:
+    return Case(name, {topic: kind}, (Drawn(entity, columns),), sample, per_tick, tick_ns)
+
+
 CASES = (
     states(10),
     states(100),
-    Case(
+    _display(
         "LaserScan, 1000 rays",
-        {"/scan": "sensor_msgs/msg/LaserScan"},
-        (Drawn("laser_scan/scan", point_columns),),
+        "sensor_msgs/msg/LaserScan",
+        "/scan",
+        "laser_scan/scan",
         laser_scan,
+        point_columns,
         per_tick=2,
     ),
-    Case(
+    _display(
         "PointCloud2, 100,000 points",
-        {"/points": "sensor_msgs/msg/PointCloud2"},
-        (Drawn("point_cloud2/points", point_columns),),
+        "sensor_msgs/msg/PointCloud2",
+        "/points",
+        "point_cloud2/points",
         point_cloud,
+        point_columns,
     ),
-    Case(
+    _display(
         "Image, 640x480 rgb8",
-        {"/image_raw": "sensor_msgs/msg/Image"},
-        (Drawn("image/image_raw", image_columns),),
+        "sensor_msgs/msg/Image",
+        "/image_raw",
+        "image/image_raw",
         image,
+        image_columns,
+    ),
+    _display(
+        "OccupancyGrid, 1000x1000",
+        "nav_msgs/msg/OccupancyGrid",
+        "/map",
+        "map/map",
+        occupancy_grid,
+        map_columns,
+        tick_ns=SELDOM,
+    ),
+    _display(
+        "MarkerArray, 1000 cubes",
+        "visualization_msgs/msg/MarkerArray",
+        "/boxes",
+        "marker/boxes/boxes/cubes",
+        markers,
+        marker_columns,
     ),
 )

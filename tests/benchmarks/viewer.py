@@ -38,7 +38,6 @@ from tests.benchmarks.report import Report, Result
 
 FLOOR, OURS = "bare send_columns", "viewer"
 _START_NS = 1_700_000_000_000_000_000
-_TICK_NS = 50_000_000  # the viewer logs 20 times a second
 _ROUNDING = 1e-5  # of numbers of 32 bits
 _VARIANTS = 4  # messages that differ
 _BYTES = 2_000_000  # that a round logs, about
@@ -59,7 +58,7 @@ class Logger:
 
     def stamp(self, number: int) -> int:
         """When a message is, nanoseconds."""
-        return _START_NS + number * (_TICK_NS // self.case.per_tick)
+        return _START_NS + number * (self.case.tick_ns // self.case.per_tick)
 
     def log(self, ticks: int) -> float:
         """Log so many ticks' messages; return the processor time of each, of all threads, us."""
