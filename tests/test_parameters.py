@@ -1,9 +1,11 @@
 """What the nodes publish about their parameters: descriptions, ranges, read-only flags."""
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pytest
 from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -55,7 +57,7 @@ def refused(node: Node, name: str) -> str:
     return str(result.reason)
 
 
-def test_robot_state_publisher(start_node):
+def test_robot_state_publisher(start_node: Callable[..., Node]) -> None:
     """All four can be changed while it runs; 50 is as good as 50.0."""
     node = start_node(lambda: RobotStatePublisher(load_description(MRM)), publish_frequency=50)
     descriptors = described(node)
@@ -67,7 +69,7 @@ def test_robot_state_publisher(start_node):
     )
 
 
-def test_joint_state_publisher(start_node):
+def test_joint_state_publisher(start_node: Callable[..., Node]) -> None:
     """Those with names of the user's own are described as well, also if set while it runs."""
     joint = "base_link__link_01"
     motion = {f"motions.{joint}.type": "constant", f"motions.{joint}.position": 0.5}
@@ -87,7 +89,9 @@ def test_joint_state_publisher(start_node):
     assert "where the joint rests" in described(node)[f"zeros.{joint}"].description
 
 
-def test_velocity_controller(start_node, monkeypatch):
+def test_velocity_controller(
+    start_node: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """What is read at the start only is read-only; no range where NaN is "no limit"."""
     arguments = RosArguments((default_control_file(),))
     node = start_node(
@@ -117,7 +121,7 @@ def test_velocity_controller(start_node, monkeypatch):
     assert node.set_parameters([Parameter("cmd_vel_timeout", value=0.7)])[0].successful
 
 
-def test_steering_page(start_node):
+def test_steering_page(start_node: Callable[..., Node]) -> None:
     """All are read when it starts; a rate of 20 is as good as 20.0."""
     node = start_node(SteeringPage, port=0, open_browser="false", rate=20)
     descriptors = described(node)
@@ -128,7 +132,7 @@ def test_steering_page(start_node):
     assert (port.from_value, port.to_value) == (0, 65535)
 
 
-def test_bag_recorder(start_node, tmp_path):
+def test_bag_recorder(start_node: Callable[..., Node], tmp_path: Path) -> None:
     """All are read when it starts."""
     node = start_node(BagRecorder, folder=tmp_path / "run")
     descriptors = described(node)
@@ -137,7 +141,7 @@ def test_bag_recorder(start_node, tmp_path):
     assert all(one.read_only for one in descriptors.values())
 
 
-def test_rerun_viewer(start_node, tmp_path):
+def test_rerun_viewer(start_node: Callable[..., Node], tmp_path: Path) -> None:
     """Its own are read at the start, the view's settings can be changed."""
     node = start_node(RerunViewer, viewer="none", save=tmp_path / "x.rrd", **{"axes.length": 2})
     descriptors = described(node)

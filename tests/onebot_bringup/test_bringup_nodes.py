@@ -152,7 +152,7 @@ class Recorded(dict[str, str]):
         return super().get(name, default)
 
 
-def test_every_argument_is_read_and_every_parameter_declared(make):
+def test_every_argument_is_read_and_every_parameter_declared(make: Make) -> None:
     """Otherwise an argument is accepted without effect, or a node ignores what it is given."""
     given = {"record": "bag", "steer": "true", "port": "0", "world": "maze", "rate": "50"}
     launch = make(**given)
@@ -170,7 +170,7 @@ def test_every_argument_is_read_and_every_parameter_declared(make):
 
 
 @pytest.mark.parametrize("sim", [True, False])
-def test_an_argument_given_is_what_the_node_gets(make, sim):
+def test_an_argument_given_is_what_the_node_gets(make: Make, sim: bool) -> None:
     """What a row of the nodes' table sets by itself does not override it."""
     candidates = ("0.25", "7", "false", "true", "given", "a,b")
     for argument in make(sim).arguments:
@@ -205,12 +205,12 @@ def test_an_argument_given_is_what_the_node_gets(make, sim):
         ),
     ],
 )
-def test_which_nodes_are_started(make, sim, words, nodes):
+def test_which_nodes_are_started(make: Make, sim: bool, words: str, nodes: str) -> None:
     """The recorder comes first; one node moves the joints, the simulation or the publisher."""
     assert names(make(sim, **given_by(words))) == nodes.split()
 
 
-def test_what_each_node_is(make):
+def test_what_each_node_is(make: Make) -> None:
     """A module in an interpreter of its own, with SIGINT held until it is ready.
 
     The robot's own nodes end the launch, the page is restarted, all others may go. The viewer gives
@@ -227,7 +227,7 @@ def test_what_each_node_is(make):
         assert node.on_exit == ("ignore" if ignored else "restart" if restarted else "shutdown")
 
 
-def test_every_node_gets_the_common_arguments(make):
+def test_every_node_gets_the_common_arguments(make: Make) -> None:
     """Namespace, log level and time, and last of all what follows --ros-args."""
     given = {"namespace": "/left/arm/", "log_level": "warn", "use_sim_time": "true"}
     factory = make(ros_args=("-p", "x:=1"), record="bag", steer="true", port="0", **given)
@@ -242,7 +242,7 @@ def test_every_node_gets_the_common_arguments(make):
         assert Path(file).read_text().startswith(f'"/left/arm/{node.name}":')
 
 
-def test_a_namespace_is_the_prefix_of_all_frames(make):
+def test_a_namespace_is_the_prefix_of_all_frames(make: Make) -> None:
     """Of publishers, controller and viewer alike, simulated or not."""
     controller = parameters_of(make(namespace="left"), "velocity_controller")
     assert controller["tf_frame_prefix_enable"] and controller["tf_frame_prefix"] == "left/"
@@ -253,7 +253,7 @@ def test_a_namespace_is_the_prefix_of_all_frames(make):
     assert none["tf_frame_prefix_enable"] is False
 
 
-def test_robot_state_publisher_gets_the_robot(make):
+def test_robot_state_publisher_gets_the_robot(make: Make) -> None:
     """As text, with all that the launch arguments say of transforms."""
     nodes = make(False)
     assert parameters_of(nodes, "robot_state_publisher") == {
@@ -265,7 +265,7 @@ def test_robot_state_publisher_gets_the_robot(make):
     }
 
 
-def test_joint_state_publisher_has_a_file_or_swings(make, arm):
+def test_joint_state_publisher_has_a_file_or_swings(make: Make, arm: Path) -> None:
     """With a file, that alone decides; without one, every joint moves within its limits."""
     file = str(arm.parent / "joints.yaml")
     assert parameters_of(make(joints=file), "joint_state_publisher") == {
@@ -278,7 +278,9 @@ def test_joint_state_publisher_has_a_file_or_swings(make, arm):
     assert given["rate"] == 20.0
 
 
-def test_velocity_controller_starts_where_it_is_put(make, monkeypatch, arm):
+def test_velocity_controller_starts_where_it_is_put(
+    make: Make, monkeypatch: pytest.MonkeyPatch, arm: Path
+) -> None:
     """Its own parameters override those of the file, which it reads from anywhere."""
     monkeypatch.chdir(arm.parent)
     given = {"x": "1", "y": "-2.5", "yaw": "0.5", "rate": "200", "frame_prefix": "r/"}
@@ -306,7 +308,7 @@ def test_velocity_controller_starts_where_it_is_put(make, monkeypatch, arm):
     assert (world["world"], world["world_frame_id"]) == ("maze", "world")
 
 
-def test_the_frame_of_a_world(make, arm):
+def test_the_frame_of_a_world(make: Make, arm: Path) -> None:
     """It is map where the truth is not on TF, so that TF is one tree, unless the file names one."""
     file, section = arm.parent / "control.yaml", "/velocity_controller:\n  ros__parameters: "
     given = {"world": "maze", "ground_truth_tf": "false"}
@@ -321,7 +323,7 @@ def test_the_frame_of_a_world(make, arm):
         assert parameters_of(make(**values), "velocity_controller")["world_frame_id"] == frame
 
 
-def test_the_topics_of_nav2(make, described):
+def test_the_topics_of_nav2(make: Make, described: Description) -> None:
     """Every node has them: one of one robot in its namespace, the viewer's of each of several."""
     single = make(nav2_topics="true", namespace="yard")
     rules = ["-r", "velocity_controller/cmd_vel:=cmd_vel", "-r", "velocity_controller/odom:=odom"]
@@ -352,7 +354,7 @@ def of_each(node: NodeProcess) -> dict[str, dict[str, Any]]:
     return found
 
 
-def test_several_robots_are_two_processes(make, arm, described):
+def test_several_robots_are_two_processes(make: Make, arm: Path, described: Description) -> None:
     """One simulates all, one publishes their states; each robot has parameters of its own."""
     other = load_description(arm, {"height": "3.0"})
     (arm.parent / "b.yaml").write_text(JOINTS)
@@ -397,7 +399,7 @@ def test_several_robots_are_two_processes(make, arm, described):
         assert drives["/yard/a"]["world_frame_id"] == frame
 
 
-def test_the_summary_of_several_robots(make):
+def test_the_summary_of_several_robots(make: Make) -> None:
     """How many, and how one of them is driven."""
     nodes = make(robots="3", namespace="yard", reload="false")
     robots = [PlacedRobot(name, 0.0, 0.0, 0.0, nodes.description) for name in ("a", "b", "c")]
@@ -433,8 +435,8 @@ ENABLED = "tf_frame_prefix_enable: true"
     ],
 )
 def test_the_command_line_overrides_the_file_and_that_the_defaults(
-    make, arm, parameters, given, wanted
-):
+    make: Make, arm: Path, parameters: str, given: dict[str, str], wanted: dict[str, str]
+) -> None:
     """All nodes name the frames, and take the time, as the controller's file has it."""
     file = arm.parent / "control.yaml"
     file.write_text(f"/**/velocity_controller:\n  ros__parameters: {{{parameters}}}\n")
@@ -444,7 +446,9 @@ def test_the_command_line_overrides_the_file_and_that_the_defaults(
 
 
 @pytest.mark.parametrize("written", ["x: 1.0", "real_time_factor: 2.0"])
-def test_another_time_than_that_of_the_simulation_is_refused(make, arm, written):
+def test_another_time_than_that_of_the_simulation_is_refused(
+    make: Make, arm: Path, written: str
+) -> None:
     """The other nodes would wait for transforms of another time."""
     file = arm.parent / "control.yaml"
     file.write_text(f"/**/velocity_controller:\n  ros__parameters: {{{written}}}\n")
@@ -455,14 +459,16 @@ def test_another_time_than_that_of_the_simulation_is_refused(make, arm, written)
         with_params_file(make(**given).values, given)
 
 
-def test_a_wrong_prefix_in_the_file_is_refused_with_its_line(make, arm):
+def test_a_wrong_prefix_in_the_file_is_refused_with_its_line(make: Make, arm: Path) -> None:
     text = "velocity_controller:\n  ros__parameters:\n    tf_frame_prefix: 5\n"
     (arm.parent / "control.yaml").write_text(text)
     with pytest.raises(OneBotError, match=r"control.yaml:3: tf_frame_prefix: 5 is a number; write"):
         with_params_file(make().values, {})
 
 
-def test_the_robot_is_not_taken_from_the_controller_s_file(make, arm, capsys):
+def test_the_robot_is_not_taken_from_the_controller_s_file(
+    make: Make, arm: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """It would be another one than the other nodes have: a warning says what to write."""
     text = "velocity_controller: {ros__parameters: {robot_description: a.urdf}}\n"
     (arm.parent / "control.yaml").write_text(text)
@@ -481,12 +487,12 @@ def test_the_robot_is_not_taken_from_the_controller_s_file(make, arm, capsys):
         (False, {}, ""),  # it may have an odom of its own
     ],
 )
-def test_the_viewer_s_fixed_frame(make, sim, given, frame):
+def test_the_viewer_s_fixed_frame(make: Make, sim: bool, given: dict[str, str], frame: str) -> None:
     """The one asked for, else the robot's root if it could be simulated but is not."""
     assert parameters_of(make(sim, **given), "rerun_viewer").get("fixed_frame", "") == frame
 
 
-def test_the_viewer_gets_what_it_is_to_show(make):
+def test_the_viewer_gets_what_it_is_to_show(make: Make) -> None:
     """Its address is named unless the steering page holds it, whose address waits for it."""
     given = {"viewer": "native", "save": "x.rrd", "view": "v.yaml", "frame_prefix": "r/"}
     found = parameters_of(make(**given), "rerun_viewer")
@@ -500,14 +506,16 @@ def test_the_viewer_gets_what_it_is_to_show(make):
     )
 
 
-def test_the_steering_page_has_a_port_before_it_starts(make, capsys):
+def test_the_steering_page_has_a_port_before_it_starts(
+    make: Make, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Any free one for 0; the token is the user's, and there need be no warning."""
     page = parameters_of(make(steer="true", port="0", token="secret"), "steering_page")
     assert page["host"] == "127.0.0.1" and page["token"] == "secret" and page["port"] > 0
     assert capsys.readouterr().err == ""
 
 
-def test_the_recorder_s_folder_is_absolute(make, monkeypatch):
+def test_the_recorder_s_folder_is_absolute(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its process may run elsewhere; the shell leaves the ~ of ``name:=~/x`` as it is."""
     monkeypatch.setenv("HOME", "/home/someone")
     node = process_of(make(record="~/bags/one"), "bag_recorder")
@@ -515,7 +523,7 @@ def test_the_recorder_s_folder_is_absolute(make, monkeypatch):
     assert output_path("bag") == Path.cwd() / "bag"
 
 
-def test_robot_state_publisher_follows_the_files(make):
+def test_robot_state_publisher_follows_the_files(make: Make) -> None:
     """It gets what the robot was read from, unless edits are not to count."""
     factory = make()
     words = process_of(factory, "robot_state_publisher").command[_MODULE + 1 :]
@@ -543,7 +551,7 @@ def driven(arm: Path) -> Bringup:
     return Bringup("drive", "drives", model=str(arm), control=str(arm.parent / "control.yaml"))
 
 
-def test_the_model_is_given_once(view, driven, arm):
+def test_the_model_is_given_once(view: Bringup, driven: Bringup, arm: Path) -> None:
     """A command that takes a file takes one; one that does not takes none."""
     assert "view needs a file" in refused(view)
     assert "not both" in refused(view, str(arm), f"model:={arm}")
@@ -552,7 +560,7 @@ def test_the_model_is_given_once(view, driven, arm):
     assert "arm.xacro" in refused(driven, str(arm))
 
 
-def test_unknown_arguments_are_refused_if_the_model_is_known(view, arm):
+def test_unknown_arguments_are_refused_if_the_model_is_known(view: Bringup, arm: Path) -> None:
     """Those of the model are known too, and are suggested; all are reported at once."""
     said = refused(view, str(arm), "heigth:=1", "viewwer:=web")
     assert 'no argument "heigth" (did you mean "height"?' in said
@@ -582,7 +590,13 @@ def test_unknown_arguments_are_refused_if_the_model_is_known(view, arm):
         (["world:=maze", "save:=kept.rrd"], "absent.xacro"),
     ],
 )
-def test_files_are_checked_before_anything_starts(driven, arm, monkeypatch, words, said):
+def test_files_are_checked_before_anything_starts(
+    driven: Bringup,
+    arm: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    words: list[str],
+    said: str,
+) -> None:
     monkeypatch.chdir(arm.parent)
     for name in ("taken", "taken.rrd"):
         (arm.parent / name).mkdir()
@@ -606,7 +620,14 @@ OF_CONTROL = "velocity_controller: {ros__parameters: {linear.x.max_velocity: 0.1
         (OF_CONTROL, "robots:=fleet.yaml", ["r1/a"]),
     ],
 )
-def test_parameters_for_no_node_are_refused(driven, arm, monkeypatch, text, words, spaces):
+def test_parameters_for_no_node_are_refused(
+    driven: Bringup,
+    arm: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    text: str,
+    words: str,
+    spaces: list[str],
+) -> None:
     """A limit would be none; the error has the sections that would do."""
     monkeypatch.chdir(arm.parent)
     Path("file.yaml").write_text(text)
@@ -646,8 +667,13 @@ OF_ALL = """/**:
     ],
 )
 def test_names_that_no_node_declares_are_a_line_each(
-    driven, arm, monkeypatch, capsys, words, names
-):
+    driven: Bringup,
+    arm: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    words: str,
+    names: list[tuple[int, str, str]],
+) -> None:
     """In a section for several nodes, which may have them; before anything starts."""
     monkeypatch.chdir(arm.parent)
     Path("all.yaml").write_text(OF_ALL)
@@ -673,7 +699,7 @@ def test_names_that_no_node_declares_are_a_line_each(
 
 
 @pytest.mark.parametrize("word", ["--help", "-s"])
-def test_help_starts_nothing(view, arm, word, capsys):
+def test_help_starts_nothing(view: Bringup, arm: Path, word: str, capsys: Any) -> None:
     """It names the model's arguments, but not those that a launch argument hides."""
     arm.write_text(ARM.replace("<link", '<xacro:arg name="namespace" default="q"/><link', 1))
     assert bring_up(view, [str(arm), word]) == 0
@@ -725,7 +751,7 @@ Robot "arm": 3 links, 1 of 2 joints can move
         ),
     ],
 )
-def test_the_summary_says_what_runs(make, sim, given, text):
+def test_the_summary_says_what_runs(make: Make, sim: bool, given: str, text: str) -> None:
     """One line for each thing, and no line for what is not there."""
     launch = make(sim, **given_by(given))
     model = launch.values["model"]
@@ -750,12 +776,12 @@ def test_the_summary_says_what_runs(make, sim, given, text):
         ("robots:=3 sim:=false", "robots:=3 are simulated, which sim:=false is not"),
     ],
 )
-def test_values_that_are_not_possible(make, words, said):
+def test_values_that_are_not_possible(make: Make, words: str, said: str) -> None:
     with pytest.raises(UsageError, match=said):
         make(**given_by(words))
 
 
-def test_the_model_is_expanded_in_a_fork(tmp_path):
+def test_the_model_is_expanded_in_a_fork(tmp_path: Path) -> None:
     """An interpreter for it would take a tenth of a second; no library has started threads."""
     robot = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="a"/>{}</robot>'
     (tmp_path / "parts.xacro").write_text(robot.format('<link name="b"/>'))
@@ -770,7 +796,7 @@ def test_the_model_is_expanded_in_a_fork(tmp_path):
     assert "2 parts" in done.stderr, done.stderr
 
 
-def test_no_argument_without_need(tmp_path):
+def test_no_argument_without_need(tmp_path: Path) -> None:
     """Only a node that its module calls otherwise is renamed."""
     nodes = RosNodes(tmp_path, "")
     assert not {"-r", "--log-level"} & set(nodes.process(VIEWER, {}).command)
@@ -784,7 +810,7 @@ Name = st.text(st.characters(blacklist_categories=("Cs",)), max_size=50)
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.dictionaries(Name, Text | Number, max_size=5))
-def test_values_come_back_with_their_type(tmp_path, values):
+def test_values_come_back_with_their_type(tmp_path: Path, values: dict[str, object]) -> None:
     """Any text (emoji, quotes, "1.0", "true"), boolean or number is read back unchanged.
 
     ROS would take 10 for an integer, and YAML 1.1 takes 1e-05 for a text.

@@ -14,6 +14,7 @@ from onebot_bringup.cli.verbs import _FORMER as FORMER
 from onebot_bringup.cli.verbs import VERBS
 from onebot_description.errors import UsageError
 from tests.onebot_bringup.cli_support import onebot, running
+from tests.ros_support import Peer
 from tests.support import lines_of_ours, wait_for
 
 ROBOTS = Path(__file__).parents[1] / "robots"
@@ -56,7 +57,9 @@ def arm(tmp_path: Path) -> str:
         (["trajectory", "elbow"], 2, "", 'error: unexpected "elbow"; joints are written'),
     ],
 )
-def test_words(words, code, out, err, capsys):
+def test_words(
+    words: list[str], code: int, out: str, err: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Help goes to standard output; a mistake is one error, with where to read more."""
     try:
         assert main(words) == code
@@ -82,18 +85,18 @@ def test_words(words, code, out, err, capsys):
         ),
     ],
 )
-def test_former_names(words, line, capsys):
+def test_former_names(words: list[str], line: str, capsys: pytest.CaptureFixture[str]) -> None:
     """Names of ROS 1, and of tools that are verbs here, are answered with what to write."""
     assert main(words) == 2
     assert capsys.readouterr().err.startswith(f"error: onebot has no command {line}")
 
 
-def test_former_names_lead_to_commands():
+def test_former_names_lead_to_commands() -> None:
     for name, verb in FORMER.items():
         assert name not in VERBS and verb.split()[0] in VERBS
 
 
-def test_run(peer, tmp_path):
+def test_run(peer: Peer, tmp_path: Path) -> None:
     """A node is run by its package and name, with its arguments, until Ctrl-C."""
     file = tmp_path / "robot.urdf"
     file.write_text('<robot name="r"><link name="base"/></robot>')
@@ -103,7 +106,7 @@ def test_run(peer, tmp_path):
         assert node.interrupt() == 0 and not lines_of_ours(node.err)
 
 
-def test_executables():
+def test_executables() -> None:
     """Those of each package are those that its CMakeLists.txt installs for ros2 run."""
     for package, modules in EXECUTABLES.items():
         text = (ROBOTS.parents[1] / package / "CMakeLists.txt").read_text()
@@ -136,7 +139,14 @@ def test_executables():
         ),
     ],
 )
-def test_a_robot_with_arguments(arm, verb, words, code, parts, capsys):
+def test_a_robot_with_arguments(
+    arm: str,
+    verb: str,
+    words: list[str],
+    code: int,
+    parts: list[str],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     """Xacro's arguments are taken, listed, and refused with the nearest name."""
     assert main([verb, arm, *words]) == code
     printed = capsys.readouterr()
@@ -144,7 +154,9 @@ def test_a_robot_with_arguments(arm, verb, words, code, parts, capsys):
     assert all(part in text for part in parts) and not silent
 
 
-def test_settings_before_the_command(monkeypatch, capsys):
+def test_settings_before_the_command(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     """What is discovered can be said for any command; a mistake is one error."""
     names = ("ROS_DISCOVERY_SERVER", "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_DOMAIN_ID")
     for name in names:
@@ -163,7 +175,7 @@ def test_settings_before_the_command(monkeypatch, capsys):
 
 
 @pytest.mark.parametrize("home", ["/dev/null", None])
-def test_check_works_without_a_home_or_a_locale(tmp_path, home):
+def test_check_works_without_a_home_or_a_locale(tmp_path: Path, home: str | None) -> None:
     """Nor does it need a folder that can be written; what cannot be shown is escaped."""
     file = tmp_path / "r\N{LATIN SMALL LETTER E WITH ACUTE}.xacro"
     text = ARM.replace('"arm"', '"\N{RIGHT-TO-LEFT OVERRIDE}arm"').replace('"base"', '"ba&#155;se"')
@@ -184,7 +196,7 @@ def test_check_works_without_a_home_or_a_locale(tmp_path, home):
     assert b"shoulder" in done.stdout
 
 
-def test_a_reader_that_leaves_is_no_error(arm):
+def test_a_reader_that_leaves_is_no_error(arm: str) -> None:
     """``onebot check x | head -0`` prints no traceback."""
     read, write = os.pipe()
     os.close(read)
@@ -198,7 +210,7 @@ def test_a_reader_that_leaves_is_no_error(arm):
     assert done.returncode == 141 and done.stderr == b""
 
 
-def test_check_opens_the_meshes_and_takes_a_package_path(tmp_path):
+def test_check_opens_the_meshes_and_takes_a_package_path(tmp_path: Path) -> None:
     """A package elsewhere is found where ``package_path:=`` says; what is in it must be a mesh."""
     parts = tmp_path / "elsewhere/parts"
     parts.mkdir(parents=True)
@@ -218,7 +230,7 @@ def test_check_opens_the_meshes_and_takes_a_package_path(tmp_path):
         assert done.returncode == code and text in done.stdout + done.stderr
 
 
-def test_a_bringup_finds_includes_on_the_package_path(arm):
+def test_a_bringup_finds_includes_on_the_package_path(arm: str) -> None:
     """Also before anything is started, to list the arguments of what is included."""
     folder = Path(arm).parent
     parts = folder / "elsewhere/parts"

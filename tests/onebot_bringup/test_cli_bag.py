@@ -23,7 +23,7 @@ from onebot_bringup.cli.main import main
 from tests.onebot_bringup.bag_support import LATCHED as LATCHED_QOS
 from tests.onebot_bringup.bag_support import cdr, write_words
 from tests.onebot_bringup.cli_support import onebot, output_of, running
-from tests.ros_support import LATCHED
+from tests.ros_support import LATCHED, Peer
 from tests.support import PATIENCE, wait_for
 
 SECOND = 1_000_000_000
@@ -31,7 +31,7 @@ START = 1_700_000_000 * SECOND
 BEST_EFFORT = ReliabilityPolicy.BEST_EFFORT
 
 
-def test_info(tmp_path, monkeypatch):
+def test_info(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Files, size, times, and each topic with its number of messages, as ros2 bag info."""
     monkeypatch.setenv("TZ", "UTC")
     write_words(tmp_path / "run", 5)
@@ -119,7 +119,7 @@ def add_what_is_not_played(folder: Path) -> None:
         ),
     ],
 )
-def test_qos_that_suits_every_subscriber(offered, expected):
+def test_qos_that_suits_every_subscriber(offered: list[Qos], expected: QoSProfile) -> None:
     """Of the recorded publishers: more reliable than one of them harms none."""
     played = played_qos(offered)
     for name in ("depth", "reliability", "durability"):
@@ -136,7 +136,7 @@ def problems(command) -> list[str]:
     return [line for line in command.err.splitlines() if not line.startswith("looking for ")]
 
 
-def test_play(tmp_path, peer):
+def test_play(tmp_path: Path, peer: Peer) -> None:
     """Each message in its time and order, latched ones for who comes later, and the clock.
 
     What is not installed or not to be published is left out with one line each.
@@ -169,7 +169,7 @@ def test_play(tmp_path, peer):
     assert f"playing {folder}: 1.8 s of 2 topics\n" in command.out
 
 
-def test_play_a_part_again_and_again(tmp_path, peer):
+def test_play_a_part_again_and_again(tmp_path: Path, peer: Peer) -> None:
     """Only some topics, from an offset on, for a while, in a loop until Ctrl-C (exit code 0)."""
     folder = recording(tmp_path / "run")
     heard: list[tuple[String, int]] = []
@@ -188,7 +188,7 @@ def test_play_a_part_again_and_again(tmp_path, peer):
     assert not problems(command)
 
 
-def test_loop_of_one_moment(tmp_path, peer):
+def test_loop_of_one_moment(tmp_path: Path, peer: Peer) -> None:
     """A recording without duration is not published as fast as can be."""
     folder = recording(tmp_path / "run")
     heard = peer.hear(String, "/words")
@@ -211,12 +211,19 @@ def test_loop_of_one_moment(tmp_path, peer):
         (("-e", "word"), 1, "has nothing to play"),  # the whole name
     ],
 )  # fmt: skip
-def test_play_mistakes(tmp_path, ros_domain, words, code, part, capsys):
+def test_play_mistakes(
+    tmp_path: Path,
+    ros_domain: int,
+    words: tuple[str, ...],
+    code: int,
+    part: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     assert main(["bag", "play", str(recording(tmp_path / "run")), *words]) == code
     assert part in capsys.readouterr().err
 
 
-def test_record(tmp_path, peer):
+def test_record(tmp_path: Path, peer: Peer) -> None:
     """The topics chosen by name and pattern, without those excluded, until Ctrl-C."""
     folder = tmp_path / "run"
     for name in ("/left/words", "/right/words", "/right/secret"):
@@ -236,7 +243,7 @@ def test_record(tmp_path, peer):
     assert both.returncode == 2 and "-a records all topics" in both.stderr
 
 
-def test_selection():
+def test_selection() -> None:
     """Names and pattern add up, the exclusion counts for all; without any, all but hidden ones."""
     everything = Selection()
     assert everything.has("/a") and not everything.has("/a/_b") and not everything.has("/rosout")

@@ -5,6 +5,7 @@ import re
 import shlex
 import sys
 import time
+from pathlib import Path
 
 import pytest
 from geometry_msgs.msg import Twist, TwistStamped
@@ -24,7 +25,7 @@ SHOWN = (
 )
 
 
-def test_pub_once(peer):
+def test_pub_once(peer: Peer) -> None:
     """--once waits for a listener, publishes one message, prints it as ros2 does, and ends."""
     heard = peer.hear(Twist, "/cmd_vel")
     done = onebot("topic", "pub", "--once", "cmd_vel", TWIST, "{linear: {x: 0.2}}")
@@ -34,7 +35,7 @@ def test_pub_once(peer):
     assert len(heard) == 1 and heard[0].linear.x == 0.2
 
 
-def test_pub_at_a_rate(peer):
+def test_pub_at_a_rate(peer: Peer) -> None:
     """-r and --times: so many messages, evenly, each with the time of its sending."""
     heard = peer.hear(TwistStamped, "/cmd_vel")
     done = onebot(
@@ -49,7 +50,7 @@ def test_pub_at_a_rate(peer):
     assert stamps == sorted(stamps) and len(set(stamps)) == 11
 
 
-def test_pub_until_interrupted(ros_domain, tmp_path):
+def test_pub_until_interrupted(ros_domain: int, tmp_path: Path) -> None:
     """Without a number it publishes until Ctrl-C (exit code 0); it reports a missing subscriber.
 
     Its own TFMessage replaces tf2_msgs.
@@ -69,7 +70,7 @@ def test_pub_until_interrupted(ros_domain, tmp_path):
         assert "Traceback" not in command.err
 
 
-def test_pub_waits_and_says_for_what(peer):
+def test_pub_waits_and_says_for_what(peer: Peer) -> None:
     """A listener of another type does not count, and is named; the wait can be limited."""
     peer.hear(TwistStamped, "/cmd_vel")
     done = onebot("topic", "pub", "-1", "--max-wait-time-secs", "4", "/cmd_vel", TWIST)
@@ -93,7 +94,13 @@ def test_pub_waits_and_says_for_what(peer):
         (("/x", TWIST, "--no-such"), 2, "--no-such"),
     ],
 )  # fmt: skip
-def test_pub_mistakes(ros_domain, words, code, part, capsys):
+def test_pub_mistakes(
+    ros_domain: int,
+    words: tuple[str, ...],
+    code: int,
+    part: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     """Each mistake is one line on stderr; usage exits with 2 and points to the help."""
     assert main(["topic", "pub", *words]) == code
     printed = capsys.readouterr()
@@ -101,7 +108,7 @@ def test_pub_mistakes(ros_domain, words, code, part, capsys):
     assert ("see: onebot topic pub --help" in printed.err) == (code == 2)
 
 
-def test_echo_forms(peer):
+def test_echo_forms(peer: Peer) -> None:
     """The forms of output: YAML, one line, values, a part, a part's value.
 
     The QoS suits the publisher, so that what was published before is received; type discovered.
@@ -131,7 +138,7 @@ def test_echo_forms(peer):
         assert wrong.returncode == code and part in wrong.stderr, wrong.stderr
 
 
-def test_errors_of_dds_are_not_output(ros_domain):
+def test_errors_of_dds_are_not_output(ros_domain: int) -> None:
     """Without shared memory Fast DDS logs errors: to stderr, for stdout may be a file of values."""
     if problem := missing():
         skip_for(problem)
@@ -144,7 +151,7 @@ def test_errors_of_dds_are_not_output(ros_domain):
     assert done.stdout.split() == ["/parameter_events", "/rosout"]
 
 
-def test_echo_waits_for_the_topic(ros_domain, tmp_path):
+def test_echo_waits_for_the_topic(ros_domain: int, tmp_path: Path) -> None:
     """What is not there yet is awaited, and said; then it runs until Ctrl-C, with exit code 0."""
     with running(tmp_path, "topic", "echo", "/later") as command:
         command.says("WARNING: topic [/later] does not appear to be published yet")
@@ -165,7 +172,9 @@ def test_echo_waits_for_the_topic(ros_domain, tmp_path):
         (("bw", "/odom"), "waiting for it", "B/s from"),
     ],
 )
-def test_it_suggests_a_like_topic_and_waits_on(peer, tmp_path, words, waiting, shown):
+def test_it_suggests_a_like_topic_and_waits_on(
+    peer: Peer, tmp_path: Path, words: tuple[str, ...], waiting: str, shown: str
+) -> None:
     """Also if the like one comes later; then what was asked for comes."""
     with running(tmp_path, "topic", *words) as command:
         command.says(waiting)
@@ -180,7 +189,7 @@ def test_it_suggests_a_like_topic_and_waits_on(peer, tmp_path, words, waiting, s
         assert command.interrupt() == 0 and command.err.count("did you mean") == 1
 
 
-def test_echo_into_head(peer):
+def test_echo_into_head(peer: Peer) -> None:
     """A reader that leaves ends it quietly."""
     publisher = peer.node.create_publisher(String, "/chatter", 10)
     peer.node.create_timer(0.02, lambda: publisher.publish(String(data="hello")))
@@ -190,7 +199,7 @@ def test_echo_into_head(peer):
     assert [line for line in done.stderr.splitlines() if "waiting for it" not in line] == []
 
 
-def test_echo_of_nothing(peer):
+def test_echo_of_nothing(peer: Peer) -> None:
     """--timeout ends the wait for a first message, or for the topic, with exit code 1."""
     peer.node.create_publisher(String, "/silent", 10)
     done = onebot("topic", "echo", "/silent", "std_msgs/msg/String", "--timeout", "1")
@@ -199,7 +208,7 @@ def test_echo_of_nothing(peer):
     assert done.returncode == 1 and "no topic /nothing within 0.5 s" in done.stderr
 
 
-def test_list(peer):
+def test_list(peer: Peer) -> None:
     """Names; with types; their number; the lists of -v; hidden ones on request."""
     peer.node.create_publisher(String, "/chatter", 10)
     peer.node.create_publisher(String, "/_secret", 10)
@@ -217,7 +226,7 @@ def test_list(peer):
     )
 
 
-def test_info_type_and_find(ros_domain):
+def test_info_type_and_find(ros_domain: int) -> None:
     """The counts; with -v each endpoint, its node and QoS; a topic's type and a type's topics."""
     with Peer(ros_domain, "talker") as peer:
         peer.node.create_publisher(String, "/chatter", LATCHED)
@@ -239,7 +248,7 @@ def test_info_type_and_find(ros_domain):
 
 # Simulated time stands still without a /clock.
 @pytest.mark.parametrize("options", [(), ("--wall-time", "--ros-args", "-p", "use_sim_time:=true")])
-def test_hz(peer, tmp_path, options):
+def test_hz(peer: Peer, tmp_path: Path, options: tuple[str, ...]) -> None:
     """The rate, in ros2's form, once a second, until Ctrl-C."""
     form = r"average rate: (\d+\.\d{3})\n\tmin: \d\.\d{3}s max: \d\.\d{3}s std dev: \d\.\d{5}s w"
     words = ("topic", "hz", "-w", "50", "/x", *options)

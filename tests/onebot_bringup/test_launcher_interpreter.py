@@ -2,6 +2,7 @@
 
 import os
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -28,7 +29,7 @@ threading.Thread(target=lambda: (time.sleep(0.1), print("thread"))).start()
         ("raise ValueError('a fault')", 1, "ValueError: a fault\n"),
     ],
 )
-def test_a_module_ends_as_by_itself(tmp_path, end, code, complaint):
+def test_a_module_ends_as_by_itself(tmp_path: Path, end: str, code: int, complaint: str) -> None:
     """Its threads are awaited, its exit functions called and its output is whole."""
     (tmp_path / "ending.py").write_text(BEGIN + end)
     for runner in ([], ["onebot_bringup.launcher.interpreter"]):
@@ -39,7 +40,9 @@ def test_a_module_ends_as_by_itself(tmp_path, end, code, complaint):
 
 
 @pytest.mark.parametrize("words", [["--help"], ["viewer:=nowhere"]])
-def test_a_bringup_that_starts_nothing_leaves_no_process(words, tmp_path, monkeypatch):
+def test_a_bringup_that_starts_nothing_leaves_no_process(
+    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Neither one that answers a question, nor one that is called wrongly."""
     monkeypatch.setenv(MARK, str(tmp_path))
     command = Bringup("test", "a test", model=str(tmp_path / "none.urdf"), control="x.yaml")

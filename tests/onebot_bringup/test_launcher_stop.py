@@ -62,7 +62,9 @@ def start(tmp_path: Path) -> Iterator[Start]:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_stops_all_nodes_with_exit_code_zero(start, tmp_path, number):
+def test_a_signal_stops_all_nodes_with_exit_code_zero(
+    start: Start, tmp_path: Path, number: int
+) -> None:
     """Whatever asks the launcher to stop, nodes get SIGINT, and their last line is shown."""
     launcher = start("[script('a', 'polite.py'), script('b', 'polite.py')]")
     wait_for(lambda: launcher.out.count("ready") == 2, "both nodes")
@@ -73,7 +75,7 @@ def test_a_signal_stops_all_nodes_with_exit_code_zero(start, tmp_path, number):
     assert not alive(number_in(tmp_path / "polite.pid"))
 
 
-def test_nohup_is_respected(tmp_path, start):
+def test_nohup_is_respected(tmp_path: Path, start: Start) -> None:
     """With SIGHUP ignored from the start, a closed terminal does not stop the launcher."""
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # which the launcher inherits
     try:
@@ -86,13 +88,13 @@ def test_nohup_is_respected(tmp_path, start):
     assert "SIGHUP" not in launcher.out and "SIGINT: stopping" in launcher.out
 
 
-def test_all_is_over_within_five_seconds():
+def test_all_is_over_within_five_seconds() -> None:
     """By the launcher's clock; each signal has its time before the next."""
     grace = Grace()
     assert 0.0 < grace.terminate < grace.kill < grace.give_up < 5.0
 
 
-def test_a_node_that_ignores_all_signals_is_killed(start, tmp_path):
+def test_a_node_that_ignores_all_signals_is_killed(start: Start, tmp_path: Path) -> None:
     """Ctrl-C ends even a node that ignores SIGINT and SIGTERM; the exit code says so."""
     nodes = "[script('mule', 'stubborn.py'), script('a', 'polite.py')]"
     launcher = start(nodes, grace="Grace()")
@@ -104,7 +106,7 @@ def test_a_node_that_ignores_all_signals_is_killed(start, tmp_path):
     assert launcher.err.endswith("failed: mule (had to be killed)\n")
 
 
-def test_a_second_interrupt_kills_at_once(start, tmp_path):
+def test_a_second_interrupt_kills_at_once(start: Start, tmp_path: Path) -> None:
     """Who presses Ctrl-C again does not wait for the grace period."""
     launcher = start("[script('mule', 'stubborn.py')]")
     launcher.says("ready")
@@ -117,7 +119,7 @@ def test_a_second_interrupt_kills_at_once(start, tmp_path):
     assert not alive(number_in(tmp_path / "stubborn.pid"))
 
 
-def test_what_a_node_started_is_stopped_too(start, tmp_path):
+def test_what_a_node_started_is_stopped_too(start: Start, tmp_path: Path) -> None:
     """A grandchild that ignores every signal but SIGKILL is gone when the launcher returns."""
     launcher = start("[script('parent', 'parent.py')]", grace="Grace()")
     launcher.says("ready")
@@ -127,7 +129,7 @@ def test_what_a_node_started_is_stopped_too(start, tmp_path):
     assert not alive(grandchild)
 
 
-def test_what_a_dead_node_started_is_killed(start, tmp_path):
+def test_what_a_dead_node_started_is_killed(start: Start, tmp_path: Path) -> None:
     """When a node dies, what it started goes with it, though the launcher runs on."""
     launcher = start("[script('parent', 'parent.py', 'ignore'), script('a', 'polite.py')]")
     wait_for(lambda: launcher.out.count("ready") == 2, "both nodes")
@@ -137,7 +139,7 @@ def test_what_a_dead_node_started_is_killed(start, tmp_path):
     assert alive(number_in(tmp_path / "polite.pid"))
 
 
-def test_a_killed_launcher_leaves_no_orphan(start, tmp_path):
+def test_a_killed_launcher_leaves_no_orphan(start: Start, tmp_path: Path) -> None:
     """After SIGKILL of the launcher nodes and grandchildren end, even those that ignore SIGTERM.
 
     The guard gives them less than 5 s; on a busy machine it may itself come later.
@@ -150,7 +152,9 @@ def test_a_killed_launcher_leaves_no_orphan(start, tmp_path):
     wait_for(lambda: not any(alive(pid) for pid in pids), "the end of all of them")
 
 
-def test_interrupt_while_a_module_is_importing_shows_no_traceback(start, tmp_path):
+def test_interrupt_while_a_module_is_importing_shows_no_traceback(
+    start: Start, tmp_path: Path
+) -> None:
     """Ctrl-C in the first moment ends a node silently, not with KeyboardInterrupt in an import."""
     (tmp_path / "slow_import.py").write_text(
         "from pathlib import Path\nimport os, time\n"

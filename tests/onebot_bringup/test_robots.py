@@ -37,7 +37,7 @@ endsolid x
         ('<mesh filename="{}" scale="0.5 0.5 0.5"/>', 1.0),
     ],
 )
-def test_how_far_a_robot_reaches(shape, half, tmp_path):
+def test_how_far_a_robot_reaches(shape: str, half: float, tmp_path: Path) -> None:
     """By all shapes where they are: here 3 m to the left."""
     (tmp_path / "x.stl").write_text(STL)
     described = parse_description(BOX.format(shape.format(tmp_path / "x.stl")))
@@ -45,7 +45,7 @@ def test_how_far_a_robot_reaches(shape, half, tmp_path):
 
 
 @pytest.mark.parametrize("count", [1, 2, 5, 20, 50])
-def test_robots_in_rows_are_clear_of_one_another(count):
+def test_robots_in_rows_are_clear_of_one_another(count: int) -> None:
     """As many as asked for, in a square, the first one at the origin; nobody is touched."""
     placed, width = in_rows(count, robot()), 2.0 * reach(robot())
     assert [each.name for each in placed] == [f"robot{k + 1}" for k in range(count)]
@@ -61,7 +61,7 @@ def of_file(tmp_path: Path, text: str) -> list[PlacedRobot]:
     return placed_robots(str(tmp_path / "fleet.yaml"), robot())
 
 
-def test_a_file_names_places_models_and_parameters(tmp_path):
+def test_a_file_names_places_models_and_parameters(tmp_path: Path) -> None:
     """Files are relative to it; a model that several have is read once."""
     (tmp_path / "big.urdf").write_text(urdf(name="big"))
     (tmp_path / "big.yaml").write_text("")
@@ -104,7 +104,9 @@ def test_a_file_names_places_models_and_parameters(tmp_path):
         ),
     ],
 )
-def test_what_is_wrong_in_a_file_is_named_with_its_line(tmp_path, text, said):
+def test_what_is_wrong_in_a_file_is_named_with_its_line(
+    tmp_path: Path, text: str, said: str
+) -> None:
     with pytest.raises(OneBotError, match=said):
         of_file(tmp_path, text)
 
@@ -118,13 +120,15 @@ def test_what_is_wrong_in_a_file_is_named_with_its_line(tmp_path, text, said):
         ("2.5", r"robots:=2.5: no such file; write how many, 1 to 200, or a YAML file"),
     ],
 )
-def test_what_is_neither_a_number_nor_a_file_is_refused(tmp_path, text, said, monkeypatch):
+def test_what_is_neither_a_number_nor_a_file_is_refused(
+    tmp_path: Path, text: str, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(OneBotError, match=said):
         placed_robots(text, robot())
 
 
-def test_a_file_of_a_similar_name_is_proposed(tmp_path):
+def test_a_file_of_a_similar_name_is_proposed(tmp_path: Path) -> None:
     (tmp_path / "fleet.yaml").touch()
     with pytest.raises(OneBotError, match='fleat.yaml: no such file .did you mean "fleet.yaml"'):
         placed_robots(str(tmp_path / "fleat.yaml"), robot())

@@ -134,13 +134,15 @@ def test_an_argument_of_the_model_is_passed_on():
         ("/r1", {"namespace": "/r2"}, "/r2"),
     ],
 )
-def test_a_pushed_namespace_is_the_robots(pushed, given, expected):
+def test_a_pushed_namespace_is_the_robots(
+    pushed: str, given: dict[str, str], expected: str
+) -> None:
     """PushRosNamespace around the included file, as it counts for a Node."""
     context = LaunchContext({"viewer": "none", "ros_namespace": pushed, **given})
     assert visit(onebot_bringup, context)[3:] == ["viewer:=none", f"namespace:={expected}"]
 
 
-def test_another_files_argument_is_not_passed_on(tmp_path):
+def test_another_files_argument_is_not_passed_on(tmp_path: Path) -> None:
     model = tmp_path / "robot.xacro"
     model.write_text(
         '<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arg name="own"/>'
@@ -159,7 +161,7 @@ def test_two_in_one_launch_file_do_not_mix():
     assert visit(onebot_bringup, context) == [*first, "namespace:=r2"]
 
 
-def test_it_ends_when_ros2_launch_is_killed(tmp_path, ros_domain):
+def test_it_ends_when_ros2_launch_is_killed(tmp_path: Path, ros_domain: int) -> None:
     """SIGKILL leaves nothing that runs; here the process killed is not even its parent."""
     starter = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(1e6)"])
     process = started(mrm_bringup, LaunchContext({"viewer": "none"}))

@@ -102,21 +102,25 @@ def _rest(connection: socket.socket) -> bytes:
     ],
     ids=["silent", "half a head", "half a body", "half a body that nobody reads", "kept open"],
 )
-def test_a_connection_that_does_nothing_is_closed(server, beginning):
+def test_a_connection_that_does_nothing_is_closed(server: Server, beginning: str) -> None:
     """In a bounded time, with what was asked of it, if anything was."""
     connection = server.connect()
     connection.sendall(beginning.encode())
     assert b"done" not in _rest(connection)
 
 
-def test_a_client_that_speaks_no_http_is_refused_without_a_word_in_the_log(server, caplog):
+def test_a_client_that_speaks_no_http_is_refused_without_a_word_in_the_log(
+    server: Server, caplog: pytest.LogCaptureFixture
+) -> None:
     client = server.connect()
     client.sendall(b"GET / HTTP/1.1\r\n\r\n")  # no Host
     assert _rest(client).startswith(b"HTTP/1.0 400 ")
     assert caplog.records == []
 
 
-def test_a_page_that_leaves_before_the_response_is_no_error(server, caplog):
+def test_a_page_that_leaves_before_the_response_is_no_error(
+    server: Server, caplog: pytest.LogCaptureFixture
+) -> None:
     """As a browser that is closed while it connects."""
     leaving = server.connect(f"/socket {WEBSOCKET}\r\nX: ")
     leaving.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))

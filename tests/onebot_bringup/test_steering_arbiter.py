@@ -84,7 +84,7 @@ def steered() -> Steered:
     return Steered("ab")
 
 
-def test_nothing_is_published_before_anybody_drives(steered):
+def test_nothing_is_published_before_anybody_drives(steered: Steered) -> None:
     """Other sources of commands are left alone; to halt is no exception."""
     steered.arbiter.tick()
     steered.arbiter.halt()
@@ -92,7 +92,7 @@ def test_nothing_is_published_before_anybody_drives(steered):
     assert steered.sent() == [] and steered.driver is None
 
 
-def test_to_take_hold_is_published_at_once_and_then_at_the_fixed_rate(steered):
+def test_to_take_hold_is_published_at_once_and_then_at_the_fixed_rate(steered: Steered) -> None:
     """More of the same waits for its turn; a robot that is held at zero gets zeros."""
     steered.drive("a")
     assert steered.sent() == [FORWARD] and steered.changes == 1
@@ -117,7 +117,7 @@ def test_to_take_hold_is_published_at_once_and_then_at_the_fixed_rate(steered):
     ],
     ids=["release", "leave", "reject", "stop", "silence"],
 )
-def test_every_end_gives_zeros_and_then_silence(steered, end):
+def test_every_end_gives_zeros_and_then_silence(steered: Steered, end) -> None:
     """The first at once, three in all, so that one may get lost; then others may drive."""
     steered.drive("a")
     steered.sent()
@@ -129,7 +129,7 @@ def test_every_end_gives_zeros_and_then_silence(steered, end):
     assert steered.joints == [{"arm": FORWARD.linear}, *[{}] * ZEROS]
 
 
-def test_the_last_to_take_hold_drives(steered):
+def test_the_last_to_take_hold_drives(steered: Steered) -> None:
     """At once; the page it takes control from has to let go, and stops nobody meanwhile."""
     steered.drive("a")
     steered.sent()
@@ -146,7 +146,7 @@ def test_the_last_to_take_hold_drives(steered):
     assert steered.driver == "a" and steered.command == FORWARD
 
 
-def test_joints_alone_take_control_and_unlock(steered):
+def test_joints_alone_take_control_and_unlock(steered: Steered) -> None:
     """As wheels do; those that are at rest do not."""
     steered.arbiter.handle("a", Drive(0.0, 0.0, steered.now, {}))
     assert steered.driver == "a" and steered.locks == []
@@ -165,7 +165,7 @@ def test_joints_alone_take_control_and_unlock(steered):
     ],
     ids=["stop", "reject", "halt"],
 )
-def test_a_page_that_was_stopped_has_to_let_go_first(steered, end, held):
+def test_a_page_that_was_stopped_has_to_let_go_first(steered: Steered, end, held: bool) -> None:
     """None of these is undone by going on to hold; a page that held nothing may take hold."""
     if held:
         steered.drive("a")
@@ -179,13 +179,13 @@ def test_a_page_that_was_stopped_has_to_let_go_first(steered, end, held):
     assert steered.sent()[-1:] == [FORWARD] and steered.driver == "a"
 
 
-def test_nonsense_of_a_page_that_holds_nothing_costs_its_next_hold(steered):
+def test_nonsense_of_a_page_that_holds_nothing_costs_its_next_hold(steered: Steered) -> None:
     steered.arbiter.reject("a")
     steered.drive("a")
     assert steered.sent() == [] and steered.driver is None
 
 
-def test_a_stop_locks_the_robot_until_a_page_presses_anew(steered):
+def test_a_stop_locks_the_robot_until_a_page_presses_anew(steered: Steered) -> None:
     """Each press of Stop; no held control unlocks, nor does a halt of the server lock."""
     steered.drive("a")
     steered.sent()
@@ -204,7 +204,7 @@ def test_a_stop_locks_the_robot_until_a_page_presses_anew(steered):
     assert steered.locks == [False, True, True, False]
 
 
-def test_a_control_held_at_zero_does_not_unlock(steered):
+def test_a_control_held_at_zero_does_not_unlock(steered: Steered) -> None:
     """Whoever presses 0 wants a robot that stands, which another node may drive; a push unlocks."""
     steered.stop("b")
     steered.drive("a", ZERO)
@@ -214,7 +214,7 @@ def test_a_control_held_at_zero_does_not_unlock(steered):
     assert steered.locks == [True, False]
 
 
-def test_a_silence_stops_and_the_same_grip_goes_on_after_it(steered):
+def test_a_silence_stops_and_the_same_grip_goes_on_after_it(steered: Steered) -> None:
     """After the time of the dead man's switch, not at it; a message that comes late is none."""
     for _ in range(10):
         steered.drive("a")
@@ -234,7 +234,7 @@ def test_a_silence_stops_and_the_same_grip_goes_on_after_it(steered):
     assert steered.sent() == [FORWARD] and not steered.arbiter.state.late
 
 
-def test_after_a_stall_nothing_old_is_published(steered):
+def test_after_a_stall_nothing_old_is_published(steered: Steered) -> None:
     """The next tick may come before the next check: its command is zero, too."""
     steered.drive("a")
     steered.sent()
@@ -244,7 +244,7 @@ def test_after_a_stall_nothing_old_is_published(steered):
     assert steered.sent() == [ZERO] * ZEROS and steered.arbiter.timeouts == 1
 
 
-def test_a_command_holds_until_half_a_second_after_its_stamp(steered):
+def test_a_command_holds_until_half_a_second_after_its_stamp(steered: Steered) -> None:
     """Whenever it comes: the hand that gave it may be gone as long as that."""
     steered.now = 0.0  # sums are exact
     steered.drive("a", age=MAX_AGE - 0.125)
@@ -260,7 +260,9 @@ def test_a_command_holds_until_half_a_second_after_its_stamp(steered):
 
 @pytest.mark.parametrize("other", [lambda s: s.stop("b"), lambda s: s.drive("b")])
 @pytest.mark.parametrize("age", [5.0, 0.0])
-def test_who_held_before_another_page_acted_does_not_drive_after_it(steered, age, other):
+def test_who_held_before_another_page_acted_does_not_drive_after_it(
+    steered: Steered, age: float, other
+) -> None:
     """Whether it drove and fell silent, or never came in time: it has to let go first."""
     steered.drive("a", age=age)
     steered.wait(COMMAND_TIMEOUT + 0.01)
@@ -280,7 +282,7 @@ _event = st.tuples(
 
 
 @given(st.lists(_event, max_size=60))
-def test_the_robot_moves_only_while_its_driver_says_so(events):
+def test_the_robot_moves_only_while_its_driver_says_so(events) -> None:
     """Whatever pages do: a command that is not zero has a driver that spoke in time just before."""
     steered, spoke, pages = Steered("abc"), {}, set("abc")
     arbiter = steered.arbiter
@@ -308,7 +310,7 @@ def test_the_robot_moves_only_while_its_driver_says_so(events):
         assert arbiter.state.pages == len(pages)
 
 
-def test_limits_are_the_robots_or_lower(steered):
+def test_limits_are_the_robots_or_lower(steered: Steered) -> None:
     """Whoever sets them; they bind what is held, too, and pages learn of what is new only."""
     arbiter = steered.arbiter
     arbiter.handle("a", SetLimits(5.0, 0.5))
@@ -322,7 +324,7 @@ def test_limits_are_the_robots_or_lower(steered):
     assert steered.sent() == [Velocity(0.25, 0.05)] == [steered.command]
 
 
-def test_what_an_operator_chose_outlasts_the_robot(steered):
+def test_what_an_operator_chose_outlasts_the_robot(steered: Steered) -> None:
     """Also what is above the present robot's limit; and it binds a command that is held."""
     arbiter = steered.arbiter
     arbiter.handle("a", SetLimits(0.5, 9.0))
@@ -344,7 +346,7 @@ def _choose(steered: Steered, linear: float | None, angular: float | None = None
 
 
 @pytest.mark.parametrize("raised", [1.0, None], ids=["a number", "the field emptied"])
-def test_a_raised_limit_waits_for_the_next_press(steered, raised):
+def test_a_raised_limit_waits_for_the_next_press(steered: Steered, raised: float | None) -> None:
     """Another page's; a lowered one holds at once, and for the rest of the press."""
     _choose(steered, 0.3, 0.5)
     steered.drive("a", Velocity(0.3, 0.5))
@@ -368,7 +370,7 @@ def test_a_raised_limit_waits_for_the_next_press(steered, raised):
     assert steered.command == Velocity(-(raised or 3.0), 0.0)
 
 
-def test_a_robot_that_may_go_back_faster_waits_for_the_next_press(steered):
+def test_a_robot_that_may_go_back_faster_waits_for_the_next_press(steered: Steered) -> None:
     one = limits(1.0, 1.0)
     steered.arbiter.set_limits(replace(one, linear=replace(one.linear, reverse=0.25)))
     steered.drive("a", Velocity(-1.0, 0.0))
@@ -379,7 +381,7 @@ def test_a_robot_that_may_go_back_faster_waits_for_the_next_press(steered):
     assert steered.command == Velocity(-1.0, 0.0)
 
 
-def test_what_was_sent_before_the_process_woke_does_not_drive(steered):
+def test_what_was_sent_before_the_process_woke_does_not_drive(steered: Steered) -> None:
     """However short the stop was: neither the command in force nor those that waited."""
     steered.drive("a")
     steered.now += 0.1
@@ -397,7 +399,7 @@ def test_what_was_sent_before_the_process_woke_does_not_drive(steered):
     assert steered.sent() == [FORWARD] and steered.driver == "a"
 
 
-def test_pages_come_and_go(steered):
+def test_pages_come_and_go(steered: Steered) -> None:
     """The others learn how many there are, the log who drove; a page that comes back is new."""
     steered.arbiter.join("c")
     assert steered.arbiter.state.pages == 3 and steered.changes == 1
@@ -411,7 +413,7 @@ def test_pages_come_and_go(steered):
     assert steered.arbiter.reject("a")
 
 
-def test_to_halt_sends_all_zeros_at_once(steered):
+def test_to_halt_sends_all_zeros_at_once(steered: Steered) -> None:
     """Also those that are left of an earlier end."""
     steered.drive("a")
     steered.release("a")

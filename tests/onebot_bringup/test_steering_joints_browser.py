@@ -86,7 +86,7 @@ def value(page: Page, slider: str = SLIDER) -> float:
     return float(page.find(slider).get_property("value"))
 
 
-def test_a_slider_moves_its_joint_while_it_is_held(page, arm):
+def test_a_slider_moves_its_joint_while_it_is_held(page: Page, arm: Arm) -> None:
     """With that share of its speed; let go, it springs back, and the joint stops."""
     names = [label.text for label in page.find("#joints").find_elements("css selector", "label")]
     assert names == ["arm_joint", "lift_joint"]
@@ -100,7 +100,9 @@ def test_a_slider_moves_its_joint_while_it_is_held(page, arm):
     wait_for(lambda: page.text("#joint-0-position") == words, "where it is")
 
 
-def test_arrow_keys_move_the_joint_with_the_focus(page, arm, twists):
+def test_arrow_keys_move_the_joint_with_the_focus(
+    page: Page, arm: Arm, twists: list[Twist]
+) -> None:
     """And do not drive; without the focus they drive and move no joint."""
     wait_for(lambda: page.find("#pad").is_displayed(), "the wheels")
     for key, sign in ((Keys.ARROW_RIGHT, 1.0), (Keys.ARROW_DOWN, -1.0)):
@@ -127,13 +129,13 @@ def test_arrow_keys_move_the_joint_with_the_focus(page, arm, twists):
         "document.body.dispatchEvent(new Event('contextmenu', { bubbles: true }))",
     ],
 )
-def test_leaving_stops_the_arm(page, arm, leave):
+def test_leaving_stops_the_arm(page: Page, arm: Arm, leave: str) -> None:
     """The window, the panel of joints, or a menu that takes the pointer."""
     hold(page, arm)
     stop(arm, lambda: page.driver.execute_script(leave))
 
 
-def test_a_dead_server_stops_the_arm(tab, arm):
+def test_a_dead_server_stops_the_arm(tab: Page, arm: Arm) -> None:
     """By the end of its last trajectory; the page shows that it knows no positions."""
     with steering(check=False) as node:
         page = opened(tab, node)
@@ -144,7 +146,9 @@ def test_a_dead_server_stops_the_arm(tab, arm):
         assert not page.find(SLIDER).is_enabled()
 
 
-def test_an_arm_that_stands_has_its_joints_only(page, arm, request):
+def test_an_arm_that_stands_has_its_joints_only(
+    page: Page, arm: Arm, request: pytest.FixtureRequest
+) -> None:
     """They are open from the beginning; what drives is there as soon as there are wheels."""
     driving = "#pad", "#linear", "#angular", "#braking", "#settings", "#readout"
     wait_for(lambda: not any(page.find(part).is_displayed() for part in driving), "no wheels")
@@ -159,7 +163,9 @@ def test_an_arm_that_stands_has_its_joints_only(page, arm, request):
     stop(arm, page.let_go)
 
 
-def test_stop_and_another_page_stop_the_arm(page, node, arm, twists):
+def test_stop_and_another_page_stop_the_arm(
+    page: Page, node: Steering, arm: Arm, twists: list[Twist]
+) -> None:
     """What is still held then does nothing; the next press unlocks."""
     wait_for(lambda: page.find("#pad").is_displayed(), "the wheels")
     hold(page, arm)
@@ -177,7 +183,7 @@ def test_stop_and_another_page_stop_the_arm(page, node, arm, twists):
     page.let_go()
 
 
-def test_fingers_move_two_joints_at_once(tab, node, arm):
+def test_fingers_move_two_joints_at_once(tab: Page, node: Steering, arm: Arm) -> None:
     """On a phone, where Stop stays in sight; the system may take the touch away."""
     tab.devtools("Emulation.setTouchEmulationEnabled", enabled=True)
     tab.emulate(390, 844, mobile=True)
@@ -213,7 +219,7 @@ def touch(page: Page, kind: str, shares: dict[str, float]) -> None:
     page.devtools("Input.dispatchTouchEvent", type=kind, touchPoints=points)
 
 
-def test_axe_finds_nothing(page, arm):
+def test_axe_finds_nothing(page: Page, arm: Arm) -> None:
     """In both schemes, and while a slider is held."""
     for scheme in ("light", "dark"):
         page.emulate(1280, 657, prefers_color_scheme=scheme)
@@ -223,7 +229,7 @@ def test_axe_finds_nothing(page, arm):
     page.let_go()
 
 
-def test_without_joints_there_is_no_panel(tab, ros_domain):
+def test_without_joints_there_is_no_panel(tab: Page, ros_domain: int) -> None:
     """As for a robot that only drives."""
     with Peer(ros_domain), steering() as node:
         tab.open(node.address)

@@ -13,7 +13,7 @@ from onebot_description.geometry.quaternions import from_rpy, to_matrix
 from tests.onebot_bringup.steering_support import steered
 from tests.onebot_control.control_support import CASTER, SEPARATION, urdf, wheel
 from tests.onebot_control.test_sensors_process import HALF, room
-from tests.ros_support import NodeProcess, ros_args
+from tests.ros_support import NodeProcess, Peer, ros_args
 from tests.support import wait_for
 
 ROBOT = """<robot name="box">
@@ -130,7 +130,9 @@ CLIFF = sensor("cliff", "LaserScan", 'xyz="0.08 0 0.02" rpy="0 1.570796326794896
         pytest.param(sensor("sonar", "Range", REAR, 5, 0.1), -0.3, id="a sonar at the rear"),
     ],
 )
-def test_every_sensor_counts_in_the_direction_driven(peer, tmp_path, sensors, speed):
+def test_every_sensor_counts_in_the_direction_driven(
+    peer: Peer, tmp_path: Path, sensors: str, speed: float
+) -> None:
     """In a room, on the wire: the way to the wall, until the robot pushes it.
 
     A cliff sensor sees the ground, which is no obstacle.

@@ -7,6 +7,7 @@ import re
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -83,7 +84,7 @@ def wait_for_zero(page: Page, heard: list[Twist]) -> None:
     wait_for(lambda: page.body("driver") == "nobody" and heard[-1] == STILL, "the stop")
 
 
-def test_it_loads_from_its_own_port_only(tab, node):
+def test_it_loads_from_its_own_port_only(tab: Page, node: Steering) -> None:
     """Offline: the page requests nothing from other hosts, and the browser logs no problem."""
 
     def loaded() -> list[str]:
@@ -106,7 +107,7 @@ def test_it_loads_from_its_own_port_only(tab, node):
     assert tab.driver.get_log("browser") == []
 
 
-def test_the_joystick_drives_the_robot(page, heard):
+def test_the_joystick_drives_the_robot(page: Page, heard: list[Twist]) -> None:
     """Held with the mouse, by its place on the pad; the page shows command and odometry."""
     with NodeProcess("onebot_control.velocity_controller", str(ONEBOT)):
         wait_for(lambda: page.text("#topic output") == "Twist, 2 subscribers", "the controller")
@@ -128,7 +129,9 @@ def test_the_joystick_drives_the_robot(page, heard):
         assert page.number("x") != 0.0 and page.number("yaw") != 0.0
 
 
-def test_letting_go_stops_at_once_and_another_page_takes_control(node, page, heard):
+def test_letting_go_stops_at_once_and_another_page_takes_control(
+    node: Steering, page: Page, heard: list[Twist]
+) -> None:
     """It sends a release, also for a pad held beyond it; what another page took counts no more."""
     assert pair(page.drive_by_pad(0.0, 1.5, moving(heard))) == (0.5, 0.0)
     releases = page.said().count("release")
@@ -156,7 +159,7 @@ def test_letting_go_stops_at_once_and_another_page_takes_control(node, page, hea
 
 
 @pytest.mark.parametrize("leave", ["reload", "blur", "hide"])
-def test_leaving_the_page_stops(tab, node, heard, leave):
+def test_leaving_the_page_stops(tab: Page, node: Steering, heard: list[Twist], leave: str) -> None:
     """The tab left or loaded anew, or the window without focus, while the pad is held."""
     first = tab.driver.current_window_handle
     tab.driver.switch_to.new_window("tab")
@@ -180,7 +183,9 @@ def test_leaving_the_page_stops(tab, node, heard, leave):
     assert heard[-1] == STILL
 
 
-def test_a_dead_server_stops_the_robot_and_the_page_comes_back_still(peer, tab, heard):
+def test_a_dead_server_stops_the_robot_and_the_page_comes_back_still(
+    peer: Peer, tab: Page, heard: list[Twist]
+) -> None:
     """By the controller's timeout; the page says it is lost, connects anew, and does not drive.
 
     The limit that was chosen by hand is still there.
@@ -227,7 +232,7 @@ def test_a_dead_server_stops_the_robot_and_the_page_comes_back_still(peer, tab, 
             _drive(tab, heard, (0.4, 0.0))
 
 
-def test_a_connection_that_is_too_slow_stops_and_says_so(tab, heard):
+def test_a_connection_that_is_too_slow_stops_and_says_so(tab: Page, heard: list[Twist]) -> None:
     """It queues up no commands; when it is fast again, what is held drives again."""
     sides = itertools.cycle((1, -1))
 
@@ -258,7 +263,7 @@ def test_a_connection_that_is_too_slow_stops_and_says_so(tab, heard):
         wait_to_stop(tab, heard)
 
 
-def test_arrows_and_letters_drive_while_they_are_down(page, heard):
+def test_arrows_and_letters_drive_while_they_are_down(page: Page, heard: list[Twist]) -> None:
     """Together too, at half speed with Shift; not what is typed into a field."""
     for keys, wanted in {
         (Keys.ARROW_UP,): (0.5, 0.0),
@@ -278,7 +283,7 @@ def test_arrows_and_letters_drive_while_they_are_down(page, heard):
     assert len(heard) == begin
 
 
-def test_what_takes_the_keys_lets_go(peer, page, heard):
+def test_what_takes_the_keys_lets_go(peer: Peer, page: Page, heard: list[Twist]) -> None:
     """A menu, a list or a drag swallows the key's release; a finger that rests opens no menu.
 
     Of keys that are let go while the command key is down, macOS sends no release.
@@ -320,7 +325,9 @@ def test_what_takes_the_keys_lets_go(peer, page, heard):
         peer.destroy(peer.node.destroy_subscription, robot)
 
 
-def test_the_space_bar_stops_and_the_held_key_does_not_resume(peer, page, heard):
+def test_the_space_bar_stops_and_the_held_key_does_not_resume(
+    peer: Peer, page: Page, heard: list[Twist]
+) -> None:
     """Wherever the focus is, with Ctrl too; what is held has to be let go first.
 
     A robot with a lock is locked meanwhile; the page shows so, and who else publishes commands.
@@ -344,7 +351,7 @@ def test_the_space_bar_stops_and_the_held_key_does_not_resume(peer, page, heard)
     page.release_keys("w")
 
 
-def test_the_sliders_drive_while_held_and_spring_back(page, heard):
+def test_the_sliders_drive_while_held_and_spring_back(page: Page, heard: list[Twist]) -> None:
     """By their thumbs and by their buttons, which go on in steps."""
     linear, angular = page.find("#linear input"), page.find("#angular input")
     up = -linear.size["height"]  # beyond its end
@@ -365,7 +372,7 @@ def test_the_sliders_drive_while_held_and_spring_back(page, heard):
     wait_to_stop(page, heard)
 
 
-def test_limits_are_edited_by_the_user(page, heard):
+def test_limits_are_edited_by_the_user(page: Page, heard: list[Twist]) -> None:
     """They count for the next command; beside the field it says what is refused or too much."""
     assert page.limit("linear") == "0.5" and page.limit("angular") == "1"
     page.enter("#angular-limit", "-3")
@@ -404,7 +411,7 @@ def _drive(page: Page, heard: list[Twist], wanted: tuple[float, float]) -> None:
     wait_to_stop(page, heard)
 
 
-def test_what_the_page_works_out(page):
+def test_what_the_page_works_out(page: Page) -> None:
     """Without a robot: the limit that an entry is, and the braking distance of the controller."""
     entries = [
         "0,5", "0.5", ",5", "5.", "+2", "1e3", "", "-3", "0", "1,000.5", "0x1", "NaN", "3 m"
@@ -431,7 +438,7 @@ def _way_to_rest(speed: float, deceleration: float | None, jerk: float | None) -
     return sum(speeds[1:]) * dt
 
 
-def test_another_topic_of_the_other_type(peer, page):
+def test_another_topic_of_the_other_type(peer: Peer, page: Page) -> None:
     """The topics around are offered; a name that is none is refused with a sentence."""
     stamped = peer.hear(TwistStamped, "/other/cmd_vel", 1000)
     offered = "return [...document.querySelectorAll('datalist option')].map((o) => o.value)"
@@ -461,7 +468,7 @@ def _last(heard: list[Twist]) -> tuple[float, float] | None:
     return pair(heard[-1]) if heard else None
 
 
-def test_another_robot_is_chosen(peer, tab):
+def test_another_robot_is_chosen(peer: Peer, tab: Page) -> None:
     """By the keyboard too, whose next press does not drive; the robot before is stopped."""
     topics = {name: f"/{name}/velocity_controller/cmd_vel" for name in ("robot1", "robot2")}
     heard = {name: peer.hear(Twist, topic, 1000) for name, topic in topics.items()}
@@ -484,7 +491,7 @@ def test_another_robot_is_chosen(peer, tab):
         assert _last(heard["robot1"]) == (0.0, 0.0)
 
 
-def test_a_press_on_the_map_is_published_with_its_heading(peer, tab):
+def test_a_press_on_the_map_is_published_with_its_heading(peer: Peer, tab: Page) -> None:
     """As in RViz: press, drag to where it faces, release; a tool is for one place."""
     goals = peer.hear(PoseStamped, "/goal_pose")
     points = peer.hear(PointStamped, "/clicked_point")
@@ -555,7 +562,7 @@ def test_a_press_on_the_map_is_published_with_its_heading(peer, tab):
     peer.destroy(peer.node.destroy_timer, timer)
 
 
-def test_displays_and_parameters_are_set_in_panels(ros_domain, peer, tab):
+def test_displays_and_parameters_are_set_in_panels(ros_domain: int, peer: Peer, tab: Page) -> None:
     """By check boxes, fields and Enter; a refused value says why, and the old one stays."""
     peer.node.declare_parameter("speed", 0.5)
     peer.node.declare_parameter("lights", False)
@@ -609,7 +616,7 @@ def test_displays_and_parameters_are_set_in_panels(ros_domain, peer, tab):
         assert row("parameters", "lights").is_displayed()
 
 
-def test_it_shows_what_the_sensors_see(peer, page, tmp_path):
+def test_it_shows_what_the_sensors_see(peer: Peer, page: Page, tmp_path: Path) -> None:
     """In a room: the walls on the map, the camera, and an obstacle that is too near for braking.
 
     The camera is subscribed to while its picture is shown.
@@ -659,7 +666,9 @@ return sides.map((pixels) => pixels * 1.5 ** 2 / 80);
 """
 
 
-def test_a_second_finger_stops_and_all_that_is_held_stays_so(tab, node, heard):
+def test_a_second_finger_stops_and_all_that_is_held_stays_so(
+    tab: Page, node: Steering, heard: list[Twist]
+) -> None:
     """On press; until it is lifted nothing drives, and then only what is pressed anew.
 
     On a phone; a touch that the system takes away stops the robot, too.
@@ -720,7 +729,9 @@ def gamepad(tab: Page) -> Iterator[None]:
     tab.devtools("Page.removeScriptToEvaluateOnNewDocument", **hook)
 
 
-def test_a_pressed_stop_keeps_the_robot_stopped(gamepad, page, heard):
+def test_a_pressed_stop_keeps_the_robot_stopped(
+    gamepad: None, page: Page, heard: list[Twist]
+) -> None:
     """Before the mouse or the key is released; keys and gamepads wait for that."""
     for key in ("", Keys.ENTER, " "):
         page.drive_by_keys("w", at(heard, 0.5, 0.0))
@@ -745,7 +756,7 @@ def _press_stop(page: Page, key: str) -> None:
         page.drag(-600, 0)
 
 
-def test_a_gamepad_drives(gamepad, page, heard):
+def test_a_gamepad_drives(gamepad: None, page: Page, heard: list[Twist]) -> None:
     """Beyond its dead zone; unplugged, or stopped by its button, it stops the robot."""
     _stick(page, y=0.1)
     page.wait_for_states(3)

@@ -68,7 +68,7 @@ CLICK = {
         ({"frame": "\ud800"}, "must be Unicode"),
     ],
 )
-def test_a_click_that_is_none_is_refused(changes, problem):
+def test_a_click_that_is_none_is_refused(changes: dict[str, Any], problem: str) -> None:
     assert parse_click(json.dumps(CLICK)) == Click(
         "goal", "map", 1.5, -2.0, math.pi / 2, "/robot1/cmd_vel"
     )
@@ -76,7 +76,7 @@ def test_a_click_that_is_none_is_refused(changes, problem):
         parse_click(json.dumps({**CLICK, **changes}))
 
 
-def test_clicks_become_the_messages_of_rviz():
+def test_clicks_become_the_messages_of_rviz() -> None:
     """In type, frame, stamp, pose and covariance."""
     stamp = Time(sec=5)
     goal = message_of(Click("goal", "map", 1.0, 2.0, math.pi / 2, "/cmd_vel"), stamp)
@@ -106,7 +106,7 @@ def grid(width: int, height: int, cells: list[int], resolution: float = 0.5) -> 
     return message
 
 
-def test_the_picture_of_a_map():
+def test_the_picture_of_a_map() -> None:
     """A pixel a cell, the first row at the bottom; what is unknown, or no probability, is clear."""
     shown = PublishedMap(grid(3, 2, [0, 50, 100, -1, 0, 101]))
     assert shown.is_whole
@@ -136,7 +136,7 @@ def test_the_picture_of_a_map():
         {"type": 9, "string_array_value": ["a b", "1"]},
     ],
 )
-def test_values_as_text_are_read_as_they_were(fields):
+def test_values_as_text_are_read_as_they_were(fields: dict[str, Any]) -> None:
     value = ParameterValue(**fields)
     field, kind, read = parse_value(text_of(value), value.type)
     assert ParameterValue(type=kind, **{field: read}) == value
@@ -154,19 +154,19 @@ def test_values_as_text_are_read_as_they_were(fields):
         (json.dumps({"node": "/a", "values": {"x": 20_000 * "x"}}), "at most"),
     ],
 )
-def test_a_request_to_set_parameters_that_is_none_is_refused(text, problem):
+def test_a_request_to_set_parameters_that_is_none_is_refused(text: str, problem: str) -> None:
     assert parse_values('{"node": "/a", "values": {"x": "1"}}') == ("/a", {"x": "1"})
     with pytest.raises(ProtocolError, match=problem):
         parse_values(text)
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"shown": 1}', '{"shown": [{"topic": "/a"}]}'])
-def test_what_is_no_list_of_displays_shows_none(text):
+def test_what_is_no_list_of_displays_shows_none(text: str) -> None:
     assert shown_topics(text) == [] == legend_of(text)
 
 
 @pytest.mark.parametrize("color", ["red", [1, 2], ["1", 2, 3], [1.5, 2, 3]])
-def test_a_legend_has_colours_of_css(color):
+def test_a_legend_has_colours_of_css(color: Any) -> None:
     """Another colour is none, and leaves the legend empty."""
 
     def legend(color: Any) -> list[Mapping[str, str]]:
@@ -221,7 +221,9 @@ def be_localised(peer: Peer) -> Any:
     return lambda: moved.publish(odometry)
 
 
-def test_what_a_page_was_told_has_failed_does_not_happen_later(peer, monkeypatch):
+def test_what_a_page_was_told_has_failed_does_not_happen_later(
+    peer: Peer, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A node that is busy for long does it never; what it has begun by then is waited for."""
     monkeypatch.setattr("onebot_bringup.steering.tool_requests._TIMEOUT", 0.1)
     thread, executor = OtherThread(peer.node), peer.node.executor
@@ -257,7 +259,7 @@ def _client(thread: OtherThread) -> Any:
         return thread.create_client(GetParameters, "/nobody/get_parameters")
 
 
-def test_the_ground_is_shown_when_transforms_had_time_to_come(peer):
+def test_the_ground_is_shown_when_transforms_had_time_to_come(peer: Peer) -> None:
     """Before, a click would be in another frame than a moment later."""
     ground = Ground(peer.node, OdometryTopic(peer.node, ""))
     assert ground.fields() == {}
@@ -272,7 +274,7 @@ def shared() -> Iterator[tuple[int, Requests]]:
         yield domain, Requests(node.address)
 
 
-def test_a_page_sees_the_robot_on_the_map_and_clicks_there(shared):
+def test_a_page_sees_the_robot_on_the_map_and_clicks_there(shared: tuple[int, Requests]) -> None:
     """The frame is the map's; messages go to the robot that is steered; strangers are refused."""
     domain, request = shared
     with Peer(domain) as peer:
@@ -315,7 +317,7 @@ def test_a_page_sees_the_robot_on_the_map_and_clicks_there(shared):
         assert len(goals) == count
 
 
-def test_a_map_has_the_scans_of_its_robot(shared):
+def test_a_map_has_the_scans_of_its_robot(shared: tuple[int, Requests]) -> None:
     """All, where their sensors were at the stamps, without a map too; not another robot's."""
     domain, request = shared
     with Peer(domain, "lidars") as peer, Peer(domain, "other") as other:
@@ -368,7 +370,7 @@ def scan(frame: str, stamp: int, *ranges: float) -> LaserScan:
     return message
 
 
-def test_a_page_sees_and_sets_the_parameters_of_a_node(shared):
+def test_a_page_sees_and_sets_the_parameters_of_a_node(shared: tuple[int, Requests]) -> None:
     """Those that can be set, with their ranges; and why the node refuses a value."""
     domain, request = shared
     # A name of its own: the last test's peer may still be there.
@@ -413,7 +415,7 @@ def picture(encoding: str) -> ImageMessage:
     return ImageMessage(encoding=encoding, width=1, height=1, step=len(data), data=data)
 
 
-def test_the_cameras_of_a_robot_are_found_by_their_pictures(peer):
+def test_the_cameras_of_a_robot_are_found_by_their_pictures(peer: Peer) -> None:
     """One message of each is enough; the viewer gets their topics; depth is left to it."""
     front, rear, depth = (f"/{name}/image_raw" for name in ("front", "rear", "measured"))
     encodings = {front: "rgb8", rear: "rgb8", depth: "32FC1"}
@@ -446,7 +448,7 @@ def test_the_cameras_of_a_robot_are_found_by_their_pictures(peer):
 
 
 @pytest.mark.slow
-def test_a_page_sets_what_the_viewer_shows(peer):
+def test_a_page_sets_what_the_viewer_shows(peer: Peer) -> None:
     """Its displays, by the list that it publishes, and its camera."""
     peer.node.create_publisher(Path, "/plan", 10)
     arguments = ros_args(grpc_port=0, web_port=0, open_browser="false")

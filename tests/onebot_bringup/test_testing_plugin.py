@@ -89,12 +89,12 @@ def run(folder: Path, code: str, *arguments: str) -> str:
     return done.stdout + done.stderr
 
 
-def test_fixtures(tmp_path):
+def test_fixtures(tmp_path: Path) -> None:
     assert "3 passed" in run(tmp_path, FIXTURES)
 
 
 @pytest.mark.slow
-def test_a_failure_is_reported_and_shown(tmp_path):
+def test_a_failure_is_reported_and_shown(tmp_path: Path) -> None:
     """Its seed, time and domain, and what it did last as a recording and a picture.
 
     Of a test that passes nothing is written.
@@ -114,7 +114,7 @@ def test_a_failure_is_reported_and_shown(tmp_path):
 
 
 @pytest.mark.slow
-def test_bringups_side_by_side(tmp_path):
+def test_bringups_side_by_side(tmp_path: Path) -> None:
     """Each in a domain of its own; what a bringup says of a mistake is the error."""
     output = run(tmp_path, BRINGUP, "-n", "2")
     assert "2 passed" in output and "1 failed" in output, output
@@ -122,7 +122,9 @@ def test_bringups_side_by_side(tmp_path):
 
 
 @pytest.mark.slow
-def test_nothing_is_left_of_a_run_that_is_killed(tmp_path, monkeypatch):
+def test_nothing_is_left_of_a_run_that_is_killed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     mark = f"killed-{time.monotonic_ns()}"
     monkeypatch.setenv("ONEBOT_TEST_KILLED", mark)
     (tmp_path / "test_robot.py").write_text(WAITS)
@@ -135,7 +137,7 @@ def test_nothing_is_left_of_a_run_that_is_killed(tmp_path, monkeypatch):
         assert time.monotonic() - killed < 15.0  # 5 s on an idle computer
 
 
-def test_importing_it_takes_nothing():
+def test_importing_it_takes_nothing() -> None:
     """A run of tests without robots pays nothing for the plugin."""
     code = (
         "import sys, os, pytest; before, environment = set(sys.modules), dict(os.environ);"
