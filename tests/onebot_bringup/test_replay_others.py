@@ -304,19 +304,6 @@ def test_nothing_is_dropped(tmp_path):
     assert Replayed(tmp_path / "bag").ends("/plan") == list(range(600))
 
 
-def test_markers_are_placed_by_the_transforms_of_their_time(tmp_path):
-    """Not by those that have been read meanwhile, of a robot that moves at 10 m/s."""
-    with OtherRobot(tmp_path / "bag") as robot:
-        for step in range(100):
-            time = step / 100
-            robot.write("/tf", transform("map", "base_link", 10 * time, time), time)
-            if step % 10 == 0:
-                robot.write("/detections", marker(number=step), time, frame="base_link")
-    replayed = Replayed(tmp_path / "bag")
-    centers = column(replayed.file, "/marker/detections/cubes", "InstancePoses3D:translations")
-    np.testing.assert_allclose([x for x, _, _ in centers[-1]], np.arange(10), atol=1e-4)
-
-
 def test_waits_for_the_file_to_be_written(tmp_path, monkeypatch):
     """Else all of a large recording is in memory, where it is read faster than it is written."""
     monkeypatch.setattr(shown_bag, "_MOST_WAITING", 100_000)

@@ -8,7 +8,6 @@ import signal
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
-from urllib.parse import unquote
 
 import psutil
 import pytest
@@ -22,18 +21,15 @@ from std_srvs.srv import Trigger
 
 from onebot_bringup.testing.domains import used_domain
 from onebot_bringup.viewer.live_view import LiveView
-from onebot_bringup.viewer.rendering import headless_viewer, still
 from onebot_bringup.viewer.rerun_viewer import PageCameras, RerunViewer
-from onebot_bringup.viewer.rrd import has_content
 from onebot_bringup.viewer.view_config import load_view
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_description.ros.parameters.reader import ConfigError, declare, read
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_bringup.drive_support import chunks, stamps, while_written
-from tests.onebot_bringup.viewer_support import ARM, BLUE, ORANGE, VIEW, viewer_node
+from tests.onebot_bringup.viewer_support import ARM, VIEW, viewer_node
 from tests.ros_support import LATCHED, NodeProcess, Peer
 from tests.support import lines_of_ours, wait_for
-from tests.support_rendering import center, colored, pixels, require_renderer
 
 NODE = "/rerun_viewer"
 
@@ -70,45 +66,10 @@ class Robot:
         )
 
 
-def viewer_uri(peer: Peer) -> str:
-    """Where native viewers connect, as the node publishes it."""
-    pages = peer.hear(String, f"{NODE}/page", LATCHED)
-    page = wait_for(lambda: [page.data for page in pages if page.data], "the page's address")[-1]
-    return re.search(r"[?&]url=([^&]+)", unquote(page))[1]
-
-
 def _page(node: NodeProcess) -> str:
     return wait_for(lambda: re.search(r"open (http://127\.0\.0\.1:\d+)", node.output), "the page")[
         1
     ]
-
-
-@pytest.mark.slow
-def test_late_viewers_and_the_file_show_the_robot(ros_domain, tmp_path):
-    """A viewer joining later, and the file opened after the end, show link by link what moved."""
-    require_renderer()
-    file = tmp_path / "run.rrd"
-    with viewer_node(tmp_path, viewer="web", save=file) as node, Peer(ros_domain) as peer:
-        robot = Robot(peer)
-        wait_for(lambda: 'showing "arm" (2 links)' in node.output, "the robot")
-        robot.move(0.2)
-        robot.move(1.0)
-        uri = viewer_uri(peer)
-
-        with headless_viewer(uri, 640, 480) as client:
-
-            def moved():
-                robot.move(1.0)
-                image = pixels(still(client))
-                blue, orange = colored(image, BLUE), colored(image, ORANGE)
-                return blue.any() and orange.any() and center(blue)[0] < 0.5 < center(orange)[0]
-
-            wait_for(moved, "the tip on the right of the base")
-            graph = client.get_transform_graph(frame_filter="named")
-            assert [(e["parent"], e["child"]) for e in graph["edges"]] == [("base", "tip")]
-            assert [view.reports for view in client.get_state().views] == [[]]
-        assert node.interrupt() == 0
-    assert has_content(file)
 
 
 class Shown(NamedTuple):

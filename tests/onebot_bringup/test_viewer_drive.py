@@ -8,7 +8,7 @@ import pytest
 from onebot_bringup.viewer.rendering import headless_viewer, still
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.shown_robot import RobotToShow
-from tests.onebot_bringup.drive_support import chunks, curve, odometry, strips
+from tests.onebot_bringup.drive_support import curve, odometry, strips
 from tests.onebot_bringup.viewer_support import (
     BLUE,
     START_NS,
@@ -116,11 +116,3 @@ def test_the_fixed_frame_is_found_under_the_prefix(tmp_path):
     take_tf(live, transforms("odom", "r1/odom", 2.0))
     live.tick(START_NS)
     assert live.stage.fixed_frame == "odom"
-
-
-def test_only_the_axes_asked_for_are_drawn(tmp_path):
-    """With axes.frames the others have no entity."""
-    axes = "axes: {visible: false, frames: [odom, base]}"
-    file = _recorded(tmp_path, VIEW.replace("axes: {visible: false}", axes))
-    drawn = {name: bool(chunks(file, f"/frames/{name}")) for name in ("odom", "base", "tip")}
-    assert drawn == {"odom": True, "base": True, "tip": False}

@@ -18,22 +18,6 @@ from tests.onebot_bringup.viewer_support import START_NS, transforms
 NO_TURN = np.array([0.0, 0.0, 0.0, 1.0])
 
 
-def test_messages_between_two_flushes_make_one_chunk_with_their_own_times(tmp_path):
-    """Fifty messages are logged in one call, a row each, at the messages' stamps."""
-    recording = open_recording(save=tmp_path / "x.rrd")
-    stream = TransformStream(recording.stream, FrameTree())
-    assert not stream.flush()
-    for step in range(50):
-        stream.add(START_NS, transforms("base", "tip", float(step), START_NS + step))
-    assert stream.flush() and not stream.flush()
-    recording.close()
-    [chunk] = chunks(tmp_path / "x.rrd", "/tf")
-    assert chunk.num_rows == 50 and chunk.timeline_names == ["ros_time"]
-    assert stamps(tmp_path / "x.rrd", "/tf") == [START_NS + step for step in range(50)]
-    places = [row[0] for row in column(tmp_path / "x.rrd", "/tf", "Transform3D:translation")]
-    np.testing.assert_allclose(places, [[0, step, 0] for step in range(50)])
-
-
 def test_static_transforms_are_logged_once_until_they_change(tmp_path):
     """A publisher that repeats itself does not fill the server's memory."""
     recording = open_recording(save=tmp_path / "x.rrd")

@@ -204,9 +204,3 @@ def test_in_a_page_the_robot_has_the_room_and_no_picture_is_there_twice():
     alone = alone.in_page({front, depth})
     root = make_blueprint(alone).root_container
     assert [type(view) for view in root.contents] == [rrb.Spatial3DView]
-
-
-def test_each_picture_has_a_view(tmp_path):
-    """Beside the robot's, by the topic's name."""
-    view = ImageView("image/cam/image_raw", TOPIC).view()
-    assert (view.origin, view.name) == ("image/cam/image_raw", TOPIC)

@@ -34,12 +34,6 @@ def reported(joints: list) -> list[str]:
     return [report.text for report in source.reports]
 
 
-def test_chains_resolve_in_any_order() -> None:
-    """The golden case of the standard node, 0, 0.1 and -0.1, though named from the far end."""
-    positions, _ = JointStateSource(CHAIN).sample(0.0)
-    assert positions == pytest.approx([-0.1, 0.1, 0.0])
-
-
 def test_a_circle_is_opened_and_reported() -> None:
     joints = [
         joint("a", mimic=mimic("b")),
