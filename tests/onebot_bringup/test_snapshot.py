@@ -26,12 +26,6 @@ from onebot_description.errors import OneBotError
 from tests.support import PATIENCE, wait_for
 
 
-def test_cameras():
-    """The eye alone, or with its target; negative numbers too."""
-    assert parse_camera("1,-2,3.5") == ((1.0, -2.0, 3.5), None)
-    assert parse_camera("1,-2,3.5:0,0,.5") == ((1.0, -2.0, 3.5), (0.0, 0.0, 0.5))
-
-
 @pytest.mark.parametrize("text", ["", "1,2", "1,2,nan", "1,2,3:", "a,b,c", "1,2,3:1,2,3", "1 2 3"])
 def test_wrong_cameras_are_refused(text: str):
     """Whatever does not say where to look from and at."""

@@ -51,12 +51,10 @@ def test_slow_transforms_are_repeated_among_fast_ones(tmp_path, monkeypatch):
     ("shift", "turn"),
     [
         ([np.nan, 0.0, 0.0], NO_TURN),
-        ([0.0, -np.inf, 0.0], NO_TURN),
         ([1e308, 0.0, 0.0], NO_TURN),
         ([0.0, 0.0, 0.0], np.zeros(4)),
         ([0.0, 0.0, 0.0], 1.01 * NO_TURN),
         ([0.0, 0.0, 0.0], np.array([0.0, 0.0, np.nan, 1.0])),
-        ([0.0, 0.0, 0.0], np.array([1e308, 0.0, 0.0, 1e308])),
     ],
 )
 @pytest.mark.parametrize("static", [False, True])
