@@ -1,8 +1,5 @@
 """``onebot snapshot`` of a running robot, heard over real DDS."""
 
-import itertools
-import subprocess
-import sys
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
@@ -12,12 +9,12 @@ import numpy as np
 import pytest
 from nav_msgs.msg import Odometry
 from rclpy.publisher import Publisher
-from sensor_msgs.msg import Image, JointState
+from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from onebot_description.description.packages import use_environment_prefix
 from onebot_description.ros.wire.interfaces import TFMessage
-from tests.onebot_bringup.test_snapshot_pictures import SIZE, drawn, snapshot
+from tests.onebot_bringup.test_snapshot_pictures import drawn, snapshot
 from tests.onebot_bringup.viewer_support import ARM, BLUE, ORANGE, VIEW, viewer_node
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.support import wait_for
@@ -139,49 +136,3 @@ def test_the_picture_is_the_running_viewers(arm, ros_domain, monkeypatch):
     done = snapshot(arm / "b.png", "--dashboard")
     assert done.returncode == 1 and "no viewer's page on /rerun_viewer/page" in done.stderr
     assert pixels(arm / "a.png").shape == (320, 480, 3)
-
-
-FOREVER = """
-import math, sys
-from onebot_bringup.cli.snapshot import run
-from onebot_bringup.viewer import rendering
-
-rendering.PATIENCE = math.inf  # seconds for a picture that is still
-sys.exit(run(sys.argv[1:]))
-"""
-
-
-def test_a_camera_at_work_does_not_keep_a_picture_from_its_end(arm, ros_domain, monkeypatch):
-    """The picture is of one moment, though the viewer shows the next ones meanwhile."""
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    done = threading.Event()
-    with (
-        NodeProcess(PUBLISHER, str(arm / "arm.urdf"), *ros_args(ignore_timestamp=True)),
-        viewer_node(arm, viewer="web") as viewer,
-        Peer(ros_domain) as peer,
-        joint(peer, 0.75),
-    ):
-        camera = peer.publisher(Image, "image", 10)
-
-        def film() -> None:
-            frame = Image(height=120, width=160, encoding="mono8", step=160)
-            frame.header.frame_id = "base"
-            for shade in itertools.cycle(range(256)):
-                frame.data = bytes([shade]) * (120 * 160)
-                frame.header.stamp = peer.node.get_clock().now().to_msg()
-                camera.publish(frame)
-                if done.wait(0.1):
-                    return
-
-        filming = threading.Thread(target=film)
-        filming.start()
-        try:
-            wait_for(lambda: "open http" in viewer.output, "the viewer's page")
-            wait_for(lambda: peer.node.count_subscribers("image"), "the viewer of the camera")
-            words = [str(arm / "a.png"), "--dashboard", *SIZE]
-            subprocess.run([sys.executable, "-c", FOREVER, *words], timeout=600, check=True)
-        finally:
-            done.set()
-            filming.join()
-    image = pixels(arm / "a.png")
-    assert colored(image, ORANGE).any() and colored(image, BLUE).any()

@@ -1,16 +1,9 @@
 """A driving robot as Rerun itself shows it: trails, speeds and the camera."""
 
-from pathlib import Path
-
-import numpy as np
-import pytest
-
-from onebot_bringup.viewer.rendering import headless_viewer, still
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.shown_robot import RobotToShow
-from tests.onebot_bringup.drive_support import curve, odometry, strips
+from tests.onebot_bringup.drive_support import odometry, strips
 from tests.onebot_bringup.viewer_support import (
-    BLUE,
     START_NS,
     Shown,
     take_command,
@@ -18,9 +11,7 @@ from tests.onebot_bringup.viewer_support import (
     take_tf,
     transforms,
 )
-from tests.support_rendering import center, colored, pixels, require_renderer
 
-GREEN, MAGENTA = (0, 220, 60), (230, 20, 200)
 # From behind and above: +y is to the left in the picture, +x up.
 VIEW = """
 fixed_frame: odom
@@ -31,12 +22,6 @@ joint_plot: {positions: false, velocities: false}
 trails:
   way: {topic: odom, color: [0, 220, 60], width: 0.2, length: 100}
   truth: {topic: truth, color: [230, 20, 200], width: 0.2, length: 100}
-"""
-SPEEDS = """
-speeds:
-  lines:
-    commanded: {topic: cmd_vel, color: [0, 220, 60]}
-    measured: {topic: odom, color: [230, 20, 200]}
 """
 TENTH = 10**8
 
@@ -54,39 +39,6 @@ def _drive(live: RobotView, frame="odom", steps=41, truth="odom") -> list[str]:
         said += live.tick(stamp)
     live.finish()
     return said
-
-
-def _recorded(tmp_path: Path, view: str, **drive) -> Path:
-    shown = Shown(tmp_path, view)
-    assert _drive(shown.view, **drive) == []
-    return shown.end()
-
-
-@pytest.mark.slow
-def test_the_picture_has_the_robot_its_trails_and_its_speeds(tmp_path):
-    """Without an error: the camera follows, each trail is in its place, and each curve."""
-    require_renderer()
-    view = VIEW.replace("camera: {", "camera: {follow: base, ")
-    file = _recorded(tmp_path, view + SPEEDS)
-    for entity, value in (
-        ("linear/commanded", 1.5),
-        ("linear/measured", 1.0),
-        ("angular/commanded", 0.3),
-        ("angular/measured", 0.2),
-    ):
-        assert curve(file, f"/speeds/{entity}") == [value] * 41
-    with headless_viewer(str(file), 1280, 720) as client:
-        views = client.get_state().views
-        assert {view.name for view in views} == {"Robot", "Speed (m/s)", "Turn rate (rad/s)"}
-        assert [view.reports for view in views] == [[]] * 3
-        image = pixels(still(client))
-    robot, beside = image[:, :960], image[:, int(0.76 * image.shape[1]) :]
-    way, truth = colored(robot, GREEN), colored(robot, MAGENTA)
-    assert way.mean() > 0.001 and truth.mean() > 0.001 and colored(robot, BLUE).any()
-    assert center(truth)[1] < center(way)[1] - 0.05, "the truth is further along x"
-    for color in (GREEN, MAGENTA):
-        rows = np.nonzero(colored(beside, color).sum(axis=1) > 100)[0]
-        assert rows.size and rows.min() < 360 < rows.max(), "a level line in either plot"
 
 
 def test_a_trail_in_another_frame_waits_for_it_and_says_so(tmp_path):

@@ -112,10 +112,6 @@ def settled(source: JointStateSource, at: float = 1000.0) -> dict[str, float]:
     return dict(zip(source.names, source.sample(at)[0].tolist(), strict=True))
 
 
-def test_names_are_those_that_move_in_order() -> None:
-    assert list(source_of({}).names) == NAMES
-
-
 def test_joints_start_at_zero_or_mid_range() -> None:
     positions, velocities = source_of({}).sample(5.0)
     assert positions == pytest.approx([0.0, 0.4, 0.0, 0.0, 0.05])
@@ -279,12 +275,6 @@ def test_a_new_robot_leaves_out_what_does_not_suit_it() -> None:
     with pytest.raises(ConfigError) as caught:
         configure(source, JointsConfig.from_parameters(more))
     assert [problem.key for problem in caught.value.problems] == ["dependent_joints.elbow"]
-
-
-def test_the_same_moment_again_gives_the_same() -> None:
-    source = source_of({"motions": {"elbow": {"type": "constant", "position": 1.0}}})
-    source.sample(0.0)
-    assert np.array_equal(source.sample(1.0), source.sample(1.0))
 
 
 def test_a_joint_without_velocity_limit_jumps() -> None:

@@ -6,7 +6,6 @@ import itertools
 import xml.etree.ElementTree as ET
 
 import numpy as np
-import pybullet
 import pytest
 import rerun as rr
 import yaml
@@ -77,44 +76,6 @@ def test_yourdfpy_reads_the_robot(combination):
     assert len(robot.actuated_joints) == 4
     low, high = robot.scene.bounds
     np.testing.assert_allclose((low[2], high[0] - low[0]), (-RADIUS, 0.425), atol=1e-3)
-
-
-@pytest.fixture
-def world():
-    client = pybullet.connect(pybullet.DIRECT)
-    yield client
-    pybullet.disconnect(client)
-
-
-@pytest.mark.checkout
-@READ
-def test_pybullet_reads_the_robot(combination, tmp_path, world):
-    description = _load(*combination)
-    path = tmp_path / "onebot.urdf"
-    path.write_text(description.urdf)
-    flags = pybullet.URDF_USE_INERTIA_FROM_FILE | pybullet.URDF_USE_IMPLICIT_CYLINDER
-    robot = pybullet.loadURDF(str(path), flags=flags, physicsClientId=world)
-    names = [
-        pybullet.getJointInfo(robot, index, world)[1].decode()
-        for index in range(pybullet.getNumJoints(robot, world))
-    ]
-    assert sorted(names) == sorted(joint.name for joint in description.joints)
-    mass, _, _, center, *_ = _dynamics(robot, -1, world)
-    assert mass == pytest.approx(3.978)
-    np.testing.assert_allclose(center, (-0.108, 0.0, -0.02579), atol=1e-6)
-    for index in range(len(names)):
-        assert _dynamics(robot, index, world)[0] > 0.01
-    assert len(pybullet.getVisualShapeData(robot, physicsClientId=world)) >= 5
-    friction = [
-        _dynamics(robot, index, world)[1]
-        for index, name in enumerate(names)
-        if "swivel" not in name
-    ]
-    assert friction == [1.0, 1.0, 1.0]
-
-
-def _dynamics(robot: int, link: int, client: int):
-    return pybullet.getDynamicsInfo(robot, link, client)
 
 
 @READ

@@ -239,7 +239,7 @@ bool[] flags
 """
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(8))
 def test_structs_of_equal_and_of_other_lengths(seed):
     chance = random.Random(seed)
     store = get_typestore(Stores.EMPTY)
