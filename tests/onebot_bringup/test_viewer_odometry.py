@@ -202,6 +202,23 @@ def test_a_jump_is_measured_from_the_last_message(tmp_path):
     np.testing.assert_allclose([piece[:, 0] for piece in pieces], ends, rtol=1e-6)
 
 
+def test_a_trail_in_another_frame_waits_for_it_and_says_so(tmp_path):
+    """It appears, from its start, once the static transform comes."""
+    now = [0.0]
+    view = "{fixed_frame: base, trails: {truth: {topic: truth}}}"
+    shown = Shown(tmp_path, view, clock=lambda: now[0])
+    for step in range(41):
+        stamp = START_NS + step
+        take_odometry(shown.view, "truth", stamp, odometry(0.1 * step, frame="world"))
+        assert shown.tick(stamp) == []
+    now[0] = 4.0
+    [message] = shown.tick()
+    assert 'trail "truth" is in the frame "world"' in message and '"base"' in message
+    assert shown.tick() == [], "said once"
+    take_tf(shown.view, transforms("world", "base", 0.0), static=True)
+    assert len(strips(shown.end(), "truth")) == 40
+
+
 # --- covariances ----------------------------------------------------------------------------------
 
 

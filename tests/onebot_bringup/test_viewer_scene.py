@@ -10,6 +10,7 @@ from onebot_bringup.viewer.display_server import APPLICATION, open_recording
 from onebot_bringup.viewer.rendering import headless_viewer, still
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.scene import Scene
+from onebot_bringup.viewer.shown_robot import RobotToShow
 from onebot_bringup.viewer.view_config import ViewConfig, parse_view
 from onebot_description.description import parse_description
 from onebot_description.ros.wire.messages import TfArrays
@@ -181,6 +182,19 @@ def test_the_fixed_frame_is_the_top_one_or_the_one_asked_for(tmp_path):
     assert '"odm" is not on /tf' in message and 'did you mean "odom"' in message
     assert 'shown in "odom"' in message and live.stage.fixed_frame == "odom"
     assert live.tick(START_NS) == [], "said once"
+
+
+def test_the_fixed_frame_is_found_under_the_prefix(tmp_path):
+    """A view for odom serves a robot whose frames carry a prefix."""
+    live = Shown(tmp_path, "fixed_frame: odom", robots=[RobotToShow("", "r1/")]).view
+    for parent, child, fixed in (
+        ("r1/odom", "r1/base", "r1/odom"),
+        ("odom", "base", "r1/odom"),  # the other robot's is no frame of this one
+        ("odom", "r1/odom", "odom"),
+    ):
+        take_tf(live, transforms(parent, child, 1.0))
+        live.tick(START_NS)
+        assert live.stage.fixed_frame == fixed
 
 
 def test_waiting_and_missing_frames_are_said(tmp_path):

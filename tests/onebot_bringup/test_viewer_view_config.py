@@ -3,9 +3,6 @@ from pathlib import Path
 
 import pytest
 
-from onebot_bringup.viewer.displays.curves import SpeedSettings
-from onebot_bringup.viewer.displays.joint_limits import JointRangesSettings
-from onebot_bringup.viewer.displays.odometry_display import CovarianceSettings, TrailSettings
 from onebot_bringup.viewer.view_config import ViewConfig, load_view, view_for
 from onebot_description.errors import OneBotError
 
@@ -20,53 +17,6 @@ def test_an_empty_view_is_the_default(tmp_path):
     """Every key may be left out."""
     assert _load(tmp_path, "") == ViewConfig()
     assert _load(tmp_path, "axes: {}") == ViewConfig()
-
-
-def test_every_key_is_read(tmp_path):
-    """What is written arrives."""
-    view = _load(
-        tmp_path,
-        """
-        fixed_frame: odom
-        axes: {visible: false, length: 1, names: false, frames: [odom]}
-        grid: {visible: false, spacing: 0.5, height: -0.06}
-        collision: true
-        background: [1, 2, 3]
-        camera: {eye: [1, 2, 3], target: [0, 0, 0.5], follow: base_link}
-        joint_plot: {positions: false, velocities: false, limits: true, window: 5}
-        joint_ranges: {visible: true, radius: 0.3}
-        trails:
-          odometry: {topic: a/odom, color: [1, 2, 3], length: 5, width: 0.02, height: -0.1}
-          truth: {topic: /b}
-        covariance:
-          pose: {topic: odom, color: [7, 8, 9], sigma: 2, heading: 1, width: 0.1, height: -0.2}
-        speeds:
-          window: 7
-          lines: {asked: {topic: cmd_vel}, done: {topic: a/odom, type: Odometry, color: [4, 5, 6]}}
-        panels: {time: hidden}
-        """,
-    )
-    assert view.fixed_frame == "odom" and view.collision and view.background == (1, 2, 3)
-    assert (view.axes.visible, view.axes.length, view.axes.names) == (False, 1.0, False)
-    assert view.axes.frames == ("odom",)
-    assert (view.grid.visible, view.grid.spacing, view.grid.height) == (False, 0.5, -0.06)
-    assert view.trails == {
-        "odometry": TrailSettings("a/odom", (1, 2, 3), length=5.0, width=0.02, height=-0.1),
-        "truth": TrailSettings("/b"),
-    }
-    covariance = CovarianceSettings(
-        "odom", (7, 8, 9), sigma=2.0, heading=1.0, width=0.1, height=-0.2
-    )
-    assert view.covariance == {"pose": covariance}
-    assert view.joint_plot.limits and view.joint_ranges == JointRangesSettings(True, 0.3)
-    assert view.speeds.window == 7.0
-    assert view.speeds.lines == {
-        "asked": SpeedSettings("cmd_vel", "auto", None),
-        "done": SpeedSettings("a/odom", "Odometry", (4, 5, 6)),
-    }
-    assert view.camera.eye == (1.0, 2.0, 3.0) and view.camera.follow == "base_link"
-    assert (view.joint_plot.positions, view.joint_plot.window) == (False, 5.0)
-    assert (view.panels.time, view.panels.top) == ("hidden", "expanded")
 
 
 def test_the_example_in_the_module_is_valid(tmp_path):

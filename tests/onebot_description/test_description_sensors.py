@@ -38,14 +38,6 @@ PUBLIC_ROBOTS = {
             points=cliff_side_left/scan/points
         ir_intensity_left ir_intensity_left 62 ir_intensity_left points=points
             scan=ir_intensity_left/scan""",
-    "andino": """
-        sensor_ray_front rplidar_laser_link 20 rplidar_laser_link scan=scan
-        camera camera_link 30 camera_link image=camera/image_raw
-            camera_info=camera/camera_info""",
-    "andino_gz": """
-        sensor_ray_front rplidar_laser_link 20 rplidar_laser_link scan=scan points=scan/points
-        camera camera_link 30 camera_link image=camera/image_raw
-            camera_info=camera/camera_info""",
     "create3": """
         cliff_front_left cliff_front_left 62 cliff_front_left scan=scan points=scan/points
         cliff_front_right cliff_front_right 62 cliff_front_right
@@ -59,20 +51,11 @@ PUBLIC_ROBOTS = {
         laser laser 10 laser scan=scan points=scan/points
         imu_sensor imu_link 20 imu_link imu=imu/data
         camera camera_link 30 camera_color_optical_frame {OF_GZ}""",
-    "linorobot2_classic": """
-        head_hokuyo_sensor laser 10 laser scan=base/scan
-        imu_sensor imu_link 20 imu_link imu=imu/data""",
-    "articubot_one": f"""
-        laser laser_frame 10 laser_frame scan=scan
-        camera camera_link 10 camera_link_optical {OF_CAMERA} {OF_DEPTH_PLUGIN}""",
     "rosbot": f"""
         fl_range fl_range 5 fl_range scan=range/fl points=range/fl/points
         imu imu_link 25 imu_link imu=imu/data_raw
         camera_orbbec_astra_camera camera_orbbec_astra_link 20 camera_depth_optical_frame
             {OF_GZ}""",
-    "neobotix": """
-        lidar_1 lidar_1_link 10 lidar_1_link scan=lidar_1/scan
-        lidar_2 lidar_2_link 40 lidar_2_link points=scan2""",
     "clearpath": """
         lidar3d_0 lidar3d_0_laser 10 lidar3d_0_laser
             points=a200_0000/sensors/lidar3d_0/scan/points
