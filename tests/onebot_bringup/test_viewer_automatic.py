@@ -11,7 +11,6 @@ from onebot_bringup.viewer import displays
 from onebot_bringup.viewer.automatic import (
     DRAWING_BY_TYPE,
     MOST_SHOWN,
-    OfferedTopic,
     TopicSelection,
 )
 from onebot_bringup.viewer.displays import MESSAGE_DRAWINGS
@@ -106,16 +105,6 @@ def test_a_scan_is_not_shown_again_as_a_cloud(tmp_path):
     assert visible() == topics.keys() - {"scan/points"}
     shown.look("shown: [scan/points]")
     assert visible() == topics.keys()
-
-
-def test_all_that_could_be_shown_are_offered():
-    """Those that are not shown, too: a page has a check box for each."""
-    selection = _selection("hidden: [b]")
-    selection.choose({"/a": PATH, "/b": PATH, "/x": "foo_msgs/msg/Bar"}, ())
-    assert selection.offered == (
-        OfferedTopic("/a", PATH, True),
-        OfferedTopic("/b", PATH, False),
-    )
 
 
 def test_of_very_many_those_that_are_shown_stay():

@@ -153,15 +153,6 @@ def test_kinds_without_limits_have_none(kind):
     assert (read.lower, read.upper, read.velocity, read.effort) == (None, None, 1.0, 1.0)
 
 
-@pytest.mark.parametrize(
-    ("written", "damping", "friction"),
-    [('damping="0.5"', 0.5, 0.0), ('friction="0.25"', 0.0, 0.25)],
-)
-def test_damping_and_friction_are_none_where_none_is_written(written, damping, friction):
-    (read,) = parse_description(joint(f"{LIMIT}<dynamics {written}/>")).joints
-    assert (read.damping, read.friction) == (damping, friction)
-
-
 def test_a_limit_that_is_missing():
     for kind in ("revolute", "prismatic"):
         (problem,) = problems(joint("", kind))

@@ -82,19 +82,6 @@ def test_a_dependent_joint_that_is_missing_is_an_error() -> None:
     assert 'dependent_joints.x: the robot has no joint "x"' in refused([joint("a")], config)
 
 
-def test_followers_keep_their_own_limits() -> None:
-    joints = [joint("a"), joint("b", mimic=mimic("a", 2.0), velocity=0.5)]
-    config = JointsConfig.from_parameters({"motions": {"a": {"type": "constant", "position": 1.0}}})
-    source = JointStateSource(joints, config)
-    source.sample(0.0)
-    positions, velocities = source.sample(1.0)
-    assert positions == pytest.approx([0.25, 0.5])
-    assert velocities == pytest.approx([0.25, 0.5])
-    positions, _ = source.sample(100.0)
-    assert positions == pytest.approx([0.5, 1.0])
-    assert any("both keep to [-0.5, 0.5]" in report.text for report in source.reports)
-
-
 @pytest.mark.parametrize("multiplier", [1.0, 0.0])
 def test_limits_that_contradict_are_reported(multiplier: float) -> None:
     joints = [joint("a"), joint("b", mimic=mimic("a", multiplier, 3.0))]

@@ -124,14 +124,6 @@ def test_zeros_say_where_joints_rest() -> None:
     assert {report.key for report in source.reports} >= {"zeros.slide", "zeros.elbw"}
 
 
-def test_a_slow_sine_is_followed_exactly() -> None:
-    source = source_of({"motions": {"elbow": {"type": "sine", "amplitude": 0.5, "frequency": 0.1}}})
-    for moment in np.arange(0.0, 20.0, 0.02):
-        positions, _ = source.sample(moment)
-        assert positions[0] == pytest.approx(0.5 * math.sin(0.2 * math.pi * moment), abs=1e-9)
-    assert source.reports == ()
-
-
 def test_pose_comes_before_motions_before_sequence_before_delta() -> None:
     parameters = {
         "poses": {
@@ -149,12 +141,6 @@ def test_pose_comes_before_motions_before_sequence_before_delta() -> None:
     assert (reached["elbow"], reached["slide"], reached["wheel"]) == (0.9, 0.3, 0.5)
     reached = settled(source_of({**parameters, "pose": ""}))
     assert reached["elbow"] == 0.1
-
-
-def test_poses_beyond_limits_are_told_once_each() -> None:
-    source = source_of({"poses": {"far": {"elbow": 5.0}}, "pose": "far"})
-    assert [report.key for report in source.reports] == ["poses.far.elbow"]
-    assert settled(source)["elbow"] == 1.0
 
 
 def test_poses_may_hold_followers() -> None:
