@@ -144,6 +144,12 @@ def test_a_saved_file_moves_the_robot(
     fresh.replace(file)
     says(node, "mended, applied")
     listener.hears(lambda s: s.position[0] == -0.2, "the position mended")
+    sine = f"motions:\n  {JOINT}: {{type: sine, amplitude: 1.0, frequency: 0.2}}"
+    for rate, words in ((50, "lower frequency to 0.0795775"), (20, "applied, changed: rate")):
+        file.write_text(yaml(f"rate: {rate}\n{sine}"))
+        says(node, words)
+    assert node.output.count("lower frequency") == 1
+    assert f"{file}:5: motions.{JOINT}: sine at 0.2 Hz peaks" in node.output
     for one, two in zip(listener.states, listener.states[1:], strict=False):
         span = seconds(two) - seconds(one)
         assert abs(two.position[0] - one.position[0]) <= 0.5 * span + 1e-6
@@ -318,18 +324,6 @@ def test_sim_time_is_respected(start: Start, listener: Listener, mrm: str) -> No
     assert 100.0 <= seconds(first) <= seconds(last) <= now + 0.1
     expected = 0.5 * (seconds(last) - seconds(first))
     assert last.position[0] - first.position[0] == pytest.approx(expected, abs=1e-6)
-
-
-def test_limits_exceeded_are_told_once(start: Start, mrm: str, tmp_path: Path) -> None:
-    file = tmp_path / "joints.yaml"
-    motion = f"motions:\n  {JOINT}: {{type: sine, amplitude: 1.0, frequency: 0.2}}"
-    file.write_text(yaml(motion))
-    node = start(mrm, "--ros-args", "--params-file", str(file))
-    says(node, "lower frequency to 0.0795775")
-    file.write_text(yaml(f"rate: 20\n{motion}"))
-    says(node, "applied, changed: rate")
-    assert node.output.count("lower frequency") == 1
-    assert f"{file}:4: motions.{JOINT}: sine at 0.2 Hz peaks" in node.output
 
 
 def test_mistakes_at_the_start_end_it(ros_domain: int, mrm: str) -> None:
