@@ -1,6 +1,5 @@
 """Transforms in the file, and the axes of frames."""
 
-import time
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +7,7 @@ import pytest
 
 from onebot_bringup.introspection.transforms import FrameTree
 from onebot_bringup.viewer.display_server import open_recording
+from onebot_bringup.viewer.displays.display import REPEAT_AFTER
 from onebot_bringup.viewer.displays.tf_display import TransformStream
 from onebot_bringup.viewer.shown_robot import RobotToShow
 from onebot_description.ros.wire.messages import TfArrays
@@ -30,13 +30,14 @@ def test_static_transforms_are_logged_once_until_they_change(tmp_path):
 
 def test_slow_transforms_are_repeated_among_fast_ones(tmp_path, monkeypatch):
     """What was said once is logged anew beside what comes all the time."""
-    monkeypatch.setattr("onebot_bringup.viewer.displays.display.REPEAT_AFTER", 0.05)
+    now = [100.0]
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
     recording = open_recording(save=tmp_path / "x.rrd")
     stream = TransformStream(recording.stream, FrameTree())
     stream.add(START_NS, transforms("odom", "base", 3.0))
     stream.flush()
     for step in range(1, 4):
-        time.sleep(0.1)
+        now[0] += 2.0 * REPEAT_AFTER
         stream.add(START_NS, transforms("base", "tip", 0.0, START_NS + step))
         stream.flush()
     recording.close()
