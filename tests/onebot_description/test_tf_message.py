@@ -49,9 +49,8 @@ def run_python(code: str, *path: Path, **environment: str) -> subprocess.Complet
     )
 
 
-@pytest.mark.parametrize("count", [0, 1, 255, 256, 257, 5000])
-def test_sizes_around_the_growth_steps(count: int) -> None:
-    message = TFMessage(transforms=[make_transform(child=f"joint_{i}") for i in range(count)])
+def test_many_transforms_are_the_same_again() -> None:
+    message = TFMessage(transforms=[make_transform(child=f"joint_{i}") for i in range(5000)])
     assert deserialize_message(serialize_message(message), TFMessage) == message
 
 
