@@ -72,8 +72,10 @@ def _value(slot: Any, names: Sequence[str]) -> st.SearchStrategy[Any]:
     item = _value(slot.value_type, names)
     if isinstance(slot, Array):
         return st.lists(item, min_size=slot.size, max_size=slot.size)
-    most = slot.maximum_size if isinstance(slot, BoundedSequence) else 6
-    return st.lists(item, max_size=min(most, 6))
+    most = 3 if isinstance(slot.value_type, NamespacedType) else 6  # at each depth: 3, 9, 27, ...
+    if isinstance(slot, BoundedSequence):
+        most = min(most, slot.maximum_size)
+    return st.lists(item, max_size=most)
 
 
 def _number(kind: str) -> st.SearchStrategy[Any]:

@@ -208,7 +208,6 @@ def test_a_folder_of_any_name(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("words", "code", "message"),
     [
-        ([], 2, "takes one recording"),
         (["a", "b"], 2, "takes one recording, not 2"),
         (["none"], 1, "there is no recording none"),
         (["empty.rrd"], 1, "empty.rrd is empty"),
@@ -216,7 +215,6 @@ def test_a_folder_of_any_name(tmp_path, capsys):
         (["other.rrd"], 1, "other.rrd is no recording of Rerun"),
         (["other.txt"], 1, "its name must end in"),
         (["bag", "veiwer:=web"], 2, 'no argument "veiwer" (did you mean "viewer"?'),
-        (["bag", "viewer:=tv"], 2, "viewer:=tv"),
         (["bag", "viewer:=none"], 2, "viewer:=none needs save:=FILE.rrd"),
         (["bag", "view:=none.yaml"], 1, "view:=none.yaml: no such file"),
         (["bag", "web_port:=99999"], 2, "web_port:=99999 is not possible; write an integer"),

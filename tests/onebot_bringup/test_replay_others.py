@@ -285,36 +285,12 @@ def test_a_broken_definition(tmp_path, text):
     assert warning.startswith("/local_plan, /plan cannot be shown: ")
 
 
-@pytest.mark.parametrize("stamps_from", [0.0, 1_000_000_000.0])
-def test_simulated_stamps(tmp_path, stamps_from):
-    """Messages are shown at their stamps, far from when they were received."""
-    with OtherRobot(tmp_path / "bag") as robot:
-        for step in range(5):
-            robot.write("/plan", path(0, 2), step, stamp=stamps_from + 1 + step, frame="map")
-    replayed = Replayed(tmp_path / "bag")
-    assert replayed.times("/plan") == [stamps_from + 1 + step for step in range(5)]
-    assert [NO_ROBOT in sentence for sentence in replayed.warnings] == [True]
-
-
 def test_nothing_is_dropped(tmp_path):
     """However fast they came: a replay has the time that a live viewer has not."""
     with OtherRobot(tmp_path / "bag") as robot:
         for step in range(600):
             robot.write("/plan", path(0, step), step / 1000, frame="map")
     assert Replayed(tmp_path / "bag").ends("/plan") == list(range(600))
-
-
-def test_markers_are_placed_by_the_transforms_of_their_time(tmp_path):
-    """Not by those that have been read meanwhile, of a robot that moves at 10 m/s."""
-    with OtherRobot(tmp_path / "bag") as robot:
-        for step in range(100):
-            time = step / 100
-            robot.write("/tf", transform("map", "base_link", 10 * time, time), time)
-            if step % 10 == 0:
-                robot.write("/detections", marker(number=step), time, frame="base_link")
-    replayed = Replayed(tmp_path / "bag")
-    centers = column(replayed.file, "/marker/detections/cubes", "InstancePoses3D:translations")
-    np.testing.assert_allclose([x for x, _, _ in centers[-1]], np.arange(10), atol=1e-4)
 
 
 def test_waits_for_the_file_to_be_written(tmp_path, monkeypatch):
@@ -341,19 +317,6 @@ def test_transforms_below_a_namespace(tmp_path):
     replayed = Replayed(tmp_path / "bag", namespace="b")
     assert (replayed.fixed_frame, replayed.warnings) == ("map", [])
     assert (replayed.ends("/a/plan"), replayed.ends("/b/plan")) == ([], [2])
-
-
-def test_much_is_not_shown_at_once(tmp_path):
-    """What is left out is listed; topics without messages are no part of it."""
-    with OtherRobot(tmp_path / "bag") as robot:
-        robot.add("/aa", PATH)
-        for number in range(50):
-            robot.write(f"/plan{number:02}", path(0, 2), frame="map")
-    replayed = Replayed(tmp_path / "bag")
-    assert replayed.shown.messages == 40
-    [_, sentence] = replayed.warnings
-    assert sentence.startswith("too many topics to show all: not /plan40, /plan41")
-    assert sentence.endswith("and 5 more; shown: in a view adds some")
 
 
 def test_nothing_to_show(tmp_path, capsys):

@@ -19,12 +19,6 @@ from onebot_description.errors import OneBotError
 from tests.support import PATIENCE
 
 
-def test_cameras():
-    """The eye alone, or with its target; negative numbers too."""
-    assert parse_camera("1,-2,3.5") == ((1.0, -2.0, 3.5), None)
-    assert parse_camera("1,-2,3.5:0,0,.5") == ((1.0, -2.0, 3.5), (0.0, 0.0, 0.5))
-
-
 @pytest.mark.parametrize("text", ["", "1,2", "1,2,nan", "1,2,3:", "a,b,c", "1,2,3:1,2,3", "1 2 3"])
 def test_wrong_cameras_are_refused(text: str):
     """Whatever does not say where to look from and at."""
@@ -168,8 +162,6 @@ def test_rerun_does_not_warn_of_a_recording_of_ours(tmp_path):
     ("data", "said"),
     [
         (bytes(range(256)), "is no recording of Rerun"),
-        (b"", "run.rrd is empty"),
-        (b"RRF2", "was cut short before anything was in it"),
         (None, "run.rrd holds nothing to draw"),
     ],
 )

@@ -8,7 +8,7 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 
 from onebot_bringup.viewer import displays
-from onebot_bringup.viewer.automatic import MOST_SHOWN, OfferedTopic, TopicSelection
+from onebot_bringup.viewer.automatic import MOST_SHOWN, TopicSelection
 from onebot_bringup.viewer.core.drawing import Drawing
 from onebot_bringup.viewer.core.inbox import LoadLimit
 from onebot_bringup.viewer.core.stage import Stage
@@ -104,17 +104,6 @@ def test_a_scan_is_not_shown_again_as_a_cloud(tmp_path):
     assert visible() == topics.keys() - {"scan/points"}
     shown.look("shown: [scan/points]")
     assert visible() == topics.keys()
-
-
-def test_all_that_could_be_shown_are_offered():
-    """Those that are not shown, too: a page has a check box for each."""
-    selection = _selection()
-    topics = {"/a": PATH, "/b": PATH, "/x": "foo_msgs/msg/Bar"}
-    selection.choose(parse_view("hidden: [b]"), topics, ())
-    assert selection.offered == (
-        OfferedTopic("/a", PATH, True),
-        OfferedTopic("/b", PATH, False),
-    )
 
 
 def test_of_very_many_those_that_are_shown_stay():

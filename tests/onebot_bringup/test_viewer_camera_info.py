@@ -11,6 +11,7 @@ from tests.onebot_bringup.test_viewer_image import image
 from tests.onebot_bringup.viewer_support import (
     START_NS,
     Shown,
+    drawn,
     show,
 )
 
@@ -35,8 +36,7 @@ def matrices(file):
 
 def test_a_camera_is_a_frustum_in_its_frame(tmp_path):
     """Its picture is in the frame that the pinhole makes."""
-    file, said = show(tmp_path, "", (TOPIC, camera()), ("/cam/image_raw", _picture()))
-    assert said == []
+    file = drawn(tmp_path, "", (TOPIC, camera()), ("/cam/image_raw", _picture()))
     [found] = matrices(file)
     np.testing.assert_allclose(found, [(50, 0, 20), (0, 60, 15), (0, 0, 1)])
     assert column(file, ENTITY, "Pinhole:resolution") == [[[40.0, 30.0]]]

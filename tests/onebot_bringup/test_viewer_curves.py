@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 from geometry_msgs.msg import Vector3
-from sensor_msgs.msg import BatteryState, Imu, JointState
+from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Bool, Float32
 
 from onebot_bringup.viewer.core.display import Plot
 from onebot_bringup.viewer.core.shown_robot import RobotToShow
-from onebot_bringup.viewer.displays.curves import GAP, CurvesDisplay, FieldPath
+from onebot_bringup.viewer.displays.curves import GAP, CurvesDisplay
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.errors import OneBotError
 from onebot_description.ros.parameters.reader import ConfigError
@@ -51,8 +51,6 @@ def shown_curves(tmp_path, lines, *messages):
         ("linear_acceleration_covariance[4]", imu(1.5), 15.0),
         ("header.stamp.nanosec", imu(0.0, START_NS + 7000), 7000.0),
         ("position[1]", JointState(position=[1.0, 2.0]), 2.0),
-        ("cell_voltage[0]", BatteryState(cell_voltage=[3.5]), 3.5),
-        ("present", BatteryState(present=True), 1.0),
         ("data", Bool(data=True), 1.0),
         ("data", Float32(data=-2.0), -2.0),
     ],
@@ -84,12 +82,10 @@ def test_many_messages_are_one_call(tmp_path):
     ("field", "said"),
     [
         ("linear_acc.x", 'has no field "linear_acc" (did you mean "linear_acceleration"?'),
-        ("linear_acceleration.w", 'has no field "w"'),
         ("linear_acceleration", "but a message of x, y, z"),
         ("linear_acceleration_covariance", "write linear_acceleration_covariance[0]"),
         ("linear_acceleration_covariance[9]", "there are 9 elements"),
         ("linear_acceleration[0]", "[0] needs an array"),
-        ("linear_acceleration.x[0]", "[0] needs an array"),
         ("linear_acceleration.x.y", '"y" needs a message'),
         ("header.frame_id", "is text"),
     ],
@@ -104,12 +100,11 @@ def test_a_field_that_is_no_number_is_said_once(tmp_path, field, said):
     assert curve(file, "/curves/good") == [0.0, 0.0]
 
 
-@pytest.mark.parametrize("field", ["", "a b", "a.", "[0]", "a[x]", "a..b", "1a"])
-def test_what_is_no_field_is_refused(field):
+def test_what_is_no_field_is_refused():
     """When the view is read."""
-    with pytest.raises(ConfigError, match=r"curves\.lines\.a\.field: .*pose\.position\.x"):
-        parse_view(f"curves: {{lines: {{a: {{topic: t, field: '{field}'}}}}}}")
-    assert FieldPath("a.b[3].c[0]")._steps == ["a", "b", 3, "c", 0]  # noqa: SLF001
+    for field in ("", "a b", "a.", "[0]", "a[x]", "a..b", "1a"):
+        with pytest.raises(ConfigError, match=r"curves\.lines\.a\.field: .*pose\.position\.x"):
+            parse_view(f"curves: {{lines: {{a: {{topic: t, field: '{field}'}}}}}}")
 
 
 def test_a_topic_is_subscribed_as_it_is_published(tmp_path):
@@ -191,12 +186,15 @@ def test_speeds_are_two_curves_with_names(tmp_path, held):
 
 
 def test_a_steady_speed_is_flat(tmp_path):
-    """A plot zooms in on whatever there is: a micrometre a second of noise would fill it."""
+    """A plot zooms in on whatever there is: a micrometre a second of noise would fill it.
+
+    A tenth of a millimetre a second is kept.
+    """
     noise = 1.5e-6 * np.random.default_rng(3).standard_normal(200)
     linear, angular = _speeds(
-        tmp_path, [(0.02 * i, 0.2 + error, error) for i, error in enumerate(noise)]
+        tmp_path, [(0.02 * i, 0.1234 + error, error) for i, error in enumerate(noise)]
     )
-    np.testing.assert_array_equal(linear, 0.2)
+    np.testing.assert_array_equal(linear, 0.1234)
     np.testing.assert_array_equal(angular, 0.0)
 
 
@@ -215,12 +213,6 @@ def test_a_clock_set_back_is_no_gap(tmp_path):
     """The curve goes on at the earlier time, where a file has it, and gaps count from there."""
     linear, _ = _speeds(tmp_path, [(9, 1, 0), (0, 2, 0), (1, 3, 0), (8, 4, 0)])
     np.testing.assert_array_equal(linear, [2, 3, np.nan, 4, 1])
-
-
-def test_the_last_digits_are_left_out(tmp_path):
-    """A tenth of a millimetre a second is kept."""
-    linear, angular = _speeds(tmp_path, [(0, 0.12344, -0.12346)])
-    assert (linear, angular) == ([0.1234], [-0.1235])
 
 
 # --- joint states ---------------------------------------------------------------------------------

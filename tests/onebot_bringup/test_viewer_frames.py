@@ -1,12 +1,12 @@
 """Transforms in the file, and the axes of frames."""
 
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from onebot_bringup.introspection.transforms import FrameTree
+from onebot_bringup.viewer.core.rerun_limits import REPEAT_AFTER
 from onebot_bringup.viewer.core.shown_robot import RobotToShow
 from onebot_bringup.viewer.core.transforms import TransformStream
 from onebot_bringup.viewer.display_server import open_recording
@@ -16,22 +16,6 @@ from tests.onebot_bringup.drive_support import chunks, column, stamps
 from tests.onebot_bringup.viewer_support import START_NS, transforms
 
 NO_TURN = np.array([0.0, 0.0, 0.0, 1.0])
-
-
-def test_messages_between_two_flushes_make_one_chunk_with_their_own_times(tmp_path):
-    """Fifty messages are logged in one call, a row each, at the messages' stamps."""
-    recording = open_recording(save=tmp_path / "x.rrd")
-    stream = TransformStream(recording.stream, FrameTree())
-    assert not stream.flush()
-    for step in range(50):
-        stream.add(START_NS, transforms("base", "tip", float(step), START_NS + step))
-    assert stream.flush() and not stream.flush()
-    recording.close()
-    [chunk] = chunks(tmp_path / "x.rrd", "/tf")
-    assert chunk.num_rows == 50 and chunk.timeline_names == ["ros_time"]
-    assert stamps(tmp_path / "x.rrd", "/tf") == [START_NS + step for step in range(50)]
-    places = [row[0] for row in column(tmp_path / "x.rrd", "/tf", "Transform3D:translation")]
-    np.testing.assert_allclose(places, [[0, step, 0] for step in range(50)])
 
 
 def test_static_transforms_are_logged_once_until_they_change(tmp_path):
@@ -46,13 +30,14 @@ def test_static_transforms_are_logged_once_until_they_change(tmp_path):
 
 def test_slow_transforms_are_repeated_among_fast_ones(tmp_path, monkeypatch):
     """What was said once is logged anew beside what comes all the time."""
-    monkeypatch.setattr("onebot_bringup.viewer.core.rerun_limits.REPEAT_AFTER", 0.05)
+    now = [100.0]
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
     recording = open_recording(save=tmp_path / "x.rrd")
     stream = TransformStream(recording.stream, FrameTree())
     stream.add(START_NS, transforms("odom", "base", 3.0))
     stream.flush()
     for step in range(1, 4):
-        time.sleep(0.1)
+        now[0] += 2.0 * REPEAT_AFTER
         stream.add(START_NS, transforms("base", "tip", 0.0, START_NS + step))
         stream.flush()
     recording.close()
@@ -67,12 +52,10 @@ def test_slow_transforms_are_repeated_among_fast_ones(tmp_path, monkeypatch):
     ("shift", "turn"),
     [
         ([np.nan, 0.0, 0.0], NO_TURN),
-        ([0.0, -np.inf, 0.0], NO_TURN),
         ([1e308, 0.0, 0.0], NO_TURN),
         ([0.0, 0.0, 0.0], np.zeros(4)),
         ([0.0, 0.0, 0.0], 1.01 * NO_TURN),
         ([0.0, 0.0, 0.0], np.array([0.0, 0.0, np.nan, 1.0])),
-        ([0.0, 0.0, 0.0], np.array([1e308, 0.0, 0.0, 1e308])),
     ],
 )
 @pytest.mark.parametrize("static", [False, True])

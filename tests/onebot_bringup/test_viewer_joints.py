@@ -66,24 +66,6 @@ def test_a_joint_without_a_range_has_none(body):
     assert _joint(body) == ()
 
 
-def test_an_arc_goes_from_limit_to_limit_about_the_axis():
-    """In the parent's frame, with the origin's turn; the hand points to position zero."""
-    [joint] = _joint(
-        '<origin xyz="1 2 3" rpy="0 0 1.5707963"/><axis xyz="0 0 2"/>'
-        '<limit lower="-1" upper="0.5"/>'
-    )
-    arc, *ends = scale_strips(joint, 2.0)
-    local = arc - np.array([1.0, 2.0, 3.0])
-    np.testing.assert_allclose(np.linalg.norm(local, axis=1), 2.0)
-    angles = np.unwrap(np.arctan2(local[:, 1], local[:, 0]))
-    assert angles[0] == pytest.approx(math.pi / 2 - 1) and angles[-1] == pytest.approx(
-        math.pi / 2 + 0.5
-    )
-    assert len(ends) == 2
-    [needle] = needle_strips(joint, 2.0)
-    np.testing.assert_allclose(needle[0], [2.0, 0.0, 0.0])
-
-
 def test_a_range_of_several_turns_is_one_circle_and_a_bar_is_straight():
     """An arc does not lie upon itself; a prismatic joint's bar is along its axis."""
     [joint] = _joint('<axis xyz="1 0 0"/><limit lower="-50" upper="50"/>')

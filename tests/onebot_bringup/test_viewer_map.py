@@ -14,6 +14,7 @@ from tests.onebot_bringup import viewer_support as support
 from tests.onebot_bringup.drive_support import column, frames, stamps
 from tests.onebot_bringup.viewer_support import (
     START_NS,
+    drawn,
     show,
     take,
 )
@@ -77,8 +78,7 @@ def test_a_map_is_where_its_origin_is(tmp_path):
     message = grid([[0, 100, -1], [1, 2, 3]], x=2.0, frame="tip")
     turn = message.info.origin.orientation
     turn.z, turn.w = 2.0, 2.0  # of any length
-    file, warnings = show(tmp_path, "map: {alpha: 0.5}", ("/map", message))
-    assert warnings == []
+    file = drawn(tmp_path, "map: {alpha: 0.5}", ("/map", message))
     [[data]] = column(file, "/map/map", "GridMap:data")
     assert data == [1, 2, 3, 0, 100, 255]
     [[form]] = column(file, "/map/map", "GridMap:format")
@@ -160,7 +160,6 @@ def test_updates_come_through_after_the_clock_is_set_back(tmp_path):
     ("place", "cells", "cut"),
     [
         ((-1, 0), [[1]], 0),
-        ((0, 3), [[1]], 0),
         ((3, 0), [[1, 1]], 0),
         ((2**31 - 1, 2**31 - 1), [[1, 1]], 0),
         ((0, 0), [[1, 1]], 1),

@@ -1,6 +1,6 @@
 """Markers: what Rerun shows of each type, of actions, of lifetimes and of frames."""
 
-import sys
+import time
 
 import numpy as np
 import pytest
@@ -20,6 +20,7 @@ from tests.onebot_bringup.viewer_support import (
     take_tf,
     transforms,
 )
+from tests.support import assert_time_grows_with_size
 
 ONE, ARRAY = MarkerDrawing.message_types
 SECOND = 10**9
@@ -87,26 +88,6 @@ def flat(value):
     return np.array(value, float).ravel().tolist()
 
 
-def _steps(shown, markers) -> int:
-    """Show them, and return how many steps the interpreter takes in the module of markers."""
-    steps = 0
-
-    def count(frame, event, _):
-        nonlocal steps
-        if not frame.f_code.co_filename.endswith("/marker.py"):
-            return None
-        frame.f_trace_opcodes = True
-        steps += event == "opcode"
-        return count
-
-    sys.settrace(count)
-    try:
-        shown.send(*markers)
-    finally:
-        sys.settrace(None)
-    return steps
-
-
 @pytest.mark.parametrize(
     "fields",
     [
@@ -114,13 +95,16 @@ def _steps(shown, markers) -> int:
         lambda number: {"ns": "ab"[number % 2], "action": 3 * (number % 2), "number": number},
     ],
 )
-def test_twice_as_many_markers_take_twice_as_long(tmp_path, fields):
+def test_time_grows_with_the_number_of_markers(tmp_path, fields):
     """Each in a namespace of its own, or as many orders to delete those of another one."""
-    few, many = (
-        _steps(Shown(tmp_path), [marker(**fields(number)) for number in range(count)])
-        for count in (200, 400)
-    )
-    assert many < 2.2 * few
+
+    def seconds(count: int) -> float:
+        shown, markers = Shown(tmp_path), [marker(**fields(number)) for number in range(count)]
+        start = time.process_time()
+        shown.send(*markers)
+        return time.process_time() - start
+
+    assert_time_grows_with_size(seconds, 2000)
 
 
 def test_cubes_of_a_namespace_are_one_row(tmp_path):
@@ -484,17 +468,13 @@ def test_namespaces_may_be_hidden(tmp_path):
         (Marker.CUBE, {"at": (np.nan, 0, 0)}, 0, "not finite: not drawn"),
         (Marker.CUBE, {"scale": (1e300, 1.0, 1.0)}, 0, "not finite: not drawn"),
         (Marker.CUBE, {"scale": (0.0, 1.0, 1.0)}, 1, "its scale is zero"),
-        (Marker.CUBE, {"turn": (0.0, 0.0, 0.0, 0.0)}, 1, "its quaternion is zero"),
         (Marker.CUBE, {"turn": (0.0, 0.0, 0.0, 2.0)}, 1, "is not of unit length"),
         (Marker.CUBE, {"color": (1.0, 1.0, 1.0, 0.0)}, 1, "it is transparent"),
         (Marker.CUBE, {"frame": ""}, 0, "it names no frame"),
         (Marker.CUBE, {"action": 9}, 0, "its action is unknown"),
-        (99, {}, 0, "its type 99 is unknown"),
         (Marker.POINTS, {"points": []}, 0, "less than 1 points: not drawn"),
         (Marker.POINTS, {"points": [(np.inf, 0.0, 0.0)]}, 0, "its points are not finite"),
-        (Marker.POINTS, {"points": SQUARE, "colors": [RED]}, 1, "1 colours for 3 points"),
         (Marker.TRIANGLE_LIST, {"points": SQUARE, "texture_resource": "x"}, 1, "its texture"),
-        (Marker.MESH_RESOURCE, {"mesh_resource": "package://no/x.stl"}, 0, "no"),
         (Marker.MESH_RESOURCE, {"mesh_resource": ""}, 0, "mesh"),
     ],
 )

@@ -187,17 +187,6 @@ def test_nothing_that_is_not_finite_is_drawn(tmp_path):
     np.testing.assert_allclose([p[:, 0] for p in pieces], [[0, 0.1], [0.2, 0.3], [0.4, 0.5]])
 
 
-@pytest.mark.parametrize(
-    ("step", "pieces"),
-    [(SPACING, 1), (SPACING * 0.999, 0), (JUMP, 1), (JUMP * 1.001, 0)],
-)
-def test_how_far_a_piece_may_lead(tmp_path, step, pieces):
-    """From the spacing on, up to the longest way that is driven between two messages."""
-    for place in step * np.vstack([np.eye(3), -np.eye(3)]):
-        samples = [(START_NS, odometry(0.0)), (START_NS + 1, odometry(*place))]
-        assert len(_flushed(tmp_path, samples)) == pieces
-
-
 def test_a_jump_is_measured_from_the_last_message(tmp_path):
     """Not from where the last piece ended; nor is the piece from there across the jump drawn."""
     near = SPACING * 0.9
@@ -211,6 +200,23 @@ def test_a_jump_is_measured_from_the_last_message(tmp_path):
     pieces = _flushed(tmp_path, samples)
     ends = [[0.0, near + JUMP * 0.999], [near + JUMP * 2.1, near + JUMP * 2.2]]
     np.testing.assert_allclose([piece[:, 0] for piece in pieces], ends, rtol=1e-6)
+
+
+def test_a_trail_in_another_frame_waits_for_it_and_says_so(tmp_path):
+    """It appears, from its start, once the static transform comes."""
+    now = [0.0]
+    view = "{fixed_frame: base, trails: {truth: {topic: truth}}}"
+    shown = Shown(tmp_path, view, clock=lambda: now[0])
+    for step in range(41):
+        stamp = START_NS + step
+        take_odometry(shown.view, "truth", stamp, odometry(0.1 * step, frame="world"))
+        assert shown.tick(stamp) == []
+    now[0] = 4.0
+    [message] = shown.tick()
+    assert 'trail "truth" is in the frame "world"' in message and '"base"' in message
+    assert shown.tick() == [], "said once"
+    take_tf(shown.view, transforms("world", "base", 0.0), static=True)
+    assert len(strips(shown.end(), "truth")) == 40
 
 
 # --- covariances ----------------------------------------------------------------------------------

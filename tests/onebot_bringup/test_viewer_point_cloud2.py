@@ -87,7 +87,7 @@ def test_points_that_are_not_finite_are_left_out(tmp_path):
 RGB = [0xFF112233, 0x00000000, 0x80FFFFFF, 0x01ABCDEF]
 
 
-@pytest.mark.parametrize("order", "<>")
+@pytest.mark.parametrize(("order", "kind"), [("<", "f4"), (">", "u4")])
 @pytest.mark.parametrize(
     ("field", "expected"),
     [
@@ -95,7 +95,6 @@ RGB = [0xFF112233, 0x00000000, 0x80FFFFFF, 0x01ABCDEF]
         ("rgba", [0x112233FF, 0x00000000, 0xFFFFFF80, 0xABCDEF01]),
     ],
 )
-@pytest.mark.parametrize("kind", ["f4", "u4"])
 def test_colours_of_the_points_own(order, field, expected, kind, tmp_path):
     """A float32 holds the bytes of the colour."""
     names = ("x", "y", "z", field, "intensity")

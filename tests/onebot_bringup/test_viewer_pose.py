@@ -14,7 +14,7 @@ from geometry_msgs.msg import (
 
 from onebot_description.ros.wire.messages import time_message
 from tests.onebot_bringup.drive_support import column, frames, stamps
-from tests.onebot_bringup.viewer_support import START_NS, Shown, show
+from tests.onebot_bringup.viewer_support import START_NS, Shown, drawn, show
 
 RED, GREEN, BLUE = 0xCC3333FF, 0x33CC33FF, 0x3366FFFF
 QUARTER = (0.0, 0.0, 2.0, 2.0)  # turned to the left; of any length
@@ -48,8 +48,7 @@ def test_a_pose_is_an_arrow(tmp_path):
     """Along its x, from its place, in its frame, at its time."""
     message = stamped(PoseStamped(pose=pose(1, 2, QUARTER)), START_NS + 7000)
     look = f"{COLOR}, shaft_length: 1.0, shaft_radius: 0.05, head_length: 0.5"
-    file, warnings = show(tmp_path, f"pose: {{{look}}}", ("/goal", message))
-    assert warnings == []
+    file = drawn(tmp_path, f"pose: {{{look}}}", ("/goal", message))
     origins, vectors = arrows(file, "/pose/goal")
     np.testing.assert_allclose(origins, [[1, 2, 0]])
     np.testing.assert_allclose(vectors, [[0, 1.5, 0]], atol=1e-7)
@@ -62,8 +61,7 @@ def test_a_pose_is_an_arrow(tmp_path):
 def test_a_pose_is_axes(tmp_path):
     """A null rotation is none, as in RViz."""
     view = "pose: {shape: Axes, axes_length: 0.5, axes_radius: 0.02}"
-    file, warnings = show(tmp_path, view, ("/goal", stamped(PoseStamped(pose=pose(1)))))
-    assert warnings == []
+    file = drawn(tmp_path, view, ("/goal", stamped(PoseStamped(pose=pose(1)))))
     origins, vectors = arrows(file, "/pose/goal")
     np.testing.assert_allclose(origins, [[1, 0, 0]] * 3)
     np.testing.assert_allclose(vectors, 0.5 * np.eye(3))
@@ -94,8 +92,7 @@ def test_many_poses_are_arrows_or_axes(tmp_path):
     """By the view's words."""
     many = stamped(PoseArray(poses=PARTICLES))
     view = "pose_array: {shape: Arrow (3D), topics: {/b: {shape: Axes}}}"
-    file, warnings = show(tmp_path, view, ("/a", many), ("/b", many))
-    assert warnings == []
+    file = drawn(tmp_path, view, ("/a", many), ("/b", many))
     origins, vectors = arrows(file, "/pose_array/a")
     np.testing.assert_allclose(origins, [[1, 0, 0], [2, 1, 0]])
     np.testing.assert_allclose(vectors, [[0.3, 0, 0], [0, 0.3, 0]], atol=1e-7)
@@ -116,8 +113,7 @@ def test_a_pose_with_its_covariance(tmp_path):
     """The ellipse is at its place, along its frame; the sector is turned with it."""
     message = covariant({0: 0.04, 7: 0.01, 35: 0.01})
     view = "pose_with_covariance: {sigma: 2.0, heading: 1.0, color: [1, 2, 3]}"
-    file, warnings = show(tmp_path, view, ("/amcl_pose", message))
-    assert warnings == []
+    file = drawn(tmp_path, view, ("/amcl_pose", message))
     entity = "/pose_with_covariance/amcl_pose"
     np.testing.assert_allclose(arrows(file, entity)[0], [[1, 0, 0]])
     [[ellipse, sector]] = column(file, entity, "LineStrips3D:strips")
@@ -142,8 +138,7 @@ def test_a_pose_with_its_covariance(tmp_path):
 def test_a_covariance_that_is_unknown_is_not_drawn(tmp_path, settings, variances):
     """The pose is."""
     view = f"pose_with_covariance: {settings}"
-    file, warnings = show(tmp_path, view, ("/a", covariant(variances)))
-    assert warnings == []
+    file = drawn(tmp_path, view, ("/a", covariant(variances)))
     assert column(file, "/pose_with_covariance/a", "LineStrips3D:strips") == [[]]
     assert len(arrows(file, "/pose_with_covariance/a")[0]) == 1
 
@@ -160,8 +155,7 @@ def test_points_have_a_history(tmp_path):
     view = f"point_stamped: {{radius: 0.1, history_length: 2, {COLOR}}}"
     points = [point(x, START_NS + x) for x in (1, 2, 3)]
     points += [point(4, START_NS + 4, "tip")]
-    file, warnings = show(tmp_path, view, *(("/clicked_point", each) for each in points))
-    assert warnings == []
+    file = drawn(tmp_path, view, *(("/clicked_point", each) for each in points))
     entity = "/point_stamped/clicked_point"
     rows = column(file, entity, "Points3D:positions")
     assert [[x for x, _, _ in row] for row in rows] == [[1], [1, 2], [2, 3], [4]]
@@ -188,8 +182,7 @@ def test_a_polygon_is_a_closed_line(tmp_path):
     message.polygon.points = [Point32(x=float(x), y=float(y)) for x, y in corners]
     empty = stamped(PolygonStamped(), START_NS + 1)
     view = f"polygon: {{{COLOR}}}"
-    file, warnings = show(tmp_path, view, ("/footprint", message), ("/footprint", empty))
-    assert warnings == []
+    file = drawn(tmp_path, view, ("/footprint", message), ("/footprint", empty))
     [line], none = column(file, "/polygon/footprint", "LineStrips3D:strips")
     assert line == [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 0, 0]] and not none
     assert column(file, "/polygon/footprint", "LineStrips3D:colors") == [COLORED]

@@ -6,7 +6,7 @@ from sensor_msgs.msg import Range
 
 from onebot_description.ros.wire.messages import time_message
 from tests.onebot_bringup.drive_support import column, frames
-from tests.onebot_bringup.viewer_support import START_NS, show
+from tests.onebot_bringup.viewer_support import START_NS, drawn, show
 
 ENTITY, TOPIC = "/range/sonar", "/sonar"
 INF, NAN = float("inf"), float("nan")
@@ -27,8 +27,7 @@ def cones(file):
 
 def test_the_cone_goes_as_far_as_was_measured(tmp_path):
     """Along x of the sensor's frame, as wide as its field of view."""
-    file, said = show(tmp_path, "range: {color: [1, 2, 3], alpha: 0.2}", (TOPIC, echo(2.0)))
-    assert said == []
+    file = drawn(tmp_path, "range: {color: [1, 2, 3], alpha: 0.2}", (TOPIC, echo(2.0)))
     [found] = cones(file)
     np.testing.assert_allclose(found[0], 0.0)
     np.testing.assert_allclose(found[1:, 0], 2.0)
@@ -58,8 +57,7 @@ def test_the_cone_goes_as_far_as_was_measured(tmp_path):
 )
 def test_what_is_out_of_range_is_not_drawn(message, reach, tmp_path):
     """As RViz has it; the cone before it vanishes."""
-    file, said = show(tmp_path, "", (TOPIC, echo(1.0)), (TOPIC, message))
-    assert said == []
+    file = drawn(tmp_path, "", (TOPIC, echo(1.0)), (TOPIC, message))
     before, found = cones(file)
     assert len(before) and (found[1, 0] if len(found) else 0.0) == pytest.approx(reach)
 

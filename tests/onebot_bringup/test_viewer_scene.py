@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 import rerun.blueprint as rrb
 
-from onebot_bringup.viewer.core.scene import MISSING_COLOR, Scene
+from onebot_bringup.viewer.core.scene import Scene
+from onebot_bringup.viewer.core.shown_robot import RobotToShow
 from onebot_bringup.viewer.display_server import APPLICATION, open_recording
-from onebot_bringup.viewer.rendering import headless_viewer, render, still
+from onebot_bringup.viewer.rendering import headless_viewer, still
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import ViewConfig, parse_view
 from onebot_description.description import parse_description
@@ -25,13 +26,9 @@ from tests.onebot_bringup.viewer_support import (
     take_joints,
     take_tf,
     transforms,
-    write_collada,
-    write_obj,
 )
 from tests.support import wait_for
 from tests.support_rendering import center, colored, pixels, require_renderer
-
-GREEN = (0, 204, 51)
 
 
 def _record(path: Path, view: ViewConfig | None, urdf: str = ARM) -> list[str]:
@@ -116,32 +113,6 @@ def test_a_bad_description_keeps_the_last_good_robot(tmp_path):
     assert shown.view.robot is not None and shown.view.robot.robot_name == "arm"
 
 
-@pytest.mark.slow
-def test_meshes_of_every_format_are_drawn_in_their_colours(tmp_path):
-    """Collada in inches with its own colours, an OBJ without a material, and what is missing."""
-    require_renderer()
-    meshes = [
-        (write_collada(tmp_path / "a.dae", 0.0254, "Y_UP", "polylist"), ""),
-        (write_obj(tmp_path / "b.obj"), "0 .8 .2 1"),
-        (tmp_path / "no.stl", "1 1 1 1"),
-    ]
-    visuals = "".join(
-        f'<visual><origin xyz="0 {place} 0"/><geometry><mesh filename="file://{path}"/></geometry>'
-        f'<material name="m{place}"><color rgba="{rgba}"/></material></visual>'
-        for place, (path, rgba) in enumerate(meshes)
-    )
-    urdf = f'<robot name="m"><link name="base">{visuals}</link></robot>'
-    shown = Shown(tmp_path, robot=False)
-    describe(shown.view, urdf)
-    [problem] = shown.tick(1)
-    assert "no.stl: no such file" in problem
-    render(shown.end(), tmp_path / "m.png", 640, 480)
-    image = pixels(tmp_path / "m.png")
-    for color in (ORANGE, BLUE, GREEN):
-        assert colored(image, color).mean() > 0.003, color
-    assert colored(image, MISSING_COLOR[:3]).mean() > 0.0005, "the lines of a box"
-
-
 def test_what_cannot_be_drawn_is_named_once_and_marked(tmp_path):
     """One reason is one sentence for all the links; a wireframe box shows where each would be."""
     lost = '<mesh filename="package://no_such_package/x.stl"/>'
@@ -213,6 +184,19 @@ def test_the_fixed_frame_is_the_top_one_or_the_one_asked_for(tmp_path):
     assert live.tick(START_NS) == [], "said once"
 
 
+def test_the_fixed_frame_is_found_under_the_prefix(tmp_path):
+    """A view for odom serves a robot whose frames carry a prefix."""
+    live = Shown(tmp_path, "fixed_frame: odom", robots=[RobotToShow("", "r1/")]).view
+    for parent, child, fixed in (
+        ("r1/odom", "r1/base", "r1/odom"),
+        ("odom", "base", "r1/odom"),  # the other robot's is no frame of this one
+        ("odom", "r1/odom", "odom"),
+    ):
+        take_tf(live, transforms(parent, child, 1.0))
+        live.tick(START_NS)
+        assert live.stage.fixed_frame == fixed
+
+
 def test_waiting_and_missing_frames_are_said(tmp_path):
     """It says that it waits for the description, then which link has no transform."""
     now = [0.0]
@@ -254,11 +238,3 @@ def test_a_blueprint_saved_in_the_viewer_is_loaded(tmp_path):
     shown.tick()
     with headless_viewer(str(shown.end())) as client:
         assert [view.name for view in client.get_state().views] == ["My own"]
-
-
-def test_many_shapes_that_cannot_be_read_are_few_sentences(tmp_path):
-    """Each kind of problem once, with its number."""
-    bad = "<visual><geometry><torus/></geometry></visual>\n"
-    robot = parse_description(f'<robot name="r"><link name="a">{bad * 300}</link></robot>')
-    [problem] = Scene(open_recording(save=tmp_path / "x.rrd").stream).set_robot(robot)
-    assert "unknown shape" in problem and problem.endswith("(and 299 more of this kind)")

@@ -117,6 +117,13 @@ def show(folder: Path, view: str, *messages) -> tuple[Path, list[str]]:
     return file, said
 
 
+def drawn(folder: Path, view: str, *messages) -> Path:
+    """Return the file of ``show``, which warns of nothing."""
+    file, warnings = show(folder, view, *messages)
+    assert warnings == []
+    return file
+
+
 def transforms(parent, child, y, stamp_ns=START_NS):
     """One transform: ``child`` stands ``y`` metres along y of ``parent``."""
     return TfArrays(

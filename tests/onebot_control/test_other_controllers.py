@@ -21,11 +21,11 @@ from std_msgs.msg import Bool, Float64MultiArray
 from std_srvs.srv import Trigger
 
 from onebot_control import simulation as simulation_module
+from onebot_control.control_files import read_joint_controllers
 from onebot_control.joint_controllers import JOINT_CONTROLLERS
 from onebot_control.nodes import controller_node
 from onebot_control.nodes.joint_controller_nodes import controller_nodes
 from onebot_control.nodes.lockstep import Lockstep
-from onebot_control.parameters import read_joint_controllers
 from onebot_control.simulation import Simulation
 from onebot_description.description import Description, parse_description
 from onebot_description.ros.wire.cdr import nanoseconds

@@ -19,10 +19,6 @@ from onebot_description.description.bounded_process import BoundMet, Bounds, Pla
 SMALL = Bounds(memory=150_000_000, processor=300)
 SHORT = Bounds(memory=4_000_000_000, processor=1)
 HEAD = '<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro">'
-TEXTS = "".join(
-    f'<xacro:macro name="m{n}" params="t"><xacro:m{n - 1} t="${{t}}${{t}}"/></xacro:macro>'
-    for n in range(1, 60)
-)
 # Two files that include each other twice, forty deep.
 DEPTH = '<xacro:property name="depth" value="${{depth {} 1}}" lazy_eval="false"/>'
 PONG = '<xacro:include filename="pong.xacro"/>'
@@ -56,11 +52,6 @@ STOPPED = "expanding it was stopped here: it takes more than "
 MEMORY, PROCESSOR = f"{STOPPED}0.15 GB of memory", f"{STOPPED}1 s of processor time"
 HOSTILE = {
     "ljust": ("<link name=\"${''.ljust(10**10)}\"/>", MEMORY),
-    "doubled texts": (
-        '<xacro:macro name="m0" params="t"><link name="${t}"/></xacro:macro>'
-        f'{TEXTS}<xacro:m59 t="abcdefgh"/>',
-        MEMORY,
-    ),
     "aliases": ("<link name=\"${xacro.load_yaml('aliases.yaml')}\"/>", MEMORY),
     "power": (
         '<xacro:macro name="m"><link name="${10**10**10}"/></xacro:macro>\n<xacro:m/>',

@@ -153,15 +153,6 @@ def test_kinds_without_limits_have_none(kind):
     assert (read.lower, read.upper, read.velocity, read.effort) == (None, None, 1.0, 1.0)
 
 
-@pytest.mark.parametrize(
-    ("written", "damping", "friction"),
-    [('damping="0.5"', 0.5, 0.0), ('friction="0.25"', 0.0, 0.25)],
-)
-def test_damping_and_friction_are_none_where_none_is_written(written, damping, friction):
-    (read,) = parse_description(joint(f"{LIMIT}<dynamics {written}/>")).joints
-    assert (read.damping, read.friction) == (damping, friction)
-
-
 def test_a_limit_that_is_missing():
     for kind in ("revolute", "prismatic"):
         (problem,) = problems(joint("", kind))
@@ -325,22 +316,17 @@ def test_a_mimic_without_joint_is_one_problem():
     ("moments", "text"),
     [
         ({"izz": 2.03}, "of the moments 1, 1, 2.03 one exceeds the sum of the others"),
-        ({"ixx": 2.03}, "of the moments 1, 1, 2.03 one exceeds the sum of the others"),
-        ({"iyy": 2.03}, "of the moments 1, 1, 2.03 one exceeds the sum of the others"),
         (
             {"ixx": 0.6, "iyy": 0.6, "ixy": 0.3, "ixz": 0.12, "iyz": 0.12},
             "of the moments 0.3, 0.773, 1.13 one exceeds the sum of the others",
         ),
         ({"izz": 0}, "the inertia is not positive definite (least moment 0 kg m2)"),
-        ({"ixx": 0}, "the inertia is not positive definite (least moment 0 kg m2)"),
         ({"ixx": -5e-10}, "the inertia is not positive definite (least moment -5e-10 kg m2)"),
         (
             {"ixx": -5e-16, "iyy": 1e-9, "izz": 1e-9},
             "the inertia is not positive definite (least moment -5e-16 kg m2)",
         ),
-        ({"ixy": 2}, "the inertia is not positive definite (least moment -1 kg m2)"),
         ({"ixz": -2}, "the inertia is not positive definite (least moment -1 kg m2)"),
-        ({"iyz": 2}, "the inertia is not positive definite (least moment -1 kg m2)"),
         (
             {"ixx": 0, "iyy": 0, "izz": 0},
             "the inertia is zero; a simulation cannot turn such a link",
@@ -790,16 +776,12 @@ def test_numbers_are_read(text, value):
     ("text", "fault"),
     [
         ("1_000", '"1_000" is not a number'),
-        ("0x1", '"0x1" is not a number'),
         ("٣", '"٣" is not a number'),
         ("1e", '"1e" is not a number'),
         (".", '"." is not a number'),
-        ("--1", '"--1" is not a number'),
-        ("1m", '"1m" is not a number'),
         ("NaN", "NaN is not a finite number"),
         ("-inf", "-inf is not a finite number"),
         ("+Infinity", "+Infinity is not a finite number"),
-        ("1e309", "1e309 is too large for a number"),
         ("-1e309", "-1e309 is too large for a number"),
     ],
 )

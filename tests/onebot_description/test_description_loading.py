@@ -90,13 +90,6 @@ def test_what_reads_descriptions_is_light() -> None:
     assert done.stdout.strip() == "[]"
 
 
-def test_axis_becomes_a_unit_vector_in_the_text_too() -> None:
-    description = load_description(ROBOTS / "warn_long_axis.urdf")
-    assert description.joints[0].axis == pytest.approx((0, 0.6, 0.8), abs=1e-15)
-    assert parse_description(description.urdf).joints[0].axis == description.joints[0].axis
-    assert parse_description(description.urdf).warnings == ()
-
-
 def test_xacro_arguments_includes_and_yaml() -> None:
     assert joints("good_arguments.xacro")["left"].origin.xyz == (0.0, 0.2, 0.0)
     assert joints("good_arguments.xacro", sides="4")["left"].origin.xyz == (0.0, 0.1, 0.0)

@@ -197,14 +197,6 @@ def test_a_shape_that_cannot_be_read_is_left_out(
     assert link.left_out == (() if shapes else description.problems)
 
 
-def test_moments_below_zero_by_rounding_are_a_warning() -> None:
-    """As iCub has them."""
-    moments = MOMENTS.replace('iyy="1"', 'iyy="-5e-20"')
-    description = parse_description(robot(base=f'<inertial><mass value="1"/>{moments}</inertial>'))
-    assert description.problems == ()
-    assert "not positive definite" in description.warnings[0]
-
-
 def test_the_simulation_names_what_it_cannot_do() -> None:
     heavy = f'<inertial><mass value="-1"/>{MOMENTS}</inertial>'
     urdf = robot(

@@ -42,14 +42,6 @@ PUBLIC_ROBOTS = {
             points=cliff_side_left/scan/points
         ir_intensity_left ir_intensity_left 62 ir_intensity_left points=points
             scan=ir_intensity_left/scan""",
-    "andino": """
-        sensor_ray_front rplidar_laser_link 20 rplidar_laser_link scan=scan
-        camera camera_link 30 camera_link image=camera/image_raw
-            camera_info=camera/camera_info""",
-    "andino_gz": """
-        sensor_ray_front rplidar_laser_link 20 rplidar_laser_link scan=scan points=scan/points
-        camera camera_link 30 camera_link image=camera/image_raw
-            camera_info=camera/camera_info""",
     "create3": """
         cliff_front_left cliff_front_left 62 cliff_front_left scan=scan points=scan/points
         cliff_front_right cliff_front_right 62 cliff_front_right
@@ -63,20 +55,11 @@ PUBLIC_ROBOTS = {
         laser laser 10 laser scan=scan points=scan/points
         imu_sensor imu_link 20 imu_link imu=imu/data
         camera camera_link 30 camera_color_optical_frame {OF_GZ}""",
-    "linorobot2_classic": """
-        head_hokuyo_sensor laser 10 laser scan=base/scan
-        imu_sensor imu_link 20 imu_link imu=imu/data""",
-    "articubot_one": f"""
-        laser laser_frame 10 laser_frame scan=scan
-        camera camera_link 10 camera_link_optical {OF_CAMERA} {OF_DEPTH_PLUGIN}""",
     "rosbot": f"""
         fl_range fl_range 5 fl_range scan=range/fl points=range/fl/points
         imu imu_link 25 imu_link imu=imu/data_raw
         camera_orbbec_astra_camera camera_orbbec_astra_link 20 camera_depth_optical_frame
             {OF_GZ}""",
-    "neobotix": """
-        lidar_1 lidar_1_link 10 lidar_1_link scan=lidar_1/scan
-        lidar_2 lidar_2_link 40 lidar_2_link points=scan2""",
     "clearpath": """
         lidar3d_0 lidar3d_0_laser 10 lidar3d_0_laser
             points=a200_0000/sensors/lidar3d_0/scan/points
@@ -160,21 +143,15 @@ def test_check_lists_the_sensors():
 @pytest.mark.parametrize(
     ("written", "fault"),
     [
-        (
-            block(samples=0),
-            "<samples>: 0 is below 1; write a number from 1 to 300000",
-        ),
-        (block(samples="1e9"), "is above 300000; write a number from 1 to 300000"),
+        (block(samples=0), "<samples>: 0 is below 1; write a number from 1 to 300000"),
         (block(samples="12.5"), "<samples>: 12.5 is no whole number"),
         (block(near=12), "<range>: <min> 12 is not below <max> 10; swap or change them"),
         (block(low=3, high=-3), "<min_angle> 3 is not below <max_angle> -3"),
         (block(high=4.2), "more than a turn"),
         (block(far="nan"), "<max>: nan is not a finite number"),
-        (block(far="far"), '<max>: "far" is not a number'),
         (block(far=""), "<max>: is empty; write a number"),
         (block(inside=RAY.replace("max>", "most>").format(**VALUES)), "has no <range/max>"),
         (block(rate="1e6"), "<update_rate>: 1e+06 is above 1000; write a number from 0 to 1000"),
-        (block(rate="-1"), "<update_rate>: -1 is below 0"),
         (block(link="b"), 'there is no link "b" (links: a)'),
         (block(link=""), 'lies in no link; write <gazebo reference="LINK"> around it'),
         (block(kind=""), "has no type; write one of: lidar, "),
@@ -183,7 +160,6 @@ def test_check_lists_the_sensors():
         (block(inside=RAY.format(**VALUES) + "<pose>1 2</pose>"), "<pose>: holds 2 numbers; write"),
         (block(inside=RAY.format(**VALUES) + "<noise><type>pink</type></noise>"), 'type "pink"'),
         (camera(fov=0), "<horizontal_fov>: 0 is below 0.01; write a number from 0.01 to 3"),
-        (camera(fov=7), "<horizontal_fov>: 7 is above 3"),
         (camera(width=7680, height=4320), "7680 x 4320 pixels are more than 2304000 (1920 x 1200)"),
         (camera("<clip><near>2</near><far>1</far></clip>"), "<near> 2 is not below <far> 1"),
     ],
@@ -210,15 +186,6 @@ def test_all_faults_at_once_and_the_other_sensors_stay():
     assert twin.endswith(
         'sensor "twin": publishes "scan", as the one at r:2 does; give it a <topic> of its own'
     )
-
-
-def test_sensors_of_one_kind_without_topics_have_their_names_in_them():
-    found = read(block("left laser"), block("right"), camera(name="front"))
-    assert [s.topics.get("scan") or s.topics["image"] for s in found.sensors] == [
-        "left_laser/scan",
-        "right/scan",
-        "camera/image_raw",
-    ]
 
 
 def test_a_misspelt_element_is_a_warning():
@@ -276,7 +243,6 @@ def test_an_unknown_frame_of_a_pose_is_an_error_that_lists_those_that_exist():
         ("<localization> NED </localization>", (math.pi, 0, math.pi / 2), False),
         ("<localization>NWU</localization>", (0, 0, math.pi / 2), False),
         ("<localization>CUSTOM</localization>", (0, 0, 0.5), True),  # the sensor's own at first
-        ("", (0, 0, 0.5), True),  # CUSTOM is the default
         ('<custom_rpy parent_frame="world">0.1 0.2 0.3</custom_rpy>', (0.1, 0.2, 0.3), False),
         ("<custom_rpy>0 0 0.3</custom_rpy>", (0, 0, 0.8), True),
         ('<custom_rpy parent_frame="laser">0 0 0.3</custom_rpy>', (0, 0, math.pi / 2 + 0.3), True),
@@ -306,11 +272,11 @@ def test_axes_that_an_imu_cannot_have_are_reported(axes, text):
     assert any(text in each for each in found.notices), found.notices
 
 
-@pytest.mark.parametrize("text", ["false", "0", " False ", "true", "1", "True"])
-def test_an_imu_may_have_no_orientation(text):
-    inside = f"<imu><enable_orientation>{text}</enable_orientation></imu>"
-    (sensor,) = read(block(kind="imu", inside=inside)).sensors
-    assert (sensor.model.reference is None) == (text in ("false", "0", " False "))
+def test_an_imu_may_have_no_orientation():
+    for text in ("false", "0", " False ", "true", "1", "True"):
+        inside = f"<imu><enable_orientation>{text}</enable_orientation></imu>"
+        (sensor,) = read(block(kind="imu", inside=inside)).sensors
+        assert (sensor.model.reference is None) == (text in ("false", "0", " False "))
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import rclpy
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -16,7 +15,7 @@ from std_msgs.msg import String
 from onebot_description import description_files
 from onebot_description.description import Description, load_description
 from onebot_description.joint_state_publisher import JointStatePublisher
-from tests.ros_support import LATCHED, NodeProcess, Peer, refusals
+from tests.ros_support import LATCHED, NodeProcess, Peer, refusals, ros_args, spin_until
 from tests.support import PATIENCE, wait_for
 
 JOINT = "base_link__link_01"
@@ -145,25 +144,15 @@ def test_a_saved_file_moves_the_robot(
     fresh.replace(file)
     says(node, "mended, applied")
     listener.hears(lambda s: s.position[0] == -0.2, "the position mended")
+    sine = f"motions:\n  {JOINT}: {{type: sine, amplitude: 1.0, frequency: 0.2}}"
+    for rate, words in ((50, "lower frequency to 0.0795775"), (20, "applied, changed: rate")):
+        file.write_text(yaml(f"rate: {rate}\n{sine}"))
+        says(node, words)
+    assert node.output.count("lower frequency") == 1
+    assert f"{file}:5: motions.{JOINT}: sine at 0.2 Hz peaks" in node.output
     for one, two in zip(listener.states, listener.states[1:], strict=False):
         span = seconds(two) - seconds(one)
         assert abs(two.position[0] - one.position[0]) <= 0.5 * span + 1e-6
-
-
-def test_removing_a_motion_from_the_file_ends_it(
-    start: Start, listener: Listener, mrm: str, tmp_path: Path
-) -> None:
-    file = tmp_path / "joints.yaml"
-    file.write_text(yaml(f"motions:\n  {JOINT}: {{type: constant, position: 0.1}}"))
-    start(mrm, "--ros-args", "--params-file", str(file), "-p", "rate:=40")
-    listener.hears(lambda s: s.position[0] == 0.1, "the position in the file")
-    assert listener.set(f"motions.{JOINT}.position", 0.2) == ""
-    listener.hears(lambda s: s.position[0] == 0.2, "the position set")
-    file.write_text(yaml("publish_default_efforts: true"))
-    rest = listener.hears(lambda s: s.position[0] == 0.0 and not len(s.velocity), "rest")
-    assert list(rest.effort) == [0.0]
-    assert listener.get("rate") == 40
-    assert listener.get(f"motions.{JOINT}.position") is None
 
 
 def test_parameters_can_be_set_while_it_runs(start: Start, listener: Listener, mrm: str) -> None:
@@ -244,40 +233,26 @@ def test_a_namespace_applies_to_file_and_topics(
     wait_for(lambda: states[-1].position[0] == 0.2, "the position saved")
 
 
-def test_config_file_is_read_and_watched(
+def test_config_file_is_watched_and_the_command_line_and_its_files_override_it(
     start: Start, listener: Listener, mrm: str, tmp_path: Path
 ) -> None:
-    file = tmp_path / "joints.yaml"
-    file.write_text(yaml(f"motions:\n  {JOINT}: {{type: constant, position: 0.1}}"))
-    start(mrm, "--ros-args", "-p", f"config_file:={file}")
-    listener.hears(lambda s: s.position[0] == 0.1, "the position in the file")
-    file.write_text(yaml(f"motions:\n  {JOINT}: {{type: constant, position: 0.2}}"))
-    listener.hears(lambda s: s.position[0] == 0.2, "the position saved")
-    assert "cannot be read" in listener.set("config_file", str(tmp_path / "none.yaml"))
-    other = tmp_path / "other.yaml"
-    other.write_text(yaml(f"motions:\n  {JOINT}: {{type: constant, position: 0.3}}"))
-    assert listener.set("config_file", str(other)) == ""
-    listener.hears(lambda s: s.position[0] == 0.3, "the position in the other file")
-    other.write_text(yaml(f"motions:\n  {JOINT}: {{type: constant, position: 0.1}}"))
-    listener.hears(lambda s: s.position[0] == 0.1, "the position saved there")
-
-
-def test_the_command_line_and_its_files_override_config_file(
-    start: Start, listener: Listener, mrm: str, tmp_path: Path
-) -> None:
-    """At the start, and when config_file is saved; what they do not have is config_file's."""
-    file, given = tmp_path / "joints.yaml", tmp_path / "given.yaml"
+    """At the start, and when it is saved; what they do not have is config_file's."""
+    file, given, other = (tmp_path / f"{name}.yaml" for name in ("joints", "given", "other"))
     still = f"motions: {{{JOINT}: {{type: constant, position: "
     file.write_text(yaml(f"rate: 5\ndelta: 0.5\n{still}0.1}}}}"))
     given.write_text(yaml("delta: 0.25"))
     words = ["-p", f"config_file:={file}", "-p", "rate:=40.0", "--params-file", str(given)]
     start(mrm, "--ros-args", *words)
     listener.hears(lambda s: s.position[0] == 0.1, "the position in config_file")
-    overriding = {"rate": 40.0, "delta": 0.25}
-    assert {name: listener.get(name) for name in overriding} == overriding
     file.write_text(yaml(f"rate: 6\ndelta: 0.6\n{still}0.2}}}}"))
     listener.hears(lambda s: s.position[0] == 0.2, "the position saved")
-    assert {name: listener.get(name) for name in overriding} == overriding
+    assert (listener.get("rate"), listener.get("delta")) == (40.0, 0.25)
+    assert "cannot be read" in listener.set("config_file", str(tmp_path / "none.yaml"))
+    other.write_text(yaml(f"{still}0.3}}}}"))
+    assert listener.set("config_file", str(other)) == ""
+    listener.hears(lambda s: s.position[0] == 0.3, "the position in the other file")
+    other.write_text(yaml(f"{still}0.1}}}}"))
+    listener.hears(lambda s: s.position[0] == 0.1, "the position saved there")
 
 
 def test_it_publishes_while_a_saved_description_is_expanded(
@@ -297,65 +272,40 @@ def test_it_publishes_while_a_saved_description_is_expanded(
     monkeypatch.setattr(description_files, "load_description", expand)
     Path(mrm).write_text(MRM.replace(JOINT, "renamed"))
 
-    def spin_until(done: Callable[[], object], what: str) -> None:
-        def spun() -> object:
-            rclpy.spin_once(node, timeout_sec=0.05)
-            return done()
-
-        wait_for(spun, what)
-
     try:
-        spin_until(expanding.is_set, "the file to be read")
+        spin_until(node, expanding.is_set, "the file to be read")
         reached = len(listener.states)
-        spin_until(lambda: len(listener.states) > reached + 5, "messages")
+        spin_until(node, lambda: len(listener.states) > reached + 5, "messages")
     finally:
         go_on.set()
     assert list(listener.states[-1].name) == [JOINT]
-    spin_until(lambda: list(listener.states[-1].name) == ["renamed"], "the new name")
+    spin_until(node, lambda: list(listener.states[-1].name) == ["renamed"], "the new name")
 
 
-@pytest.mark.parametrize("description_first", [True, False])
 def test_a_joint_can_be_renamed_in_both_files(
-    start: Start, listener: Listener, mrm: str, tmp_path: Path, description_first: bool
+    start: Start, listener: Listener, mrm: str, tmp_path: Path
 ) -> None:
     file = tmp_path / "joints.yaml"
     file.write_text(yaml(f"rate: 50\nmotions:\n  {JOINT}: {{type: constant, position: 0.1}}"))
     node = start(mrm, "--ros-args", "--params-file", str(file))
     listener.hears(lambda s: s.position[0] == 0.1, "the position")
-    edits = [
-        lambda: Path(mrm).write_text(MRM.replace(JOINT, "elbow")),
-        lambda: file.write_text(
-            yaml("rate: 50\nmotions:\n  elbow: {type: constant, position: 0.2}")
-        ),
-    ]
-    first, second = edits if description_first else edits[::-1]
-    first()
-    gone = f'motions.{JOINT}: the robot has no joint "{JOINT}"'
-    if description_first:
-        says(node, gone)
-        listener.hears(lambda s: list(s.name) == ["elbow"], "the new joint")
-    else:
-        says(node, f"{file} not applied, the robot goes on as before:")
-        assert list(listener.hears(lambda s: True, "a message").name) == [JOINT]
-    second()
+    Path(mrm).write_text(MRM.replace(JOINT, "elbow"))
+    says(node, f'motions.{JOINT}: the robot has no joint "{JOINT}"')
+    listener.hears(lambda s: list(s.name) == ["elbow"], "the new joint")
+    file.write_text(yaml("rate: 50\nmotions:\n  elbow: {type: constant, position: 0.2}"))
     listener.hears(lambda s: list(s.name) == ["elbow"] and s.position[0] == 0.2, "its motion")
-    assert (gone in node.output) == description_first
+    file.write_text(yaml(f"rate: 50\nmotions:\n  {JOINT}: {{type: constant, position: 0.3}}"))
+    says(node, f"{file} not applied, the robot goes on as before:")
+    Path(mrm).write_text(MRM)
+    listener.hears(lambda s: list(s.name) == [JOINT] and s.position[0] == 0.3, "the file applied")
     file.unlink()
     says(node, f"{file} was removed: the robot goes on as before")
-    assert listener.hears(lambda s: True, "a message").position[0] == 0.2
+    assert listener.hears(lambda s: True, "a message").position[0] == 0.3
 
 
 def test_sim_time_is_respected(start: Start, listener: Listener, mrm: str) -> None:
-    start(
-        mrm,
-        "--ros-args",
-        "-p",
-        "use_sim_time:=true",
-        "-p",
-        f"motions.{JOINT}.type:=constant",
-        "-p",
-        f"motions.{JOINT}.position:=3.0",
-    )
+    motion = {f"motions.{JOINT}.type": "constant", f"motions.{JOINT}.position": 3.0}
+    start(mrm, *ros_args(use_sim_time=True, **motion))
     clock = listener.node.create_publisher(Clock, "/clock", 10)
     wait_for(clock.get_subscription_count, "the node's clock")
     now = 100.0
@@ -374,18 +324,6 @@ def test_sim_time_is_respected(start: Start, listener: Listener, mrm: str) -> No
     assert 100.0 <= seconds(first) <= seconds(last) <= now + 0.1
     expected = 0.5 * (seconds(last) - seconds(first))
     assert last.position[0] - first.position[0] == pytest.approx(expected, abs=1e-6)
-
-
-def test_limits_exceeded_are_told_once(start: Start, mrm: str, tmp_path: Path) -> None:
-    file = tmp_path / "joints.yaml"
-    motion = f"motions:\n  {JOINT}: {{type: sine, amplitude: 1.0, frequency: 0.2}}"
-    file.write_text(yaml(motion))
-    node = start(mrm, "--ros-args", "--params-file", str(file))
-    says(node, "lower frequency to 0.0795775")
-    file.write_text(yaml(f"rate: 20\n{motion}"))
-    says(node, "applied, changed: rate")
-    assert node.output.count("lower frequency") == 1
-    assert f"{file}:4: motions.{JOINT}: sine at 0.2 Hz peaks" in node.output
 
 
 def test_mistakes_at_the_start_end_it(ros_domain: int, mrm: str) -> None:

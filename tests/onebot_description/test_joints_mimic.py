@@ -34,12 +34,6 @@ def reported(joints: list) -> list[str]:
     return [report.text for report in source.reports]
 
 
-def test_chains_resolve_in_any_order() -> None:
-    """The golden case of the standard node, 0, 0.1 and -0.1, though named from the far end."""
-    positions, _ = JointStateSource(CHAIN).sample(0.0)
-    assert positions == pytest.approx([-0.1, 0.1, 0.0])
-
-
 def test_a_circle_is_opened_and_reported() -> None:
     joints = [
         joint("a", mimic=mimic("b")),
@@ -86,19 +80,6 @@ def test_dependent_joints_make_a_joint_follow() -> None:
 def test_a_dependent_joint_that_is_missing_is_an_error() -> None:
     config = JointsConfig.from_parameters({"dependent_joints.x.parent": "a"})
     assert 'dependent_joints.x: the robot has no joint "x"' in refused([joint("a")], config)
-
-
-def test_followers_keep_their_own_limits() -> None:
-    joints = [joint("a"), joint("b", mimic=mimic("a", 2.0), velocity=0.5)]
-    config = JointsConfig.from_parameters({"motions": {"a": {"type": "constant", "position": 1.0}}})
-    source = JointStateSource(joints, config)
-    source.sample(0.0)
-    positions, velocities = source.sample(1.0)
-    assert positions == pytest.approx([0.25, 0.5])
-    assert velocities == pytest.approx([0.25, 0.5])
-    positions, _ = source.sample(100.0)
-    assert positions == pytest.approx([0.5, 1.0])
-    assert any("both keep to [-0.5, 0.5]" in report.text for report in source.reports)
 
 
 @pytest.mark.parametrize("multiplier", [1.0, 0.0])

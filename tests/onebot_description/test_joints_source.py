@@ -112,10 +112,6 @@ def settled(source: JointStateSource, at: float = 1000.0) -> dict[str, float]:
     return dict(zip(source.names, source.sample(at)[0].tolist(), strict=True))
 
 
-def test_names_are_those_that_move_in_order() -> None:
-    assert list(source_of({}).names) == NAMES
-
-
 def test_joints_start_at_zero_or_mid_range() -> None:
     positions, velocities = source_of({}).sample(5.0)
     assert positions == pytest.approx([0.0, 0.4, 0.0, 0.0, 0.05])
@@ -126,14 +122,6 @@ def test_zeros_say_where_joints_rest() -> None:
     source = source_of({"zeros": {"elbow": 0.25, "slide": 9.0, "elbw": 1.0}})
     assert source.sample(0.0)[0][:2] == pytest.approx([0.25, 0.6])
     assert {report.key for report in source.reports} >= {"zeros.slide", "zeros.elbw"}
-
-
-def test_a_slow_sine_is_followed_exactly() -> None:
-    source = source_of({"motions": {"elbow": {"type": "sine", "amplitude": 0.5, "frequency": 0.1}}})
-    for moment in np.arange(0.0, 20.0, 0.02):
-        positions, _ = source.sample(moment)
-        assert positions[0] == pytest.approx(0.5 * math.sin(0.2 * math.pi * moment), abs=1e-9)
-    assert source.reports == ()
 
 
 def test_pose_comes_before_motions_before_sequence_before_delta() -> None:
@@ -153,12 +141,6 @@ def test_pose_comes_before_motions_before_sequence_before_delta() -> None:
     assert (reached["elbow"], reached["slide"], reached["wheel"]) == (0.9, 0.3, 0.5)
     reached = settled(source_of({**parameters, "pose": ""}))
     assert reached["elbow"] == 0.1
-
-
-def test_poses_beyond_limits_are_told_once_each() -> None:
-    source = source_of({"poses": {"far": {"elbow": 5.0}}, "pose": "far"})
-    assert [report.key for report in source.reports] == ["poses.far.elbow"]
-    assert settled(source)["elbow"] == 1.0
 
 
 def test_poses_may_hold_followers() -> None:
@@ -279,12 +261,6 @@ def test_a_new_robot_leaves_out_what_does_not_suit_it() -> None:
     with pytest.raises(ConfigError) as caught:
         configure(source, JointsConfig.from_parameters(more))
     assert [problem.key for problem in caught.value.problems] == ["dependent_joints.elbow"]
-
-
-def test_the_same_moment_again_gives_the_same() -> None:
-    source = source_of({"motions": {"elbow": {"type": "constant", "position": 1.0}}})
-    source.sample(0.0)
-    assert np.array_equal(source.sample(1.0), source.sample(1.0))
 
 
 def test_a_joint_without_velocity_limit_jumps() -> None:

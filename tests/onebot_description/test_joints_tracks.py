@@ -97,22 +97,6 @@ def test_sine(time: float) -> None:
     assert at(Sine(0.5, 0.2, 0.3, 0.1), time) == pytest.approx(wanted, abs=1e-9)
 
 
-def test_a_loop_is_at_its_first_keyframe_when_it_starts_over() -> None:
-    for motion in (Keyframes((0.0, 2.0), (0.0, 1.0)), Keyframes((1.0, 2.0), (0.0, 1.0))):
-        for end in (2.0, 4.0, 6.0):
-            assert at(motion, end) == 0.0
-            assert at(motion, end - 1e-9) == pytest.approx(1.0, abs=1e-6)
-
-
-def test_minimum_jerk_starts_and_ends_at_rest() -> None:
-    motion = Keyframes((0.0, 1.0), (0.0, 1.0), "minimum_jerk", False)
-    assert at(motion, 0.5) == pytest.approx(0.5)
-    assert at(motion, 0.01) < 2e-5
-    assert at(motion, 0.99) > 1.0 - 2e-5
-    speeds = np.diff([at(motion, t) for t in np.linspace(0.0, 1.0, 1001)]) * 1000.0
-    assert speeds.max() == pytest.approx(1.875, abs=1e-3)
-
-
 def test_sweep_goes_to_and_fro() -> None:
     motion = Keyframes.sweep(1.0, 0.5, -1.0, 1.0)
     assert [at(motion, t) for t in (0.0, 0.5, 2.5, 3.5)] == pytest.approx([0.5, 1.0, -1.0, 0.0])

@@ -6,7 +6,6 @@ import itertools
 import xml.etree.ElementTree as ET
 
 import numpy as np
-import pybullet
 import pytest
 import rerun as rr
 import yaml
@@ -16,8 +15,7 @@ from onebot_bringup.viewer.core.scene import Scene
 from onebot_bringup.viewer.core.shapes import load_shape
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.description import Cylinder, Mesh, Sphere
-from onebot_description.description.meshes import locate_mesh
-from onebot_description.description.packages import Resources, package_share
+from onebot_description.description.packages import package_share
 from onebot_description.model.robot_model import RobotModel
 
 SHARE = package_share("onebot_description")
@@ -29,7 +27,7 @@ LINKS = ("base_link", "left_wheel", "right_wheel", "caster_base2", "caswheel")
 JOINTS = ("left_wheel_joint", "right_wheel_joint", "caster_swivel_joint", "caster_wheel_joint")
 # Argument values, and what they put before every name.
 NAMESPACES = {None: "", "": "", "robot1": "robot1_", "/fleet/robot1/": "fleet_robot1_"}
-MESHES = (None, "true", "false", "1", "0", "True", "False")
+MESHES = (None, "true", "1", "0", "True", "False")
 COMBINATIONS = [
     *((mesh, None, None) for mesh in MESHES),
     *itertools.product(("false",), NAMESPACES, ("", "left_")),
@@ -78,61 +76,6 @@ def test_yourdfpy_reads_the_robot(combination):
     assert len(robot.actuated_joints) == 4
     low, high = robot.scene.bounds
     np.testing.assert_allclose((low[2], high[0] - low[0]), (-RADIUS, 0.425), atol=1e-3)
-
-
-@pytest.fixture
-def world():
-    client = pybullet.connect(pybullet.DIRECT)
-    yield client
-    pybullet.disconnect(client)
-
-
-@pytest.mark.checkout
-@READ
-def test_pybullet_reads_the_robot(combination, tmp_path, world):
-    description = _load(*combination)
-    path = tmp_path / "onebot.urdf"
-    path.write_text(description.urdf)
-    flags = pybullet.URDF_USE_INERTIA_FROM_FILE | pybullet.URDF_USE_IMPLICIT_CYLINDER
-    robot = pybullet.loadURDF(str(path), flags=flags, physicsClientId=world)
-    names = [
-        pybullet.getJointInfo(robot, index, world)[1].decode()
-        for index in range(pybullet.getNumJoints(robot, world))
-    ]
-    assert sorted(names) == sorted(joint.name for joint in description.joints)
-    mass, _, _, center, *_ = _dynamics(robot, -1, world)
-    assert mass == pytest.approx(3.978)
-    np.testing.assert_allclose(center, (-0.108, 0.0, -0.02579), atol=1e-6)
-    for index in range(len(names)):
-        assert _dynamics(robot, index, world)[0] > 0.01
-    assert len(pybullet.getVisualShapeData(robot, physicsClientId=world)) >= 5
-    friction = [
-        _dynamics(robot, index, world)[1]
-        for index, name in enumerate(names)
-        if "swivel" not in name
-    ]
-    assert friction == [1.0, 1.0, 1.0]
-
-
-def _dynamics(robot: int, link: int, client: int):
-    return pybullet.getDynamicsInfo(robot, link, client)
-
-
-@pytest.mark.parametrize("name", ["base_link", "wheel", "caster_base2", "caswheel"])
-def test_pybullet_reads_the_meshes_in_metres(tmp_path, world, name):
-    """PyBullet's Collada reader finds every corner where trimesh finds it."""
-    path = SHARE / f"meshes/{name}.dae"
-    urdf = tmp_path / "mesh.urdf"
-    urdf.write_text(
-        f'<robot name="mesh"><link name="mesh"><collision><geometry><mesh filename="{path}"/>'
-        "</geometry></collision></link></robot>"
-    )
-    body = pybullet.loadURDF(str(urdf), physicsClientId=world)
-    found = np.array(pybullet.getAABB(body, physicsClientId=world))
-    # Its boxes stand off by a margin.
-    np.testing.assert_allclose(
-        found, load_shape(locate_mesh(Resources(None), str(path))).bounds, atol=5e-3
-    )
 
 
 @READ

@@ -53,12 +53,6 @@ def test_sourced_workspace_stays_first(monkeypatch, tmp_path):
     assert package_share("mrm_description") == tmp_path / "share/mrm_description"
 
 
-@pytest.mark.parametrize("name", ["mrm_descripton", "mrn_description"])
-def test_unknown_package_names_the_nearest(name):
-    with pytest.raises(OneBotError, match=f'"{name}".*did you mean "mrm_description"'):
-        package_share(name)
-
-
 @pytest.mark.parametrize("name", ["ridgeback_description", "ur_description", "laser_msgs"])
 def test_an_ending_alone_makes_no_package_the_one_meant(name):
     with pytest.raises(OneBotError) as caught:
@@ -69,12 +63,6 @@ def test_an_ending_alone_makes_no_package_the_one_meant(name):
 @pytest.mark.parametrize("uri", ["meshes/cube.stl", str(CUBE), CUBE.as_uri(), f"file:{CUBE}"])
 def test_paths_lead_to_the_file(uri: str) -> None:
     assert resolve(uri, ROBOTS) == CUBE
-
-
-def test_percent_signs_of_a_file_uri_are_decoded(tmp_path: Path) -> None:
-    path = tmp_path / "a cube.stl"
-    assert resolve(path.as_uri(), None) == path
-    assert "%20" in path.as_uri()
 
 
 @pytest.mark.parametrize(
@@ -252,14 +240,6 @@ def test_an_installed_package_keeps_its_uri_and_others_become_files(tmp_path, mo
         "file:///a%20b.stl": "file:///a%20b.stl",
     }
     assert {uri: resources.locate(uri).uri for uri in uris} == uris
-
-
-@pytest.mark.checkout
-def test_a_package_on_the_search_path_and_in_the_index_is_installed(monkeypatch):
-    checkout = Path(__file__).parents[2]
-    monkeypatch.setenv("ROS_PACKAGE_PATH", str(checkout))
-    uri = "package://onebot_description/meshes/wheel.dae"
-    assert Resources(None).locate(uri) == (checkout / "onebot_description/meshes/wheel.dae", uri)
 
 
 def test_a_missing_package_is_explained(tmp_path, monkeypatch):

@@ -72,24 +72,6 @@ def test_stamps_may_be_ignored() -> None:
     assert all(due(times, ALL, stamp) for stamp in (9, 9, 0, 5, 1))
 
 
-def test_a_clock_set_back_starts_afresh() -> None:
-    times, warnings = PublishedTimes(2, SECOND), Warnings()
-    assert times.due(ALL, 100 * SECOND, 100 * SECOND, warnings)
-    assert times.due(FIRST, 3 * SECOND, 3 * SECOND, warnings)
-    assert warnings == ["clock"]
-    assert times.stamps.tolist() == [3 * SECOND, 0]
-    assert not times.due(FIRST, 3 * SECOND + 1, 3 * SECOND + 1, warnings)
-    assert times.due(FIRST, 4 * SECOND, 4 * SECOND, warnings)
-    assert warnings == ["clock"]
-
-
-def test_a_clock_that_stands_still_or_jumps_ahead_is_no_reset() -> None:
-    times = PublishedTimes(1, SECOND)
-    assert due(times, FIRST, 5 * SECOND, now=5)
-    assert not due(times, FIRST, 4 * SECOND, now=5)
-    assert due(times, FIRST, 10**18, now=10**18)
-
-
 def test_a_clock_set_back_is_noticed_by_messages_that_are_not_published() -> None:
     times, warnings = PublishedTimes(1, SECOND), Warnings()
     nothing = np.array([], np.intp)

@@ -142,18 +142,6 @@ def test_arrays_in_a_table_are_one_for_each_row():
     assert markers.texture.data[0].tolist() == []
 
 
-def test_numbers_are_views_into_the_message():
-    scan = LaserScan(ranges=[1.0, 2.0])
-    marker = Marker(points=[Point(z=3.0)] * 2)
-    for message, view in ((scan, "ranges"), (marker, "points.z")):
-        data = serialized(message)
-        found = schema_of(message).read(data)
-        for name in view.split("."):
-            found = getattr(found, name)
-        assert not found.flags.writeable
-        assert np.shares_memory(found, np.frombuffer(data, np.uint8))
-
-
 def test_numeric_fields_are_those_outside_of_arrays():
     schema = schema_of(path_of())
     assert schema.numeric_fields() == ("header.stamp.sec", "header.stamp.nanosec")
@@ -251,7 +239,7 @@ bool[] flags
 """
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(8))
 def test_structs_of_equal_and_of_other_lengths(seed):
     chance = random.Random(seed)
     store = get_typestore(Stores.EMPTY)

@@ -38,11 +38,9 @@ def child(**texts: object) -> str:
 @pytest.mark.parametrize(
     ("inside", "expected"),
     [
-        (child(topic="__default_topic__"), "imu"),
         (child(topic="__default_topic__") + plugin(ros("~/out:=imu/data")), "imu/data"),
         (plugin(child(topicName="__default_topic__", frameName="a"), "libimu.so"), "imu"),
         (child(topic="own") + plugin(ros("~/out:=remapped")), "remapped"),
-        (child(topic="own"), "own"),
     ],
 )
 def test_the_placeholder_of_sdformat_names_no_topic(inside, expected):
@@ -59,22 +57,16 @@ def test_two_sensors_with_the_placeholder_are_named_by_themselves():
 @pytest.mark.parametrize(
     ("inside", "expected"),
     [
-        (ros("~/out:=scan"), "scan"),
         (ros("p/out:=scan"), "scan"),
         (ros("/p/out:=scan"), "scan"),
         (ros("~/out:=~/scan"), "p/scan"),
-        (ros("~/out:=/scan"), "/scan"),
-        (ros("~/out:=scan", namespace="/front"), "front/scan"),
         (ros("~/out:=scan", namespace="front/left/"), "front/left/scan"),
         (ros("~/out:=/scan", namespace="/front"), "/scan"),
         (ros("/front/p/out:=scan", namespace="/front"), "front/scan"),
         (ros("~/out:=scan", namespace="/"), "scan"),
         ("<ros><argument>~/out:=scan</argument></ros>", "scan"),
-        (ros(), "p/out"),
         (ros(namespace="front"), "front/p/out"),
         ("", "p/out"),
-        (child(topicName="scan"), "scan"),
-        (child(topicName="/scan"), "/scan"),
         (child(topicName="scan", robotNamespace="/front"), "front/scan"),
         (child(topicName="/scan", robotNamespace="front"), "/scan"),
     ],
@@ -103,18 +95,12 @@ def of_cameras(*names: str) -> dict[str, str]:
     ("inside", "expected"),
     [
         ("", [f"s/{name}" for name in DEFAULT]),
-        (child(camera_name="eye"), [f"eye/{name}" for name in DEFAULT]),
         (child(camera_name="/eye"), [f"/eye/{name}" for name in DEFAULT]),
         (
             ros(namespace="/left") + child(camera_name="eye"),
             [f"left/eye/{name}" for name in DEFAULT],
         ),
         # Relative, absolute, one after another, of each topic.
-        (
-            ros(*[f"eye/{name}:=my/n{n}" for n, name in enumerate(DEFAULT)])
-            + child(camera_name="eye"),
-            [f"my/n{n}" for n in range(5)],
-        ),
         (
             ros(*[f"eye/{name}:=my/n{n}" for n, name in enumerate(DEFAULT)], namespace="left")
             + child(camera_name="eye"),
@@ -137,11 +123,6 @@ def of_cameras(*names: str) -> dict[str, str]:
             + child(**{tag: f"my/n{n}" for n, tag in enumerate(OLD_NAMES)}),
             [f"left/eye/my/n{n}" for n in range(5)],
         ),
-        (
-            child(cameraName="eye", robotNamespace="left")
-            + child(**{tag: f"/my/n{n}" for n, tag in enumerate(OLD_NAMES)}),
-            [f"/my/n{n}" for n in range(5)],
-        ),
         (child(imageTopicName="picture"), ["picture", *DEFAULT[1:]]),
     ],
 )
@@ -150,27 +131,10 @@ def test_a_camera_s_topics_are_namespace_camera_name_and_topic(inside, expected)
     assert topics(found) == of_cameras(*expected) and found.notices == ()
 
 
-def test_equal_names_in_two_namespaces_are_two_cameras():
-    cameras = [
-        camera(
-            name=f"camera{n}",
-            plugin=plugin(ros(namespace=space) + child(camera_name="eye"), CLASSIC),
-        )
-        for n, space in enumerate(("left", "/right"))
-    ]
-    found = read(*cameras)
-    assert found.notices == ()
-    assert [sensor.topics["image"] for sensor in found.sensors] == [
-        "left/eye/image_raw",
-        "right/eye/image_raw",
-    ]
-
-
 @pytest.mark.parametrize(
     ("first", "second", "info"),
     [
         (("camera", "camera/image_raw"), ("depth_camera", "camera/depth"), "camera/camera_info"),
-        (("camera", "cam/front"), ("camera", "cam/rear"), "cam/camera_info"),
         (("camera", "front"), ("camera", "rear"), "camera_info"),
         (("rgbd_camera", "cam"), ("camera", "cam/rear"), "cam/camera_info"),
     ],
@@ -265,16 +229,6 @@ def test_the_two_camera_infos_of_a_depth_camera_may_share_a_topic():
     assert sensor.topics["camera_info"] == sensor.topics["depth_camera_info"] == "s/info"
 
 
-def test_an_absolute_name_and_a_relative_one_may_be_the_same():
-    scans = [
-        rays(
-            plugin(ros(f"~/out:={name}") + child(output_type="sensor_msgs/LaserScan")), name=f"s{n}"
-        )
-        for n, name in enumerate(("scan", "/scan"))
-    ]
-    assert 'publishes "scan", as the one at r:2 does' in read(*scans).problems[0]
-
-
 def test_lidars_of_one_ray_leave_the_scan_to_the_one_that_scans():
     one = RAY.format(**VALUES | {"samples": 1})
     found = read(block("cliff", inside=one), block("laser"), block("ir", inside=one))
@@ -305,30 +259,27 @@ def test_a_plugin_s_frame_is_that_of_its_messages(inside, expected):
 # Types --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("rows", [1, 4])
 @pytest.mark.parametrize(
     ("inside", "file", "output"),
     [
         (child(output_type="sensor_msgs/LaserScan"), "libgazebo_ros_ray_sensor.so", "scan"),
         (child(output_type="sensor_msgs/PointCloud2"), "libgazebo_ros_ray_sensor.so", "points"),
         (child(output_type="sensor_msgs/PointCloud"), "libgazebo_ros_ray_sensor.so", "point_cloud"),
-        (child(output_type="sensor_msgs/Range"), "libgazebo_ros_ray_sensor.so", "range"),
         (child(output_type="sensor_msgs/msg/Range"), "libgazebo_ros_ray_sensor.so", "range"),
         (child(outputType="sensor_msgs/LaserScan"), "libgazebo_ros_ray_sensor.so", "scan"),
         ("", "libgazebo_ros_ray_sensor.so", "points"),
-        ("", "libgazebo_ros_laser.so", "scan"),
         ("", "libgazebo_ros_gpu_laser.so", "scan"),
         ("", "libgazebo_ros_block_laser.so", "point_cloud"),
         ("", "libgazebo_ros_range.so", "range"),
         ("", SONAR, "range"),
-        ("", "libgazebo_ros_velodyne_laser.so", "points"),
         ("", "libgazebo_ros_velodyne_gpu_laser.so", "points"),
         ("", "libgazebo_ros_ouster_laser.so", "points"),
     ],
 )
-def test_a_plugin_decides_what_is_made_of_rays_not_their_rows(inside, file, output, rows):
-    found = read(rays(plugin(inside + child(topicName="here"), file), rows=rows))
-    assert topics(found) == {output: "here"} and found.warnings == ()
+def test_a_plugin_decides_what_is_made_of_rays_not_their_rows(inside, file, output):
+    for rows in (1, 4):
+        found = read(rays(plugin(inside + child(topicName="here"), file), rows=rows))
+        assert topics(found) == {output: "here"} and found.warnings == ()
 
 
 def test_without_a_plugin_a_lidar_has_a_scan_and_a_cloud_as_in_gz():
@@ -355,19 +306,12 @@ def test_a_lidar_of_rows_does_not_take_the_scan_of_one_without_a_name():
     assert [each.topics["scan"] for each in found.sensors] == ["flat/scan", "asked/scan"]
 
 
-@pytest.mark.parametrize("asked", ["geometry_msgs/Vector3", "sensor_msgs/Vector3", "pink"])
-def test_a_type_that_is_not_made_is_one_warning(asked):
-    found = read(rays(plugin(child(output_type=asked))))
+def test_a_type_that_is_not_made_is_one_warning():
+    found = read(rays(plugin(child(output_type="sensor_msgs/Vector3"))))
     assert found.sensors == () and found.problems == ()
     (warning,) = found.warnings
-    assert warning.startswith('r:2: <gazebo> sensor "s" plugin "p": ') and asked in warning
+    assert warning.startswith('r:2: <gazebo> sensor "s" plugin "p": ') and "Vector3" in warning
     assert "sensor_msgs/LaserScan, sensor_msgs/PointCloud2, sensor_msgs/PointCloud" in warning
-
-
-def test_beside_a_sensor_that_publishes_nothing_another_keeps_its_topics():
-    asks = plugin(child(output_type="geometry_msgs/Vector3"), "libgazebo_ros_laser.so")
-    found = read(rays(asks, name="asks"), rays(name="scans"))
-    assert topics(found) == {"scan": "scan", "points": "scan/points"}
 
 
 def test_each_plugin_of_a_sensor_publishes():
@@ -438,12 +382,6 @@ def test_depths_are_within_the_limits_of_the_plugin(inside, expected):
     model = sensor.model
     assert (model.near, model.far) == (0.1, 8.0)  # pictures show what is farther, too
     assert (model.depth_near, model.depth_far, model.blank) == pytest.approx(expected, nan_ok=True)
-
-
-@pytest.mark.parametrize("tag", ["hack_baseline", "hackBaseline"])
-def test_the_baseline_is_read(tag):
-    (sensor,) = read(camera(plugin=plugin(child(**{tag: 0.07}), CLASSIC))).sensors
-    assert sensor.model.baseline == 0.07
 
 
 @pytest.mark.parametrize(
@@ -522,7 +460,6 @@ def located(tag: str) -> str:
     ("written", "link", "kind"),
     [
         (f"<gazebo>{plugin(located('bodyName'), 'libgazebo_ros_imu.so')}</gazebo>", "a", "imu"),
-        (f"<gazebo>{plugin(located('body_name'), 'libgazebo_ros_imu.so')}</gazebo>", "a", "imu"),
         (
             f"<gazebo>{plugin(located('link'), 'librealsense_gazebo_plugin.so')}</gazebo>",
             "a",
@@ -565,27 +502,16 @@ def test_what_publishes_the_truth_is_told_where_it_is():
     assert 'on link "a" without a <sensor>' in warning and "~/ground_truth" in warning
 
 
-@pytest.mark.parametrize("tag", ["link", "body_name", "bodyName"])
-def test_any_other_plugin_on_a_link_is_one_warning_with_the_types_there_are(tag):
-    inside = plugin(located(tag), "libhector_gazebo_ros_gps.so")
+def test_any_other_plugin_on_a_link_is_one_warning_with_the_types_there_are():
+    inside = plugin(located("bodyName"), "libhector_gazebo_ros_gps.so")
     (warning,) = read(f"<gazebo>{inside}</gazebo>").warnings
     assert 'on link "a" without a <sensor>' in warning and "imu" in warning
     assert '<gazebo reference="a"><sensor name="NAME" type="TYPE"/></gazebo>' in warning
 
 
-@pytest.mark.parametrize(
-    "file",
-    [
-        "libgazebo_ros_diff_drive.so",
-        "libgazebo_ros2_control.so",
-        "libgazebo_ros_joint_state_publisher.so",
-        "gz-sim-imu-system",
-        "libignition-gazebo-sensors-system.so",
-        "libsimulation_helper.so",
-    ],
-)
-def test_plugins_that_are_no_sensors_are_not_mentioned(file):
-    assert read(f"<gazebo>{plugin(child(update_rate=30), file, 'q')}</gazebo>").notices == ()
+def test_plugins_that_are_no_sensors_are_not_mentioned():
+    for file in ("libgazebo_ros_diff_drive.so", "gz-sim-imu-system", "libsimulation_helper.so"):
+        assert read(f"<gazebo>{plugin(child(update_rate=30), file, 'q')}</gazebo>").notices == ()
 
 
 LIDAR = f'<sensor name="s" type="ray">{RAY.format(**VALUES)}</sensor>'
@@ -594,7 +520,6 @@ LIDAR = f'<sensor name="s" type="ray">{RAY.format(**VALUES)}</sensor>'
 @pytest.mark.parametrize(
     ("written", "link"),
     [
-        (f'<link name="b">{LIDAR}</link>', "b"),
         (f'<link name="b"><gazebo>{LIDAR}</gazebo></link>', "b"),
         (f'<link name="b"><gazebo reference="a">{LIDAR}</gazebo></link>', "a"),
         (LIDAR, "LINK"),
