@@ -12,18 +12,14 @@ from onebot_control.poses import PlanarPose, prefixed, yaw_of
 @pytest.mark.parametrize(
     ("enabled", "prefix", "namespace", "expected"),
     [
-        (False, "", "/", "odom"),
-        (False, "test_prefix", "/", "odom"),
         (False, "test_prefix", "/test_namespace", "odom"),
         (True, "test_prefix", "/", "test_prefix/odom"),
-        (True, "test_prefix", "/test_namespace", "test_prefix/odom"),
         (True, "", "/", "odom"),
         (True, "", "/test_namespace", "test_namespace/odom"),
         (True, "/test_prefix/", "/", "test_prefix/odom"),
         (True, "/", "/test_namespace", "odom"),
         (True, "", "/a/b", "a/b/odom"),
         (True, "/", "/", "odom"),
-        (True, "a", "/a", "a/odom"),
         (True, "//a//", "/", "/a//odom"),
     ],
 )
