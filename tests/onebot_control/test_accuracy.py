@@ -15,7 +15,6 @@ from tests.accuracy import (
     TRUTH_GOAL,
     DrivenPath,
     Result,
-    Segment,
     measure,
     missed,
     rest_drift,
@@ -56,10 +55,10 @@ def _check_commands(two_metres: Result, full_turn: Result, figure: Result) -> No
 
 @pytest.mark.parametrize("rate", [33.3, 1000])
 def test_odometry_is_as_accurate_at_every_control_rate(rate: float) -> None:
-    arc = DrivenPath("arc", (Segment(0.2, 0.5, 1.5), Segment(0.0, 0.0, 1.0)))
-    [result] = measure(load_description(DIFF_DRIVE), [arc], {"update_rate": rate})
-    assert result.odometry_error < ODOMETRY_GOAL
-    assert result.truth_error < TRUTH_GOAL
+    paths = DrivenPath("line", straight(0.4)), DrivenPath("spot", turn(0.5), turning=True)
+    for result in measure(load_description(DIFF_DRIVE), paths, {"update_rate": rate}):
+        assert result.odometry_error < ODOMETRY_GOAL
+        assert result.truth_error < TRUTH_GOAL
 
 
 def test_wrong_odometry_is_seen() -> None:

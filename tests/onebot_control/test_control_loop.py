@@ -184,6 +184,18 @@ def test_a_job_that_fails_ends_the_loop_and_who_waits_for_it_is_told() -> None:
     assert isinstance(run.failures[0], ZeroDivisionError)
 
 
+def test_stop_is_no_failure_and_may_come_twice() -> None:
+    """It ends a loop that waits for its next cycle at once, and not in 1000 s."""
+    run = Run(update_rate=0.001)
+    with run:
+        wait_for(lambda: run.published, "the first cycle")
+        began = time.monotonic()
+        run.loop.stop()
+        assert time.monotonic() - began < PATIENCE
+    assert len(run.published) == 1
+    assert run.failures == run.missed == []
+
+
 @pytest.mark.parametrize(("simulated", "slow"), [(True, 1e-5), (True, 1e-320), (False, 1.0)])
 def test_calls_do_not_wait_for_a_cycle_far_ahead(simulated: bool, slow: float) -> None:
     """And where the pace was raised, neither does the cycle; a call knows how far ahead it is."""

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from onebot_control.drive.diff_drive import DiffDriveController, DriveCommand, WheelStates
+from onebot_control.drive.speed_limiter import SpeedLimiter
 from onebot_control.drive.wheels.geometry import WheelGeometry
 from tests.onebot_control.control_support import RADIUS, SEPARATION, config
 
@@ -215,3 +216,24 @@ def test_the_pace_is_that_of_cycles_in_the_time_that_passes() -> None:
         paces.append(drive.pace)
     drive.wait(0.3)
     assert [*paces, drive.pace] == pytest.approx([1.0, 1.0, 0.4, 0.4, 1.0, 0.25])
+
+
+def test_both_axes_are_limited_each_on_its_own() -> None:
+    limits = {"max_jerk": 10.0, "max_acceleration": 0.9}
+    linear = {f"linear_x_{name}": value for name, value in limits.items()}
+    angular = {f"angular_z_{name}": 3.0 * value for name, value in limits.items()}
+    drive = controller(**linear, **angular)
+    chosen = config(**linear, **angular)
+    limiters = SpeedLimiter(chosen.linear), SpeedLimiter(chosen.angular)
+    last = before = (0.0, 0.0)
+    for step in range(60):
+        wanted = (1.0, -0.5) if step < 30 else (-1.0, 2.0)
+        drive.accept(*wanted)
+        before, last = (
+            last,
+            (
+                limiters[0].limit(wanted[0], last[0], before[0], 0.01),
+                limiters[1].limit(wanted[1], last[1], before[1], 0.01),
+            ),
+        )
+        assert drive.update(REST, 0.01)[2:4] == last

@@ -8,7 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from onebot_control.drive.odometry import DiffDriveKinematics, Odometry
+from onebot_control.drive.odometry import DiffDriveKinematics, Odometry, RollingMean
 from onebot_control.poses import PlanarPose
 
 KINEMATICS = DiffDriveKinematics(0.3, 0.06, 0.06)
@@ -92,6 +92,20 @@ def test_open_loop_moves_by_the_time_that_passed() -> None:
     assert (odometry.linear, odometry.angular) == (0.2, 0.4)
     assert odometry.heading == pytest.approx(0.2)
     assert odometry.x == pytest.approx(0.05 + 0.5 * math.sin(0.2))
+
+
+@pytest.mark.parametrize(("size", "expected"), [(1, 10.0), (2, 7.0), (3, 6.0), (9, 5.0)])
+def test_rolling_mean_resized(size: int, expected: float) -> None:
+    mean = RollingMean(3)
+    for value in (100.0, 2.0, 4.0, 4.0):
+        mean.add(value)
+    other = mean.resized(size)
+    assert other.add(10.0) == pytest.approx(expected)
+    for _ in range(size - 1):
+        last = other.add(1.0)
+    assert other.add(1.0) == pytest.approx(1.0)
+    assert size == 1 or last > 1.0
+    assert mean.add(4.0) == 4.0
 
 
 def test_both_twists_are_means_of_the_window() -> None:

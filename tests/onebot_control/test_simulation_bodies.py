@@ -1,5 +1,6 @@
 """Links joined by fixed joints become one rigid body, and the URDF for PyBullet says the same."""
 
+import math
 from dataclasses import replace
 from xml.etree import ElementTree
 
@@ -223,6 +224,15 @@ def _shapes(description, model, q):
             own = tuple([float(w) for w in at.get(name).split()] for name in ("xyz", "rpy"))
             rows.append((where @ _matrix(own))[:3].ravel().tolist())
     return sorted([round(value, 6) + 0.0 for value in row] for row in rows)
+
+
+@pytest.mark.parametrize("pitch", [math.pi / 2, -math.pi / 2])
+@pytest.mark.parametrize(("roll", "yaw"), [(0.0, 0.0), (0.5, 0.0), (0.0, 0.5), (-1.0, 2.0)])
+def test_upright_origins_keep_their_direction(pitch, roll, yaw):
+    pose = ((0.25, -0.5, 1.0), (roll, pitch, yaw))
+    shape = f"<collision>{_origin(pose)}<geometry><sphere radius='1'/></geometry></collision>"
+    element = _text(_robot(_SOLID + shape)).find("link/collision")
+    np.testing.assert_allclose(origin(element), _matrix(pose), atol=1e-8)
 
 
 @settings(deadline=None, max_examples=60)
