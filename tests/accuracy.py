@@ -182,14 +182,14 @@ def table(results: Iterable[Result], drift: float) -> str:
     return f"{_markdown(_HEAD, map(_row, results))}\n{rest}\n"
 
 
-def robots_table(files: Iterable[str]) -> str:
+def robots_table(files: Iterable[str], paths: Sequence[DrivenPath] = PATHS[:2]) -> str:
     """Drive 2 m and turn once with each robot, and return the results as Markdown.
 
     Robots of the same result share a row.
     """
     names: dict[tuple[str, ...], list[str]] = {}
     for file in files:
-        name, *cells = _robot(file)
+        name, *cells = _robot(file, paths)
         names.setdefault(tuple(cells), []).append(name)
     return _markdown(_ROBOTS_HEAD, [(", ".join(names[cells]), *cells) for cells in names])
 
@@ -224,10 +224,10 @@ def _row(result: Result) -> Sequence[str]:
     return [result.path.name, *cells]
 
 
-def _robot(file: str) -> tuple[str, ...]:
+def _robot(file: str, paths: Sequence[DrivenPath]) -> tuple[str, ...]:
     description = load_description(file)
     try:
-        ahead, turned = measure(description, PATHS[:2])
+        ahead, turned = measure(description, paths)
     except OneBotError as error:
         reason = str(error).splitlines()[0].split(". ")[0].split("cannot be driven: ")[-1]
         return description.robot_name, f"refused: {reason}", ""

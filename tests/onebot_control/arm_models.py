@@ -1,6 +1,6 @@
 """Small arms and grippers as URDF, and the mechanics that the simulation is compared with."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -8,19 +8,17 @@ from typing import NamedTuple
 
 import numpy as np
 import pybullet_data
-from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
+from onebot_control import Simulation
+from onebot_control.physics.engine import engine
 from onebot_description.description import Description, load_description, parse_description
-from onebot_description.description.description import Joint
-from onebot_description.geometry.poses import Origin
 
 GRAVITY = 9.81  # m/s^2
+RATE = 200.0  # Hz, of control cycles: one in each physics step
 MRM = "package://mrm_description/urdf/mrm.xacro"
 PANDA = "franka_panda/panda.urdf"
 HAND_DOWN = {"panda_joint2": -0.4, "panda_joint4": -2.2, "panda_joint6": 1.8}  # rad
 
-Floats = NDArray[np.float64]
 Values = Mapping[str, float]  # by joint
 
 
@@ -196,108 +194,46 @@ def panda(effort: float) -> Description:
     return parse_description(text, str(file))
 
 
+# Motion -----------------------------------------------------------------------------------------
+
+
+def simulate(
+    description: Description | Path,
+    starts: Mapping[str, float] | None = None,
+    world: Description | str = "",
+    rate: float = RATE,
+) -> Simulation:
+    """The robot, its joints at ``starts``."""
+    given = {f"initial_positions.{name}": value for name, value in (starts or {}).items()}
+    return Simulation(description, world=world, parameters={"update_rate": rate, **given})
+
+
+def quintic(share: float) -> float:
+    """How much of a motion is done after a share of its time, at rest at both ends."""
+    return 10.0 * share**3 - 15.0 * share**4 + 6.0 * share**5
+
+
 # Mechanics --------------------------------------------------------------------------------------
 
 
-class Motion(NamedTuple):
-    """A frame's pose and motion in the world."""
-
-    turn: Floats  # (3, 3)
-    place: Floats  # m
-    spin: Floats  # angular velocity, rad/s
-    spin_up: Floats  # its derivative, rad/s^2
-    acceleration: Floats  # of the origin, less gravity's, m/s^2
-
-    def carried(self, arm: Floats) -> Floats:
-        """The acceleration of a point that is ``arm`` away, and moves along."""
-        return (
-            self.acceleration
-            + np.cross(self.spin_up, arm)
-            + np.cross(self.spin, np.cross(self.spin, arm))
-        )
-
-
-def motions(
-    description: Description, at: Values, speeds: Values, accelerations: Values
-) -> dict[str, Motion]:
-    """The motion of each link's frame; parents come before children."""
-    zero = np.zeros(3)
-    found = {
-        description.root_link: Motion(np.eye(3), zero, zero, zero, np.array([0.0, 0.0, GRAVITY]))
-    }
-    for each in _downwards(description):
-        motion = _fixed(found[each.parent], each.origin)
-        values = (of.get(each.name, 0.0) for of in (at, speeds, accelerations))
-        found[each.child] = motion if each.kind == "fixed" else _moved(motion, each, *values)
-    return found
-
-
-def _downwards(description: Description) -> Iterable[Joint]:
-    """Yield the joints, each after the one that carries it."""
-    known, left = {description.root_link}, list(description.joints)
-    while left:
-        each = next(each for each in left if each.parent in known)
-        left.remove(each)
-        known.add(each.child)
-        yield each
-
-
-def _fixed(parent: Motion, origin: Origin) -> Motion:
-    """The motion of a frame that is fixed to another one."""
-    arm = parent.turn @ np.array(origin.xyz)
-    turn = parent.turn @ Rotation.from_euler("xyz", origin.rpy).as_matrix()
-    return parent._replace(turn=turn, place=parent.place + arm, acceleration=parent.carried(arm))
-
-
-def _moved(frame: Motion, moving: Joint, at: float, speed: float, acceleration: float) -> Motion:
-    """The motion of a frame that a joint moves."""
-    axis = frame.turn @ np.array(moving.axis)
-    if moving.kind == "prismatic":
-        coriolis = 2.0 * np.cross(frame.spin, axis * speed)
-        return frame._replace(
-            place=frame.place + axis * at,
-            acceleration=frame.carried(axis * at) + coriolis + axis * acceleration,
-        )
-    return frame._replace(
-        turn=frame.turn @ Rotation.from_rotvec(np.array(moving.axis) * at).as_matrix(),
-        spin=frame.spin + axis * speed,
-        spin_up=frame.spin_up + axis * acceleration + np.cross(frame.spin, axis * speed),
-    )
-
-
 def newton_euler(
-    description: Description, at: Values, speeds: Values, accelerations: Values
+    simulation: Simulation, at: Values, speeds: Values, accelerations: Values
 ) -> dict[str, float]:
     """The effort of each joint by the recursive Newton-Euler algorithm, Nm or N.
 
-    It has to overcome damping and friction, and moves what mimics it, whose effort is 0.
+    Bullet has it apart from its simulation. The effort has to overcome damping and friction, and
+    moves what mimics the joint, whose effort is 0.
     """
-    found = motions(description, at, speeds, accelerations)
-    # Forces, and their moments about the origin of the world, that links need from below.
-    forces = {name: np.zeros(3) for name in found}
-    moments = {name: np.zeros(3) for name in found}
-    for each in description.links:
-        if each.inertial is not None:
-            motion = _fixed(found[each.name], each.inertial.origin)
-            xx, xy, xz, yy, yz, zz = each.inertial.inertia
-            tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-            inertia = motion.turn @ tensor @ motion.turn.T
-            forces[each.name] = each.inertial.mass * motion.acceleration
-            moments[each.name] = (
-                inertia @ motion.spin_up
-                + np.cross(motion.spin, inertia @ motion.spin)
-                + np.cross(motion.place, forces[each.name])
-            )
-    efforts: dict[str, float] = {}
-    for each in reversed([*_downwards(description)]):
-        motion, force, moment = found[each.child], forces[each.child], moments[each.child]
-        along = force if each.kind == "prismatic" else moment - np.cross(motion.place, force)
+    parts = simulation._fleet.robots[0].plant.parts
+    names = sorted(parts.joints, key=parts.joints.__getitem__)
+    rows = [[of.get(name, 0.0) for name in names] for of in (at, speeds, accelerations)]
+    found = engine.calculateInverseDynamics(parts.body, *rows, physicsClientId=parts.client)
+    efforts = dict(zip(names, found, strict=True))
+    moving = simulation.robot.description.moving_joints
+    for each in moving:
         speed = speeds.get(each.name, 0.0)
-        efforts[each.name] = float(motion.turn @ np.array(each.axis) @ along)
         efforts[each.name] += each.damping * speed + each.friction * float(np.sign(speed))
-        forces[each.parent] = forces[each.parent] + force
-        moments[each.parent] = moments[each.parent] + moment
-    for each in description.joints:
+    for each in moving:
         if each.mimic is not None:
             efforts[each.mimic.joint] += each.mimic.multiplier * efforts.pop(each.name)
             efforts[each.name] = 0.0

@@ -1,12 +1,14 @@
 """Clients of joint_trajectory_controller, and small arms, for tests of what is on its topics."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
+from rcl_interfaces.srv import SetParameters
 from rclpy.action import ActionClient
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -16,6 +18,7 @@ from onebot_control.simulation import Simulation
 from onebot_description.ros.wire.cdr import nanoseconds
 from onebot_description.ros.wire.interfaces import load_interface
 from onebot_description.ros.wire.messages import time_message
+from tests.onebot_control.arm_models import arm, box, joint, link
 from tests.ros_support import Peer
 from tests.support import wait_for
 
@@ -38,6 +41,46 @@ UNKNOWN, SUCCEEDED, CANCELED, ABORTED = (
 )
 _LOST = 20.0  # s without an answer of a service
 DURATION = type(JointTrajectoryPoint().time_from_start)
+
+
+def _part(name: str, kind: str, parent: str, xyz: str, axis: str, limits: str = "") -> str:
+    """A joint, and a link of 0.2 kg that it moves."""
+    limits = limits or 'effort="20" velocity="0.5" lower="-2" upper="2"'
+    child = f"{name}_link"
+    moving = joint(name, parent, child, kind, axis, xyz, limits=limits)
+    return link(child, 0.2, shape=box("0.02 0.02 0.02")) + moving
+
+
+# A shoulder, which follows trajectories, a pan and a tilt, to which positions are forwarded, and a
+# finger.
+OPEN, FAST, EFFORT = 0.05, 0.1, 20.0  # m, m/s and N of the finger
+ROBOT = arm(
+    _part("shoulder", "revolute", "world", "0 0 1", "0 0 1"),
+    _part("pan", "revolute", "world", "0 1 1", "0 0 1"),
+    _part("tilt", "revolute", "pan_link", "0 0 0.1", "0 1 0"),
+    _part(
+        *("finger", "prismatic", "world", "1 0 1", "0 1 0"),
+        f'effort="{EFFORT}" velocity="{FAST}" lower="0" upper="{OPEN}"',
+    ),
+)
+CONTROL = """\
+controller_manager:
+  ros__parameters:
+    initial_positions.finger: 0.05
+    arm_controller: {type: joint_trajectory_controller/JointTrajectoryController}
+    gripper_controller: {type: parallel_gripper_action_controller/GripperActionController}
+    head_controller: {type: forward_command_controller/ForwardCommandController}
+arm_controller:
+  ros__parameters:
+    joints: [shoulder]
+gripper_controller:
+  ros__parameters:
+    joint: finger
+head_controller:
+  ros__parameters:
+    joints: [tilt, pan]
+    interface_name: position
+"""
 
 
 class Ending(NamedTuple):
@@ -86,22 +129,21 @@ def seconds(stamped: Any) -> float:
 class ArmClient(Node):
     """Sends goals and trajectories to a controller of joints, and keeps what it publishes."""
 
-    def __init__(
-        self, controller: str = CONTROLLER, manager: str = MANAGER, *, states: bool = False
-    ) -> None:
-        """``states``: keep ~/controller_state, too, which takes as long as all else."""
+    def __init__(self, controller: str = CONTROLLER, manager: str = MANAGER) -> None:
         super().__init__("client")
         self.controller, self.manager = controller, manager
         self.states: list[Any] = []
         self.feedback: list[Any] = []
-        if states:
-            topic = f"{controller}/controller_state"
-            self.create_subscription(ControllerState, topic, self.states.append, 10)
         self.topic = self.create_publisher(JointTrajectory, f"{controller}/joint_trajectory", 10)
         self.lock = self.create_publisher(Bool, f"{manager}/cmd_vel_lock", 10)
         self.action = ActionClient(
             self, FollowJointTrajectory, f"{controller}/follow_joint_trajectory"
         )
+
+    def watch(self) -> Any:
+        """Keep ~/controller_state, too, which takes as long as all else; the subscription."""
+        topic = f"{self.controller}/controller_state"
+        return self.create_subscription(ControllerState, topic, self.states.append, 10)
 
     def ask(self, goal: Any) -> Any:
         """Send a goal; the future of its handle."""
@@ -109,7 +151,7 @@ class ArmClient(Node):
 
 
 class SteppedArm:
-    """A controller of joints in step with its client: simulated time passes while it waits."""
+    """Controllers of joints in step with their client: simulated time passes while it waits."""
 
     def __init__(self, ros: Lockstep[Simulation], client: ArmClient | None = None) -> None:
         self.ros, self.simulation = ros, ros.simulation
@@ -117,36 +159,43 @@ class SteppedArm:
         ros.add(self.client)
         assert self.client.action.wait_for_server(10.0)
 
-    def _awaited(self, future: Any, timeout: float = 1.0) -> Any:
+    def awaited(self, future: Any, timeout: float = 5.0) -> Any:
+        """The result of a future."""
         self.simulation.run(until=future.done, timeout=timeout)
         return future.result()
 
     def send(self, goal: Any) -> Any:
         """The handle of a goal that is accepted."""
-        handle = self._awaited(self.client.ask(goal))
+        handle = self.awaited(self.client.ask(goal))
         assert handle.accepted
         return handle
 
     def refuse(self, goal: Any) -> None:
         """Send a goal that is rejected."""
-        assert not self._awaited(self.client.ask(goal)).accepted
+        assert not self.awaited(self.client.ask(goal)).accepted
 
     def ending(self, handle: Any, timeout: float = 10.0) -> Ending:
         """How a goal ends."""
-        answer = self._awaited(handle.get_result_async(), timeout)
+        answer = self.awaited(handle.get_result_async(), timeout)
         return Ending(answer.status, answer.result.error_code, answer.result.error_string)
 
     def cancel(self, handle: Any) -> int:
         """Cancel a goal; the number of goals that the server cancels."""
-        return len(self._awaited(handle.cancel_goal_async()).goals_canceling)
+        return len(self.awaited(handle.cancel_goal_async()).goals_canceling)
 
     def call(self, kind: Any, name: str, **request: Any) -> Any:
         """The answer of a service."""
         client = self.client.create_client(kind, name)
         assert client.wait_for_service(10.0)
-        answer = self._awaited(client.call_async(kind.Request(**request)))
+        answer = self.awaited(client.call_async(kind.Request(**request)))
         self.client.destroy_client(client)
         return answer
+
+    def set_parameter(self, controller: str, name: str, value: Any) -> Any:
+        """The result of setting a parameter of a controller."""
+        parameters = [Parameter(name, value=value).to_parameter_msg()]
+        service = f"{controller}/set_parameters"
+        return self.call(SetParameters, service, parameters=parameters).results[0]
 
     def query(self, stamp: int) -> Any:
         """The answer of ~/query_state about a time, ns."""
@@ -154,8 +203,10 @@ class SteppedArm:
         return self.call(kind, name, time=time_message(stamp))
 
     def reset(self) -> None:
-        """Call ~/reset."""
+        """Call ~/reset, and forget what the client has kept."""
         assert self.call(Trigger, f"{self.client.manager}/reset").success
+        self.client.feedback.clear()
+        self.client.states.clear()
 
     @property
     def position(self) -> float:
@@ -173,24 +224,14 @@ class WireArm:
         wait_for(self._action.server_is_ready, f"the action {name}")
 
     def ask(self, goal: Any) -> Any:
-        """The handle of a goal, accepted or not.
+        """The handle of a goal, accepted or not."""
 
-        A request is sent again where its answer is lost, as ``Peer.call`` does.
-        """
-        start, futures = time.monotonic(), list[Any]()
+        def send() -> Any:
+            return self._action.send_goal_async(
+                goal, lambda each: self.feedback.append(each.feedback)
+            )
 
-        def answered() -> Any:
-            if time.monotonic() >= start + _LOST * len(futures):
-                if futures:
-                    self.before_again()
-                futures.append(
-                    self._action.send_goal_async(
-                        goal, lambda each: self.feedback.append(each.feedback)
-                    )
-                )
-            return next((future for future in futures if future.done()), None)
-
-        return wait_for(answered, "the answer to a goal").result()
+        return answered(send, "the answer to a goal", self.before_again)
 
     def before_again(self) -> None:
         """Do what is needed before a goal is sent again that may have been followed already."""
@@ -200,6 +241,27 @@ class WireArm:
         handle = self.ask(goal)
         assert handle.accepted
         return handle.get_result_async()
+
+
+def answered(
+    ask: Callable[[], Any], what: str, before_again: Callable[[], object] = lambda: None
+) -> Any:
+    """The answer to a request, which is sent again where it is lost, as ``Peer.call`` does."""
+    start, futures = time.monotonic(), list[Any]()
+
+    def answer() -> Any:
+        if time.monotonic() >= start + _LOST * len(futures):
+            if futures:
+                before_again()
+            futures.append(ask())
+        return next((future.result() for future in futures if future.done()), None)
+
+    return wait_for(answer, what)
+
+
+def flags(ended: Any) -> tuple[int, bool, bool]:
+    """How a goal of a gripper ended: status, reached, stalled."""
+    return ended.status, ended.result.reached_goal, ended.result.stalled
 
 
 def ending(result: Any) -> Ending:

@@ -1,14 +1,22 @@
 """The node velocity_controller in a process, for tests of what is on its topics."""
 
+from pathlib import Path
 from typing import Any
 
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 
-from tests.ros_support import Peer
+from tests.ros_support import NodeProcess, Peer
 
 MODULE = "onebot_control.velocity_controller"
 NODE = "/velocity_controller"
+
+
+def driving(folder: Path, urdf: str, *arguments: str) -> NodeProcess:
+    """The node with a robot of this text, which is written to a file."""
+    file = folder / "bot.urdf"
+    file.write_text(urdf)
+    return NodeProcess(MODULE, str(file), *arguments)
 
 
 class Driver:

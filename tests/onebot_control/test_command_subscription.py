@@ -57,12 +57,6 @@ def driver(ros_domain: int) -> Iterator[Driver]:
         yield driver
 
 
-@pytest.fixture
-def sender(ros_domain: int) -> Iterator[Peer]:
-    with Peer(ros_domain, "sender") as peer:
-        yield peer
-
-
 def send(publisher: Any, message: Any, driver: Driver) -> Command:
     """Publish until something comes; the last of what came."""
     count = len(driver.commands)
@@ -82,10 +76,10 @@ def stamped() -> TwistStamped:
     return message
 
 
-def test_a_fixed_type_follows_nobody(driver: Driver, sender: Peer) -> None:
+def test_a_fixed_type_follows_nobody(driver: Driver, peer: Peer) -> None:
     """The other type is warned of, and only a choice changes the subscription, at once."""
     driver.start("Twist")
-    publisher = sender.node.create_publisher(TwistStamped, TOPIC, 10)
+    publisher = peer.node.create_publisher(TwistStamped, TOPIC, 10)
     wait_for(lambda: driver.warnings, "the warning of the other type")
     key, text = driver.warnings[0]
     assert (key, driver.topic.kind) == ("type", "Twist")
@@ -100,17 +94,17 @@ def test_a_fixed_type_follows_nobody(driver: Driver, sender: Peer) -> None:
 
 
 def test_commands_on_cmd_vel_are_reported_if_nobody_receives_them(
-    driver: Driver, sender: Peer
+    driver: Driver, peer: Peer
 ) -> None:
     """Once, with the topic that is meant; a node that relays them is enough."""
-    relay = sender.node.create_subscription(Twist, "/cmd_vel", lambda _: None, 10)
-    sender.node.create_publisher(Twist, "/cmd_vel", 10)
+    relay = peer.node.create_subscription(Twist, "/cmd_vel", lambda _: None, 10)
+    peer.node.create_publisher(Twist, "/cmd_vel", 10)
     driver.start("auto")
     wait_for(lambda: driver.peer.node.count_subscribers("/cmd_vel"), "the relay")
     start = time.monotonic()
     wait_for(lambda: time.monotonic() > start + 2.5, "a time in which it would be reported")
     assert driver.warnings == []
-    sender.destroy(sender.node.destroy_subscription, relay)
+    peer.destroy(peer.node.destroy_subscription, relay)
     wait_for(lambda: driver.warnings, "the warning")
     driver.look_again()
     ((_, text),) = driver.warnings

@@ -46,15 +46,8 @@ def test_defaults_are_those_of_diff_drive_controller() -> None:
 
 def test_what_is_read_when_the_node_starts() -> None:
     names = [name for name in DEFAULTS if descriptor(ControlConfig, name).read_only]
-    place = ["robot_description", "x", "y", "yaw"]
-    assert names == [
-        *place,
-        "update_rate",
-        "paused",
-        "world",
-        "left_wheel_names",
-        "right_wheel_names",
-    ]
+    wheels = ["left_wheel_names", "right_wheel_names"]
+    assert names == [*"robot_description x y yaw update_rate paused world".split(), *wheels]
 
 
 def test_wheels_are_named_on_both_sides_or_on_none() -> None:

@@ -1,6 +1,5 @@
 """Simulation and controller together, one cycle at a time."""
 
-import re
 from typing import Any, cast
 
 import numpy as np
@@ -8,12 +7,6 @@ import pytest
 
 from onebot_control.controlled_robot import ControlledRobot, Snapshot
 from onebot_control.physics import JointStates, RobotBody
-from onebot_control.sensing.surroundings import (
-    Placed,
-    RobotState,
-    SensedRobot,
-    Surroundings,
-)
 from onebot_description.description import parse_description
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import PlanarPose
@@ -42,19 +35,6 @@ def run(drive: ControlledRobot, linear: float, angular: float, cycles: int) -> S
     return drive.begin()
 
 
-def test_odometry_is_the_truth_of_wheels_that_never_slip() -> None:
-    """On an ideal plant the two agree to rounding, on a curve with limits."""
-    drive = ideal_drive(**LIMITS)
-    snapshot = run(drive, 0.4, 0.7, 1000)
-    assert snapshot.odometry[:2] == pytest.approx(drive.true_pose[:2], abs=1e-9)
-
-
-def test_before_the_first_cycle_it_is_at_rest() -> None:
-    snapshot = ideal_drive().snapshot()
-    assert (snapshot.tick, snapshot.command) == (0, (0.0, 0.0, 0.0, 0.0))
-    assert (snapshot.odometry, snapshot.twist) == (PlanarPose(), (0.0, 0.0))
-
-
 SET = {"wheel_separation": 0.3, "wheel_radius": 0.06}  # so that the description is not asked
 
 
@@ -80,19 +60,7 @@ def test_what_does_not_suit_the_robot_is_refused(values: dict[str, Any], said: s
         alone(robot(), config(**wrong))
 
 
-def test_a_robot_without_mass_is_refused_for_that() -> None:
-    """By each of its bodies, and not for the motors that it has no weight for."""
-    parts = (wheel("left", 0.15), wheel("right", -0.15), CASTER)
-    bare = re.sub(r"<inertial>.*?</inertial>|<limit[^>]*>", "", urdf(*parts), flags=re.DOTALL)
-    with pytest.raises(OneBotError) as refused:
-        alone(parse_description(bare), config())
-    for link, line in zip(
-        ("base_link", "left_wheel", "right_wheel"), str(refused.value).splitlines(), strict=True
-    ):
-        assert f'link "{link}"' in line and "an <inertial> with mass and inertia" in line
-
-
-def test_parameters_that_do_not_suit_the_robot_change_nothing() -> None:
+def test_parameters_that_do_not_suit_a_driven_robot_change_nothing() -> None:
     wrong = {"linear_x_max_velocity": 0.1, "joint_state_broadcaster.joints": ["arm"]}
     drive = ideal_drive()
     before = drive.config, drive.geometry, drive.broadcaster
@@ -357,15 +325,7 @@ def test_mimic_joints_stand_where_their_masters_have_them() -> None:
                 assert positions[name] == pytest.approx(position, abs=1e-9), name
                 assert velocities[name] == pytest.approx(velocity, abs=1e-9), name
         assert turned > 1.0 and len(names) == len(set(names)) == 9
-        # The physics and the sensors have them there, too.
+        # The physics has them there, too.
         held = {joint.name: joint for joint in drive.plant.spawn.description.joints}
         assert held["tip_joint"].origin.rpy[2] == pytest.approx(0.6)
         assert held["gear_joint"].origin.rpy[2] == pytest.approx(0.5)
-        around = Surroundings(None, [SensedRobot(description, drive.joints, drive.held)])
-        placed = Placed(around, (), [RobotState(*snapshot.pose, snapshot.joints.positions)])
-        for link, (position, _) in expected.items():
-            pose = placed.link(0, link.removesuffix("_joint"))
-            assert pose is not None
-            if link != "slide_joint":
-                yaw = np.arctan2(pose.rotation[1, 0], pose.rotation[0, 0])
-                assert np.exp(1j * yaw) == pytest.approx(np.exp(1j * position), abs=1e-4), link

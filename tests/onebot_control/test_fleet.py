@@ -14,6 +14,7 @@ from onebot_description.geometry.poses import PlanarPose
 from tests.onebot_control.control_support import CASTER, config, robot, wheel
 
 STARTS = [PlanarPose(), PlanarPose(2.0, 1.0, 1.5)]
+PLACES = {"left_wheel_names": "f.yaml:3"}
 LIMITS = {"linear_x_max_acceleration": 1.0, "angular_z_max_acceleration": 1.0}
 
 
@@ -55,32 +56,10 @@ def test_a_cycle_is_one_of_each_robot() -> None:
         assert turned[1] == pytest.approx([4.5, 5.5], abs=0.2)
 
 
-def test_robots_of_several_kinds() -> None:
-    members = [
-        Member(robot(), config()),
-        Member(larger(), config(x=2.0, publish_rate=10.0)),
-    ]
-    with Fleet.from_members(members) as fleet:
-        assert [drive.geometry for drive in fleet.robots] == [
-            pytest.approx((0.3, 0.06)),
-            pytest.approx((0.4, 0.07)),
-        ]
-        for row in (0, 1):
-            run(fleet, row, 0.2, 0.3, 40)
-            assert fleet.robots[row].snapshot().twist == pytest.approx((0.2, 0.3), abs=2e-3)
-
-
-@pytest.mark.parametrize(
-    ("values", "said"),
-    [
-        ({"left_wheel_names": ["arm"]}, '/r1: f.yaml:3: left_wheel_names: .*no joint "arm"'),
-        ({"joint_state_broadcaster.joints": ["arm"]}, '/r1: .*no joint "arm"'),
-    ],
-)
-def test_what_does_not_suit_a_robot_is_refused(values: dict[str, Any], said: str) -> None:
-    places = {"left_wheel_names": "f.yaml:3"}
-    members = [Member(robot(), config(x=1.0)), Member(robot(), config(**values), "/r1", places)]
-    with pytest.raises(OneBotError, match=said):
+def test_what_does_not_suit_a_robot_is_refused() -> None:
+    wrong = config(left_wheel_names=["arm"])
+    members = [Member(robot(), config(x=1.0)), Member(robot(), wrong, "/r1", PLACES)]
+    with pytest.raises(OneBotError, match='/r1: f.yaml:3: left_wheel_names: .*no joint "arm"'):
         Fleet.from_members(members)
 
 

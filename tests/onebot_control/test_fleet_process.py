@@ -5,7 +5,6 @@ from typing import Any
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from rcl_interfaces.srv import GetParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -13,10 +12,9 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
-from onebot_description.ros.wire.cdr import nanoseconds
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_control.control_support import urdf
-from tests.onebot_control.node_support import MODULE, Driver, twist
+from tests.onebot_control.node_support import MODULE, Driver, driving, twist
 from tests.ros_support import NodeProcess, Peer, ros_args
 from tests.support import lines_of_ours, wait_for
 
@@ -35,15 +33,14 @@ def robots(**values: dict[str, Any]) -> list[str]:
 
 
 @pytest.mark.slow
-def test_robots_of_one_world(ros_domain: int, tmp_path: Path) -> None:
-    """Each has topics, frames and services of its own; collisions, clock and pace are shared."""
-    model = tmp_path / "bot.urdf"
-    model.write_text(urdf())
+def test_robots_of_one_world(peer: Peer, tmp_path: Path) -> None:
+    """Each has topics, frames and services of its own; collisions, clock and pace are shared.
+
+    A pace that is not reached is reported.
+    """
     common = ros_args(use_sim_time=True, cmd_vel_timeout=2.0, world_frame_id="world")
-    with (
-        Peer(ros_domain) as peer,
-        NodeProcess(MODULE, str(model), *robots(c={"publish_rate": 100.0}), *common) as node,
-    ):
+    arguments = *robots(c={"publish_rate": 100.0}), *common
+    with driving(tmp_path, urdf(), *arguments) as node:
         topics = {
             name: {
                 topic: peer.hear(kind, f"/{name}/{topic}", 1000)
@@ -94,6 +91,16 @@ def test_robots_of_one_world(ros_domain: int, tmp_path: Path) -> None:
         assert answer.values[0].double_value == 2.0
         assert "driving 3 robots in one world" in node.output
 
+        # No computer is as fast as that.
+        assert peer.set_parameters("/a/velocity_controller", real_time_factor=1e6)[0].successful
+        wait_for(lambda: "slow motion: real-time factor" in node.output, "the log")
+        diagnostics = peer.hear(DiagnosticArray, "/diagnostics")
+        [status] = wait_for(lambda: diagnostics, "diagnostics")[0].status
+        assert status.level == DiagnosticStatus.WARN
+        assert status.name == "a/velocity_controller: real-time factor"
+        values = {each.key: float(each.value) for each in status.values}
+        assert 0.0 < values["real_time_factor"] < 9e5 and values["missed control cycles"] > 100.0
+
 
 @pytest.mark.slow
 def test_what_is_the_worlds_must_be_the_same(ros_domain: int, tmp_path: Path) -> None:
@@ -106,39 +113,3 @@ def test_what_is_the_worlds_must_be_the_same(ros_domain: int, tmp_path: Path) ->
             "error: /c/velocity_controller: update_rate: 50.0, but 100.0 of "
             "/a/velocity_controller; it is the same for all robots of a world"
         ]
-
-
-@pytest.mark.slow
-def test_slow_motion_is_reported(ros_domain: int, tmp_path: Path) -> None:
-    """Twenty robots at 1000 Hz are too many for any computer; /odom does not contradict itself."""
-    model = tmp_path / "bot.urdf"
-    model.write_text(urdf())
-    words = [
-        word
-        for row in range(20)
-        for word in ("--robot", "-r", f"__ns:=/r{row}", "-p", f"y:={float(row)}")
-    ]
-    common = ros_args(update_rate=1000.0, cmd_vel_timeout=0.0, velocity_rolling_window_size=20)
-    with Peer(ros_domain) as peer, NodeProcess(MODULE, str(model), *words, *common) as node:
-        odometry = peer.hear(Odometry, "/r0/velocity_controller/odom", 1000)
-        diagnostics = peer.hear(DiagnosticArray, "/diagnostics")
-        peer.publisher(Twist, "/r0/velocity_controller/cmd_vel").publish(twist(0.3))
-        wait_for(lambda: odometry[-1].twist.twist.linear.x > 0.0, "the robot to drive")
-        first = len(odometry) + 20
-        wait_for(lambda: len(odometry) > first + 40, "odometry of 0.8 simulated seconds")
-        found = odometry[first:]
-        wait_for(lambda: diagnostics, "diagnostics")
-        wait_for(lambda: "slow motion: real-time factor 0." in node.output, "the log")
-    stamps = [nanoseconds(message.header.stamp) * 1e-9 for message in found]
-    driven = sum(
-        message.twist.twist.linear.x * (now - before)
-        for message, before, now in zip(found[1:], stamps, stamps[1:], strict=False)
-    )
-    way = found[-1].pose.pose.position.x - found[0].pose.pose.position.x
-    assert driven == pytest.approx(way, rel=0.01)
-    assert way < 0.9 * 0.3 * (stamps[-1] - stamps[0])
-    (status,) = diagnostics[-1].status
-    assert status.level == DiagnosticStatus.WARN
-    assert status.name == "r0/velocity_controller: real-time factor"
-    values = {each.key: float(each.value) for each in status.values}
-    assert 0.0 < values["real_time_factor"] < 0.9 and values["missed control cycles"] > 100.0

@@ -61,7 +61,6 @@ def test_positions_are_held_until_others_come() -> None:
         ),
         ([0.0, 1e61], ["data: wrist: 1e+61 is beyond 1e+60"]),
         ([0.5], ["data: 1 given, for 2 joints"]),
-        ([], ["data: 0 given, for 2 joints"]),
         ([0.5, 0.5, math.nan], ["data: 3 given, for 2 joints"]),
     ],
 )
@@ -102,7 +101,6 @@ def test_a_reset_holds_the_joints_where_they_were_put() -> None:
 @pytest.mark.parametrize(
     ("values", "text"),
     [
-        ({}, "joints: is missing, the joints it moves, in the order of the values"),
         ({"joints": []}, "joints: is empty; write a list of strings, such as [first, second]"),
         ({"joints": ["a", "a"]}, 'joints: "a" is there twice'),
         (

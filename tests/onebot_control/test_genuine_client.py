@@ -13,8 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.onebot_control.arm_support import MODULE
-from tests.onebot_control.test_other_controllers import CONTROL, ROBOT
+from tests.onebot_control.arm_support import CONTROL, MODULE, ROBOT
 from tests.onebot_description.test_interfaces import (
     OWN,
     classes_of,
@@ -62,7 +61,7 @@ def test_a_genuine_client_moves_the_robot(ros_domain: int, tmp_path: Path) -> No
     compare_descriptions(genuine / "src/rosidl_generator_c")
 
     robot, control = tmp_path / "arm.urdf", tmp_path / "control.yaml"
-    robot.write_text(ROBOT)
+    robot.write_text(ROBOT.urdf)
     control.write_text(CONTROL)
     given = ["--params-file", str(control), "-p", "use_sim_time:=true"]
     with NodeProcess(MODULE, str(robot), "--ros-args", *given) as node:

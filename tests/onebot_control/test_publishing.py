@@ -76,12 +76,6 @@ TOPICS = {
 }
 
 
-@pytest.fixture
-def peer(ros_domain: int) -> Iterator[Peer]:
-    with Peer(ros_domain) as peer:
-        yield peer
-
-
 class Subscriptions:
     """Publishers, and subscriptions of another node to all they publish."""
 
@@ -236,11 +230,6 @@ PLAIN = {"tf_frame_prefix_enable": False}
     ("values", "others", "scene"),
     [
         ({}, {}, ""),
-        (
-            {"world_frame_id": "", "base_frame_id": "left_wheel"},
-            {"/b": {"world_frame_id": "m"}},
-            "",
-        ),
         ({"world_frame_id": "map"}, {"/b": {"world_frame_id": "map"}, "/c": {}}, ""),
         ({"world_frame_id": ""}, {"/b": {"world_frame_id": "world"}}, WALLED),
         ({"world_frame_id": "floor"}, {}, WALLED),
@@ -264,18 +253,6 @@ def test_frames_of_which_each_has_a_name(
             {"/b": {"odom_frame_id": "b", **PLAIN}},
             "",
             'base_frame_id: "b" is odom_frame_id of /b; each frame needs a name of its own',
-        ),
-        (
-            {"odom_frame_id": "map", **PLAIN},
-            {"/b": {"world_frame_id": "map"}},
-            "",
-            'odom_frame_id: "map" is world_frame_id of /b;',
-        ),
-        (
-            {"odom_frame_id": "wall", **PLAIN},
-            {},
-            WALLED,
-            'odom_frame_id: "wall" is a link of the world, w.urdf:1;',
         ),
         ({"world_frame_id": "wall"}, {}, WALLED, 'world_frame_id: "wall" is a link of the world'),
         (

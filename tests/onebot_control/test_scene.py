@@ -65,31 +65,6 @@ def go(simulation, speed, seconds):
         simulation.step([speed, speed], 0.01)
 
 
-def test_a_wall_stops_the_robot_while_its_wheels_slip():
-    with among(scene(WALL)) as simulation:
-        go(simulation, 4.0, 6.0)
-        x, y, _ = planar(simulation)
-        assert x == pytest.approx(0.6 - _FRONT, abs=0.01)
-        assert abs(y) < 0.01
-        turned = simulation.joint_states().positions[:2]
-        assert min(turned) * 0.06 > 1.2
-
-
-def test_a_box_is_pushed_and_comes_to_rest():
-    with among(scene(BOX, part("wall", "0.1 4 0.4", "1.2 0 0.2", mass=5.0))) as simulation:
-        go(simulation, 4.0, 2.0)
-        [((before, _, _), _)] = simulation.scene.poses
-        assert before == pytest.approx(planar(simulation)[0] + _FRONT + 0.1, abs=0.02)
-        go(simulation, 4.0, 5.0)
-        [((x, y, z), _)] = simulation.scene.poses
-        assert (x, y, z) == pytest.approx((1.05, 0.0, 0.1), abs=0.02)
-        go(simulation, 0.0, 0.5)
-        [resting] = simulation.scene.poses
-        go(simulation, 0.0, 1.0)
-        [(at, _)] = simulation.scene.poses
-        assert at == pytest.approx(resting[0], abs=1e-5)
-
-
 @pytest.mark.parametrize(("friction", "slides"), [(0.1, True), (0.9, False)])
 def test_friction_is_that_of_the_file(friction, slides):
     """A box slides down a slope whose tangent is above the product of both frictions."""
@@ -105,17 +80,6 @@ def test_friction_is_that_of_the_file(friction, slides):
         [((x, _, _), _)] = simulation.scene.poses
         assert (x - before > 0.2) == slides
         assert slides or x == pytest.approx(before, abs=0.01)
-
-
-def test_it_climbs_a_ramp_with_the_pitch_of_the_ramp():
-    with among(ramp()) as simulation:
-        go(simulation, 4.0, 5.0)
-        x, y, z = simulation.base_pose().translation
-        assert x > 0.9 and abs(y) < 0.01
-        assert pitch(simulation) == pytest.approx(_SLOPE, abs=1e-3)
-        # The axle is a wheel's radius from the surface.
-        over = (z - (x - 0.3) * math.tan(_SLOPE)) * math.cos(_SLOPE)
-        assert over == pytest.approx(0.06, abs=1e-3)
 
 
 @pytest.mark.parametrize("yaw", [0.0, math.pi, 1.5])
@@ -258,10 +222,6 @@ def test_meshes_that_stand_still_are_not_filled(tmp_path):
         (
             [part("box", kind="floating", mass=1.0).replace("collision", "visual")],
             ['link "box" .* no <collision>'],
-        ),
-        (
-            [part("door", kind="planar"), part("ice", friction=-1.0)],
-            ['"to_door" is planar', "<lateral_friction>: -1 must be 0 or more"],
         ),
         (
             [BOX.replace("0.5 0 0.1", "0.5 0 0")],

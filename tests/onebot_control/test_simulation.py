@@ -9,11 +9,7 @@ from typing import Any
 import pytest
 
 import onebot_control
-from onebot_control import OneBotError, RobotSetup, SimulatedRobot, Simulation, simulation
-from onebot_control.control_files import default_control_file, read_control_files
-from onebot_control.fleet import Fleet, Member
-from onebot_control.parameters import ControlConfig
-from onebot_description import load_description
+from onebot_control import OneBotError, RobotSetup, SimulatedRobot, Simulation
 from onebot_description.description import parse_description
 from tests.onebot_control.control_support import urdf
 
@@ -61,25 +57,6 @@ def test_after_a_reset_all_equals_a_new_simulation():
     # The noise is another one, in each measurement that has any; what moves is the same.
     assert [each[:4] for each in began] == [each[:4] for each in anew]
     assert all(one[4] != other[4] for one, other in zip(began, anew, strict=True))
-
-
-def test_it_is_what_the_node_simulates():
-    """A cycle of it is one of the fleet that velocity_controller drives, command by command."""
-    description = load_description(simulation.ONEBOT)
-    values = read_control_files([default_control_file()], "/", "velocity_controller").values
-    config = ControlConfig.from_parameters(values)
-    with Fleet.from_members([Member(description, config)]) as fleet, Simulation() as ours:
-        for cycle in range(300):
-            command = (0.5, 0.3 * math.sin(0.02 * cycle))
-            ours.robot.drive(*command)
-            fleet.robots[0].accept(*command)
-            [snapshot] = fleet.cycle()
-            odometry = ours.robot.odometry
-            assert (odometry.x, odometry.y) == snapshot.odometry[:2]
-            assert (odometry.linear, odometry.angular) == snapshot.twist
-            pose = ours.robot.pose
-            assert (pose.x, pose.y, pose.z) == snapshot.pose.translation
-            ours.run(ours.period)
 
 
 def test_what_is_observed_does_not_depend_on_when_it_is():
@@ -225,11 +202,9 @@ def test_any_robot(tmp_path: Path):
         ({"world": "maize"}, 'no world "maize" (did you mean "maze"?'),
         ({"model": "nowhere.urdf"}, "nowhere.urdf: no such file"),
         ({"arguments": {"mesh": "false"}}, "mesh_enabled"),
-        ({"parameters": {"linear.x.max_speed": 1.0}}, "linear.x.max_speed"),
         ({"parameters": {"world": "maze"}}, "world: is an argument of Simulation"),
         ({"parameters": {"sensor_noise": False}}, "argument noise of Simulation"),
         ({"parameters": {"real_time_factor": 2.0}}, "has no effect here"),
-        ({"parameters": {"cmd_vel_timeout": -1.0}}, "cmd_vel_timeout"),
         ({"model": ROBOTS / "diff_drive.urdf", "sensors": True}, "the robot has no sensor"),
         ({"sensors": "nowhere.urdf"}, "nowhere.urdf"),
         ({"x": math.nan}, "finite"),

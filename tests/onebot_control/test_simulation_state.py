@@ -61,20 +61,6 @@ def test_two_processes_give_the_same_bits():
     assert len(outputs.pop()) == 65
 
 
-def test_reset_returns_to_the_start_bit_for_bit():
-    """After it the same drive gives the same bits, whatever happened before."""
-    with simulate(x=1.0, y=2.0, yaw=0.3) as simulation:
-        start = bits(simulation)
-        drive(simulation, 0.3, 0.5, 1.0)
-        first = bits(simulation)
-        drive(simulation, -0.4, 1.0, 2.0)
-        simulation.teleport(5.0, 5.0, 1.0)
-        simulation.reset()
-        assert bits(simulation) == start
-        drive(simulation, 0.3, 0.5, 1.0)
-        assert bits(simulation) == first
-
-
 def test_simulations_do_not_touch_each_other():
     """Two in turns, and a third that is closed meanwhile, go as each would alone."""
     with simulate(yaw=0.5) as alone:
@@ -90,19 +76,6 @@ def test_simulations_do_not_touch_each_other():
                 third.close()
         assert bits(one) == expected
         assert bits(other) != expected
-
-
-def test_one_long_step_is_many_short_ones():
-    with simulate() as one, simulate() as other:
-        one.step([2.0, 3.0], 0.5)
-        for _ in range(100):
-            other.step([2.0, 3.0], 1 / 200)
-        for first, second in zip(
-            (*one.base_pose(), *one.base_twist(), *one.joint_states()[:2]),
-            (*other.base_pose(), *other.base_twist(), *other.joint_states()[:2]),
-            strict=True,
-        ):
-            assert first == second
 
 
 def test_teleport_is_exact_and_hides_from_the_wheels():

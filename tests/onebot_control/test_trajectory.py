@@ -15,7 +15,6 @@ from onebot_control.trajectories.trajectory import (
     Trajectory,
     Waypoint,
     braking,
-    standstill,
 )
 
 QUARTERS = [0.25 * quarter for quarter in range(9)]  # s
@@ -112,15 +111,6 @@ def test_the_ends() -> None:
     assert bare.sample(2.0) == JointMotion((3.0,), (0.0,), (0.0,))
 
 
-def test_a_trajectory_in_the_future_leads_in_longer() -> None:
-    """A start at a negative time moves to the first point from then on."""
-    trajectory = Trajectory(Waypoint(-2.0, (0.0,)), [Waypoint(0.0, (1.0,)), Waypoint(1.0, (3.0,))])
-    assert [trajectory.sample(time).positions[0] for time in (-2.0, -1.0, 0.0, 0.5)] == [
-        *(0.0, 0.5),
-        *(1.0, 2.0),
-    ]
-
-
 @pytest.mark.parametrize("time", [0.0, 1.0])
 def test_points_that_are_past_at_the_start(time: float) -> None:
     """There is no lead-in: the motion begins at the first point, or inside a later segment."""
@@ -171,11 +161,6 @@ def test_a_long_trajectory_begins_quickly() -> None:
     assert min(durations) < 0.01  # s
 
 
-def test_standstill() -> None:
-    assert standstill([1.0, 2.0]).sample(7.0) == JointMotion((1.0, 2.0), (0.0,) * 2, (0.0,) * 2)
-    assert standstill([1.0, 2.0]).end == 0.0
-
-
 def test_braking() -> None:
     """Each joint has its own constant deceleration, and stops v^2 / 2a ahead after v / a."""
     motion = JointMotion((0.0, 1.0, 2.0), (1.0, -2.0, 0.0), ())
@@ -191,9 +176,3 @@ def test_braking() -> None:
         moving = 1.0 if time < 0.5 else 0.0
         assert sample.accelerations == pytest.approx((-2.0 * moving, 1.0, 0.0), abs=1e-13)
     assert trajectory.sample(2.0) == JointMotion((0.25, -1.0, 2.0), (0.0,) * 3, (0.0,) * 3)
-
-
-def test_braking_at_rest() -> None:
-    trajectory = braking(JointMotion((3.0,), (0.0,), (0.0,)), [1.0])
-    assert trajectory.sample(0.0) == JointMotion((3.0,), (0.0,), (0.0,))
-    assert trajectory.end == 0.0

@@ -21,14 +21,6 @@ def geometry_of(description: Description, config: ControlConfig) -> WheelGeometr
     return wheels.geometry(config.wheel_separation, config.wheel_radius)
 
 
-def test_several_wheels_a_side_are_averaged() -> None:
-    """The separation is between the means of the sides."""
-    sides = {"left": 0.2, "right": -0.2, "left2": 0.3, "right2": -0.3}
-    description = robot(*(wheel(side, y) for side, y in sides.items()))
-    names = ["left_wheel_joint", "left2_wheel_joint"], ["right_wheel_joint", "right2_wheel_joint"]
-    assert Wheels(description, *names).separation == pytest.approx(0.5)
-
-
 def test_axle_the_other_way_round() -> None:
     """A positive velocity of a wheel whose axis points to the right drives backward."""
     back = wheel("right", -0.2).replace('axis xyz="0 1 0"', 'axis xyz="0.0005 -1 0"')
@@ -38,12 +30,6 @@ def test_axle_the_other_way_round() -> None:
     assert directions == {"left_wheel_joint": 1.0, "right_wheel_joint": -1.0}
 
 
-def test_wheels_of_different_radii() -> None:
-    big = wheel("right", -0.2, '<sphere radius="0.1"/>')
-    with pytest.raises(OneBotError, match=r"0\.06 m, right_wheel_joint 0\.1 m.*set wheel_radius"):
-        Wheels(robot(wheel("left", 0.2), big), LEFT, RIGHT).geometry()
-
-
 def turned(part: str, origin: str, axis: str = "0 1 0") -> str:
     """A wheel with another place and axis of its joint."""
     place = part.index("<origin xyz")
@@ -51,27 +37,25 @@ def turned(part: str, origin: str, axis: str = "0 1 0") -> str:
     return (part[:place] + f"<origin {origin}" + part[end:]).replace("0 1 0", axis)
 
 
-def test_only_the_distance_across_counts() -> None:
-    """Wheels further ahead or lower are no further apart, nor are those of a base off centre."""
-    left = turned(wheel("left", 0.0), 'xyz="0.5 0.4 -0.7"')
-    right = turned(wheel("right", 0.0), 'xyz="-0.5 0.1 0.9"')
-    assert Wheels(robot(left, right), LEFT, RIGHT).separation == pytest.approx(0.3)
-
-
-def test_wheels_in_one_line_are_as_far_apart_as_they_are() -> None:
-    """As diffbot.xacro of ros_controllers has them, one ahead of the other."""
-    left = turned(wheel("left", 0.0), 'xyz="0.3 0.1 0"')
-    right = turned(wheel("right", 0.0), 'xyz="-0.2 0.1 0"')
-    assert Wheels(robot(left, right), LEFT, RIGHT).separation == pytest.approx(0.5)
-
-
-def test_axes_are_seen_from_the_base() -> None:
-    """A wheel whose joint is turned rolls about its own z axis, which is the left all the same."""
+@pytest.mark.parametrize(
+    ("origins", "axis", "separation"),
+    [
+        # Wheels further ahead or lower are no further apart, nor are those of a base off centre.
+        (('xyz="0.5 0.4 -0.7"', 'xyz="-0.5 0.1 0.9"'), "0 1 0", 0.3),
+        # As diffbot.xacro of ros_controllers has them, one ahead of the other.
+        (('xyz="0.3 0.1 0"', 'xyz="-0.2 0.1 0"'), "0 1 0", 0.5),
+        # A wheel whose joint is turned rolls about its own z axis, which is the left all the same.
+        (tuple(f'xyz="0 {y} 0" rpy="-1.5707963 0 0"' for y in (0.2, -0.2)), "0 0 1", 0.4),
+        (('xyz="0 0.2 0"', 'xyz="0 -0.2 0"'), "0.017 1 0", 0.4),  # off by rounding
+    ],
+)
+def test_separation(origins: tuple[str, str], axis: str, separation: float) -> None:
     left, right = (
-        turned(wheel(side, 0.0), f'xyz="0 {y} 0" rpy="-1.5707963 0 0"', "0 0 1")
-        for side, y in (("left", 0.2), ("right", -0.2))
+        turned(wheel(side, 0.0), origin, axis)
+        for side, origin in zip(("left", "right"), origins, strict=True)
     )
-    assert Wheels(robot(left, right), LEFT, RIGHT).geometry() == pytest.approx((0.4, 0.06))
+    geometry = Wheels(robot(left, right), LEFT, RIGHT).geometry()
+    assert geometry == pytest.approx((separation, 0.06), rel=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -91,11 +75,6 @@ def test_axles_that_point_elsewhere(axis: str, side: str) -> None:
         Wheels(robot(*wheels.values()), LEFT, RIGHT).geometry()
     text = f'joint "{side}_wheel_joint": its axis points to ({axis}) in the frame of base_link'
     assert text in str(caught.value)
-
-
-def test_an_axle_may_be_off_by_rounding() -> None:
-    left = wheel("left", 0.2).replace("0 1 0", "0.017 1 0")
-    assert Wheels(robot(left, wheel("right", -0.2)), LEFT, RIGHT).separation == pytest.approx(0.4)
 
 
 def test_swapped_sides_are_told_with_their_places() -> None:

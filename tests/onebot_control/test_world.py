@@ -40,17 +40,6 @@ def test_each_drives_as_it_would_alone():
                 )
 
 
-def test_a_speed_holds_until_another_is_given_and_resting_ones_stay():
-    with _world() as world:
-        first, second, _ = world.robots
-        first.turn([3.0, 3.0])
-        world.step(0.5)
-        second.turn([0.0, 0.0])
-        world.step(0.5)
-        assert first.joint_states().positions[:2] == pytest.approx([3.0, 3.0], abs=0.1)
-        assert planar(second) == pytest.approx(STARTS[1], abs=1e-5)
-
-
 def test_efforts_are_of_the_last_step_whether_or_not_a_speed_is_given_again():
     with _world() as told_once, _world() as told_again:
         for body in told_once.robots:
@@ -78,15 +67,3 @@ def test_one_is_put_elsewhere_and_the_others_drive_on():
         moved.reset()
         assert planar(moved) == pytest.approx(STARTS[0], abs=1e-13)
         assert not any(moved.joint_states().positions)
-
-
-def test_robots_run_into_each_other():
-    """One that drives against another pushes it, or is stopped; it does not go through."""
-    with World(
-        [RobotSpawn(robot(), DRIVEN), RobotSpawn(robot(), DRIVEN, x=1.0, yaw=math.pi)]
-    ) as world:
-        for body in world.robots:
-            body.turn(wheels(0.3, 0.0))
-        world.step(3.0)
-        apart = planar(world.robots[1])[0] - planar(world.robots[0])[0]
-        assert 0.1 < apart < 0.9

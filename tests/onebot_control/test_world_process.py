@@ -16,9 +16,9 @@ from onebot_description.description import load_description
 from onebot_description.geometry.poses import Transform, compose
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_control.control_support import urdf
-from tests.onebot_control.node_support import MODULE, NODE, Driver, twist, x
+from tests.onebot_control.node_support import NODE, Driver, driving, twist, x
 from tests.onebot_control.test_scene import BOX, WALL
-from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
+from tests.ros_support import LATCHED, Peer, ros_args
 from tests.support import PATIENCE, wait_for
 
 
@@ -33,9 +33,8 @@ def by_child(messages: list[TFMessage]) -> Mapping[str, Any]:
 
 
 @pytest.mark.slow
-def test_a_robot_in_a_world(ros_domain: int, tmp_path: Path) -> None:
+def test_a_robot_in_a_world(peer: Peer, tmp_path: Path) -> None:
     """It pushes the box to the wall: TF has both where they are, while the odometry goes on."""
-    (tmp_path / "bot.urdf").write_text(urdf())
     world = tmp_path / "world.urdf"
     far = WALL.replace("0.65 0 0.2", "1.5 0 0.2")
     world.write_text(
@@ -43,10 +42,7 @@ def test_a_robot_in_a_world(ros_domain: int, tmp_path: Path) -> None:
     )
     arguments = ros_args(world=str(world), use_sim_time=True, cmd_vel_timeout=5.0, x=-0.5)
     every = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    with (
-        Peer(ros_domain) as peer,
-        NodeProcess(MODULE, str(tmp_path / "bot.urdf"), *arguments) as node,
-    ):
+    with driving(tmp_path, urdf(), *arguments) as node:
         described = peer.hear(String, "/world_description", LATCHED)
         tf, static = peer.hear(TFMessage, "/tf", 1000), peer.hear(TFMessage, "/tf_static", every)
         odom, truth = (
