@@ -8,6 +8,9 @@ from onebot_description.description.reading import Element, Findings, number_fau
 from onebot_description.geometry.poses import Origin
 from onebot_description.ros.parameters.values import Rule, ValueType
 
+Value = tuple[str, float | None, Rule]
+"""A value's element, its default (None if it has to be there), and its rule; see ``number``."""
+
 ANY, POSITIVE, NOT_NEGATIVE = Rule(), Rule(above=0.0), Rule(at_least=0.0)
 
 # Placeholders for SDFormat's defaults, which exporters write out.
@@ -115,13 +118,22 @@ class Block:
             self.problem(text, plugin)
         return least, greatest
 
+    def limits(self, parent: Element, path: str, low: Value, high: Value) -> tuple[float, float]:
+        """Return two values in the element at ``path``; report them if they are not in order."""
+        least, greatest = (
+            self.number(parent, f"{path}/{name}", default, rule)
+            for name, default, rule in (low, high)
+        )
+        self.check_order(parent, path, (low[0], least), (high[0], greatest))
+        return least, greatest
+
     def check_order(
-        self, element: Element, path: str, low: str, least: float, high: str, greatest: float
+        self, parent: Element, path: str, low: tuple[str, float], high: tuple[str, float]
     ) -> None:
-        """Report a range whose ends, elements ``low`` and ``high``, are not in ascending order."""
-        if not least < greatest and not self.wrong:
-            text = f"<{low}> {least:g} is not below <{high}> {greatest:g}; swap or change them"
-            self.problem(text, element.find(path))
+        """Report two values that are not in ascending order, given with their elements' names."""
+        if not low[1] < high[1] and not self.wrong:
+            text = f"<{low[0]}> {low[1]:g} is not below <{high[0]}> {high[1]:g}"
+            self.problem(f"{text}; swap or change them", parent.find(path))
 
     def numbers(self, element: Element, names: str) -> list[float]:
         """Return an element's numbers, one for each of ``names``; zeros if empty or wrong."""

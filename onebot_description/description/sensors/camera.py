@@ -53,6 +53,7 @@ _OUTPUTS = {
 }
 _MOST_PIXELS = 1920 * 1200
 _FIELD_OF_VIEW = Rule(at_least=0.01, at_most=3.0)
+_NEAR, _FAR = ("near", 0.1, POSITIVE), ("far", 100.0, POSITIVE)
 _LENS = "horizontal_fov image clip noise depth_camera optical_frame_id camera_info_topic pose "
 _LOWS, _HIGHS = "min_depth pointCloudCutoff", "max_depth pointCloudCutoffMax"
 
@@ -99,8 +100,9 @@ class ColorCamera(Kind[Camera]):
         if width * height > _MOST_PIXELS and not block.wrong:
             size = f"{width:g} x {height:g} pixels are more than {_MOST_PIXELS} (1920 x 1200)"
             block.problem(f"{size}; lower <width> or <height>", camera.find("image"))
-        near, far = _read_clip(block, camera, "clip", (0.1, 100.0))
-        depth = _read_clip(block, camera, "depth_camera/clip", (near, far))
+        near, far = depth = block.limits(camera, "clip", _NEAR, _FAR)
+        if camera.find("depth_camera/clip") is not None:
+            depth = block.limits(camera, "depth_camera/clip", _NEAR, _FAR)
         noise = read_noise(block, camera.find("noise"))
         return Camera(fov, width, height, near, far, *depth, noise)
 
@@ -167,15 +169,3 @@ class RgbdCamera(ColorCamera):
     def below_topic(self, outputs: tuple[str, ...]) -> dict[str, str]:
         names = {output: f"{self.topic}/{output}" for output in outputs}
         return names | {"depth": f"{self.topic}/depth_image"}
-
-
-def _read_clip(
-    block: Block, camera: Element, path: str, default: tuple[float, float]
-) -> tuple[float, float]:
-    clip = camera.find(path)
-    if clip is None:
-        return default
-    near = block.number(clip, "near", 0.1, POSITIVE)
-    far = block.number(clip, "far", 100.0, POSITIVE)
-    block.check_order(camera, path, "near", near, "far", far)
-    return near, far

@@ -61,6 +61,7 @@ class Lidar(SensorModel):
 _MOST_RAYS = 300_000
 _TURN = 2 * math.pi + 1e-3  # full turns are written with few digits
 _ANGLE = Rule(at_least=-_TURN, at_most=_TURN)
+_LEAST, _GREATEST = ("min", 0.0, NOT_NEGATIVE), ("max", None, POSITIVE)
 _MESSAGES = {
     "scan": "sensor_msgs/msg/LaserScan",
     "points": "sensor_msgs/msg/PointCloud2",
@@ -126,9 +127,7 @@ class LidarKind(Kind[Lidar]):
     def read(block: Block) -> Lidar:
         ray = block.child("ray", "lidar")
         across, up = (_read_fan(block, ray, f"scan/{each}") for each in ("horizontal", "vertical"))
-        least = block.number(ray, "range/min", 0.0, NOT_NEGATIVE)
-        greatest = block.number(ray, "range/max", None, POSITIVE)
-        block.check_order(ray, "range", "min", least, "max", greatest)
+        least, greatest = block.limits(ray, "range", _LEAST, _GREATEST)
         if across.samples * up.samples > _MOST_RAYS and not block.wrong:
             rays = f"{across.samples} x {up.samples} rays are more than {_MOST_RAYS}"
             block.problem(f"{rays}; lower <samples>")
@@ -194,7 +193,7 @@ def _read_fan(block: Block, ray: Element, path: str) -> Fan:
     if count > _MOST_RAYS and not block.wrong:
         block.problem(f"{count} rays are more than {_MOST_RAYS}; lower <samples>", element)
     if count > 1:
-        block.check_order(ray, path, "min_angle", least, "max_angle", greatest)
+        block.check_order(ray, path, ("min_angle", least), ("max_angle", greatest))
         if greatest - least > _TURN:
             block.problem("min_angle to max_angle is more than a turn (6.2832 rad)", element)
     return Fan(count, least, greatest)
