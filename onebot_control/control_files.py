@@ -5,13 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from onebot_control.joint_controllers import (
-    JOINT_CONTROLLERS,
-    JointController,
-    TrajectoryController,
-    named,
-)
-from onebot_control.parameters import (
+from onebot_control.drive.parameters import (
     BROADCASTER,
     DEFAULT_JOINT_CONTROLLER,
     MANAGER,
@@ -19,7 +13,13 @@ from onebot_control.parameters import (
     ControlConfig,
     SimulationConfig,
 )
-from onebot_description.description.packages import package_share
+from onebot_control.joint_controllers import (
+    JOINT_CONTROLLERS,
+    JointController,
+    TrajectoryController,
+    named,
+)
+from onebot_description.elements.packages import package_share
 from onebot_description.errors import did_you_mean
 from onebot_description.ros.parameters.files import (
     Parameters,

@@ -9,19 +9,19 @@ from typing import Any, NamedTuple
 from onebot_control.drive.diff_drive import DiffDriveController, WheelCommand, WheelStates
 from onebot_control.drive.drift import DriftCheck
 from onebot_control.drive.odometry import DiffDriveKinematics, PoseCovariance
+from onebot_control.drive.parameters import (
+    BROADCASTER,
+    DEFAULT_JOINT_CONTROLLER,
+    INTERFACES,
+    BroadcasterConfig,
+    ControlConfig,
+)
 from onebot_control.drive.wheels.geometry import WheelGeometry, Wheels
 from onebot_control.joint_controllers import (
     JointController,
     JointFollower,
     TrajectoryController,
     named,
-)
-from onebot_control.parameters import (
-    BROADCASTER,
-    DEFAULT_JOINT_CONTROLLER,
-    INTERFACES,
-    BroadcasterConfig,
-    ControlConfig,
 )
 from onebot_control.physics import (
     JointStates,

@@ -2,7 +2,7 @@
 
 Example:
     >>> from onebot_control.fleet import Fleet, Member
-    >>> from onebot_control.parameters import ControlConfig
+    >>> from onebot_control.drive.parameters import ControlConfig
     >>> from onebot_description.description import load_description
     >>> description = load_description("package://onebot_description/urdf/onebot.urdf.xacro")
     >>> config = ControlConfig.from_parameters({"cmd_vel_timeout": 0.5})
@@ -20,8 +20,8 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from onebot_control.controlled_robot import ControlledRobot, PreparedRobot, Snapshot
+from onebot_control.drive.parameters import ControlConfig
 from onebot_control.joint_controllers import JointController
-from onebot_control.parameters import ControlConfig
 from onebot_control.physics import RobotBody, Settings, World
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError

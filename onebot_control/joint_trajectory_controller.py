@@ -48,7 +48,7 @@ if __name__ == "__main__":  # first: the imports take a second
 
 import sys
 
-from onebot_control.parameters import MANAGER, SimulationConfig
+from onebot_control.drive.parameters import MANAGER, SimulationConfig
 from onebot_control.velocity_controller import run_simulation
 
 

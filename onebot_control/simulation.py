@@ -27,9 +27,9 @@ from numpy.typing import NDArray
 
 from onebot_control.control_files import default_control_file, read_control_files
 from onebot_control.controlled_robot import ControlledRobot, Snapshot
+from onebot_control.drive.parameters import ControlConfig
 from onebot_control.drive.wheels.finding import has_wheels
 from onebot_control.fleet import Fleet, Member
-from onebot_control.parameters import ControlConfig
 from onebot_control.sensing.instrument import Frame, Instrument, SensedWorld
 from onebot_control.sensing.instruments import INSTRUMENTS, Sensors
 from onebot_control.sensing.lidar import LidarInstrument, angles

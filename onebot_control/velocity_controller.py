@@ -82,7 +82,7 @@ from typing import TYPE_CHECKING
 from rclpy.node import Node
 
 from onebot_control.control_files import default_control_file, read_control_files
-from onebot_control.parameters import ControlConfig
+from onebot_control.drive.parameters import ControlConfig
 from onebot_description.ros.command_line import RosArguments, ros_args, split_robots
 from onebot_description.ros.run_node import at_stop, run_described_node
 

@@ -152,7 +152,7 @@ def _built(workspace: Path, *options: str) -> dict[str, str]:
     sourced = _sourced(workspace)
     code = (
         "import onebot_description.ros.wire.interfaces as m; print(m.__file__);"
-        "from onebot_description.description.packages import package_share as share;"
+        "from onebot_description.elements.packages import package_share as share;"
         "print(share('mrm_description'))"
     )
     module, share = _run(sourced, workspace, "python3", "-c", code).stdout.split()

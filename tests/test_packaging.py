@@ -153,7 +153,7 @@ def _say(python: Path, code: str, cwd: Path) -> str:
 
 
 WHERE = (
-    "from onebot_description.description.packages import package_share;"
+    "from onebot_description.elements.packages import package_share;"
     "from onebot_description.ros.wire.interfaces import TFMessage;"
     "import os, xacro;"
     "share = package_share('mrm_description');"

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 def command() -> "Bringup":
     """Return the command: what it brings up, and its defaults."""
     from onebot_bringup.launch.bringup import Bringup
-    from onebot_description.description.packages import package_share
+    from onebot_description.elements.packages import package_share
 
     share = package_share("mrm_description").resolve()  # the folder that users edit
     return Bringup(

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import onebot_description
 from onebot_bringup.cli.options import Parser, flag, option, positive
-from onebot_description.description.packages import package_share
+from onebot_description.elements.packages import package_share
 from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.ros.discovery import MAX_DOMAIN, RANGE, SERVER, use_local_discovery
 from onebot_description.ros.shared_memory import FOLDER, find_segments, remove_segments

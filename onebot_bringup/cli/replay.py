@@ -19,7 +19,7 @@ from onebot_bringup.launch.arguments import (
     table,
 )
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters, view_file
-from onebot_description.description.packages import use_environment_prefix
+from onebot_description.elements.packages import use_environment_prefix
 from onebot_description.errors import OneBotError, UsageError
 from onebot_description.ros.parameters.reader import read
 from onebot_description.ros.signals import KeyboardInterrupts

@@ -15,7 +15,7 @@ from typing import Any
 
 from onebot_bringup.cli.options import not_negative, option
 from onebot_bringup.introspection.interfaces import is_hidden
-from onebot_description.description.packages import use_environment_prefix
+from onebot_description.elements.packages import use_environment_prefix
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.ros.discovery import (
     configure_discovery,

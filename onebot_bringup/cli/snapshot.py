@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from onebot_bringup.cli.options import Parser, flag, option, positional
-from onebot_description.description.packages import PACKAGE_PATH, use_package_path
+from onebot_description.elements.packages import PACKAGE_PATH, use_package_path
 from onebot_description.errors import OneBotError, UsageError
 from onebot_description.geometry.poses import Triple
 from onebot_description.ros.signals import KeyboardInterrupts

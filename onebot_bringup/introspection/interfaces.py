@@ -11,7 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from onebot_description.description.packages import use_environment_prefix
+from onebot_description.elements.packages import use_environment_prefix
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.ros.wire.interface_text import own_interfaces
 

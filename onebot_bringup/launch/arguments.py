@@ -14,7 +14,7 @@ from onebot_bringup.steering.page_parameters import PageParameters
 from onebot_bringup.viewer.core.settings import FrameSettings
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_control.frame_names import prefixed
-from onebot_description.description.packages import PACKAGE_PATH, use_package_path
+from onebot_description.elements.packages import PACKAGE_PATH, use_package_path
 from onebot_description.errors import UsageError, did_you_mean, printable
 from onebot_description.joints.config import JointsConfig
 from onebot_description.ros.discovery import ARGUMENT, LOCALHOST, MAX_DOMAIN, WANTED
@@ -406,7 +406,7 @@ def description_arguments(model: str, joints: str, view: str) -> list[Argument]:
 
 def simulation_arguments(control: str) -> list[Argument]:
     """Return the arguments of simulation; ``control`` is the default of ``params_file``."""
-    from onebot_control.parameters import ControlConfig  # slow to import
+    from onebot_control.drive.parameters import ControlConfig  # slow to import
 
     of_controller = _arguments_of("velocity_controller", ControlConfig)
     return [
@@ -429,7 +429,7 @@ def simulation_arguments(control: str) -> list[Argument]:
 
 def standing_arguments() -> list[Argument]:
     """Return the arguments of simulation for a standing robot, such as an arm."""
-    from onebot_control.parameters import MANAGER, SimulationConfig  # slow to import
+    from onebot_control.drive.parameters import MANAGER, SimulationConfig  # slow to import
 
     of_simulation = _arguments_of(MANAGER, SimulationConfig)
     return [

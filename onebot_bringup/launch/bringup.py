@@ -289,7 +289,7 @@ def with_params_file(
     if values.get("sim") != "true" or not values["params_file"]:
         return values
     from onebot_control.control_files import read_control_files
-    from onebot_control.parameters import ControlConfig
+    from onebot_control.drive.parameters import ControlConfig
     from onebot_description.ros.parameters.reader import read
 
     space = absolute(values["namespace"])

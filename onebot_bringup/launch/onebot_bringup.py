@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 def command() -> "Bringup":
     """Return the bringup command with OneBot's defaults."""
     from onebot_bringup.launch.bringup import Bringup
-    from onebot_description.description.packages import package_share
+    from onebot_description.elements.packages import package_share
 
     description = package_share("onebot_description").resolve()  # files are edited there
     return Bringup(

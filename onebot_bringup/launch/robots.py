@@ -25,7 +25,7 @@ from onebot_description.ros.parameters.reader import REQUIRED, Problem, paramete
 
 if TYPE_CHECKING:
     from onebot_description.description import Description
-    from onebot_description.description.description import Geometry
+    from onebot_description.elements.description import Geometry
 
 MOST_ROBOTS = 200
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
@@ -171,7 +171,7 @@ def reach(description: Description) -> float:
 
 def _half(geometry: Geometry) -> float:
     """Return the largest distance of a shape's points from its origin, m."""
-    from onebot_description.description.description import Box, Capsule, Cylinder, Sphere
+    from onebot_description.elements.description import Box, Capsule, Cylinder, Sphere
 
     shape = geometry.shape
     if isinstance(shape, Box):
@@ -182,6 +182,6 @@ def _half(geometry: Geometry) -> float:
         return shape.radius + shape.length / 2.0
     if isinstance(shape, Sphere):
         return shape.radius
-    from onebot_description.description.meshes import mesh_corners  # slow to import
+    from onebot_description.elements.meshes import mesh_corners  # slow to import
 
     return float(np.linalg.norm(mesh_corners(shape) * np.array(shape.scale), axis=1).max())

@@ -40,7 +40,7 @@ from onebot_bringup.viewer.core.settings import (
     vector,
 )
 from onebot_bringup.viewer.displays import DISPLAY_BY_KEY, settings_type
-from onebot_description.description.packages import package_share
+from onebot_description.elements.packages import package_share
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import Triple
 from onebot_description.ros.parameters.files import read_map, read_text

@@ -3,7 +3,7 @@
 Example:
     >>> from onebot_control.drive.diff_drive import DiffDriveController, WheelStates
     >>> from onebot_control.drive.odometry import DiffDriveKinematics
-    >>> from onebot_control.parameters import ControlConfig
+    >>> from onebot_control.drive.parameters import ControlConfig
     >>> kinematics = DiffDriveKinematics(separation=0.4, left_radius=0.1, right_radius=0.1)
     >>> controller = DiffDriveController(ControlConfig.from_parameters({}), kinematics)
     >>> controller.accept(linear=0.2, angular=0.0)
@@ -17,8 +17,8 @@ from collections import deque
 from typing import NamedTuple
 
 from onebot_control.drive.odometry import DiffDriveKinematics, Odometry
+from onebot_control.drive.parameters import ControlConfig
 from onebot_control.drive.speed_limiter import SpeedLimiter, clamp
-from onebot_control.parameters import ControlConfig
 
 _ROUNDING = 1e-9  # s; greatest rounding error of a sum of periods
 _FASTEST = 1e6  # m/s or rad/s; faster commands are clamped, so that all results are finite

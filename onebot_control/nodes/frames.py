@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
+from onebot_control.drive.parameters import ControlConfig
 from onebot_control.frame_names import prefixed
-from onebot_control.parameters import ControlConfig
 from onebot_description.description import Description
 from onebot_description.ros.parameters.reader import ConfigError, Problem
 

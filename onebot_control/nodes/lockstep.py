@@ -23,12 +23,12 @@ from rclpy.task import Future
 from rclpy.waitable import NumberOfEntities
 
 from onebot_control.controlled_robot import Snapshot
+from onebot_control.drive.parameters import MANAGER
 from onebot_control.fleet import Divider, Fleet
 from onebot_control.nodes.control_loop import ControlLoop
 from onebot_control.nodes.control_parameters import ControlParameters
 from onebot_control.nodes.sensing import Sensing
 from onebot_control.nodes.world_interface import WorldInterface
-from onebot_control.parameters import MANAGER
 from onebot_control.sensing.instruments import Sensors
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean, listing

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 from rclpy.parameter import Parameter
 
+from onebot_control.drive.parameters import ControlConfig
 from onebot_control.nodes.robot_interface import RobotInterface, SharedWorld
-from onebot_control.parameters import ControlConfig
 from onebot_description.description.loading import load_sensors
 from onebot_description.errors import OneBotError
 from onebot_description.ros.description_topic import GOES_ON

@@ -7,6 +7,7 @@ from rclpy.clock import Clock
 from rclpy.node import Node
 
 from onebot_control.controlled_robot import ControlledRobot, Snapshot, joints_of, wheels_of
+from onebot_control.drive.parameters import ControlConfig
 from onebot_control.fleet import Member
 from onebot_control.nodes.commands import CommandGate
 from onebot_control.nodes.control_loop import ControlLoop, LoopSlot
@@ -19,7 +20,6 @@ from onebot_control.nodes.robot_sensors import RobotSensors
 from onebot_control.nodes.robot_services import RobotServices
 from onebot_control.nodes.sensing import Channel, Sensing
 from onebot_control.nodes.step_topics import StepTopics
-from onebot_control.parameters import ControlConfig
 from onebot_control.sensing.surroundings import SensedRobot
 from onebot_description.description import Description, load_description
 from onebot_description.errors import OneBotError

@@ -9,17 +9,17 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from std_msgs.msg import Header
 
+from onebot_control.drive.parameters import ControlConfig
 from onebot_control.frame_names import prefixed
 from onebot_control.nodes.sensing import Channel
 from onebot_control.nodes.sensor_messages import MESSAGES
-from onebot_control.parameters import ControlConfig
 from onebot_control.sensing.instrument import Instrument
 from onebot_control.sensing.instruments import INSTRUMENTS
 from onebot_control.sensing.rays import HAS_EMBREE
 from onebot_description.description import Description
 from onebot_description.description.loading import SensorFile, load_sensors
 from onebot_description.description.sensors.kinds import clashes
-from onebot_description.description.sensors.sensor import Sensor
+from onebot_description.elements.sensor import Sensor
 from onebot_description.errors import OneBotError, listing
 from onebot_description.file_watch import FileWatch
 from onebot_description.ros.wire.messages import time_message

@@ -12,7 +12,7 @@ import numpy as np
 
 from onebot_control.physics.engine import logger
 from onebot_description.arrays import Floats
-from onebot_description.description.description import (
+from onebot_description.elements.description import (
     MOVING_KINDS,
     Box,
     Cylinder,
@@ -22,7 +22,7 @@ from onebot_description.description.description import (
     Shape,
     Sphere,
 )
-from onebot_description.description.xml import to_text
+from onebot_description.elements.xml import to_text
 from onebot_description.errors import OneBotError
 from onebot_description.geometry import matrices
 from onebot_description.model.rigid_bodies import Body, merged_bodies, rigid_frames

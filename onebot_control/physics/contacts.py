@@ -21,7 +21,7 @@ from onebot_control.drive.wheels.tyres import Tyre
 from onebot_control.physics.engine import engine, logger
 from onebot_control.physics.physics_settings import Settings
 from onebot_description.arrays import Floats
-from onebot_description.description.description import (
+from onebot_description.elements.description import (
     Box,
     Cylinder,
     Description,
@@ -32,7 +32,7 @@ from onebot_description.description.description import (
     Shape,
     Sphere,
 )
-from onebot_description.description.meshes import mesh_corners
+from onebot_description.elements.meshes import mesh_corners
 from onebot_description.errors import OneBotError
 from onebot_description.geometry import matrices
 from onebot_description.geometry.poses import Origin

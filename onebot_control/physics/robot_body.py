@@ -15,7 +15,7 @@ from onebot_control.physics.spawning import (
     checked_spawn_pose,
     load_robot,
 )
-from onebot_description.description.description import Joint
+from onebot_description.elements.description import Joint
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.geometry.poses import (
     Quaternion,

@@ -19,8 +19,8 @@ from onebot_control.physics.spawning import (
     load_robot,
     make_world,
 )
-from onebot_description.description.description import Description
 from onebot_description.description.loading import load_world
+from onebot_description.elements.description import Description
 from onebot_description.errors import OneBotError
 from onebot_description.geometry import matrices
 from onebot_description.geometry.poses import Transform

@@ -25,7 +25,7 @@ from onebot_control.physics.bodies import SkidAxle
 from onebot_control.physics.contacts import with_contacts
 from onebot_control.physics.engine import logger
 from onebot_description.arrays import Floats
-from onebot_description.description.description import (
+from onebot_description.elements.description import (
     Description,
     Inertial,
     Joint,
@@ -33,7 +33,7 @@ from onebot_description.description.description import (
     Mesh,
     Mimic,
 )
-from onebot_description.description.meshes import read_mesh
+from onebot_description.elements.meshes import read_mesh
 from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.geometry import matrices, quaternions
 from onebot_description.geometry.poses import about

@@ -15,8 +15,8 @@ from onebot_control.physics.bodies import HUB, SkidAxle, physics_urdf, rigid_bod
 from onebot_control.physics.contacts import hold_hub, set_contact, soften
 from onebot_control.physics.engine import captured, engine, log
 from onebot_control.physics.physics_settings import Settings
-from onebot_description.description.description import Description, Link, Mesh, Mimic
-from onebot_description.description.meshes import read_mesh
+from onebot_description.elements.description import Description, Link, Mesh, Mimic
+from onebot_description.elements.meshes import read_mesh
 from onebot_description.errors import OneBotError, listing
 from onebot_description.geometry.poses import Transform, compose, inverse
 from onebot_description.model.rigid_bodies import Body

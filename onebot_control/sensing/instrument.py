@@ -14,7 +14,7 @@ from onebot_control.sensing.rays import Hits, Rays, cast
 from onebot_control.sensing.surroundings import LinkPose, Placed, SensedRobot
 from onebot_description.arrays import Floats
 from onebot_description.description.sensors.noise import Noise
-from onebot_description.description.sensors.sensor import Sensor, SensorModel
+from onebot_description.elements.sensor import Sensor, SensorModel
 from onebot_description.geometry import matrices
 from onebot_description.geometry.poses import Quaternion, Transform
 

@@ -19,7 +19,7 @@ from onebot_description.description import Description
 from onebot_description.description.sensors.camera import Camera
 from onebot_description.description.sensors.imu import Imu
 from onebot_description.description.sensors.lidar import Lidar
-from onebot_description.description.sensors.sensor import SensorModel
+from onebot_description.elements.sensor import SensorModel
 from onebot_description.geometry.poses import Quaternion, Transform
 
 INSTRUMENTS: Mapping[type[SensorModel], type[Instrument[Any]]] = {

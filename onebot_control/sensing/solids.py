@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from onebot_control.physics.engine import logger
 from onebot_description.arrays import Floats
-from onebot_description.description.description import (
+from onebot_description.elements.description import (
     Box,
     Capsule,
     Cylinder,
@@ -22,7 +22,7 @@ from onebot_description.description.description import (
     Rgba,
     Sphere,
 )
-from onebot_description.description.meshes import has_colors, mesh_scene, surfaces
+from onebot_description.elements.meshes import has_colors, mesh_scene, surfaces
 from onebot_description.errors import OneBotError
 from onebot_description.geometry import matrices
 

@@ -10,7 +10,7 @@ from onebot_control.sensing.rays import NOTHING, Surface, Targets
 from onebot_control.sensing.solids import solid_of
 from onebot_description.arrays import Floats
 from onebot_description.description import Description
-from onebot_description.description.description import Geometry
+from onebot_description.elements.description import Geometry
 from onebot_description.geometry.poses import Quaternion, Transform, Triple
 from onebot_description.geometry.quaternions import to_matrix
 from onebot_description.model.rigid_bodies import rigid_frames

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import yaml
 
-from onebot_description.description.packages import package_share
+from onebot_description.elements.packages import package_share
 from onebot_description.errors import OneBotError
 
 try:

@@ -9,9 +9,9 @@ Example:
     >>> text = describe(description)  # a tree of links with joints, masses and shapes
 """
 
-from onebot_description.description.description import Description, Joint, Mimic
 from onebot_description.description.loading import load_description, parse_description
 from onebot_description.description.summary import describe
+from onebot_description.elements.description import Description, Joint, Mimic
 from onebot_description.errors import DescriptionError
 
 __all__ = [

@@ -10,9 +10,9 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 
-from onebot_description.description.description import MOVING_KINDS, Inertial, Joint, Material
-from onebot_description.description.reading import ELEMENTS, Element, Findings, local_name
-from onebot_description.description.xml import XACRO_NAMESPACES
+from onebot_description.elements.description import MOVING_KINDS, Inertial, Joint, Material
+from onebot_description.elements.reading import ELEMENTS, Element, Findings, local_name
+from onebot_description.elements.xml import XACRO_NAMESPACES
 from onebot_description.errors import OneBotError, listing
 
 # Robots in other formats, by their outermost elements.

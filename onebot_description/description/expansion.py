@@ -23,12 +23,12 @@ import xacro
 from simpleeval import FunctionNotDefined, NameNotDefined
 from xacro import substitution_args
 
-from onebot_description.description import xml
 from onebot_description.description.bounded_process import Place
 from onebot_description.description.expressions import evaluate, global_symbols
-from onebot_description.description.packages import Resources
 from onebot_description.description.xacro import arguments_in
-from onebot_description.description.xml import missing_file, shown_path
+from onebot_description.elements import xml
+from onebot_description.elements.packages import Resources
+from onebot_description.elements.xml import missing_file, shown_path
 from onebot_description.errors import (
     DescriptionError,
     OneBotError,

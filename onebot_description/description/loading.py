@@ -9,7 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from onebot_description.description import xml
 from onebot_description.description.checks import (
     check_inertial,
     check_materials,
@@ -20,18 +19,19 @@ from onebot_description.description.checks import (
     check_tree,
     named,
 )
-from onebot_description.description.description import Description
-from onebot_description.description.packages import package_share, resolve
-from onebot_description.description.reading import (
+from onebot_description.description.ros2_control import read_interfaces
+from onebot_description.description.sensors.sensor_reader import read_sensors
+from onebot_description.elements import xml
+from onebot_description.elements.description import Description
+from onebot_description.elements.packages import package_share, resolve
+from onebot_description.elements.reading import (
     Findings,
     read_ends,
     read_joint,
     read_links,
     read_materials,
 )
-from onebot_description.description.ros2_control import read_interfaces
-from onebot_description.description.sensors.sensor import Sensor
-from onebot_description.description.sensors.sensor_reader import read_sensors
+from onebot_description.elements.sensor import Sensor
 from onebot_description.errors import (
     DescriptionError,
     OneBotError,

@@ -5,7 +5,9 @@ from collections.abc import Mapping
 from pathlib import PurePath
 from types import MappingProxyType
 
-from onebot_description.description.description import (
+from onebot_description.description.sensors.kinds import MESSAGE_TYPES
+from onebot_description.description.tree_text import aligned, branches, cell
+from onebot_description.elements.description import (
     Box,
     Capsule,
     Description,
@@ -15,10 +17,8 @@ from onebot_description.description.description import (
     Shape,
     Sphere,
 )
-from onebot_description.description.sensors.kinds import MESSAGE_TYPES
-from onebot_description.description.sensors.sensor import Sensor
-from onebot_description.description.tree_text import aligned, branches, cell
-from onebot_description.description.xml import shown_path
+from onebot_description.elements.sensor import Sensor
+from onebot_description.elements.xml import shown_path
 from onebot_description.errors import printable
 from onebot_description.geometry.poses import Triple
 

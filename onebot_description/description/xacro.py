@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element
 
-from onebot_description.description import xml
 from onebot_description.description.bounded_process import BoundMet, Bounds, run_bounded
-from onebot_description.description.packages import Resources, resolve
+from onebot_description.elements import xml
+from onebot_description.elements.packages import Resources, resolve
 from onebot_description.errors import DescriptionError, OneBotError, did_you_mean
 
 _EXPAND = "onebot_description.description.expansion:expand_file"

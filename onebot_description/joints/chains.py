@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 
-from onebot_description.description.description import Mimic
+from onebot_description.elements.description import Mimic
 
 
 def followers(

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from onebot_description.arrays import Floats
 from onebot_description.compiled.library import load_library
-from onebot_description.description.description import MOVING_KINDS, Description, Joint, Mimic
+from onebot_description.elements.description import MOVING_KINDS, Description, Joint, Mimic
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.geometry import matrices, quaternions
 from onebot_description.joints.chains import followers

@@ -8,7 +8,7 @@ import re
 import socket
 from collections.abc import Mapping
 
-from onebot_description.description.packages import package_share
+from onebot_description.elements.packages import package_share
 from onebot_description.errors import OneBotError
 from onebot_description.ros.parameters.values import MAX_PORT
 from onebot_description.ros.shared_memory import remove_broken_ports

@@ -24,7 +24,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 from rclpy.task import Future
 
-from onebot_description.description.packages import cache_folder, use_environment_prefix
+from onebot_description.elements.packages import cache_folder, use_environment_prefix
 from onebot_description.errors import OneBotError
 from onebot_description.ros.command_line import RosArguments, ros_arguments
 from onebot_description.ros.discovery import configure_discovery

@@ -11,7 +11,7 @@ import rclpy
 from nav_msgs.msg import Odometry
 from rclpy.executors import ExternalShutdownException
 
-from onebot_description.description.packages import use_environment_prefix
+from onebot_description.elements.packages import use_environment_prefix
 from onebot_description.ros.discovery import configure_discovery
 
 _PERIOD = 0.01  # s, as the controller's

@@ -16,8 +16,8 @@ from dataclasses import replace
 from onebot_control.control_files import default_control_file, read_control_files
 from onebot_control.controlled_robot import Snapshot
 from onebot_control.drive.odometry import Odometry
+from onebot_control.drive.parameters import ControlConfig
 from onebot_control.fleet import Fleet, Member
-from onebot_control.parameters import ControlConfig
 from onebot_control.physics.engine import engine
 from onebot_description.description import load_description
 from onebot_description.geometry.poses import PlanarPose, yaw_of

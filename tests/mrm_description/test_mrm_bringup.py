@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from onebot_description.description.packages import package_share
+from onebot_description.elements.packages import package_share
 from tests.onebot_bringup.bringup_support import (
     Transforms,
     bringups,

@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from onebot_description.description import load_description
-from onebot_description.description.packages import package_share
+from onebot_description.elements.packages import package_share
 
 SHARE = package_share("mrm_description")
 

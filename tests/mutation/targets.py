@@ -41,7 +41,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "onebot_control/nodes/control_loop.py": _control("control_loop"),
     "onebot_control/drive/wheels/finding.py": _control("wheels_finding", "wheels_geometry"),
     "onebot_control/drive/wheels/geometry.py": _control("wheels_geometry"),
-    "onebot_control/parameters.py": _control("control_config"),
+    "onebot_control/drive/parameters.py": _control("control_config"),
     "onebot_control/control_files.py": _control("control_files"),
     "onebot_control/physics/bodies.py": _control("simulation_bodies", *_SIMULATION),
     "onebot_control/physics/rest_pose.py": _control("simulation_settling", "scene", *_SIMULATION),
@@ -56,7 +56,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "onebot_description/joints/mimic.py": _description(*_SOURCE),
     "onebot_description/joints/source.py": _description(*_SOURCE),
     "onebot_description/description/checks.py": _description(*_CHECKS),
-    "onebot_description/description/reading.py": _description(*_CHECKS),
+    "onebot_description/elements/reading.py": _description(*_CHECKS),
     "onebot_description/description/expressions.py": _description("expressions"),
     "onebot_description/description/expansion.py": _description("expressions", *_CHECKS),
     "onebot_description/description/xacro.py": _description("xacro_arguments", *_CHECKS),
@@ -152,7 +152,7 @@ EQUIVALENT: dict[str, set[str]] = {
         # There is at least one place.
         'written_at: calls = f" (called at {\', from \'.join(places[1:])})" if len(places) != 1 else ""',  # noqa: E501
     },
-    "onebot_description/description/reading.py": {
+    "onebot_description/elements/reading.py": {
         # It checks attributes of one number.
         "_not_negative: return values[ -1] >= 0",
     },

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from onebot_description.description.packages import use_environment_prefix
+from onebot_description.elements.packages import use_environment_prefix
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_bringup.launcher_support import RunningCommand, alive
 from tests.orphans import marked

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from onebot_description.description.packages import package_share
+from onebot_description.elements.packages import package_share
 from tests.support import run_to_end
 
 MRM = str(package_share("mrm_description") / "urdf/mrm.xacro")

@@ -11,7 +11,7 @@ from rclpy.publisher import Publisher
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from onebot_description.description.packages import use_environment_prefix
+from onebot_description.elements.packages import use_environment_prefix
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_bringup.test_snapshot_pictures import drawn, snapshot
 from tests.onebot_bringup.viewer_support import ARM, BLUE, ORANGE, VIEW

@@ -16,7 +16,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from onebot_bringup.steering.joint_motion import STEP, SteeredJoint, short_motion
 from onebot_bringup.testing.domains import used_domain
-from onebot_description.description.description import Joint
+from onebot_description.elements.description import Joint
 from tests.onebot_bringup.joints_support import BAR, SPEED, STANDING, TURNS, Arm, described
 from tests.onebot_bringup.steering_support import TOPIC, PageClient, steering
 from tests.onebot_control.arm_support import MANAGER, MODULE, ControllerState

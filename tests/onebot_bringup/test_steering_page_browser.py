@@ -20,7 +20,7 @@ from std_msgs.msg import Bool, String
 
 from onebot_control.drive.speed_limiter import SpeedLimiter, SpeedLimits
 from onebot_description.description import load_description
-from onebot_description.description.packages import package_share
+from onebot_description.elements.packages import package_share
 from onebot_description.geometry.poses import yaw_of
 from tests.onebot_bringup.steering_support import PageClient, Steering, Way, steering
 from tests.onebot_control.test_sensors_process import HALF, room

@@ -16,7 +16,7 @@ from onebot_bringup.viewer.displays.joint_limits import (
 )
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.description import load_description, parse_description
-from onebot_description.description.packages import package_share
+from onebot_description.elements.packages import package_share
 from tests.onebot_bringup.drive_support import column
 from tests.onebot_bringup.viewer_support import (
     ARM,

@@ -6,8 +6,8 @@ from typing import Any, cast
 
 from onebot_control.controlled_robot import ControlledRobot, PreparedRobot, Snapshot
 from onebot_control.drive.odometry import DiffDriveKinematics, Odometry
+from onebot_control.drive.parameters import ControlConfig
 from onebot_control.fleet import Fleet, Member
-from onebot_control.parameters import ControlConfig
 from onebot_control.physics import JointStates, MassVelocity, Pose, RobotBody, Twist
 from onebot_description.description import Description, parse_description
 from onebot_description.geometry.poses import rotate

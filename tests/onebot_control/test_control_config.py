@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 
 from onebot_control.drive.odometry import DiffDriveKinematics
+from onebot_control.drive.parameters import ControlConfig
 from onebot_control.drive.speed_limiter import SpeedLimits
 from onebot_control.drive.wheels.geometry import WheelGeometry
-from onebot_control.parameters import ControlConfig
 from onebot_description.ros.parameters.reader import ConfigError, defaults, descriptor
 from tests.onebot_control.control_support import WHEELS
 

@@ -16,13 +16,13 @@ from onebot_control.control_files import (
     read_joint_controllers,
     unknown_by_node,
 )
+from onebot_control.drive.parameters import MANAGER, ControlConfig
 from onebot_control.joint_controllers import (
     ForwardController,
     GripperController,
     TrajectoryController,
 )
 from onebot_control.nodes.control_parameters import ControlParameters
-from onebot_control.parameters import MANAGER, ControlConfig
 from onebot_description.errors import OneBotError
 from onebot_description.ros.command_line import RosArguments
 from onebot_description.ros.parameters.files import Parameters

@@ -6,11 +6,11 @@ import pytest
 
 from onebot_control.control_files import default_control_file, read_control_files
 from onebot_control.controlled_robot import ControlledRobot
+from onebot_control.drive.parameters import ControlConfig
 from onebot_control.fleet import Fleet, Member
-from onebot_control.parameters import ControlConfig
 from onebot_control.physics.scene_bodies import load_scene
 from onebot_description.description import load_description
-from onebot_description.description.packages import package_share
+from onebot_description.elements.packages import package_share
 from onebot_description.geometry.poses import PlanarPose
 from tests.onebot_control.control_support import alone, config, cycle, ideal_drive, robot
 

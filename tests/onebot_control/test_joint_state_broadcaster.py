@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from onebot_control.controlled_robot import JointStateBroadcaster
-from onebot_control.parameters import BroadcasterConfig
+from onebot_control.drive.parameters import BroadcasterConfig
 from onebot_control.physics import JointStates
 from onebot_description.ros.parameters.reader import ConfigError
 

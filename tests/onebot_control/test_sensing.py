@@ -13,9 +13,9 @@ import pytest
 import trimesh
 from PIL import Image
 
+from onebot_control.drive.parameters import ControlConfig
 from onebot_control.fleet import Fleet, Member
 from onebot_control.nodes.sensing import Channel, SensingThread
-from onebot_control.parameters import ControlConfig
 from onebot_control.sensing import camera, imu, instrument, lidar, noise, painter, rays
 from onebot_control.sensing.instruments import INSTRUMENTS, Sensors
 from onebot_control.sensing.rays import NOTHING, Rays, cast
@@ -32,7 +32,7 @@ from onebot_description.description.sensors.imu import Imu, Reference
 from onebot_description.description.sensors.kinds import BY_TYPE
 from onebot_description.description.sensors.lidar import Fan, Lidar
 from onebot_description.description.sensors.noise import Noise
-from onebot_description.description.sensors.sensor import Sensor
+from onebot_description.elements.sensor import Sensor
 from onebot_description.geometry import quaternions
 from onebot_description.geometry.poses import Origin
 from tests.onebot_control.control_support import WHEELS, robot

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from onebot_control.physics import Settings
 from onebot_control.physics.spawning import engine, make_world
 from onebot_description.description import parse_description
-from onebot_description.description.description import Box
+from onebot_description.elements.description import Box
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import yaw_of
 from tests.onebot_control.simulation_support import DRIVEN, LEFT, robot, simulate

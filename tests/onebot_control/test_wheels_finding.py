@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 import trimesh
 
+from onebot_control.drive.parameters import ControlConfig
 from onebot_control.drive.wheels import tyres
 from onebot_control.drive.wheels.geometry import Wheels
-from onebot_control.parameters import ControlConfig
 from onebot_control.physics.simulated_model import commandable, simulated_model
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.errors import OneBotError

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from onebot_control.controlled_robot import wheels_of
+from onebot_control.drive.parameters import ControlConfig
 from onebot_control.drive.wheels.geometry import WheelGeometry, Wheels, skid_separation
-from onebot_control.parameters import ControlConfig
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError
 from tests.onebot_control.control_support import config, robot, wheel

@@ -26,7 +26,7 @@ from onebot_description.cad.base import solve_ballast  # noqa: E402
 from onebot_description.cad.caster import axle_position  # noqa: E402
 from onebot_description.cad.dimensions import read_dimensions  # noqa: E402
 from onebot_description.cad.primitives import Part, box, weigh_box  # noqa: E402
-from onebot_description.description.packages import package_share  # noqa: E402
+from onebot_description.elements.packages import package_share  # noqa: E402
 from onebot_description.errors import OneBotError  # noqa: E402
 
 SHARE = package_share("onebot_description")

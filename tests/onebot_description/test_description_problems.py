@@ -14,7 +14,7 @@ from onebot_description.description import (
     load_description,
     parse_description,
 )
-from onebot_description.description.description import Capsule, Sphere
+from onebot_description.elements.description import Capsule, Sphere
 from onebot_description.errors import OneBotError
 from onebot_description.joints.config import JointsConfig
 from onebot_description.joints.source import JointStateSource

@@ -13,8 +13,8 @@ from onebot_description.description import (
     describe,
     load_description,
     parse_description,
-    xml,
 )
+from onebot_description.elements import xml
 from onebot_description.joints.config import Dependent
 from onebot_description.joints.mimic import resolve
 from onebot_description.joints.motion_limits import joint_limits

@@ -14,8 +14,8 @@ import yourdfpy
 from onebot_bringup.viewer.core.scene import Scene
 from onebot_bringup.viewer.core.shapes import load_shape
 from onebot_description.description import Description, load_description, parse_description
-from onebot_description.description.description import Cylinder, Mesh, Sphere
-from onebot_description.description.packages import package_share
+from onebot_description.elements.description import Cylinder, Mesh, Sphere
+from onebot_description.elements.packages import package_share
 from onebot_description.model.robot_model import RobotModel
 
 SHARE = package_share("onebot_description")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from onebot_description.description.packages import (
+from onebot_description.elements.packages import (
     Resources,
     cache_folder,
     package_share,
@@ -209,7 +209,7 @@ def test_package_path_is_put_first_and_children_inherit_it(tmp_path, monkeypatch
     use_package_path("")
     assert os.environ["ROS_PACKAGE_PATH"] == f"{two}{os.pathsep}{one}"
     code = (
-        "from onebot_description.description.packages import Resources;"
+        "from onebot_description.elements.packages import Resources;"
         "print(Resources(None).package('arm'))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -266,7 +266,7 @@ def test_what_can_be_no_package_is_not_looked_for(name, tmp_path):
 def test_a_description_of_endless_packages_is_soon_read(monkeypatch):
     looked = []
     monkeypatch.setattr(
-        "onebot_description.description.packages._in_index",
+        "onebot_description.elements.packages._in_index",
         lambda name: looked.append(name) or Path("/x"),
     )
     resources = Resources(None)

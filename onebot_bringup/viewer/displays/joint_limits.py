@@ -16,7 +16,7 @@ from onebot_bringup.viewer.core.columns import entity_path
 from onebot_bringup.viewer.core.display import Display
 from onebot_bringup.viewer.core.settings import Color, setting
 from onebot_description.arrays import Floats
-from onebot_description.description.description import Description, Joint
+from onebot_description.elements.description import Description, Joint
 from onebot_description.geometry import matrices, quaternions
 from onebot_description.geometry.poses import Triple, about
 

@@ -15,7 +15,7 @@ from onebot_bringup.viewer.core.settings import Color, color, setting
 from onebot_bringup.viewer.core.shown_robot import ShownRobot
 from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
 from onebot_description.arrays import Floats
-from onebot_description.description.description import MOVING_KINDS, Description, Joint
+from onebot_description.elements.description import MOVING_KINDS, Description, Joint
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.model.robot_model import RobotModel
 from onebot_description.ros.wire.messages import JointStateArrays

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from onebot_bringup.viewer.core.columns import ColumnMaker, ReadyColumn, one_row, ready
 from onebot_description.arrays import Floats
-from onebot_description.description.meshes import locate_mesh
-from onebot_description.description.packages import Resources
+from onebot_description.elements.meshes import locate_mesh
+from onebot_description.elements.packages import Resources
 from onebot_description.geometry.quaternions import rotate
 
 # A column, or a function that makes one and its numbers; it is called only if these have changed.

@@ -15,7 +15,7 @@ import numpy as np
 from onebot_control.drive.wheels.tyres import Tyre, Tyres
 from onebot_control.frame_names import WORLD_FRAME
 from onebot_description.arrays import Floats
-from onebot_description.description.description import Description, Joint, Mesh
+from onebot_description.elements.description import Description, Joint, Mesh
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
 from onebot_description.model.rigid_bodies import rigid_frames

@@ -9,7 +9,7 @@ import numpy as np
 from onebot_control.drive.wheels.finding import DriveWheels, axles, find_wheels
 from onebot_control.drive.wheels.tyres import Tyres
 from onebot_description.arrays import Floats
-from onebot_description.description.description import Description
+from onebot_description.elements.description import Description
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.model import RobotModel
 from onebot_description.model.rigid_bodies import Body, rigid_frames

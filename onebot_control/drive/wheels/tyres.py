@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from onebot_description.arrays import Floats
-from onebot_description.description.description import (
+from onebot_description.elements.description import (
     Cylinder,
     Description,
     Geometry,
@@ -14,7 +14,7 @@ from onebot_description.description.description import (
     Mesh,
     Sphere,
 )
-from onebot_description.description.meshes import mesh_corners
+from onebot_description.elements.meshes import mesh_corners
 from onebot_description.errors import OneBotError
 from onebot_description.geometry import matrices
 

@@ -3,8 +3,8 @@
 import math
 from collections.abc import Iterator
 
-from onebot_description.description.frames import Frames
-from onebot_description.description.reading import Element, Findings, number_fault
+from onebot_description.elements.frames import Frames
+from onebot_description.elements.reading import Element, Findings, number_fault
 from onebot_description.geometry.poses import Origin
 from onebot_description.ros.parameters.values import Rule, ValueType
 

@@ -4,11 +4,11 @@ import math
 from dataclasses import dataclass, replace
 from typing import ClassVar, NamedTuple
 
-from onebot_description.description.reading import Element
 from onebot_description.description.sensors.block import ANY, POSITIVE, Block, text_of
 from onebot_description.description.sensors.kind import Kind, Substitute, joined
 from onebot_description.description.sensors.noise import Noise, read_noise
-from onebot_description.description.sensors.sensor import SensorModel
+from onebot_description.elements.reading import Element
+from onebot_description.elements.sensor import SensorModel
 from onebot_description.ros.parameters.values import Rule
 
 

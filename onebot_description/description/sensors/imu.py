@@ -5,11 +5,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from onebot_description.description.reading import Element
 from onebot_description.description.sensors.block import Block, is_false
 from onebot_description.description.sensors.kind import Kind, Substitute
 from onebot_description.description.sensors.noise import Noise, read_noise
-from onebot_description.description.sensors.sensor import SensorModel
+from onebot_description.elements.reading import Element
+from onebot_description.elements.sensor import SensorModel
 from onebot_description.errors import did_you_mean
 from onebot_description.geometry.poses import ZERO, Origin, Triple
 

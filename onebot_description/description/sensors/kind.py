@@ -9,9 +9,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from typing import ClassVar, Generic, NamedTuple, TypeVar
 
-from onebot_description.description.reading import Element
 from onebot_description.description.sensors.block import Block, inside, text_of
-from onebot_description.description.sensors.sensor import SensorModel
+from onebot_description.elements.reading import Element
+from onebot_description.elements.sensor import SensorModel
 
 M = TypeVar("M", bound=SensorModel)
 

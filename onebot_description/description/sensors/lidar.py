@@ -4,7 +4,6 @@ import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from onebot_description.description.reading import Element
 from onebot_description.description.sensors.block import (
     NOT_NEGATIVE,
     POSITIVE,
@@ -14,7 +13,8 @@ from onebot_description.description.sensors.block import (
 )
 from onebot_description.description.sensors.kind import Kind, Substitute, joined
 from onebot_description.description.sensors.noise import Noise, read_noise
-from onebot_description.description.sensors.sensor import SensorModel
+from onebot_description.elements.reading import Element
+from onebot_description.elements.sensor import SensorModel
 from onebot_description.ros.parameters.values import Rule
 
 RADIATIONS = ("ultrasound", "infrared")  # in the order of the constants of sensor_msgs/msg/Range

@@ -3,8 +3,8 @@
 import math
 from dataclasses import dataclass, fields, replace
 
-from onebot_description.description.reading import Element
 from onebot_description.description.sensors.block import ANY, NOT_NEGATIVE, Block
+from onebot_description.elements.reading import Element
 
 _KINDS = ("none", "gaussian", "gaussian_quantized")
 

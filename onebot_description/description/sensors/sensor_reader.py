@@ -6,19 +6,19 @@ import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any
 
-from onebot_description.description.description import Joint
-from onebot_description.description.frames import Frames, placed
-from onebot_description.description.reading import Element, Findings
 from onebot_description.description.sensors.block import NOT_NEGATIVE, Block, text_of
 from onebot_description.description.sensors.kind import Kind, word_of
 from onebot_description.description.sensors.kinds import BY_TYPE, OWN_FRAME, clashes
-from onebot_description.description.sensors.sensor import Sensor, SensorModel
 from onebot_description.description.sensors.unread import (
     RATES,
     warn_of_misplaced,
     warn_of_unknown,
     warn_of_unread,
 )
+from onebot_description.elements.description import Joint
+from onebot_description.elements.frames import Frames, placed
+from onebot_description.elements.reading import Element, Findings
+from onebot_description.elements.sensor import Sensor, SensorModel
 from onebot_description.errors import did_you_mean
 from onebot_description.geometry.poses import Origin
 from onebot_description.ros.parameters.values import Rule, ValueType

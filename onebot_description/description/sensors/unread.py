@@ -3,10 +3,10 @@
 import re
 from collections.abc import Collection, Iterator
 
-from onebot_description.description.reading import Element, Findings, number_fault
 from onebot_description.description.sensors.block import text_of
 from onebot_description.description.sensors.kind import Substitute
 from onebot_description.description.sensors.kinds import ELEMENTS, SUBSTITUTES
+from onebot_description.elements.reading import Element, Findings, number_fault
 
 RATES = ("update_rate", "updateRate", "updateRateHZ")  # the last two are plugins'
 _IN_ANY_PLUGIN = (

@@ -12,7 +12,7 @@ from functools import cached_property
 from typing import Any, Literal, NamedTuple
 from xml.etree import ElementTree
 
-from onebot_description.description.description import (
+from onebot_description.elements.description import (
     JOINT_KINDS,
     MOVING_KINDS,
     Box,
@@ -29,9 +29,9 @@ from onebot_description.description.description import (
     Shape,
     Sphere,
 )
-from onebot_description.description.meshes import locate_mesh
-from onebot_description.description.packages import Resources
-from onebot_description.description.xml import Document
+from onebot_description.elements.meshes import locate_mesh
+from onebot_description.elements.packages import Resources
+from onebot_description.elements.xml import Document
 from onebot_description.errors import DescriptionError, clipped, did_you_mean, listing, printable
 from onebot_description.geometry.poses import ZERO, Origin, Triple
 

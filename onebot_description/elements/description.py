@@ -12,7 +12,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
-from onebot_description.description.sensors.sensor import Sensor
+from onebot_description.elements.sensor import Sensor
 from onebot_description.errors import DescriptionError, listing
 from onebot_description.geometry.poses import Origin, Triple
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from onebot_description.description.description import Joint
+from onebot_description.elements.description import Joint
 from onebot_description.geometry.poses import (
     Origin,
     Transform,
