@@ -2,6 +2,7 @@
 
 import signal
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
 from geometry_msgs.msg import Twist
@@ -121,18 +122,29 @@ def test_arrow_keys_move_the_joint_with_the_focus(
     assert len(arm.commands) == count
 
 
-@pytest.mark.parametrize(
-    "leave",
-    [
-        "window.dispatchEvent(new Event('blur'))",
-        "document.querySelector('[name=joints]').click()",
-        "document.body.dispatchEvent(new Event('contextmenu', { bubbles: true }))",
-    ],
-)
-def test_leaving_stops_the_arm(page: Page, arm: Arm, leave: str) -> None:
-    """The window, the panel of joints, or a menu that takes the pointer."""
+@pytest.mark.parametrize("leave", ["blur", "hide", "reload", "close panel", "menu"])
+def test_leaving_stops_the_arm(tab: Page, node: Steering, arm: Arm, leave: str) -> None:
+    """The window or the tab, the panel of joints, or a menu that takes the pointer."""
+    first = tab.driver.current_window_handle
+    tab.driver.switch_to.new_window("tab")
+    own = tab.driver.current_window_handle
+    page = opened(tab, node)
     hold(page, arm)
-    stop(arm, lambda: page.driver.execute_script(leave))
+    ends: dict[str, Callable[[], Any]] = {
+        "blur": lambda: page.driver.execute_script("window.dispatchEvent(new Event('blur'))"),
+        "hide": lambda: page.driver.switch_to.window(first),
+        "reload": page.driver.refresh,
+        "close panel": lambda: page.driver.execute_script(
+            "document.querySelector('[name=joints]').click()"
+        ),
+        "menu": lambda: page.driver.execute_script(
+            "document.body.dispatchEvent(new Event('contextmenu', { bubbles: true }))"
+        ),
+    }
+    stop(arm, ends[leave])
+    page.driver.switch_to.window(own)
+    page.driver.close()
+    page.driver.switch_to.window(first)
 
 
 def test_a_dead_server_stops_the_arm(tab: Page, arm: Arm) -> None:

@@ -31,7 +31,7 @@ DIFF_DRIVE = str(ROBOTS / "diff_drive.urdf")
 def test_goals_are_met() -> None:
     """Odometry within 0.05 % of truth, truth within 0.5 % of command, rest below 0.01 mm."""
     description = load_description(ONEBOT)
-    results = measure(description, (*PATHS[:2], PATHS[-1]))
+    results = measure(description, PATHS)
     drift = 12.0 * rest_drift(description, 5.0)  # in a minute
     assert missed(results, drift) == []
     for result in results:  # at the end odometry is inside its ellipse of 99 %
@@ -40,12 +40,14 @@ def test_goals_are_met() -> None:
     _check_commands(*results)
 
 
-def _check_commands(two_metres: Result, full_turn: Result, figure: Result) -> None:
-    """By the integral of the limited command: 2 m, 360 degrees, two circles."""
+def _check_commands(two_metres: Result, full_turn: Result, square: Result, figure: Result) -> None:
+    """By the integral of the limited command: 2 m, 360 degrees, a closed square, two circles."""
     assert two_metres.length == pytest.approx(2.0)
     assert two_metres.commanded == pytest.approx((2.0, 0.0, 0.0))
     assert full_turn.turned == pytest.approx(2.0 * math.pi)
     assert full_turn.commanded == pytest.approx((0.0, 0.0, 2.0 * math.pi))
+    assert square.length == pytest.approx(4.0)
+    assert square.commanded == pytest.approx((0.0, 0.0, 2.0 * math.pi), abs=1e-9)
     assert figure.turned == pytest.approx(4.0 * math.pi)
     assert figure.commanded.yaw == pytest.approx(0.0, abs=1e-9)
     lines = table([two_metres], 1e-9).splitlines()
