@@ -23,8 +23,7 @@ from onebot_description.ros.discovery import (
     server,
     use_local_discovery,
 )
-from onebot_description.ros.names import absolute
-from onebot_description.ros.node_graph import node_name
+from onebot_description.ros.names import absolute, node_name
 from onebot_description.ros.signals import KeyboardInterrupts
 
 _QUIET = 0.5  # s without changes (over two announcements) after which discovery is complete

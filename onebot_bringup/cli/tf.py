@@ -14,7 +14,7 @@ from onebot_bringup.cli.session import PATIENCE, Session, in_session
 from onebot_bringup.introspection.rates import Intervals
 from onebot_description.description.tree_text import aligned, branches, cell
 from onebot_description.errors import OneBotError
-from onebot_description.ros.node_graph import node_name
+from onebot_description.ros.names import node_name
 
 _STATIC = "/tf_static"
 _TOPICS = ("/tf", _STATIC)

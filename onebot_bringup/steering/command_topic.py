@@ -14,7 +14,7 @@ from std_msgs.msg import Bool
 from onebot_bringup.steering.arbiter import ZEROS
 from onebot_bringup.steering.protocol import Velocity
 from onebot_description.errors import natural_order
-from onebot_description.ros.node_graph import node_name
+from onebot_description.ros.names import node_name
 from onebot_description.ros.throttled import Throttled
 from onebot_description.ros.topic_qos import LATCHED
 from onebot_description.ros.topic_subscription import RCLError

@@ -9,7 +9,7 @@ from rclpy.node import Node
 
 from onebot_bringup.steering.followed_topics import FollowedTopics
 from onebot_description.geometry.poses import yaw_of
-from onebot_description.ros.node_graph import node_name
+from onebot_description.ros.names import node_name
 from onebot_description.ros.wire.messages import OdometrySample, odometry_sample
 
 _ODOMETRY = "nav_msgs/msg/Odometry"

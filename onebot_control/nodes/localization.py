@@ -14,7 +14,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from onebot_description.geometry.poses import Transform, of_arrays
-from onebot_description.ros.node_graph import node_name
+from onebot_description.ros.names import node_name
 from onebot_description.ros.wire.cdr import NANO
 from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.messages import BAD_MESSAGE, tf_arrays

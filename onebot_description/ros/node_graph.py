@@ -2,28 +2,18 @@
 
 import time
 from collections.abc import Sequence
-from typing import Any
 
 from rclpy.node import Node
 
 from onebot_description.ros.discovery import question, server
+from onebot_description.ros.names import node_name
 from onebot_description.ros.steady_timer import steady_timer
 
-_UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"  # rcl's name for one
 _POLL_SERVER = 2.0  # seconds
 _POLL_PUBLISHERS = 1.0  # seconds
 # How long a second publisher must exist to be reported: a node may end while its successor starts,
 # and a killed one stays in the graph for 20 s (the lease of Fast DDS).
 _SETTLED, _FORGOTTEN = 3.0, 25.0  # seconds
-
-
-def node_name(end: Any) -> str:
-    """Return the full name of the node of a TopicEndpointInfo; "" while it is not discovered.
-
-    A node's name is discovered later than its publishers and subscriptions.
-    """
-    known = end.node_name != _UNKNOWN_NODE
-    return f"{end.node_namespace.rstrip('/')}/{end.node_name}" if known else ""
 
 
 class DiscoveryServerCheck:

@@ -13,7 +13,7 @@ from rclpy.subscription import Subscription
 
 from onebot_description.errors import OneBotError
 from onebot_description.ros.message_age import Delivery
-from onebot_description.ros.node_graph import node_name
+from onebot_description.ros.names import node_name
 
 RCLError = rclpy_implementation.RCLError
 

@@ -119,7 +119,7 @@ def test_missing_library(checkout: Path) -> None:
 def test_node_without_library(ros_domain: int) -> None:
     code = """
 from pathlib import Path
-from onebot_description.ros.wire import build_library
+from onebot_description.compiled import build_library
 build_library.LIBRARY = Path("missing.so")
 from onebot_description.robot_state_publisher import main
 raise SystemExit(main(["robot_state_publisher", "onebot_description/urdf/onebot.urdf.xacro"]))
