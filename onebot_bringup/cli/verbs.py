@@ -4,7 +4,6 @@ import os
 import sys
 from collections import namedtuple
 from collections.abc import Mapping, Sequence
-from importlib import import_module
 
 from onebot_bringup.launch.program import INTERRUPTED, USAGE, VERSION, print_version
 from onebot_description.errors import UsageError, did_you_mean
@@ -68,6 +67,8 @@ def help_command(words: list[str]) -> str:
 
 def subcommands(verb: str) -> "Mapping[str, Subcommand]":
     """Return the subcommands of a verb; empty for most verbs."""
+    from importlib import import_module
+
     return getattr(import_module(f"{PACKAGE}.{verb}"), "COMMANDS", {})
 
 
@@ -91,6 +92,8 @@ def run_verb(words: list[str]) -> int:
         from onebot_bringup.cli.options import dispatch
 
         return dispatch(first, table, arguments)
+    from importlib import import_module
+
     return int(import_module(f"{PACKAGE}.{first}").run(arguments))
 
 
