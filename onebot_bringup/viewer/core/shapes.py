@@ -7,7 +7,7 @@ yourdfpy leaves out:
 - round faces and sharp edges where a file has no normals
 - whether a file has its own colours, converted to glTF's linear light
 
-trimesh and yourdfpy take a second to import, so modules import this one only to draw a shape.
+trimesh takes a second to import, so modules import this one only to draw a shape.
 """
 
 import functools
