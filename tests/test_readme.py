@@ -190,7 +190,9 @@ def test_code_that_is_named_exists():
     sources += (CHECKOUT / "tests").rglob("*.py")
     paths = "".join(f"/{file.relative_to(CHECKOUT)}\n" for file in sources)
     for code in re.findall(r"`([\w./-]+\.(?:py|js|c))`", ALL + GUIDE):
-        path = re.sub("NAME|VERB|KIND", r"\\w+", re.escape(code))  # of a file that is yet to be written
+        path = re.sub(
+            "NAME|VERB|KIND", r"\\w+", re.escape(code)
+        )  # of a file that is yet to be written
         assert re.search(f"/{path}\n", paths), code
     words = set(re.findall(r"\w+", " ".join(file.read_text() for file in sources)))
     for code in re.findall(r"`([A-Za-z_][\w.]*)(?:\(.*?\))?`", GUIDE):

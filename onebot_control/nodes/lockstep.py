@@ -20,7 +20,7 @@ from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.task import Future
-from rclpy.waitable import NumberOfEntities
+from rclpy.waitable import NumberOfEntities, Waitable
 
 from onebot_control.controlled_robot import Snapshot
 from onebot_control.drive.parameters import MANAGER
@@ -285,15 +285,29 @@ class _Executor(SingleThreadedExecutor):
             return False  # waiting would take their trigger from rclpy
         if any(not task.done() for task, _, _ in self._tasks):
             return False
-        subscriptions = [each.handle for node in nodes for each in node.subscriptions]
-        timers = [each.handle for node in nodes for each in node.timers]
-        clients = [each.handle for node in nodes for each in node.clients]
-        services = [each.handle for node in nodes for each in node.services]
         # Events, of QoS, can wait until a message comes.
-        actions = [
-            each for node in nodes for each in node.waitables if not isinstance(each, EventHandler)
-        ]
-        counts = NumberOfEntities(len(subscriptions), 0, len(timers), len(clients), len(services))
+        waitables = [waitable for node in nodes for waitable in node.waitables]
+        actions = [each for each in waitables if not isinstance(each, EventHandler)]
+        handles = {
+            kind: [entity.handle for node in nodes for entity in getattr(node, f"{kind}s")]
+            for kind in _KINDS
+        }
+        wait_set = self._wait_set([len(handles[kind]) for kind in _KINDS], actions)
+        for kind in _KINDS:
+            add = getattr(wait_set, f"add_{kind}")
+            for handle in handles[kind]:
+                add(handle)
+        for action in actions:
+            action.add_to_wait_set(wait_set)
+        wait_set.wait(0)
+        if any(map(wait_set.get_ready_entities, _KINDS)):
+            return False
+        return not any(action.is_ready(wait_set) for action in actions)
+
+    def _wait_set(self, numbers: Sequence[int], actions: Sequence[Waitable[Any]]) -> Any:
+        """Return an empty wait set for so many entities of each of ``_KINDS``, and for actions."""
+        subscriptions, timers, clients, services = numbers
+        counts = NumberOfEntities(subscriptions, 0, timers, clients, services)
         for action in actions:
             counts += action.get_num_entities()
         wait_set = rclpy_implementation.WaitSet(
@@ -301,20 +315,7 @@ class _Executor(SingleThreadedExecutor):
             *(counts.num_clients, counts.num_services, counts.num_events, self.context.handle),
         )
         wait_set.clear_entities()
-        for add, handles in (
-            (wait_set.add_subscription, subscriptions),
-            (wait_set.add_timer, timers),
-            (wait_set.add_client, clients),
-            (wait_set.add_service, services),
-        ):
-            for handle in handles:
-                add(handle)
-        for action in actions:
-            action.add_to_wait_set(wait_set)
-        wait_set.wait(0)
-        return not any(map(wait_set.get_ready_entities, _KINDS)) and not any(
-            action.is_ready(wait_set) for action in actions
-        )
+        return wait_set
 
 
 class SteppedLoop(ControlLoop):

@@ -1,5 +1,6 @@
 """The parameters of joint_state_publisher and their checks."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -22,11 +23,94 @@ _MIN_RATE = 0.001
 MAX_RATE = 1000.0
 """Hz; a faster timer only wastes processor time."""
 
-_KEYS: dict[str, tuple[str, ...]] = {
-    "constant": ("position",),
-    "sine": ("amplitude", "frequency", "phase", "offset"),
-    "keyframes": ("times", "positions", "poses", "blend", "loop"),
-    "pose": ("pose",),
+
+class _Kind(ABC):
+    """A kind of motion: which of ``MotionParameters`` it uses, and what they make."""
+
+    keys: tuple[str, ...]
+
+    @abstractmethod
+    def motion(self, given: "MotionParameters", joint: str, poses: Poses) -> Motion:
+        """Return the motion of ``joint``; the parameters must have passed both checks."""
+
+    def check(self, given: "MotionParameters") -> Iterable[Problem]:
+        """Return all problems except unknown poses."""
+        return ()
+
+    def poses(self, given: "MotionParameters") -> Iterable[str]:
+        """Return the names of the poses that the parameter of the last key refers to."""
+        return ()
+
+    def notes(self, given: "MotionParameters") -> Iterable[Problem]:
+        """Return warnings on parameters that are valid, but probably not intended."""
+        return ()
+
+
+class _Constant(_Kind):
+    keys = ("position",)
+
+    def motion(self, given: "MotionParameters", joint: str, poses: Poses) -> Motion:
+        return Keyframes.hold(given.position or 0.0)
+
+
+class _Sine(_Kind):
+    keys = ("amplitude", "frequency", "phase", "offset")
+
+    def motion(self, given: "MotionParameters", joint: str, poses: Poses) -> Motion:
+        return Sine(
+            given.amplitude or 0.0, given.frequency or 0.0, given.phase or 0.0, given.offset or 0.0
+        )
+
+    def notes(self, given: "MotionParameters") -> Iterable[Problem]:
+        if missing := [key for key in ("amplitude", "frequency") if getattr(given, key) is None]:
+            yield Problem("", f"sine without {' and '.join(missing)} does not swing")
+
+
+class _Keyframes(_Kind):
+    keys = ("times", "positions", "blend", "loop", "poses")
+
+    def motion(self, given: "MotionParameters", joint: str, poses: Poses) -> Motion:
+        positions = given.positions or tuple(poses[name][joint] for name in given.poses or ())
+        blend = given.blend or LINEAR
+        return Keyframes(given.times or (), positions, blend, given.loop is not False)
+
+    def check(self, given: "MotionParameters") -> Iterable[Problem]:
+        if (given.positions is None) == (given.poses is None):
+            yield Problem("", "keyframes need either positions or poses")
+            return
+        times, positions = given.times, given.positions or given.poses or ()
+        if not times:
+            yield Problem("times", "keyframes need times, such as [0.0, 2.0]")
+        elif len(times) != len(positions):
+            counts = f"{len(times)} times but {len(positions)} positions"
+            yield Problem("", f"{counts}; give as many of each, at once")
+        elif times[0] < 0.0 or any(b <= a for a, b in zip(times, times[1:], strict=False)):
+            yield Problem("times", f"{list(times)} must increase, from 0 on")
+
+    def poses(self, given: "MotionParameters") -> Iterable[str]:
+        return given.poses or ()
+
+
+class _Pose(_Kind):
+    keys = ("pose",)
+
+    def motion(self, given: "MotionParameters", joint: str, poses: Poses) -> Motion:
+        name = given.pose or ""
+        return Keyframes.hold(poses[name][joint], name)
+
+    def check(self, given: "MotionParameters") -> Iterable[Problem]:
+        if not given.pose:
+            yield Problem("pose", "write the name of a pose")
+
+    def poses(self, given: "MotionParameters") -> Iterable[str]:
+        return (given.pose,) if given.pose else ()
+
+
+_KINDS: Mapping[str, _Kind] = {
+    "constant": _Constant(),
+    "sine": _Sine(),
+    "keyframes": _Keyframes(),
+    "pose": _Pose(),
 }
 
 
@@ -34,7 +118,7 @@ _KEYS: dict[str, tuple[str, ...]] = {
 class MotionParameters:
     """The parameters ``motions.<joint>.*``; those not given are None."""
 
-    type: str = parameter(REQUIRED, "the kind of motion", choices=(*_KEYS,))
+    type: str = parameter(REQUIRED, "the kind of motion", choices=(*_KINDS,))
     position: float | None = parameter(None, "constant: position to hold, rad or m")
     amplitude: float | None = parameter(None, "sine: rad or m")
     frequency: float | None = parameter(None, "sine: Hz", at_least=0.0)
@@ -55,60 +139,35 @@ class MotionParameters:
         names = (setting.name for setting in fields(self) if setting.name != "type")
         return {name for name in names if getattr(self, name) is not None}
 
-    def check(self) -> Iterator[Problem]:
-        """Yield all problems except unknown poses."""
-        if self.type == "pose" and not self.pose:
-            yield Problem("pose", "write the name of a pose")
-        elif self.type == "keyframes":
-            yield from self._check_keyframes()
+    @property
+    def kind(self) -> _Kind:
+        """What the type stands for."""
+        return _KINDS[self.type]
 
-    def _check_keyframes(self) -> Iterator[Problem]:
-        if (self.positions is None) == (self.poses is None):
-            yield Problem("", "keyframes need either positions or poses")
-            return
-        times, positions = self.times, self.positions or self.poses or ()
-        if not times:
-            yield Problem("times", "keyframes need times, such as [0.0, 2.0]")
-        elif len(times) != len(positions):
-            counts = f"{len(times)} times but {len(positions)} positions"
-            yield Problem("", f"{counts}; give as many of each, at once")
-        elif times[0] < 0.0 or any(b <= a for a, b in zip(times, times[1:], strict=False)):
-            yield Problem("times", f"{list(times)} must increase, from 0 on")
+    def check(self) -> Iterable[Problem]:
+        """Return all problems except unknown poses."""
+        return self.kind.check(self)
 
     def check_poses(self, joint: str, poses: Poses) -> Iterator[Problem]:
         """Yield the problems with the poses that the motion of ``joint`` refers to."""
-        named = {"pose": ("pose", (self.pose,)), "keyframes": ("poses", self.poses or ())}
-        key, names = named.get(self.type, ("", ()))
-        for name in names:
-            if name and name not in poses:
+        key = self.kind.keys[-1]
+        for name in self.kind.poses(self):
+            if name not in poses:
                 yield Problem(key, f'no pose "{name}"{did_you_mean(name, poses, "poses")}')
-            elif name and joint not in poses[name]:
+            elif joint not in poses[name]:
                 text = f'pose "{name}" has no position of this joint; add poses.{name}.{joint}'
                 yield Problem(key, text)
 
     def notes(self) -> Iterator[Problem]:
         """Yield warnings on parameters that are valid, but probably not intended."""
-        for key in sorted(self.given.difference(_KEYS[self.type])):
-            users = " and ".join(name for name, keys in _KEYS.items() if key in keys)
+        for key in sorted(self.given.difference(self.kind.keys)):
+            users = " and ".join(name for name, kind in _KINDS.items() if key in kind.keys)
             yield Problem(key, f"not used by type {self.type}, only by type {users}")
-        missing = [key for key in ("amplitude", "frequency") if getattr(self, key) is None]
-        if self.type == "sine" and missing:
-            yield Problem("", f"sine without {' and '.join(missing)} does not swing")
+        yield from self.kind.notes(self)
 
     def motion(self, joint: str, poses: Poses) -> Motion:
         """Return the motion of ``joint``; the parameters must have passed both checks."""
-        if self.type == "constant":
-            return Keyframes.hold(self.position or 0.0)
-        if self.type == "sine":
-            return Sine(
-                self.amplitude or 0.0, self.frequency or 0.0, self.phase or 0.0, self.offset or 0.0
-            )
-        if self.type == "pose":
-            name = self.pose or ""
-            return Keyframes.hold(poses[name][joint], name)
-        assert self.type == "keyframes", self.type
-        positions = self.positions or tuple(poses[name][joint] for name in self.poses or ())
-        return Keyframes(self.times or (), positions, self.blend or LINEAR, self.loop is not False)
+        return self.kind.motion(self, joint, poses)
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,11 @@
 """Motions of joints (sines and keyframes): their position at a time, and checks of limits.
 
 Positions are in rad (m for prismatic joints), times in s since the start of the motion. To add a
-kind of motion, write a class with ``at`` here, its keys in ``config``, and its limit checks below.
+kind of motion, write a ``Motion`` here, and in ``config`` its parameters and how they make one.
 """
 
 import math
+from abc import ABC, abstractmethod
 from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -24,7 +25,52 @@ _TOLERANCE = 1e-4
 
 
 @dataclass(frozen=True)
-class Sine:
+class Allowed:
+    """The limits of one joint, for checks and their messages."""
+
+    lower: float  # rad or m
+    upper: float
+    velocity: float  # rad/s or m/s
+    unit: str = "rad"  # "m" for a prismatic joint
+    endless: bool = False  # a continuous joint
+
+    def reaches(self, speed: float) -> bool:
+        """Whether ``speed`` is allowed."""
+        return speed <= self.velocity * (1.0 + _TOLERANCE)
+
+    def holds(self, position: float) -> bool:
+        """Whether ``position`` is in range."""
+        return self.lower - _TOLERANCE <= position <= self.upper + _TOLERANCE
+
+    def clamp(self, position: float) -> float:
+        """Return the nearest position in range."""
+        return min(max(position, self.lower), self.upper)
+
+    @property
+    def range(self) -> str:
+        """The range as text."""
+        return f"its limits [{self.lower:.6g}, {self.upper:.6g}] {self.unit}"
+
+    @property
+    def speed(self) -> str:
+        """The velocity limit as text."""
+        return f"its limit {self.velocity:.4g} {self.unit}/s"
+
+
+class Motion(ABC):
+    """How a joint moves by itself."""
+
+    @abstractmethod
+    def at(self, time: float, start: float) -> float:
+        """Return the position at ``time`` (at least 0); ``start`` is the position at time 0."""
+
+    @abstractmethod
+    def violations(self, allowed: Allowed) -> Iterator[str]:
+        """Yield a message, with a remedy, for each limit that the motion exceeds."""
+
+
+@dataclass(frozen=True)
+class Sine(Motion):
     """``offset + amplitude * sin(2 pi frequency t + phase)``; frequency in Hz, phase in rad."""
 
     amplitude: float
@@ -32,14 +78,26 @@ class Sine:
     phase: float = 0.0
     offset: float = 0.0
 
-    def at(self, time: float, _start: float) -> float:
-        """Return the position at ``time``, from 0 on, wherever the joint started."""
+    def at(self, time: float, start: float) -> float:
+        """Return the position at ``time``, wherever the joint started."""
         angle = TURN * self.frequency * time + self.phase
         return self.offset + self.amplitude * math.sin(angle)
 
+    def violations(self, allowed: Allowed) -> Iterator[str]:
+        size, unit = abs(self.amplitude), allowed.unit
+        low, high = self.offset - size, self.offset + size
+        if not (allowed.holds(low) and allowed.holds(high)):
+            text = f"sine from {low:.6g} to {high:.6g} {unit} is beyond {allowed.range}"
+            yield f"{text}: lower amplitude, or change offset"
+        peak = TURN * self.frequency * size
+        if not allowed.reaches(peak):
+            text = f"sine at {self.frequency:.4g} Hz peaks at {peak:.4g} {unit}/s"
+            slower = allowed.velocity / (TURN * size)
+            yield f"{text}, over {allowed.speed}: lower frequency to {slower:.6g}"
+
 
 @dataclass(frozen=True)
-class Keyframes:
+class Keyframes(Motion):
     """A motion through ``positions`` at ``times``."""
 
     times: tuple[float, ...]  # increasing, from 0 on
@@ -102,91 +160,33 @@ class Keyframes:
             share = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
         return from_ + share * (to - from_)
 
-
-Motion = Sine | Keyframes
+    def violations(self, allowed: Allowed) -> Iterator[str]:
+        unit, times, positions = allowed.unit, self.times, self.positions
+        for number, position in enumerate(positions, 1):
+            if not allowed.holds(position):
+                name = f"keyframe {number} at" if len(positions) > 1 else "position"
+                if self.pose:
+                    name = f'pose "{self.pose}"'
+                text = f"{name} {position:.6g} {unit} is beyond {allowed.range}"
+                yield f"{text}: held at {allowed.clamp(position):.6g}"
+        factor = 1.0 if self.blend == LINEAR else MINIMUM_JERK_PEAK
+        for number in range(1, len(times)):
+            seconds = times[number] - times[number - 1]
+            way = factor * abs(positions[number] - positions[number - 1])
+            if not allowed.reaches(way / seconds):
+                ends = f"from keyframe {number} to {number + 1}"
+                text = f"{ends} it peaks at {way / seconds:.4g} {unit}/s, over {allowed.speed}"
+                needed = way / allowed.velocity if allowed.velocity else math.inf
+                yield f"{text}: give it {needed:.6g} s instead of {seconds:.6g}"
+        gap = positions[0] - positions[-1]
+        gap = _beyond_turns(gap) if allowed.endless else gap
+        if self.loop and abs(gap) > _WHOLE_TURN and times[-1] > 0.0:
+            ends = f"from {positions[-1]:.6g} to {positions[0]:.6g} {unit}"
+            yield (
+                f"the loop jumps {ends}, so the joint moves there at {allowed.speed}: end with a "
+                f"keyframe at {positions[0]:.6g}, or set loop to false"
+            )
 
 
 def _beyond_turns(angle: float) -> float:
     return angle - TURN * round(angle / TURN)
-
-
-@dataclass(frozen=True)
-class Allowed:
-    """The limits of one joint, for checks and their messages."""
-
-    lower: float  # rad or m
-    upper: float
-    velocity: float  # rad/s or m/s
-    unit: str = "rad"  # "m" for a prismatic joint
-    endless: bool = False  # a continuous joint
-
-    def reaches(self, speed: float) -> bool:
-        """Whether ``speed`` is allowed."""
-        return speed <= self.velocity * (1.0 + _TOLERANCE)
-
-    def holds(self, position: float) -> bool:
-        """Whether ``position`` is in range."""
-        return self.lower - _TOLERANCE <= position <= self.upper + _TOLERANCE
-
-    def clamp(self, position: float) -> float:
-        """Return the nearest position in range."""
-        return min(max(position, self.lower), self.upper)
-
-    @property
-    def range(self) -> str:
-        """The range as text."""
-        return f"its limits [{self.lower:.6g}, {self.upper:.6g}] {self.unit}"
-
-    @property
-    def speed(self) -> str:
-        """The velocity limit as text."""
-        return f"its limit {self.velocity:.4g} {self.unit}/s"
-
-
-def violations(motion: Motion, allowed: Allowed) -> Iterator[str]:
-    """Yield a message, with a remedy, for each limit that ``motion`` exceeds."""
-    if isinstance(motion, Sine):
-        return _sine(motion, allowed)
-    assert isinstance(motion, Keyframes), motion
-    return _keyframes(motion, allowed)
-
-
-def _sine(motion: Sine, allowed: Allowed) -> Iterator[str]:
-    size, unit = abs(motion.amplitude), allowed.unit
-    low, high = motion.offset - size, motion.offset + size
-    if not (allowed.holds(low) and allowed.holds(high)):
-        text = f"sine from {low:.6g} to {high:.6g} {unit} is beyond {allowed.range}"
-        yield f"{text}: lower amplitude, or change offset"
-    peak = TURN * motion.frequency * size
-    if not allowed.reaches(peak):
-        text = f"sine at {motion.frequency:.4g} Hz peaks at {peak:.4g} {unit}/s"
-        slower = allowed.velocity / (TURN * size)
-        yield f"{text}, over {allowed.speed}: lower frequency to {slower:.6g}"
-
-
-def _keyframes(motion: Keyframes, allowed: Allowed) -> Iterator[str]:
-    unit, times, positions = allowed.unit, motion.times, motion.positions
-    for number, position in enumerate(positions, 1):
-        if not allowed.holds(position):
-            name = f"keyframe {number} at" if len(positions) > 1 else "position"
-            if motion.pose:
-                name = f'pose "{motion.pose}"'
-            text = f"{name} {position:.6g} {unit} is beyond {allowed.range}"
-            yield f"{text}: held at {allowed.clamp(position):.6g}"
-    factor = 1.0 if motion.blend == LINEAR else MINIMUM_JERK_PEAK
-    for number in range(1, len(times)):
-        seconds = times[number] - times[number - 1]
-        way = factor * abs(positions[number] - positions[number - 1])
-        if not allowed.reaches(way / seconds):
-            ends = f"from keyframe {number} to {number + 1}"
-            text = f"{ends} it peaks at {way / seconds:.4g} {unit}/s, over {allowed.speed}"
-            needed = way / allowed.velocity if allowed.velocity else math.inf
-            yield f"{text}: give it {needed:.6g} s instead of {seconds:.6g}"
-    gap = positions[0] - positions[-1]
-    gap = _beyond_turns(gap) if allowed.endless else gap
-    if motion.loop and abs(gap) > _WHOLE_TURN and times[-1] > 0.0:
-        yield (
-            f"the loop jumps from {positions[-1]:.6g} to {positions[0]:.6g} {unit}, so the joint "
-            f"moves there at {allowed.speed}: end with a keyframe at {positions[0]:.6g}, or set "
-            "loop to false"
-        )

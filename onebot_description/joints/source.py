@@ -29,7 +29,6 @@ from onebot_description.joints.motions import (
     Keyframes,
     Motion,
     Sine,
-    violations,
 )
 from onebot_description.ros.parameters.reader import ConfigError, Problem
 from onebot_description.ros.parameters.values import LARGEST
@@ -193,7 +192,7 @@ class _JointPlanner:
         """Report where the motion of the parameter ``key`` exceeds the joint's limits."""
         name = self.joint.name
         about = "" if key.endswith(f".{name}") else f'joint "{name}": '
-        texts = violations(motion, self.allowed)
+        texts = motion.violations(self.allowed)
         self.reports.extend(Problem(key, about + text) for text in texts)
 
 

@@ -156,25 +156,15 @@ EQUIVALENT: dict[str, set[str]] = {
         # It checks attributes of one number.
         "_not_negative: return values[ -1] >= 0",
     },
-    "onebot_description/joints/config.py": {
-        # No kind of motion comes before constant.
-        'MotionParameters.motion: if self.type <= "constant":',
-        # No kind of motion comes after sine.
-        'MotionParameters.motion: if self.type >= "sine":',
-        # Only poses and keyframes are left.
-        'MotionParameters.motion: if self.type >= "pose":',
-        # No kind of motion comes after sine.
-        'MotionParameters.notes: if self.type >= "sine" and missing:',
-    },
     "onebot_description/joints/motion_limits.py": {
         # No kind that moves comes before continuous.
         '_range: if joint.kind <= "continuous":',
     },
     "onebot_description/joints/motions.py": {
         # The times begin at 0 or later.
-        "_keyframes: if motion.loop and abs(gap) > _WHOLE_TURN and times[-1] != 0.0:",
+        "Keyframes.violations: if self.loop and abs(gap) > _WHOLE_TURN and times[-1] != 0.0:",
         # No blend comes before linear.
-        "_keyframes: factor = 1.0 if motion.blend <= LINEAR else MINIMUM_JERK_PEAK",
+        "Keyframes.violations: factor = 1.0 if self.blend <= LINEAR else MINIMUM_JERK_PEAK",
     },
     "onebot_description/joints/source.py": {
         # A range is never below 0.

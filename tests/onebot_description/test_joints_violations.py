@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onebot_description.joints import motions
 from onebot_description.joints.motions import Allowed, Keyframes, Motion, Sine
 
 MRM = Allowed(-3.14, 3.14, 0.5)
@@ -18,7 +17,7 @@ RANGE = "is beyond its limits [-3.14, 3.14] rad"
 
 def violations(motion: Motion, allowed: Allowed = MRM) -> list[str]:
     """All that is reported."""
-    return list(motions.violations(motion, allowed))
+    return list(motion.violations(allowed))
 
 
 @pytest.mark.parametrize(
