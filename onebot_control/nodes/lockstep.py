@@ -20,7 +20,7 @@ from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.task import Future
-from rclpy.waitable import NumberOfEntities, Waitable
+from rclpy.waitable import NumberOfEntities
 
 from onebot_control.controlled_robot import Snapshot
 from onebot_control.drive.parameters import MANAGER
@@ -304,7 +304,7 @@ class _Executor(SingleThreadedExecutor):
             return False
         return not any(action.is_ready(wait_set) for action in actions)
 
-    def _wait_set(self, numbers: Sequence[int], actions: Sequence[Waitable[Any]]) -> Any:
+    def _wait_set(self, numbers: Sequence[int], actions: Sequence[Any]) -> Any:
         """Return an empty wait set for so many entities of each of ``_KINDS``, and for actions."""
         subscriptions, timers, clients, services = numbers
         counts = NumberOfEntities(subscriptions, 0, timers, clients, services)
