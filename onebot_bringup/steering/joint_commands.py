@@ -44,7 +44,7 @@ class JointCommands:
         self._node, self._locked = node, locked
         self._topics = FollowedTopics(node, 1, self._receive)
         self._lock = threading.Lock()
-        self._controllers: dict[str, _JointController] = {}  # by the topic of the state
+        self._controllers: dict[str, _JointController] = {}  # controllers, by topic of the state
         self._description: Description | None = None
         self._joints: Joints = {}
         self._robot_lock: RobotLock | None = None

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _MADE = pytest.StashKey["list[Simulation]"]()
 _DOMAIN = pytest.StashKey[int]()
 _KEPT, _KEPT_RATE = 60.0, 20.0  # how much of a failed test is shown: simulated s, and Hz
-_FOLDER = "failed_tests"  # in pytest's root folder
+_FOLDER = "failed_tests"  # folder in pytest's root folder
 
 
 @pytest.fixture

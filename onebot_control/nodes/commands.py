@@ -32,15 +32,15 @@ class Command(NamedTuple):
     """A velocity command, as received."""
 
     linear: float  # forward, m/s
-    angular: float  # to the left, rad/s
-    stamp: int | None  # of its header, ns; None for a Twist
+    angular: float  # left turn, rad/s
+    stamp: int | None  # time in its header, ns; None for a Twist
     age: Age  # time since it was sent
 
 
 class CommandLock:
     """A lock of the robot as in twist_mux: ~/cmd_vel_lock sets it, ~/cmd_vel_locked is its state.
 
-    The last message counts, whoever sent it, and does not expire: if the node that locked dies, the
+    The last message counts, from any node, and does not expire: if the node that locked dies, the
     robot stays locked. If ~/cmd_vel is remapped, both topics have the new name, too.
     """
 

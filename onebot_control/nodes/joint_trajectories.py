@@ -68,7 +68,7 @@ class _CycleState(NamedTuple):
         measured.time_from_start = Duration(seconds=self.elapsed).to_msg()
 
 
-_Goal = tuple[TrajectoryGoal, TolerancesGiven | None]  # without tolerances: of the topic
+_Goal = tuple[TrajectoryGoal, TolerancesGiven | None]  # a topic's has no tolerances
 
 
 class JointTrajectories(GoalNode[TrajectoryFollower, _Goal]):

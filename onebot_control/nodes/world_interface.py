@@ -45,7 +45,7 @@ class WorldInterface:
     Attributes:
         robots: the ROS interface of each robot.
         loop: the control loop; None until every robot is known.
-        arm_nodes: the nodes of all joint controllers; whoever starts the loop has to spin them.
+        arm_nodes: the nodes of all joint controllers; the starter of the loop has to spin them.
         simulated: whether stamps are simulated time.
         factor: the real_time_factor of all robots.
         scene: what stands around the robots; None on bare ground.

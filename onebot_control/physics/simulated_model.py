@@ -55,7 +55,7 @@ class Follower(NamedTuple):
     """A joint that mimics a wheel or caster; only its published position moves."""
 
     name: str
-    mimic: Mimic  # of a joint of a wheel or caster, or of an earlier follower
+    mimic: Mimic  # its leader is a joint of a wheel or caster, or an earlier follower
     lower: float  # least position, rad or m
     upper: float
 
@@ -71,7 +71,8 @@ class SimulatedModel(NamedTuple):
     held: Mapping[str, float]  # positions of joints that are fixed now, by name
     followers: Sequence[Follower]  # fixed joints that mimic wheels or casters; leaders first
     gears: Mapping[str, Mimic] = MappingProxyType({})  # joints that follow commanded ones
-    starts: Mapping[str, float] = MappingProxyType({})  # of moving joints except wheels, rad or m
+    # Start positions of moving joints except wheels, rad or m.
+    starts: Mapping[str, float] = MappingProxyType({})
 
 
 def simulated_model(

@@ -53,8 +53,8 @@ class Outcome(NamedTuple):
     """How an action goal, or a trajectory from the topic, ended."""
 
     goal: object | None  # the token given to ``start``; None: no action goal was active
-    code: int  # of control_msgs/FollowJointTrajectory; 0: succeeded, else aborted
-    text: str  # as joint_trajectory_controller writes it
+    code: int  # error code of control_msgs/FollowJointTrajectory; 0: succeeded, else aborted
+    text: str  # joint_trajectory_controller's wording
     detail: str = ""  # the joint beyond its tolerance, with its position error
 
 
@@ -107,7 +107,7 @@ class TrajectoryFollower:
         self.scaling = config.speed_scaling.initial_scaling_factor
         self._now, self._advance, self._rate = 0, 0.0, self.scaling
         self.time = self.elapsed = 0.0
-        self._start: int | None = None  # of the trajectory, ns; unknown until its first update
+        self._start: int | None = None  # trajectory start, ns; unknown until its first update
         self.reset(positions)
 
     def configure(

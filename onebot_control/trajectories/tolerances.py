@@ -7,7 +7,7 @@ from onebot_control.trajectories.config import JointConstraint, TrajectoryConfig
 from onebot_description.errors import did_you_mean, printable
 
 _OFF = -1.0  # value by which a goal switches a tolerance off
-_OFF_ROUNDING = 1.1920929e-07  # as joint_trajectory_controller: the epsilon of a float32
+_OFF_ROUNDING = 1.1920929e-07  # joint_trajectory_controller's: the epsilon of a float32
 
 
 class ToleranceGiven(NamedTuple):

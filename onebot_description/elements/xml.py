@@ -42,7 +42,7 @@ class Document:
     root: ElementTree.Element
     places: dict[ElementTree.Element, str]  # ``file:line`` of each element, in document order
     shown: str  # its name in messages
-    folder: Path | None  # where relative paths start; None for text without a file
+    folder: Path | None  # folder of relative paths; None for text without a file
     has_xacro: bool = False  # whether the xacro namespace is declared
 
 

@@ -66,7 +66,7 @@ class Drawing(Generic[S]):
     high_bandwidth: ClassVar[bool] = False  # megabytes per second: few are shown automatically
     stamped_when_sent: ClassVar[bool] = True  # see ``MessageType``
     period_ns: ClassVar[int] = 0  # see ``Display``
-    rviz_classes: ClassVar[tuple[str, ...]] = ()  # in RViz, besides the key in title case
+    rviz_classes: ClassVar[tuple[str, ...]] = ()  # RViz's names besides the key in title case
     # Types of further topics to subscribe to, by the suffix of their names after the topic's.
     suffixed_topics: ClassVar[Mapping[str, MessageType[Any]]] = {}
     # Types of further topics of the topic's robot, by name.
@@ -249,12 +249,12 @@ def topic_entity(key: str, topic: str) -> str:
 class DrawingsDisplay(Display[S]):
     """A display with several drawings of one kind."""
 
-    noun: str  # what warnings call one of them
+    noun: str  # name of one drawing in warnings
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
         self.items: dict[str, Drawing[Any]] = {}
-        self._topics: dict[str, Sequence[WantedTopic]] = {}  # by item
+        self._topics: dict[str, Sequence[WantedTopic]] = {}  # topics of each item
         self._waiting_since: dict[str, float] = {}
 
     @abstractmethod

@@ -24,7 +24,7 @@ from onebot_description.ros.wire.messages import JointStateArrays
 _MOST_POINTS = 1000
 # Most positions added between the points, so that the line bends as the robot does.
 _MOST_BETWEEN = 1000
-_STEP = np.radians(5.0)  # from one position to the next, summed over all joints
+_STEP = np.radians(5.0)  # distance of two positions, summed over all joints
 _TOLERANCE = 0.01  # rad or m that a held joint may move before the path is redrawn
 
 

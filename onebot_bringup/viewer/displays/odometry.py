@@ -142,7 +142,7 @@ class TrailDrawing(PlaceDrawing[TrailSettings]):
     """
 
     max_waiting = 5000
-    _start: Floats | None = None  # where the next piece begins
+    _start: Floats | None = None  # start of the next piece
     _previous: tuple[int, str, Floats] = (0, "", np.zeros(3))  # stamp, frame and place
 
     def style(self) -> list[rr.AsComponents]:

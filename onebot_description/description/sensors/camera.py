@@ -23,8 +23,8 @@ class Camera(SensorModel):
     far: float
     depth_near: float  # near clip of depths, m along the axis
     depth_far: float  # far clip of depths
-    noise: Noise = Noise()  # of colours (0 to 1), or of depths (m)
-    baseline: float = 0.0  # m, from the left camera of a pair to this one
+    noise: Noise = Noise()  # noise of colours (0 to 1), or of depths (m)
+    baseline: float = 0.0  # distance from the left camera of a pair to this one, m
     blank: float = math.inf  # x, y and z of a point without a depth, as in gz sim
 
     @property
@@ -37,7 +37,7 @@ class _Output(NamedTuple):
 
     message_type: str
     ros_2: str
-    documented: str  # in the documentation of ROS 2's plugin
+    documented: str  # topic in the documentation of ROS 2's plugin
     tag: str  # the element that sets it in ROS 1
 
 

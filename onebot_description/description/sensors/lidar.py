@@ -17,7 +17,7 @@ from onebot_description.elements.reading import Element
 from onebot_description.elements.sensor import SensorModel
 from onebot_description.ros.parameters.values import Rule
 
-RADIATIONS = ("ultrasound", "infrared")  # in the order of the constants of sensor_msgs/msg/Range
+RADIATIONS = ("ultrasound", "infrared")  # ordered like the constants of sensor_msgs/msg/Range
 
 
 class Fan(NamedTuple):
@@ -38,7 +38,7 @@ class Lidar(SensorModel):
     greatest: float
     noise: Noise = Noise()
     is_organized: bool = True  # whether clouds have points for rays that hit nothing, too
-    radiation: str = "infrared"  # for Range messages, one of RADIATIONS
+    radiation: str = "infrared"  # one of RADIATIONS, for Range messages
     cone: float = 0.0  # field of view of Range messages, rad; 0: the angle of the rays
 
     @property

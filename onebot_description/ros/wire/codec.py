@@ -32,7 +32,7 @@ Write = Callable[[bytearray, Any], None]
 # Makes the values of a field, one for each row of its column.
 Read = Callable[[Any], Iterable[Any]]
 
-_LETTERS = NUMBERS | {"boolean": "?", "octet": "c"}  # for ``struct``
+_LETTERS = NUMBERS | {"boolean": "?", "octet": "c"}  # formats of ``struct``
 _MSG_TYPES = {"boolean": "bool", "octet": "byte", "float": "float32", "double": "float64"}
 _LENGTH = struct.Struct("<I")
 
@@ -124,7 +124,7 @@ def _value_writer(slot: AbstractType) -> Write:
 
 
 def _write_text(body: bytearray, text: str) -> None:
-    data = str.encode(text).partition(b"\0")[0]  # as in C, where rclpy keeps strings
+    data = str.encode(text).partition(b"\0")[0]  # rclpy keeps strings in C, where NUL ends them
     _write_length(body, len(data) + 1)
     body += data + b"\0"
 

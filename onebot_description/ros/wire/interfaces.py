@@ -42,7 +42,7 @@ from onebot_description.ros.wire.message_class import (
 )
 from onebot_description.ros.wire.type_description import Definition
 
-_IDL_NAMES = {  # of types in .msg files
+_IDL_NAMES = {  # names in IDL of the types in .msg files
     "bool": "boolean",
     "byte": "octet",
     "char": "uint8",

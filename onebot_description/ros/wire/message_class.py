@@ -70,7 +70,7 @@ class Hooks(NamedTuple):
     restore: Callable[[str, dict[str, Any], bool], Any]
 
 
-_MADE: dict[str, Any] = {}  # by full name
+_MADE: dict[str, Any] = {}  # classes made so far, by full name
 
 
 def full_name(slot: NamespacedType) -> str:
