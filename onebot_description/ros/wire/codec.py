@@ -182,8 +182,8 @@ def unpack(kind: Any, schema: Schema, data: bytes) -> Any:
 def _objects(kind: Any, table: Any) -> list[Any]:
     """Return the messages in the rows of a table."""
     messages = [kind() for _ in range(len(table))]
-    for name, read in _readers(kind):
-        for message, value in zip(messages, read(table[name]), strict=True):
+    for name, read_column in _readers(kind):
+        for message, value in zip(messages, read_column(table[name]), strict=True):
             setattr(message, name, value)
     return messages
 
@@ -211,8 +211,8 @@ def _list_reader(slot: AbstractNestedType) -> Callable[[Any], Any]:
     item = slot.value_type
     letter = NUMBERS.get(item.typename) if isinstance(item, BasicType) else None
     if letter is None:
-        read = _reader(item)
-        return lambda items: list(read(items))
+        read_items = _reader(item)
+        return lambda items: list(read_items(items))
     if isinstance(slot, Array):
         return np.copy
     return lambda items: array.array(letter, items.tobytes())
