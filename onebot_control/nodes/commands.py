@@ -207,10 +207,10 @@ class CommandGate:
                 self._warn("locked", f"~/cmd_vel is ignored: {self.lock}", every=_LOCKED_EVERY)
             return
         # From here on, age it by a clock that nobody can set.
-        given = now - command.age.least
+        sent_at = now - command.age.least
         if command.stamp and not loop.simulated:
-            given = now - (time.time_ns() - command.stamp) / NANO
-        loop.post(lambda: self._accept(loop, command, given, now - command.age.most))
+            sent_at = now - (time.time_ns() - command.stamp) / NANO
+        loop.post(lambda: self._accept(loop, command, sent_at, now - command.age.most))
 
     def _accept(self, loop: ControlLoop, command: Command, given: float, sent: float) -> None:
         self.answered = max(self.answered, command.stamp or 0)

@@ -126,8 +126,8 @@ class Instrument(ABC, Generic[M]):
     def hits(self, world: SensedWorld, pose: LinkPose, rays: Rays, reach: float) -> Hits:
         """Return what the sensor's rays hit, other than the link that carries it."""
         placed = world.placed
-        own = placed.surroundings.target(self.row, self.sensor.link)
-        return cast(rays, *pose, placed.surroundings.still, placed.targets, reach, [own])
+        own_target = placed.surroundings.target(self.row, self.sensor.link)
+        return cast(rays, *pose, placed.surroundings.still, placed.targets, reach, [own_target])
 
     def seen_from(
         self, world: SensedWorld, pose: LinkPose, otherwise: Floats

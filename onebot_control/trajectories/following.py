@@ -120,8 +120,10 @@ class TrajectoryFollower:
             (joint.lower, joint.upper) if config.enforce_command_limits else (-math.inf, math.inf)
             for joint in self.joints
         ]
-        own = (constraints.get(name, JointConstraint()) for name in self.names)
-        self._decelerations = [constraint.max_deceleration_on_cancel for constraint in own]
+        own_constraints = (constraints.get(name, JointConstraint()) for name in self.names)
+        self._decelerations = [
+            constraint.max_deceleration_on_cancel for constraint in own_constraints
+        ]
 
     @property
     def scaling(self) -> float:
@@ -260,14 +262,14 @@ class TrajectoryFollower:
         """
         if self._holding:
             raise OneBotError("Currently there is no valid trajectory instance.")
-        own = self.time + (time - self._now) / _NANOSECONDS * self._rate
-        if own < self._began:
+        trajectory_time = self.time + (time - self._now) / _NANOSECONDS * self._rate
+        if trajectory_time < self._began:
             text = "Requested sample time is earlier than the current trajectory start time."
             raise OneBotError(text)
-        if own >= self._trajectory.end:
+        if trajectory_time >= self._trajectory.end:
             text = "Requested sample time is later than the current trajectory end time."
             raise OneBotError(text)
-        return self._limited(self._trajectory.sample(own))
+        return self._limited(self._trajectory.sample(trajectory_time))
 
     def _limited(self, motion: JointMotion) -> JointMotion:
         """Return ``motion`` with joints beyond their limits at rest at the limit."""
@@ -359,10 +361,10 @@ class TrajectoryFollower:
         zeros = (0.0,) * len(self.joints)
         values = [
             tuple(
-                command if name in held else own
-                for name, command, own in zip(self.names, commands, given or zeros, strict=True)
+                command if name in held else value
+                for name, command, value in zip(self.names, commands, row or zeros, strict=True)
             )
-            for commands, given in zip(self._command(), start, strict=True)
+            for commands, row in zip(self._command(), start, strict=True)
         ]
         return JointMotion(*values)
 
@@ -371,8 +373,8 @@ class TrajectoryFollower:
     ) -> tuple[float, ...]:
         """Return the whole turns, rad, by which continuous joints at ``positions`` are off."""
         return tuple(
-            math.tau * round((other - position) / math.tau) if joint.continuous else 0.0
-            for joint, position, other in zip(self.joints, positions, others, strict=True)
+            math.tau * round((target - position) / math.tau) if joint.continuous else 0.0
+            for joint, position, target in zip(self.joints, positions, others, strict=True)
         )
 
     def _points(self, goal: TrajectoryGoal) -> Sequence[Waypoint]:
