@@ -160,8 +160,8 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
         remove_stale_in_background()
         os.environ[PLACES] = folder
         descriptions = (description, *(robot.description for robot in robots))
-        for each in {each.urdf: each for each in descriptions}.values():
-            keep_places(each)
+        for item in {item.urdf: item for item in descriptions}.values():
+            keep_places(item)
         launch = Launch(
             Path(folder),
             values,

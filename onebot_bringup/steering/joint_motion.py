@@ -65,7 +65,7 @@ def short_motion(
     slowest, fastest = min(0.0, (lower - stop) / time), max(0.0, (upper - stop) / time)
     new = clamp(clamp(wanted, -joint.most, joint.most), slowest, fastest)
     reached = stop + new * STEP / 2.0
-    kept, rest = reached + new * STEP, reached + new * 1.5 * STEP
+    kept, last = reached + new * STEP, reached + new * 1.5 * STEP
     return ShortMotion(
-        clamp(reached, lower, upper), clamp(kept, lower, upper), clamp(rest, lower, upper), new
+        clamp(reached, lower, upper), clamp(kept, lower, upper), clamp(last, lower, upper), new
     )

@@ -214,8 +214,8 @@ class CovarianceDrawing(PlaceDrawing[CovarianceSettings]):
         pose = np.concatenate([place, message.pose.pose.orientation.array()])
         limits = self.settings.sigma, self.settings.heading
         lines = outlines(pose, message.pose.covariance, *limits)
-        before, self._drawn = self._drawn, bool(lines)
-        if not lines and not before:
+        had_lines, self._drawn = self._drawn, bool(lines)
+        if not lines and not had_lines:
             return ()
         return covariance_shapes(lines, self.color, [self.settings.width / 2])
 
