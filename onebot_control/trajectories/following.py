@@ -120,10 +120,8 @@ class TrajectoryFollower:
             (joint.lower, joint.upper) if config.enforce_command_limits else (-math.inf, math.inf)
             for joint in self.joints
         ]
-        own_constraints = (constraints.get(name, JointConstraint()) for name in self.names)
-        self._decelerations = [
-            constraint.max_deceleration_on_cancel for constraint in own_constraints
-        ]
+        own_limits = (constraints.get(name, JointConstraint()) for name in self.names)
+        self._decelerations = [constraint.max_deceleration_on_cancel for constraint in own_limits]
 
     @property
     def scaling(self) -> float:
