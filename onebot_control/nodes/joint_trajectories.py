@@ -68,7 +68,7 @@ class _CycleState(NamedTuple):
         measured.time_from_start = Duration(seconds=self.elapsed).to_msg()
 
 
-_Goal = tuple[TrajectoryGoal, TolerancesGiven | None]  # a topic's has no tolerances
+_Goal = tuple[TrajectoryGoal, TolerancesGiven | None]  # None for a goal from the topic
 
 
 class JointTrajectories(GoalNode[TrajectoryFollower, _Goal]):
