@@ -1,6 +1,6 @@
 """Tools that start, show and steer robots."""
 
-import onebot_description  # which also explains a missing ROS
+import onebot_description  # it also explains a missing ROS
 
 TYPE_CHECKING = False  # typing's constant; typing is slow to import
 __version__: str

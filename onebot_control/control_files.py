@@ -190,12 +190,12 @@ def _unknown_of_manager(declared: type | None, written: Iterable[str]) -> list[P
 
 def _wrong_types(values: Mapping[str, Any], controller: str) -> list[Problem]:
     """Report controllers of types that this node cannot run."""
-    own = {f"{controller}{_TYPE}": CONTROLLER_TYPE, f"{BROADCASTER}{_TYPE}": BROADCASTER_TYPE}
+    own_types = {f"{controller}{_TYPE}": CONTROLLER_TYPE, f"{BROADCASTER}{_TYPE}": BROADCASTER_TYPE}
     problems = []
     for name, value in values.items():
         if not name.endswith(_TYPE):
             continue
-        types = [own[name]] if name in own else [*JOINT_CONTROLLERS]
+        types = [own_types[name]] if name in own_types else [*JOINT_CONTROLLERS]
         if value not in types:
             hint = f'; of diff drives the one that is named "{controller}" runs'
             hint = hint if value == CONTROLLER_TYPE and controller != MANAGER else ""

@@ -181,8 +181,8 @@ class PreparedRobot(NamedTuple):
         if wheels:
             wheels.geometry(config.wheel_separation, config.wheel_radius)
         candidates = controllers or [DEFAULT_CONTROLLER]
-        controlled = {each.name: joints_of(each, description, wheels) for each in candidates}
-        controllers = [each for each in candidates if controlled[each.name]]
+        controlled = {arm.name: joints_of(arm, description, wheels) for arm in candidates}
+        controllers = [arm for arm in candidates if controlled[arm.name]]
         _check_claims(description, wheels, controllers, controlled)
         commanded = tuple([joint for joints in controlled.values() for joint in joints])
         simulated, held, followers, gears, starts = simulated_model(
@@ -289,7 +289,7 @@ class ControlledRobot:
         self.wheels, self.plant, self.held = prepared.wheels, plant, prepared.held
         self.joints = (*plant.joints, *(follower.name for follower in prepared.followers))
         self._followers = [
-            (self.joints.index(each.mimic.joint), each) for each in prepared.followers
+            (self.joints.index(follower.mimic.joint), follower) for follower in prepared.followers
         ]
         self.description, self._starts = description, prepared.spawn.starts
         self._left, self._right = (

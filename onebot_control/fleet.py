@@ -44,7 +44,7 @@ class Member(NamedTuple):
     config: ControlConfig
     name: str = ""  # prefix of error messages; empty if there is no other robot
     places: Mapping[str, str] = MappingProxyType({})  # file and line of each of its parameters
-    controllers: Sequence[JointController[Any]] = ()  # for joints other than wheels
+    controllers: Sequence[JointController[Any]] = ()  # controllers of joints that are no wheels
     stands: bool = False  # whether its base stands still
 
 

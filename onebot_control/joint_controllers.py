@@ -188,5 +188,5 @@ def named(name: str, places: Mapping[str, str] = MappingProxyType({})) -> Iterat
     try:
         yield
     except ConfigError as error:
-        problems = [Problem(f"{name}.{each.key}", each.text) for each in error.problems]
+        problems = [Problem(f"{name}.{problem.key}", problem.text) for problem in error.problems]
         raise ConfigError(problems, places) from None

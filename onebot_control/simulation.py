@@ -620,13 +620,13 @@ class SimulatedRobot:
         robot itself is not hit. There is no noise and no maximum range.
         """
         placed = self._simulation._now().placed
-        lidars = [each for each in self._instruments if isinstance(each, LidarInstrument)]
+        lidars = [item for item in self._instruments if isinstance(item, LidarInstrument)]
         pose = lidars[0].pose(placed) if lidars else None
         pose = pose or placed.link(self._row, self.description.root_link)
         assert pose is not None
         links = self.description.link_names
-        own = [placed.surroundings.target(self._row, link) for link in links]
-        return self._simulation._distance(pose, np.array([1.0, 0.0, 0.0]), own)
+        own_links = [placed.surroundings.target(self._row, link) for link in links]
+        return self._simulation._distance(pose, np.array([1.0, 0.0, 0.0]), own_links)
 
     def __repr__(self) -> str:
         pose = self.pose
@@ -653,7 +653,7 @@ class SimulatedRobot:
 
     def _instrument(self, output: str, name: str) -> Instrument[Any]:
         able = {
-            each.sensor.name: each for each in self._instruments if output in each.sensor.topics
+            item.sensor.name: item for item in self._instruments if output in item.sensor.topics
         }
         if not able:
             hint = (
@@ -700,8 +700,8 @@ def _read(
     """Return the robot and the world; two files are read at once, as xacro runs in processes."""
     if isinstance(model, Description) or isinstance(world, Description) or not str(world):
         return _described(model, arguments), _loaded_scene(world)
-    with ThreadPoolExecutor(1) as other:
-        reading = other.submit(_loaded_scene, world)
+    with ThreadPoolExecutor(1) as executor:
+        reading = executor.submit(_loaded_scene, world)
         description = _described(model, arguments)
     return description, reading.result()
 

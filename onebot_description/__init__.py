@@ -26,7 +26,7 @@ if sys.argv[:1] == ["-m"]:  # python -m looks for a module of ours; done first: 
 from onebot_description.ros.missing_ros import LastFinder
 
 TYPE_CHECKING = False  # typing's constant; typing is slow to import
-__version__: str  # of the installed distribution, which has all packages
+__version__: str  # version of the installed distribution, which has all packages
 
 __all__ = [
     "Description",

@@ -20,7 +20,7 @@ class Source(NamedTuple):
     """The file, arguments and time from which a description was read."""
 
     model: str  # a URDF or xacro file
-    arguments: Mapping[str, str]  # for xacro
+    arguments: Mapping[str, str]  # xacro arguments, by name
     files: tuple[str, ...]  # the model, and the files that it includes
     read_ns: int  # time of reading, ns since 1970; files written later count as edited
 

@@ -25,7 +25,7 @@ def write_whole(path: Path, data: bytes) -> None:
 def refuse_unwritable(path: Path, *, folder: bool = False) -> None:
     """Raise the OSError that creating a file, or a new ``folder``, at a path would raise.
 
-    Creating it is tried, because permissions alone do not tell, for example for root or on a
+    It tries to create it, because permissions alone do not decide, for example for root or on a
     read-only file system. An existing file does not change.
     """
     is_new = not path.exists()

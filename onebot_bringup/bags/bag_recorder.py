@@ -72,8 +72,8 @@ _LIVELINESS = {
     LivelinessPolicy.AUTOMATIC: "automatic",
     LivelinessPolicy.MANUAL_BY_TOPIC: "manual_by_topic",
 }
-# Type of each topic that our robots publish, and whether it is transient_local. They are subscribed
-# to from the start, so that nothing is missed before their publishers are discovered.
+# Type of each topic that our robots publish, and whether it is transient_local. The recorder
+# subscribes to them from the start, so that nothing is missed before publishers are discovered.
 _KNOWN = {
     "/tf": ("tf2_msgs/msg/TFMessage", False),
     "/tf_static": ("tf2_msgs/msg/TFMessage", True),

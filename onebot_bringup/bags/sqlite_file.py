@@ -15,7 +15,7 @@ from onebot_bringup.bags.contents import (
 )
 from onebot_description.errors import OneBotError
 
-_LOGGED = b"\2\2"  # in the header of a SQLite file that is written with a write-ahead log
+_LOGGED = b"\2\2"  # mark in the header of a SQLite file written with a write-ahead log
 _STEPS = 100_000  # steps of SQLite, some ms, between two checks for Ctrl-C
 # Views and computed columns could yield endless data, so only stored tables are read.
 _TABLES = """

@@ -26,10 +26,10 @@ _FastDumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # libyaml's, if PyY
 class Qos:
     """The quality of service that a publisher offers, in rosbag2's terms."""
 
-    reliability: str = "reliable"  # or best_effort
-    durability: str = "volatile"  # or transient_local
-    liveliness: str = "automatic"  # or manual_by_topic
-    history: str = "unknown"  # or keep_last, keep_all; DDS does not report it
+    reliability: str = "reliable"  # the other value is best_effort
+    durability: str = "volatile"  # the other value is transient_local
+    liveliness: str = "automatic"  # the other value is manual_by_topic
+    history: str = "unknown"  # others are keep_last and keep_all; DDS does not report it
     depth: int = 0  # length of the history
     deadline: int | None = None  # ns; None for infinite, as in the next two
     lifespan: int | None = None

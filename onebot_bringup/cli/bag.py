@@ -58,7 +58,7 @@ def info(args: Namespace) -> None:
 def _open(args: Namespace) -> "Bag":
     from onebot_bringup.bags.bag_reader import Bag
 
-    with KeyboardInterrupts():  # so that Ctrl-C leaves no temporary files
+    with KeyboardInterrupts():  # Ctrl-C leaves no temporary files
         bag = Bag(Path(args.bag).expanduser(), int(args.max_size * 1e6))
     _warn_of(bag)
     return bag

@@ -50,9 +50,9 @@ def _complete_verb(position: int, verb: str = "", *rest: str) -> None:
     if commands and not rest:
         choose(commands, position + 1)
     elif verb != "run":
-        others = _OTHERS.get(verb, files)
+        completer = _OTHERS.get(verb, files)
         words, position = [verb, *rest], position + 1 + bool(commands)
-        complete_command(verbs.run_verb, words, position, others, _COMPLETERS)
+        complete_command(verbs.run_verb, words, position, completer, _COMPLETERS)
     elif len(rest) < 2:
         names = EXECUTABLES.get(rest[0], ()) if rest else EXECUTABLES
         choose(dict.fromkeys(names, ""), position + 1 + len(rest))

@@ -67,7 +67,7 @@ def run(argv: Sequence[str]) -> int:
     source = Path(arguments.positional[0]).expanduser()
     if not os.path.exists(source):  # also if its folder is not accessible
         raise OneBotError(f"there is no recording {source}")
-    use_environment_prefix()  # to find meshes and views
+    use_environment_prefix()  # it is needed to find meshes and views
     with KeyboardInterrupts() as interrupts:
         _replay(source, values, interrupts)
     return 0

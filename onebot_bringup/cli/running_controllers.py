@@ -49,16 +49,16 @@ def running_controllers(session: Session, name: str = "") -> list[RunningControl
     Raises:
         OneBotError: there is none, or none publishes its state.
     """
-    wanted = session.full_name(name) if name else ""
+    full_name = session.full_name(name) if name else ""
 
     def found() -> list[str]:
-        return [name for name in _names(session) if wanted in ("", name)]
+        return [name for name in _names(session) if full_name in ("", name)]
 
-    if not session.look_for(found, wanted or "a joint_trajectory_controller"):
-        hint = did_you_mean(wanted, _names(session), "controllers") if wanted else ""
-        what = f'controller "{wanted}"' if wanted else "joint_trajectory_controller"
+    if not session.look_for(found, full_name or "a joint_trajectory_controller"):
+        hint = did_you_mean(full_name, _names(session), "controllers") if full_name else ""
+        what = f'controller "{full_name}"' if full_name else "joint_trajectory_controller"
         raise OneBotError(f"no {what} found{hint}; {_START}")
-    if not wanted:
+    if not full_name:
         session.discover()  # there may be more than the first one found
     controllers = [RunningController(session, name) for name in found()]
     session.look_for(
@@ -90,18 +90,18 @@ def controller_of(
     Raises:
         OneBotError: none does, or several do; the message lists them with their joints.
     """
-    known = {joint for controller in controllers for joint in controller.joints}
+    known_joints = {joint for controller in controllers for joint in controller.joints}
     unknown = [
-        f'no joint "{printable(joint)}"{did_you_mean(joint, known, "joints")}'
+        f'no joint "{printable(joint)}"{did_you_mean(joint, known_joints, "joints")}'
         for joint in joints
-        if joint not in known
+        if joint not in known_joints
     ]
     if unknown:
         raise OneBotError("\n".join(unknown))
-    suited = [each for each in controllers if set(joints) <= {*each.joints}]
+    suited = [item for item in controllers if set(joints) <= {*item.joints}]
     if len(suited) == 1:
         return suited[0]
-    there = "; ".join(f"{each.name} moves {listing(each.joints)}" for each in suited or controllers)
+    text = "; ".join(f"{item.name} moves {listing(item.joints)}" for item in suited or controllers)
     if suited:
-        raise OneBotError(f"several controllers move them, choose controller:=NAME: {there}")
-    raise OneBotError(f"no controller moves all of them, name those of one: {there}")
+        raise OneBotError(f"several controllers move them, choose controller:=NAME: {text}")
+    raise OneBotError(f"no controller moves all of them, name those of one: {text}")

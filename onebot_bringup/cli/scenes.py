@@ -191,12 +191,12 @@ def running_robots(session: Session) -> list[RobotToShow]:
         lambda: description_topics(session, session.space), f"a robot on {topic}"
     )
     if not topics:
-        there = ""
-        if others := description_topics(session):
-            space = others[0].rpartition("/")[0] or "/"
-            there = f" (there: {listing(others)}; --ros-args -r __ns:={space} goes there)"
+        hint = ""
+        if other_topics := description_topics(session):
+            space = other_topics[0].rpartition("/")[0] or "/"
+            hint = f" (there: {listing(other_topics)}; --ros-args -r __ns:={space} goes there)"
         raise OneBotError(
-            f"no robot is running: nothing on {topic}{there}; start one (onebot_bringup), or name "
+            f"no robot is running: nothing on {topic}{hint}; start one (onebot_bringup), or name "
             "its URDF or xacro file"
         )
     session.discover()

@@ -227,14 +227,14 @@ class Session:
         left -= patience
         if value or left <= 0.0:
             return value
-        asked = hint()
-        print(f"{notice()}{_in_brackets(asked)}{self._hint()}", file=sys.stderr)
-        while not asked and left > 0.0:
+        text = hint()
+        print(f"{notice()}{_in_brackets(text)}{self._hint()}", file=sys.stderr)
+        while not text and left > 0.0:
             if value := self.spin(condition, min(PATIENCE, left)):
                 return value
             left -= PATIENCE
-            if asked := hint():
-                print(asked, file=sys.stderr)
+            if text := hint():
+                print(text, file=sys.stderr)
         return value if left <= 0.0 else self.spin(condition, None if timeout is None else left)
 
     def _hint(self) -> str:

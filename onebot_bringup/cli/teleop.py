@@ -132,8 +132,8 @@ class Driver:
     def lock(self) -> None:
         """Stop, and ignore the keys that move the robot while ``locked``.
 
-        Such a key must not unlock: a press cannot be told from the first repeat of a held key after
-        the process or its connection stood still.
+        Such a key must not unlock: a press looks like the first repeat of a held key after the
+        process or its connection stood still.
         """
         self.locked, self._key = True, None
 

@@ -185,8 +185,8 @@ class _Transforms:
         from onebot_description.ros.wire.interfaces import TFMessage
 
         self.frames = FrameTree()
-        self.arrivals: dict[str, Intervals] = {}  # by child frame
-        self.parents: dict[str, set[str]] = {}  # by child frame
+        self.arrivals: dict[str, Intervals] = {}  # intervals of arrival, by child frame
+        self.parents: dict[str, set[str]] = {}  # parent frames, by child frame
         self.session = session
         self.warn = cache(warn)  # each text once
         for topic in _TOPICS:

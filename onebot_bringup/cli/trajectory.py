@@ -76,7 +76,7 @@ def run(argv: Sequence[str]) -> int:
             motion = _Motion(session, controller, list(positions), seconds)
             motion.follow(_goal(controller, positions, seconds, tolerance))
         else:
-            print("\n".join(line for each in controllers for line in _listed(session, each)))
+            print("\n".join(line for item in controllers for line in _listed(session, item)))
     return 0
 
 

@@ -22,7 +22,7 @@ with subprocess.Popen(["onebot_bringup", "viewer:=none", f"record:={FOLDER}"]) a
         publish = "onebot topic pub -w 2 -r 50 -t 150 -p 50 /velocity_controller/cmd_vel"
         run(*publish.split(), "geometry_msgs/msg/Twist", TWIST)
     finally:
-        robot.send_signal(signal.SIGINT)  # as Ctrl-C does
+        robot.send_signal(signal.SIGINT)  # Ctrl-C does the same
 
 run("onebot", "bag", "info", FOLDER)
 run("onebot", "replay", FOLDER, "viewer:=none", f"save:={FOLDER}.rrd")

@@ -104,7 +104,7 @@ def _load(text: str) -> Any:
     try:
         return bounded_yaml.load(text)
     except yaml.YAMLError:
-        return text  # as in rclpy, invalid YAML is a string
+        return text  # invalid YAML is a string, as in rclpy
 
 
 def _inferred(text: str, value: Any) -> tuple[int, Any]:

@@ -108,7 +108,8 @@ class FrameTree:
         # Keyed by the identity of a message's lists of names, which the block keeps alive.
         self._blocks: dict[tuple[int, int], _Block] = {}
         self._rows = 0  # number of rows in all blocks
-        self._lists: dict[tuple[str, str], tuple[list[str], list[str]]] = {}  # by parent and child
+        # Lists of one parent and of one child, by parent and child.
+        self._lists: dict[tuple[str, str], tuple[list[str], list[str]]] = {}
         self._tops: dict[str, str] = {}
         self._names: frozenset[str] | None = None
 

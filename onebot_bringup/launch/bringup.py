@@ -131,7 +131,7 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
         _check_names(command, assignments, own_names)
     values = checked_values(declared, command_arguments)
     find_spec("rclpy")  # if it is missing, one error here instead of one from each node
-    os.environ.update(blas_variables())  # without threads, xacro can run in a fork here
+    os.environ.update(blas_variables())  # BLAS starts no threads, so xacro can run in a fork here
     _check_files(values)
     values = with_params_file(values, command_arguments, command.controller)
     if command.sim_view and values["sim"] == "true" and "view" not in command_arguments:
@@ -153,15 +153,15 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     source = Source(model, for_xacro, tuple(map(str, description.files)), read_ns)
     os.environ.update(environment(values, forced="discovery" in command_arguments))
     with (
-        KeyboardInterrupts(),  # so that Ctrl-C leaves no folder and no process behind
+        KeyboardInterrupts(),  # Ctrl-C leaves no folder and no process behind
         tempfile.TemporaryDirectory(prefix="onebot-") as folder,
         Launcher(command.program) as launcher,
     ):
         remove_stale_in_background()
         os.environ[PLACES] = folder
         descriptions = (description, *(robot.description for robot in robots))
-        for each in {each.urdf: each for each in descriptions}.values():
-            keep_places(each)
+        for item in {item.urdf: item for item in descriptions}.values():
+            keep_places(item)
         launch = Launch(
             Path(folder),
             values,

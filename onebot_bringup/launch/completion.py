@@ -97,5 +97,5 @@ def _launch_words(
     words = {f"{a.name}:={value}": a.help for a in listed for value in a.suggested}
     name, assigned, value = prefix.rpartition(":=")
     if not assigned or not any(word.startswith(prefix) and word != prefix for word in words):
-        words.update({f"{name}{assigned}{other}": "" for other in others(name, value)})
+        words.update({f"{name}{assigned}{word}": "" for word in others(name, value)})
     return words

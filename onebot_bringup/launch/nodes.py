@@ -41,7 +41,7 @@ Parameters = dict[str, object]
 class Launch:
     """Makes the nodes of a bringup, or of one of its robots."""
 
-    folder: Path  # where the nodes' parameter files are written
+    folder: Path  # folder of the nodes' parameter files
     values: Mapping[str, str]  # the launch arguments
     description: Description  # the robot
     ros_args: Sequence[str]  # every node gets them, after its own
@@ -313,7 +313,7 @@ def output_path(text: str) -> Path:
 class RosNodes:
     """The settings that the nodes of one launch share."""
 
-    folder: Path  # where the nodes' parameter files are written
+    folder: Path  # folder of the nodes' parameter files
     namespace: str  # the nodes' namespace, with or without outer slashes
     ros_args: Sequence[str] = ()  # every node gets them, after its own
     log_level: str = ""  # the least severe messages shown; empty for the node's default

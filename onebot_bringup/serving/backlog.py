@@ -23,9 +23,9 @@ class Backlog:
 
     def __init__(self) -> None:
         self._loop = asyncio.get_running_loop()
-        self._recent: deque[tuple[float, bytes]] = deque()  # with their arrival times
+        self._recent: deque[tuple[float, bytes]] = deque()  # arrival times and messages
         self._recent_size = 0  # bytes
-        self._old: dict[Hashable, bytes] = {}  # by subject
+        self._old: dict[Hashable, bytes] = {}  # latest older message of each subject
         self._came, self._room = asyncio.Event(), asyncio.Event()
         self._ended = False
         # A viewer that joins gets the past at once, and has until then to read all of it.

@@ -54,7 +54,7 @@ def listen(host: str, port: int, name: str = "port") -> socket.socket:
     for chosen in (port, 0):
         try:
             listener = socket.socket(family, socket.SOCK_STREAM)
-        except OSError:  # for example, there is no IPv6
+        except OSError:  # there is no IPv6, for example
             raise _not_here(host) from None
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:

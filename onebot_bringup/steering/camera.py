@@ -1,7 +1,7 @@
 """Receives the camera pictures of the robot that is steered.
 
 A camera may be expensive for the robot, so its topic is only subscribed to while a page shows its
-picture, and once at first, since only its encoding tells whether people can look at it (depth
+picture, and once at first, since only its encoding shows whether people can look at it (depth
 images, for example, are left out).
 """
 

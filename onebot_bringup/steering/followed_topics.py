@@ -33,11 +33,11 @@ class RobotNamespace(NamedTuple):
             node: the node that has discovered them.
             types: the message types.
         """
-        others = tuple(f"{other}/" for other in self.others if other.startswith(f"{self.name}/"))
+        prefixes = tuple(f"{space}/" for space in self.others if space.startswith(f"{self.name}/"))
         return {
             topic: kinds[0]
             for topic, kinds in node.get_topic_names_and_types()
-            if topic.startswith(f"{self.name}/") and not topic.startswith(others)
+            if topic.startswith(f"{self.name}/") and not topic.startswith(prefixes)
             if kinds[0] in types and node.count_publishers(topic)
         }
 

@@ -32,7 +32,7 @@ from onebot_description.ros.wire.messages import OdometrySample
 _MAP = "map"  # the name of the topic, and of the frame
 _GRID, _SCAN = "nav_msgs/msg/OccupancyGrid", "sensor_msgs/msg/LaserScan"
 _DEPTH = 100  # queue depth
-_KNOWN = np.arange(256) <= 100  # by a cell's byte: a percentage; other values are unknown
+_KNOWN = np.arange(256) <= 100  # whether a cell's byte is a percentage; others are unknown
 _SHADES = np.where(_KNOWN, 255 - np.arange(256) * 255 // 100, 0).astype(np.uint8)
 _ALPHA = (_KNOWN * 255).astype(np.uint8).tobytes()
 _UNUSED = 3.0  # s without a request after which it unsubscribes

@@ -44,7 +44,7 @@ class JointCommands:
         self._node, self._locked = node, locked
         self._topics = FollowedTopics(node, 1, self._receive)
         self._lock = threading.Lock()
-        self._controllers: dict[str, _JointController] = {}  # by the topic of the state
+        self._controllers: dict[str, _JointController] = {}  # controllers, by topic of the state
         self._description: Description | None = None
         self._joints: Joints = {}
         self._robot_lock: RobotLock | None = None
@@ -63,7 +63,7 @@ class JointCommands:
             joints = description.moving_joints if description is not None else ()
             self._description = description
             self._joints = {joint.name: SteeredJoint.from_joint(joint) for joint in joints}
-        needed = watched or any(each.stopping for each in self._controllers.values())
+        needed = watched or any(controller.stopping for controller in self._controllers.values())
         topics = namespace.topics(self._node, {_STATE}) if needed else {}
         prefix = f"{namespace.name}/"
         self._follow({n: k for n, k in topics.items() if n.removeprefix(prefix).count("/") == 1})
@@ -118,13 +118,13 @@ class JointCommands:
         self._topics.update({topic: _STATE for topic in self._controllers})
 
     def _update_lock(self, topic: str) -> None:
-        there = self._node.count_publishers(f"{topic}_locked") > 0
+        has_lock = self._node.count_publishers(f"{topic}_locked") > 0
         lock = self._robot_lock
-        if lock is not None and not (there and lock.topic == topic):
+        if lock is not None and not (has_lock and lock.topic == topic):
             with self._lock:
                 self._robot_lock = None
             lock.close()
-        elif lock is None and there:
+        elif lock is None and has_lock:
             self._robot_lock = RobotLock(self._node, topic, self._locked)
 
     def _receive(self, topic: str, _: str, data: bytes) -> None:
@@ -150,10 +150,10 @@ class _JointController:
 
     def positions(self) -> dict[str, float | None]:
         """Return the measured positions of its joints; None for currently unknown ones."""
-        found = self._state(_OLD)
-        if found is None:
+        known_state = self._state(_OLD)
+        if known_state is None:
             return dict.fromkeys(self._names)
-        state, _ = found
+        state, _ = known_state
         self._names = tuple(state.joint_names)
         positions = zip(self._names, state.feedback.positions, strict=False)
         return {name: place if math.isfinite(place) else None for name, place in positions}
@@ -165,8 +165,8 @@ class _JointController:
             return
         self.stopping = ZEROS if moves else self.stopping - 1
         message = None if moves else self._stop
-        if message is None and (found := self._state(_LIVE)) is not None:
-            message = _trajectory(*found, velocities, joints)
+        if message is None and (live_state := self._state(_LIVE)) is not None:
+            message = _trajectory(*live_state, velocities, joints)
         # Repeat a stop unchanged: one from an older state would let the joints go on.
         self._stop = None if moves else message
         if message is not None:  # otherwise, the previous trajectory ends at rest

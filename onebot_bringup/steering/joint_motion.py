@@ -60,12 +60,12 @@ def short_motion(
         age: time since then, s.
     """
     lower, upper = min(joint.lower, position), max(joint.upper, position)
-    stop = position + velocity * (age + STEP / 2.0)  # where it comes to rest with wanted = 0
+    stop = position + velocity * (age + STEP / 2.0)  # position of rest if wanted is 0
     time = 2.0 * STEP  # the distance that another velocity adds to that, per unit/s
     slowest, fastest = min(0.0, (lower - stop) / time), max(0.0, (upper - stop) / time)
     new = clamp(clamp(wanted, -joint.most, joint.most), slowest, fastest)
     reached = stop + new * STEP / 2.0
-    kept, rest = reached + new * STEP, reached + new * 1.5 * STEP
+    kept, last = reached + new * STEP, reached + new * 1.5 * STEP
     return ShortMotion(
-        clamp(reached, lower, upper), clamp(kept, lower, upper), clamp(rest, lower, upper), new
+        clamp(reached, lower, upper), clamp(kept, lower, upper), clamp(last, lower, upper), new
     )

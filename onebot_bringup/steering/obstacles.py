@@ -107,11 +107,11 @@ class Footprint(NamedTuple):
         """
         points = readings.points(sensor)
         directions = readings.directions @ sensor[:3, :3].T
-        own = ((points > self.low) & (points < self.high)).all(axis=1)
+        own_points = ((points > self.low) & (points < self.high)).all(axis=1)
         floor = self.low[2] + _ROUGHNESS + _TILT * readings.ranges
         ground = (directions[:, 2] < -_TILT) & (points[:, 2] < floor)
         above = points[:, 2] > max(self.high[2], sensor[2, 3]) + _HEADROOM
-        seen: Floats = points[~(own | ground | above), :2]
+        seen: Floats = points[~(own_points | ground | above), :2]
         return seen
 
     def clearance(self, points: Floats, linear: float, angular: float) -> float:
@@ -211,6 +211,6 @@ class Obstacles:
             self.robot = robot = described(message.data)
             self._footprint = Footprint.from_description(robot) if robot is not None else None
             return
-        read = Readings.from_scan if kind == _SCAN else Readings.from_range
+        to_readings = Readings.from_scan if kind == _SCAN else Readings.from_range
         frame = message.header.frame_id.removeprefix("/")
-        self._seen[topic] = time.monotonic(), frame, read(message)
+        self._seen[topic] = time.monotonic(), frame, to_readings(message)

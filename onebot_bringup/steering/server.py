@@ -88,7 +88,7 @@ class SteeringServer:
             page.changed.set()
 
     def show_topic_error(self, name: str, sentence: str) -> None:
-        """Tell one page why its topic cannot be used; call this in the server's thread.
+        """Show one page why its topic cannot be used; call this in the server's thread.
 
         Args:
             name: the page.

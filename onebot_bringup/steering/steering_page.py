@@ -271,8 +271,8 @@ class SteeringPage(Node):
         self._topics = command_topics(self)
         self._robots = commanded_robots(self, self._topics)
         name = namespace_of(commands.topic)
-        others = {namespace_of(robot.topic) for robot in self._robots} - {name}
-        namespace, watched = RobotNamespace(name, others), self._arbiter.state.pages > 0
+        other_spaces = {namespace_of(robot.topic) for robot in self._robots} - {name}
+        namespace, watched = RobotNamespace(name, other_spaces), self._arbiter.state.pages > 0
         self._ground.update(namespace)
         self._cameras.update(namespace, watched)
         self._viewer.publish_cameras(self._cameras.topics)

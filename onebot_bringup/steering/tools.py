@@ -87,7 +87,7 @@ class ToolPublishers:
 
     def __init__(self, node: Node, commands: CommandTopic) -> None:
         self._node, self._commands = node, commands
-        self._publishers: dict[str, Any] = {}  # by full topic name
+        self._publishers: dict[str, Any] = {}  # publishers, by full topic name
 
     def prepare(self) -> None:
         """Create the publishers before the first click, since discovery takes a moment."""

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _MADE = pytest.StashKey["list[Simulation]"]()
 _DOMAIN = pytest.StashKey[int]()
 _KEPT, _KEPT_RATE = 60.0, 20.0  # how much of a failed test is shown: simulated s, and Hz
-_FOLDER = "failed_tests"  # in pytest's root folder
+_FOLDER = "failed_tests"  # folder in pytest's root folder
 
 
 @pytest.fixture
@@ -30,13 +30,13 @@ def simulation(request: pytest.FixtureRequest) -> Iterator[Callable[..., Simulat
     """Return a function that makes simulations; its arguments are those of ``Simulation``."""
     from onebot_control.simulation import Simulation
 
-    made = request.node.stash.setdefault(_MADE, [])
+    simulations = request.node.stash.setdefault(_MADE, [])
     with ExitStack() as stack:
 
         def make(*args: Any, **arguments: Any) -> Simulation:
             simulation = stack.enter_context(Simulation(*args, **arguments))
             simulation.keep(_KEPT, _KEPT_RATE)
-            made.append(simulation)
+            simulations.append(simulation)
             return simulation
 
         yield make
@@ -65,14 +65,14 @@ def ros_simulation(
     from onebot_description.errors import OneBotError
 
     with ExitStack() as stack:
-        made: list[Lockstep[Simulation]] = []
+        simulations: list[Lockstep[Simulation]] = []
 
         def make(*args: Any, **arguments: Any) -> Lockstep[Simulation]:
-            if made:
+            if simulations:
                 text = "a test has one simulation with nodes in step"
                 raise OneBotError(f"{text}; robots={{...}} puts several robots into it")
-            made.append(stack.enter_context(simulation(*args, **arguments).ros(ros_domain)))
-            return made[0]
+            simulations.append(stack.enter_context(simulation(*args, **arguments).ros(ros_domain)))
+            return simulations[0]
 
         yield make
 
@@ -100,9 +100,9 @@ def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
     """Add to the report of a failed test how to repeat the same run, and how it ended."""
     report = yield
     if report.when == "call" and report.failed:  # type: ignore[attr-defined]
-        made = item.stash.get(_MADE, [])
-        lines = [f"seed {each.seed}, {each!r}" for each in made]
-        lines += [line for number, each in enumerate(made) for line in _shown(item, each, number)]
+        sims = item.stash.get(_MADE, [])
+        lines = [f"seed {sim.seed}, {sim!r}" for sim in sims]
+        lines += [line for number, sim in enumerate(sims) for line in _shown(item, sim, number)]
         if _DOMAIN in item.stash:
             lines.append(f"ROS_DOMAIN_ID {item.stash[_DOMAIN]}")
         if lines:

@@ -41,8 +41,8 @@ class RunningBringup:
         self._folder = TemporaryDirectory(prefix="onebot-test-")
         self._log = Path(self._folder.name) / "output"
         self._guard = Guard()
-        shown = any(word.startswith("viewer:=") for word in words)
-        arguments = [*words] if shown else ["viewer:=none", *words]
+        has_viewer = any(word.startswith("viewer:=") for word in words)
+        arguments = [*words] if has_viewer else ["viewer:=none", *words]
         with self._log.open("w") as log:
             self._process = subprocess.Popen(
                 [sys.executable, "-m", BRINGUPS[command], *arguments],
@@ -109,7 +109,7 @@ class RunningBringup:
                 if time.monotonic() > deadline:
                     raise OneBotError(f"not up after {_START:g} s:\n{self.output}")
                 topics = dict(node.get_topic_names_and_types())
-                for topic in topics.keys() - {each.topic_name for each in node.subscriptions}:
+                for topic in topics.keys() - {sub.topic_name for sub in node.subscriptions}:
                     if topic.endswith("joint_states"):
                         node.create_subscription(JointState, topic, received.append, 10)
                 executor.spin_once(timeout_sec=_POLL)

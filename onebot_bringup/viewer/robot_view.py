@@ -313,12 +313,12 @@ class RobotView:
             One sentence per setting that does not fit the robot or the other topics.
         """
         self._deliver(self._displays)
-        before, self._view = self._view, view
+        old_view, self._view = self._view, view
         self.stage.view_frame = view.fixed_frame
         self._apply(
             display
             for display in self._displays
-            if view.settings_of(display) != before.settings_of(display)
+            if view.settings_of(display) != old_view.settings_of(display)
         )
         self._laid_out_ns = 0
         problems = [*self._select(), *self.inbox.subscribe(self._subscriptions())]

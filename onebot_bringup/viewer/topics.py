@@ -27,7 +27,7 @@ _STAMPED = {
 
 
 class ViewFeed:
-    """Subscribes a node to the topics that a view wants, and tells the view what is published.
+    """Subscribes a node to the topics that a view wants, and offers it the published topics.
 
     Attributes:
         received: topics on which a message has come.

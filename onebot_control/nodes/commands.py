@@ -32,15 +32,15 @@ class Command(NamedTuple):
     """A velocity command, as received."""
 
     linear: float  # forward, m/s
-    angular: float  # to the left, rad/s
-    stamp: int | None  # of its header, ns; None for a Twist
+    angular: float  # left turn, rad/s
+    stamp: int | None  # time in its header, ns; None for a Twist
     age: Age  # time since it was sent
 
 
 class CommandLock:
     """A lock of the robot as in twist_mux: ~/cmd_vel_lock sets it, ~/cmd_vel_locked is its state.
 
-    The last message counts, whoever sent it, and does not expire: if the node that locked dies, the
+    The last message counts, from any node, and does not expire: if the node that locked dies, the
     robot stays locked. If ~/cmd_vel is remapped, both topics have the new name, too.
     """
 
@@ -207,10 +207,10 @@ class CommandGate:
                 self._warn("locked", f"~/cmd_vel is ignored: {self.lock}", every=_LOCKED_EVERY)
             return
         # From here on, age it by a clock that nobody can set.
-        given = now - command.age.least
+        sent_at = now - command.age.least
         if command.stamp and not loop.simulated:
-            given = now - (time.time_ns() - command.stamp) / NANO
-        loop.post(lambda: self._accept(loop, command, given, now - command.age.most))
+            sent_at = now - (time.time_ns() - command.stamp) / NANO
+        loop.post(lambda: self._accept(loop, command, sent_at, now - command.age.most))
 
     def _accept(self, loop: ControlLoop, command: Command, given: float, sent: float) -> None:
         self.answered = max(self.answered, command.stamp or 0)

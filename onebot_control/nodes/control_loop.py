@@ -310,7 +310,7 @@ class ControlLoop:
                 elif not self.simulated:
                     self._publish_paused()
                 self._pacer.next(self._wait)
-                if self._pacer.lag and not self.simulated:  # in simulated time, no time was lost
+                if self._pacer.lag and not self.simulated:  # simulated time has lost nothing
                     for robot in self.fleet.robots:
                         robot.controller.stalled(self._pacer.lag)
                 if paused:

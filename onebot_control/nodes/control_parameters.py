@@ -62,8 +62,8 @@ class ControlParameters:
         # Values of files are used unless -p sets them. If files have several sections for a node,
         # rcl would use the last one of the first file, whatever later files have.
         written = {name: v for name, v in file.values.items() if name not in names}
-        given = {name: v for name, v in given.items() if is_parameter(self.declared, name)}
-        self.values = declare(node, self.declared, file.values, fixed={**written, **given})
+        overrides = {name: v for name, v in given.items() if is_parameter(self.declared, name)}
+        self.values = declare(node, self.declared, file.values, fixed={**written, **overrides})
         self.places = {
             k: at for k, at in file.places.items() if self.values.get(k) == file.values[k]
         }

@@ -92,7 +92,7 @@ class ControllerNode(Generic[F]):
         self._stamp = 0  # the last cycle's, ns
         self._values = self._declare()
         with named(controller.name):
-            self._controller = self._configured()  # with what the command line has
+            self._controller = self._configured()  # first configuration: the command line's
         self._robot().configure_arm(self._controller)
         refuse_undeclared(self.node, controller.parameters)
         follow_changes(node, self._configured, self._apply)
@@ -173,7 +173,7 @@ class GoalNode(ControllerNode[A], ABC, Generic[A, G]):
         self._type = load_interface(kind)
         self._ended: deque[tuple[Outcome | Cancelled, Any]] = deque()  # each with its result
         self._active: Any = None  # the handle of the goal that is followed
-        self._arm.active = None  # that of an earlier node, whose client has gone
+        self._arm.active = None  # an earlier node's goal has no client any more
         self._action = _Action(
             self.node,
             self._type,

@@ -65,7 +65,7 @@ class JointControllerNodes:
 
     @property
     def nodes(self) -> list[Node]:
-        """The nodes; whoever starts the loop has to spin them."""
+        """The nodes; the code that starts the loop has to spin them."""
         return [arm.node for arm in self._arms.values()]
 
     def publish(self, stamp: int) -> None:

@@ -68,7 +68,7 @@ class _CycleState(NamedTuple):
         measured.time_from_start = Duration(seconds=self.elapsed).to_msg()
 
 
-_Goal = tuple[TrajectoryGoal, TolerancesGiven | None]  # without tolerances: of the topic
+_Goal = tuple[TrajectoryGoal, TolerancesGiven | None]  # None for a goal from the topic
 
 
 class JointTrajectories(GoalNode[TrajectoryFollower, _Goal]):
@@ -177,10 +177,10 @@ class JointTrajectories(GoalNode[TrajectoryFollower, _Goal]):
         names, values = self._arm.names, dict(self._controller.values)
         common = {n: v for n, v in values.items() if not is_joint_parameter(n)}
         single = {f"constraints.{joint}.{tolerance}": 0.0 for joint in names for tolerance in _OWN}
-        own = {n: v for n, v in values.items() if n in single}
+        single_values = {n: v for n, v in values.items() if n in single}
         declared = {
             **declare(self.node, TrajectoryConfig, {"joints": list(names)}, common),
-            **declare(self.node, JointParameters, single, own),
+            **declare(self.node, JointParameters, single, single_values),
         }
         if list(declared["joints"]) != list(names):
             text = "cannot be given by -p; write it in a parameter file"
@@ -223,8 +223,8 @@ def _trajectory_goal(message: JointTrajectory) -> TrajectoryGoal:
 
 def _tolerances(request: Any) -> TolerancesGiven:
     path, goal = (
-        tuple([ToleranceGiven(t.name, t.position, t.velocity, t.acceleration) for t in given])
-        for given in (request.path_tolerance, request.goal_tolerance)
+        tuple([ToleranceGiven(t.name, t.position, t.velocity, t.acceleration) for t in tolerances])
+        for tolerances in (request.path_tolerance, request.goal_tolerance)
     )
     return TolerancesGiven(path, goal, nanoseconds(request.goal_time_tolerance) / NANO)
 

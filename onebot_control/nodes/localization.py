@@ -41,8 +41,9 @@ class TransformsOf:
     def __init__(self, children: Iterable[str]) -> None:
         """Compile a search for the names of the ``children``."""
         self.children = frozenset(children)
-        # In CDR, the child's name follows the parent's name, a NUL, up to three bytes of padding,
-        # and four bytes of length. Most messages have odom as the parent only; they are not parsed.
+        # In CDR, the child's name follows the parent's name, a NUL, up to three bytes of
+        # padding, and four bytes of length. Most messages have odom as the parent only; these are
+        # not parsed.
         common = commonprefix([name[::-1] for name in self.children])[::-1]
         self._end = common.encode() + b"\0"
         any_name = b"|".join(re.escape(name.encode()) for name in self.children)

@@ -47,13 +47,13 @@ class LocalizerCheck:
         if publishing.localized == bool(self.found):
             return False
         publishing.localized = bool(self.found)
-        own = f"{publishing.world_frame} -> {publishing.odom_frame}"
+        own_transform = f"{publishing.world_frame} -> {publishing.odom_frame}"
         if publishing.localized:
-            text = f"another node publishes {self.found} on TF, so {own} "
+            text = f"another node publishes {self.found} on TF, so {own_transform} "
             text += "is not published; set ground_truth_tf to false where that is always so"
         else:
             gone = f"{parent} -> {self._localizer.odom}"
-            text = f"nobody publishes {gone} any more: {own} is published"
+            text = f"nobody publishes {gone} any more: {own_transform} is published"
         if publishing.publishes_truth:
             self._node.get_logger().info(text)
         return not publishing.localized

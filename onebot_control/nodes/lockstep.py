@@ -222,10 +222,10 @@ class Lockstep(Generic[S]):
         """Return why a node and a robot are not connected on a topic."""
         ours, theirs = (
             {
-                type_name(each.msg_type)
+                type_name(end.msg_type)
                 for node in nodes
-                for each in (*node.publishers, *node.subscriptions)
-                if each.topic_name == topic
+                for end in (*node.publishers, *node.subscriptions)
+                if end.topic_name == topic
             }
             for nodes in (self._robot_nodes, self._added)
         )
@@ -235,9 +235,9 @@ class Lockstep(Generic[S]):
 
     def _warn_of_silent_topics(self, nodes: Sequence[Node]) -> None:
         """Log subscriptions without publishers, with the robots' most similar topic."""
-        robots = [each.topic_name for node in self._robot_nodes for each in node.publishers]
+        robots = [pub.topic_name for node in self._robot_nodes for pub in node.publishers]
         for node in nodes:
-            for topic in sorted({each.topic_name for each in node.subscriptions}):
+            for topic in sorted({sub.topic_name for sub in node.subscriptions}):
                 if not node.count_publishers(topic):
                     hint = did_you_mean(topic, robots, "the robot's")
                     node.get_logger().warning(f"nobody publishes {topic}{hint}")
@@ -245,10 +245,10 @@ class Lockstep(Generic[S]):
     def _unconnected(self) -> Iterator[str]:
         """Yield the topics on which a node and a robot are not yet connected in both directions."""
         pair = self._robot_nodes, self._added
-        for some, others in (pair, pair[::-1]):
-            publishers = {each.topic_name: each for node in some for each in node.publishers}
+        for nodes, other_nodes in (pair, pair[::-1]):
+            publishers = {pub.topic_name: pub for node in nodes for pub in node.publishers}
             subscribers: dict[str, int] = {}
-            for subscription in (each for node in others for each in node.subscriptions):
+            for subscription in (sub for node in other_nodes for sub in node.subscriptions):
                 topic = subscription.topic_name
                 if topic in publishers:
                     subscribers[topic] = subscribers.get(topic, 0) + 1

@@ -48,7 +48,7 @@ class SensorPublisher:
     @property
     def topics(self) -> Mapping[str, str]:
         """The topic of each output."""
-        return {output: each.topic_name for output, each in self._publishers.items()}
+        return {output: publisher.topic_name for output, publisher in self._publishers.items()}
 
     def wanted(self) -> frozenset[str]:
         """Return the outputs that are subscribed to."""
@@ -93,7 +93,7 @@ class RobotSensors:
     @property
     def topics(self) -> list[str]:
         """Names of all sensor topics, absolute."""
-        return sorted({each.topic_name for each in self._publishers.values()})
+        return sorted({publisher.topic_name for publisher in self._publishers.values()})
 
     def publisher(self, topic: str) -> Publisher | None:
         """Return the publisher of a topic; None if there is none."""
@@ -200,7 +200,7 @@ def _usable(
     """Yield the sensors that can be simulated; warn of the others."""
     used: list[Sensor] = []
     for sensor in sensors:
-        shared = [topic for other in used for topic in clashes(other.topics, sensor.topics)]
+        shared = [topic for rival in used for topic in clashes(rival.topics, sensor.topics)]
         if INSTRUMENTS[type(sensor.model)].needs_embree and not HAS_EMBREE:
             reason = "cameras need the package embreex, which is not installed here"
         elif shared:

@@ -79,7 +79,7 @@ def _imu(
         for name, number in zip("xyzw", numbers, strict=False):  # vectors have no w
             setattr(part, name, number)
     if imu.reference is None:
-        message.orientation_covariance[0] = -1.0  # as REP-145 and the message have it
+        message.orientation_covariance[0] = -1.0  # "no orientation", as REP-145 defines it
     message.angular_velocity_covariance = _covariance(imu.angular_velocity)
     message.linear_acceleration_covariance = _covariance(imu.linear_acceleration)
     return message

@@ -110,16 +110,16 @@ class SimulationServices:
         return int(states.STATE_STOPPED if self._reset_paused else states.STATE_PAUSED)
 
     def _set_state(self, request: Any, answer: Any) -> Any:
-        wanted, states = request.state.state, self._states
-        if wanted not in (states.STATE_STOPPED, states.STATE_PLAYING, states.STATE_PAUSED):
-            text = f"state {wanted} is not supported; there are 0 stopped, 1 playing, 2 paused"
+        target, states = request.state.state, self._states
+        if target not in (states.STATE_STOPPED, states.STATE_PLAYING, states.STATE_PAUSED):
+            text = f"state {target} is not supported; there are 0 stopped, 1 playing, 2 paused"
             return self._failed(answer, self._result.FEATURE_UNSUPPORTED, text)
-        if wanted == self._state:
+        if target == self._state:
             return self._failed(answer, answer.ALREADY_IN_TARGET_STATE, "it is in this state")
-        stopped = wanted == states.STATE_STOPPED
+        stopped = target == states.STATE_STOPPED
 
         def change() -> None:
-            self._loop.pause(wanted != states.STATE_PLAYING)
+            self._loop.pause(target != states.STATE_PLAYING)
             if stopped:
                 self._restart()
 

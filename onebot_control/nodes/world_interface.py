@@ -45,7 +45,7 @@ class WorldInterface:
     Attributes:
         robots: the ROS interface of each robot.
         loop: the control loop; None until every robot is known.
-        arm_nodes: the nodes of all joint controllers; whoever starts the loop has to spin them.
+        arm_nodes: the nodes of all joint controllers; the starter of the loop has to spin them.
         simulated: whether stamps are simulated time.
         factor: the real_time_factor of all robots.
         scene: what stands around the robots; None on bare ground.
@@ -172,8 +172,8 @@ class WorldInterface:
             ConfigError: see ``frames.check_frames``.
         """
         robot = self.robots[row]
-        others = {other.name: other.frames() for other in self.robots if other is not robot}
-        check_frames(frames, robot.frames(), others, self.scene)
+        other_frames = {item.name: item.frames() for item in self.robots if item is not robot}
+        check_frames(frames, robot.frames(), other_frames, self.scene)
 
     def start(self, loop: ControlLoop, sensing: Sensing, clock: Clock | None = None) -> None:
         """Start a loop that moves the robots, all of which are described.
@@ -268,8 +268,8 @@ def _is_simulated(nodes: Sequence[Node], settings: Sequence[ControlParameters]) 
     """
     first_name, *names = [node.get_fully_qualified_name() for node in nodes]
     for parameter in _WORLD_PARAMETERS:
-        first, *others = [node.get_parameter(parameter).value for node in nodes]
-        for name, value in zip(names, others, strict=True):
+        first, *values = [node.get_parameter(parameter).value for node in nodes]
+        for name, value in zip(names, values, strict=True):
             if value != first:
                 text = f"{value}, but {first} of {first_name}"
                 problem = f"{text}; it is the same for all robots of a world"

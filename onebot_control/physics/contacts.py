@@ -49,9 +49,9 @@ _LEVEL, _LIFT = 0.005, 0.0002
 _DEEP, _CLEAR = 0.02, 0.002
 _MARGIN = 0.001  # m by which PyBullet's convex hulls are larger than the mesh
 
-# The solver ignores contact points of bodies that are farther apart than this, m. PyBullet keeps up
-# to four points per wheel where a rolling wheel has touched the ground, and solves them all: at
-# 1 m/s that takes four times as long, for forces of zero.
+# The solver ignores contact points of bodies that are farther apart than this, m. PyBullet keeps
+# up to four points per wheel where a rolling wheel has touched the ground, and solves them all:
+# at 1 m/s that takes four times as long, for forces of zero.
 _TOUCHING = 1e-6
 _HOLDING = 1e6  # N, greatest force that holds the hub of a wheel on its axle
 # m by which skidding wheels yield to their load. The loads of more than three rigid wheels are

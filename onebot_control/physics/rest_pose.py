@@ -113,7 +113,7 @@ def _standing(robot: LoadedBody, description: Description) -> RestPose:
     )
     lowest = min((point[8] for point in base), default=0.0)
     _check_size(robot, description, lowest)
-    on_ground = description.root_link != WORLD_FRAME  # as in Gazebo
+    on_ground = description.root_link != WORLD_FRAME  # Gazebo does not lift a world link either
     rest_pose = RestPose(-lowest if on_ground else 0.0, (0.0, 0.0, 0.0, 1.0))
     robot.place(rest_pose.at(0.0, 0.0, 0.0))
     _warn_of_ground(robot, description)

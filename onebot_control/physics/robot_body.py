@@ -48,7 +48,7 @@ class Pose(NamedTuple):
 class Twist(NamedTuple):
     """Velocity of the root link's frame in its own axes, as in nav_msgs/Odometry."""
 
-    linear: Triple  # of the frame's origin, m/s
+    linear: Triple  # velocity of the frame's origin, m/s
     angular: Triple  # rad/s
 
 
@@ -111,7 +111,7 @@ class RobotBody:
     rest_pose: RestPose  # height and tilt at rest on level ground
     parts: LoadedBody
     pose: Transform  # the root link's frame, as last read
-    positions: tuple[float, ...]  # of the joints, in the order of ``joints``, as last read
+    positions: tuple[float, ...]  # joint positions, in the order of ``joints``, as last read
     finite: bool  # whether the state last read was finite
 
     def __init__(self, world: _World, spawn: RobotSpawn) -> None:
@@ -160,7 +160,7 @@ class RobotBody:
         self._read_joints, self._read_motors = self._reader(self._indices), self._reader(motors)
         self._read_velocity = partial(engine.getBaseVelocity, body, client)
         self._targets = [0.0] * len(self.driven)
-        self._efforts = (0.0,) * len(self.joints)  # of the motors
+        self._efforts = (0.0,) * len(self.joints)  # efforts of the motors
         self._sums = [0.0] * len(motors)  # efforts summed over all physics steps but the last
         self._update(self._read_joints())
 

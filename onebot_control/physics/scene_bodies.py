@@ -31,7 +31,7 @@ _DEPTH = 1e-3  # m; bodies that touch penetrate each other by less
 # thrown: a box of 0.2 m that is half in the ground jumps 0.5 m high. Any other place for such a box
 # would be a guess, so it is refused, like a robot that starts in a wall.
 _DEEPEST = 0.01
-_SLEEPS, _AWAKE = "ENABLE_SLEEPING ENABLE_WAKEUP", "WAKE_UP"  # as PyBullet's constants end
+_SLEEPS, _AWAKE = "ENABLE_SLEEPING ENABLE_WAKEUP", "WAKE_UP"  # endings of PyBullet's constants
 
 
 def load_scene(world: str) -> Description | None:
@@ -80,8 +80,8 @@ class SceneBodies:
             raise OneBotError("\n".join(problems))
         joints = tuple(replace(joint, kind="fixed") for joint in description.joints)
         poses = rigid_frames(replace(description, joints=joints))  # poses in the root link's frame
-        # Each shape becomes a body of its own: in each step, PyBullet checks all shapes of a body,
-        # but only bodies that are nearby.
+        # Each shape becomes a body of its own: in each step, PyBullet checks all
+        # shapes of a body, but only if the body is nearby.
         self._fixed = []
         for link in description.links:
             for shape in link.collisions:

@@ -55,7 +55,7 @@ class Follower(NamedTuple):
     """A joint that mimics a wheel or caster; only its published position moves."""
 
     name: str
-    mimic: Mimic  # of a joint of a wheel or caster, or of an earlier follower
+    mimic: Mimic  # its leader is a joint of a wheel or caster, or an earlier follower
     lower: float  # least position, rad or m
     upper: float
 
@@ -71,7 +71,8 @@ class SimulatedModel(NamedTuple):
     held: Mapping[str, float]  # positions of joints that are fixed now, by name
     followers: Sequence[Follower]  # fixed joints that mimic wheels or casters; leaders first
     gears: Mapping[str, Mimic] = MappingProxyType({})  # joints that follow commanded ones
-    starts: Mapping[str, float] = MappingProxyType({})  # of moving joints except wheels, rad or m
+    # Start positions of moving joints except wheels, rad or m.
+    starts: Mapping[str, float] = MappingProxyType({})
 
 
 def simulated_model(
@@ -127,11 +128,11 @@ def commandable(description: Description, wheels: Wheels | None) -> list[str]:
     mimic joints are left out.
     """
     interfaces = description.interfaces
-    taken = _rolling(wheels) if wheels else set()
+    rolling = _rolling(wheels) if wheels else set()
     joints = [
         joint.name
         for joint in description.moving_joints
-        if joint.mimic is None and joint.name not in taken
+        if joint.mimic is None and joint.name not in rolling
     ]
     named = [j for j in joints if j in interfaces and "position" in interfaces[j].commands]
     return named or [joint for joint in joints if joint not in interfaces]
@@ -233,7 +234,7 @@ class _Roles:
             self.gears[name] = mimic.after(gear) if gear else mimic
             return self.starts[name]
         follower = Follower(name, mimic, *joint.range)
-        if mimic.joint in (*self._rolling, *(each.name for each in self.followers)):
+        if mimic.joint in (*self._rolling, *(item.name for item in self.followers)):
             self.followers.append(follower)
         self.fixed[name] = follower.at(at)
         return self.fixed[name]
@@ -349,10 +350,10 @@ def _with_rotor(link: Link, joint: Joint, body: Body) -> Link:
     missing = 0.0 if joint.kind == "prismatic" and body.mass > 0.0 else _LEAST_MOMENT - moment
     if mass == 0.0 and missing <= 0.0:
         return link
-    own = Body(link.name)
-    own.add(link, np.eye(4))
-    own.add_mass(mass, body.center, _thin_ring(axis, max(0.0, missing)))
-    return replace(link, inertial=own.inertial)
+    total = Body(link.name)
+    total.add(link, np.eye(4))
+    total.add_mass(mass, body.center, _thin_ring(axis, max(0.0, missing)))
+    return replace(link, inertial=total.inertial)
 
 
 def _thin_ring(axis: Floats, moment: float) -> Floats:

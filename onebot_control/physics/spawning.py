@@ -36,7 +36,7 @@ class RobotSpawn(NamedTuple):
     x: float = 0.0  # m
     y: float = 0.0  # m
     yaw: float = 0.0  # heading, rad
-    name: str = ""  # for error messages
+    name: str = ""  # name in error messages
     commanded: Sequence[str] = ()  # joints with a motor that follows positions
     gears: Mapping[str, Mimic] = MappingProxyType({})  # how joints follow commanded ones, by name
     starts: Mapping[str, float] = MappingProxyType({})  # start positions of joints; others are at 0

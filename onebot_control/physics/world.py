@@ -29,7 +29,7 @@ class World:
 
     settings: Settings
     client: int  # PyBullet's index of the world, for direct calls
-    robots: tuple[RobotBody, ...]  # in the given order
+    robots: tuple[RobotBody, ...]  # robots in the given order
     scene: SceneBodies | None  # bodies around the robots; None on bare ground
     is_open: bool  # False after ``close``
 

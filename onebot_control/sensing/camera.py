@@ -31,7 +31,7 @@ def focal_length(camera: Camera) -> float:
 def calibration(camera: Camera) -> dict[str, str | list[float]]:
     """Return the fields of a CameraInfo message that calibrate a camera without distortion."""
     focal, x, y = focal_length(camera), camera.width / 2.0, camera.height / 2.0
-    shift = 0.0 - focal * camera.baseline  # of a pair's right camera, pixels times metres
+    shift = 0.0 - focal * camera.baseline  # shift of a pair's right camera, pixels times metres
     return {
         "distortion_model": "plumb_bob",
         "d": [0.0] * 5,
@@ -112,7 +112,7 @@ class CameraInstrument(Instrument[Camera]):
 
     waiting = 1
     needs_embree = True
-    noises: Sequence[Noise] = ()  # that of pictures has no constant offset
+    noises: Sequence[Noise] = ()  # pictures' noise has no constant offset
 
     @cached_property
     def _rays(self) -> Rays:

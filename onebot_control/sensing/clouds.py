@@ -51,5 +51,5 @@ def cloud_of(
 
 def finite(points: NDArray[np.void]) -> NDArray[np.void]:
     """Return, in one row (1, N), the points at which a ray hit something in range."""
-    found: NDArray[np.void] = points[np.isfinite(points["x"])]
-    return found.reshape(1, -1)
+    hits: NDArray[np.void] = points[np.isfinite(points["x"])]
+    return hits.reshape(1, -1)

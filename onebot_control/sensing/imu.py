@@ -97,10 +97,10 @@ class ImuInstrument(Instrument[Imu]):
     def measure(self, world: SensedWorld, wanted: Set[str]) -> dict[str, Any]:
         frame, pose = world.frame, self.pose(world.placed)
         now = frame.snapshots[self.row]
-        before = frame.before[self.row] if frame.before else None
-        if before and _was_put(before, now, world.period):
-            before = None
-        previous, motion = before and Motion.of_root(before), Motion.of_root(now)
+        last_snapshot = frame.before[self.row] if frame.before else None
+        if last_snapshot and _was_put(last_snapshot, now, world.period):
+            last_snapshot = None
+        previous, motion = last_snapshot and Motion.of_root(last_snapshot), Motion.of_root(now)
         back = motion.rotation.T
         mount = back @ pose.rotation, back @ (pose.position - np.array(now.pose.translation))
         values = np.concatenate(measure(previous, motion, world.period, mount, world.gravity))

@@ -25,8 +25,8 @@ class Frame(NamedTuple):
     """The state of a world in one control cycle, for its sensors."""
 
     tick: int  # control cycles done before this one
-    stamp: int  # of the cycle, ns
-    snapshots: Sequence[Snapshot]  # of the robots
+    stamp: int  # time of the cycle, ns
+    snapshots: Sequence[Snapshot]  # states of the robots
     before: Sequence[Snapshot] | None  # one cycle ago; None if not known
     boxes: Sequence[Transform]  # poses of movable boxes
     robots: Sequence[SensedRobot]
@@ -78,7 +78,7 @@ class Instrument(ABC, Generic[M]):
             seed: of the noise.
         """
         self.sensor, self.row, self._noisy, self._seed = sensor, row, noisy, seed
-        model: Any = sensor.model  # of this kind, by the table of instruments
+        model: Any = sensor.model  # the table of instruments determines its type
         self.model: M = model
         self.rate = min(sensor.rate or cycles, cycles)
         self._name = f"{namespace}/{sensor.link}/{sensor.name}"
@@ -126,8 +126,8 @@ class Instrument(ABC, Generic[M]):
     def hits(self, world: SensedWorld, pose: LinkPose, rays: Rays, reach: float) -> Hits:
         """Return what the sensor's rays hit, other than the link that carries it."""
         placed = world.placed
-        own = placed.surroundings.target(self.row, self.sensor.link)
-        return cast(rays, *pose, placed.surroundings.still, placed.targets, reach, [own])
+        own_target = placed.surroundings.target(self.row, self.sensor.link)
+        return cast(rays, *pose, placed.surroundings.still, placed.targets, reach, [own_target])
 
     def seen_from(
         self, world: SensedWorld, pose: LinkPose, otherwise: Floats

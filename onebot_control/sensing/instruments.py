@@ -74,8 +74,8 @@ class Sensors:
         """
         self._starts = self._starts or [snapshot.pose.rotation for snapshot in snapshots]
         tick = snapshots[0].tick
-        before = last if last and last[0].tick == tick - 1 else None
-        return Frame(tick, stamp, snapshots, before, boxes, self._robots, self._starts)
+        last_snapshots = last if last and last[0].tick == tick - 1 else None
+        return Frame(tick, stamp, snapshots, last_snapshots, boxes, self._robots, self._starts)
 
     def prepare(self) -> None:
         """Build the surroundings now, because reading meshes takes long."""

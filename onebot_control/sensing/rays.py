@@ -365,7 +365,7 @@ def _embree(solid: Solid) -> _Caster:
 
 
 class _Bullet:
-    """Casts rays by PyBullet, which takes twenty times as long, and does not tell the face hit."""
+    """Casts rays with PyBullet, which takes 20 times as long and does not report the face hit."""
 
     def __init__(self, solid: Solid) -> None:
         from onebot_control.physics.engine import engine

@@ -30,9 +30,9 @@ class SensedRobot(NamedTuple):
 class RobotState(NamedTuple):
     """The pose and joint positions of a robot at one time."""
 
-    translation: Triple  # of the root link in the world, m
-    rotation: Quaternion  # of the root link in the world, x y z w
-    positions: Sequence[float]  # of ``SensedRobot.joints``, rad or m
+    translation: Triple  # position of the root link in the world, m
+    rotation: Quaternion  # rotation of the root link in the world, x y z w
+    positions: Sequence[float]  # positions of ``SensedRobot.joints``, rad or m
 
 
 class LinkPose(NamedTuple):

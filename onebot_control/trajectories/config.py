@@ -214,8 +214,8 @@ def joint_constraints(
     Raises:
         ConfigError: with every problem, each naming the parameter and what would be right.
     """
-    given = {name: value for name, value in values.items() if _is_constraint(name)}
-    constraints = read(JointParameters, given).constraints
+    constraint_values = {name: value for name, value in values.items() if _is_constraint(name)}
+    constraints = read(JointParameters, constraint_values).constraints
     problems = [
         Problem(_CONSTRAINTS + name, f"no joint of the controller{did_you_mean(name, joints)}")
         for name in constraints
@@ -228,11 +228,11 @@ def joint_constraints(
 
 def unknown_trajectory_parameters(names: Iterable[str]) -> list[Problem]:
     """Return a problem for each of ``names`` that is not a parameter, for any names of joints."""
-    given = list(names)
-    common = (name for name in given if not is_joint_parameter(name))
+    parameters = list(names)
+    common = (name for name in parameters if not is_joint_parameter(name))
     return [
         *unknown_parameters(TrajectoryConfig, common),
-        *unknown_parameters(JointParameters, filter(_is_constraint, given)),
+        *unknown_parameters(JointParameters, filter(_is_constraint, parameters)),
     ]
 
 

@@ -53,8 +53,8 @@ class Outcome(NamedTuple):
     """How an action goal, or a trajectory from the topic, ended."""
 
     goal: object | None  # the token given to ``start``; None: no action goal was active
-    code: int  # of control_msgs/FollowJointTrajectory; 0: succeeded, else aborted
-    text: str  # as joint_trajectory_controller writes it
+    code: int  # error code of control_msgs/FollowJointTrajectory; 0: succeeded, else aborted
+    text: str  # joint_trajectory_controller's wording
     detail: str = ""  # the joint beyond its tolerance, with its position error
 
 
@@ -107,7 +107,7 @@ class TrajectoryFollower:
         self.scaling = config.speed_scaling.initial_scaling_factor
         self._now, self._advance, self._rate = 0, 0.0, self.scaling
         self.time = self.elapsed = 0.0
-        self._start: int | None = None  # of the trajectory, ns; unknown until its first update
+        self._start: int | None = None  # trajectory start, ns; unknown until its first update
         self.reset(positions)
 
     def configure(
@@ -120,8 +120,8 @@ class TrajectoryFollower:
             (joint.lower, joint.upper) if config.enforce_command_limits else (-math.inf, math.inf)
             for joint in self.joints
         ]
-        own = (constraints.get(name, JointConstraint()) for name in self.names)
-        self._decelerations = [constraint.max_deceleration_on_cancel for constraint in own]
+        own_limits = (constraints.get(name, JointConstraint()) for name in self.names)
+        self._decelerations = [constraint.max_deceleration_on_cancel for constraint in own_limits]
 
     @property
     def scaling(self) -> float:
@@ -260,14 +260,14 @@ class TrajectoryFollower:
         """
         if self._holding:
             raise OneBotError("Currently there is no valid trajectory instance.")
-        own = self.time + (time - self._now) / _NANOSECONDS * self._rate
-        if own < self._began:
+        trajectory_time = self.time + (time - self._now) / _NANOSECONDS * self._rate
+        if trajectory_time < self._began:
             text = "Requested sample time is earlier than the current trajectory start time."
             raise OneBotError(text)
-        if own >= self._trajectory.end:
+        if trajectory_time >= self._trajectory.end:
             text = "Requested sample time is later than the current trajectory end time."
             raise OneBotError(text)
-        return self._limited(self._trajectory.sample(own))
+        return self._limited(self._trajectory.sample(trajectory_time))
 
     def _limited(self, motion: JointMotion) -> JointMotion:
         """Return ``motion`` with joints beyond their limits at rest at the limit."""
@@ -359,10 +359,10 @@ class TrajectoryFollower:
         zeros = (0.0,) * len(self.joints)
         values = [
             tuple(
-                command if name in held else own
-                for name, command, own in zip(self.names, commands, given or zeros, strict=True)
+                command if name in held else value
+                for name, command, value in zip(self.names, commands, row or zeros, strict=True)
             )
-            for commands, given in zip(self._command(), start, strict=True)
+            for commands, row in zip(self._command(), start, strict=True)
         ]
         return JointMotion(*values)
 
@@ -371,8 +371,8 @@ class TrajectoryFollower:
     ) -> tuple[float, ...]:
         """Return the whole turns, rad, by which continuous joints at ``positions`` are off."""
         return tuple(
-            math.tau * round((other - position) / math.tau) if joint.continuous else 0.0
-            for joint, position, other in zip(self.joints, positions, others, strict=True)
+            math.tau * round((target - position) / math.tau) if joint.continuous else 0.0
+            for joint, position, target in zip(self.joints, positions, others, strict=True)
         )
 
     def _points(self, goal: TrajectoryGoal) -> Sequence[Waypoint]:

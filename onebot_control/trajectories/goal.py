@@ -139,8 +139,8 @@ def _time_problems(goal: TrajectoryGoal, now: int) -> Iterator[str]:
         if not math.isfinite(goal.points[index].time):
             yield f"{place} not finite"
         elif moment <= earlier:
-            before = f"not after the {earlier / _NANOSECONDS:.9g} s of points[{index - 1}]"
-            yield f"{place} {before if index else 'negative'}"
+            text = f"not after the {earlier / _NANOSECONDS:.9g} s of points[{index - 1}]"
+            yield f"{place} {text if index else 'negative'}"
     if goal.stamp and goal.points and goal.stamp + moments[-1] < now:
         ago = (now - goal.stamp - moments[-1]) / _NANOSECONDS
         yield f"header.stamp: the trajectory ended {ago:.9g} s ago"

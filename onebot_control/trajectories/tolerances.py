@@ -7,7 +7,7 @@ from onebot_control.trajectories.config import JointConstraint, TrajectoryConfig
 from onebot_description.errors import did_you_mean, printable
 
 _OFF = -1.0  # value by which a goal switches a tolerance off
-_OFF_ROUNDING = 1.1920929e-07  # as joint_trajectory_controller: the epsilon of a float32
+_OFF_ROUNDING = 1.1920929e-07  # joint_trajectory_controller's: the epsilon of a float32
 
 
 class ToleranceGiven(NamedTuple):
@@ -43,10 +43,10 @@ def default_tolerances(
     joints: Sequence[str], config: TrajectoryConfig, constraints: Mapping[str, JointConstraint]
 ) -> Tolerances:
     """Return the tolerances that the parameters set; joints without constraints have none."""
-    own = [constraints.get(name, JointConstraint()) for name in joints]
+    own_constraints = [constraints.get(name, JointConstraint()) for name in joints]
     return Tolerances(
-        tuple(constraint.trajectory for constraint in own),
-        tuple(constraint.goal for constraint in own),
+        tuple(constraint.trajectory for constraint in own_constraints),
+        tuple(constraint.goal for constraint in own_constraints),
         config.constraints.goal_time,
     )
 
@@ -93,9 +93,9 @@ def resolved_tolerances(
 def _positions(
     given: Sequence[ToleranceGiven], joints: Sequence[str], defaults: Sequence[float]
 ) -> tuple[float, ...]:
-    own = {tolerance.name: tolerance.position for tolerance in given}
+    position_by_joint = {tolerance.name: tolerance.position for tolerance in given}
     return tuple(
-        _resolved(own.get(name, 0.0), default)
+        _resolved(position_by_joint.get(name, 0.0), default)
         for name, default in zip(joints, defaults, strict=True)
     )
 

@@ -104,7 +104,7 @@ def main() -> None:
     """Run the request that ``_spawn`` writes on stdin; answer on stdout."""
     function, request, bounds = json.load(sys.stdin)
     out = os.dup(1)
-    os.dup2(2, 1)  # what the function prints must not mix with the answer
+    os.dup2(2, 1)  # the function's prints must not mix with the answer
     answer = _fork(function, request, Bounds(*bounds))
     with open(out, "wb") as file:
         file.write(answer)
@@ -157,7 +157,7 @@ def _in_child(function: str, request: Any, bounds: Bounds, place: Place, out: in
     except BaseException:
         sys.excepthook(*sys.exc_info())
     finally:
-        os._exit(code)  # without flushing or closing files of the parent
+        os._exit(code)  # files of the parent are neither flushed nor closed
 
 
 def _answer(function: str, request: Any, bounds: Bounds, place: Place) -> bytes:

@@ -158,10 +158,10 @@ def _shape(shape: Shape, sizes: Mapping[Shape, Triple]) -> str:
 def _sensor_rows(sensor: Sensor) -> list[_Row]:
     """Return a row for each topic; values that all share are in the first one."""
     rate = f"{sensor.rate:.4g} Hz" if sensor.rate else "each cycle"
-    first, *others = ((topic, MESSAGE_TYPES[output]) for output, topic in sensor.topics.items())
+    first, *other_rows = ((topic, MESSAGE_TYPES[output]) for output, topic in sensor.topics.items())
     return [
         (sensor.name, sensor.model.summary, rate, *first, sensor.frame),
-        *(("", "", "", *other, "") for other in others),
+        *(("", "", "", *row, "") for row in other_rows),
     ]
 
 

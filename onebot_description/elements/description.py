@@ -87,7 +87,7 @@ class Geometry:
 
     shape: Shape
     origin: Origin  # frame: the link's
-    color: Rgba | None = None  # of the visual's material, 0 to 1; None if not given
+    color: Rgba | None = None  # colour of the visual's material, 0 to 1; None if not given
     where: str = field(default="", compare=False)
 
 
@@ -119,7 +119,7 @@ class Mimic:
     """How a joint follows another: position = multiplier * position of ``joint`` + offset."""
 
     joint: str  # the leader, which may follow another joint itself
-    multiplier: float = 1.0  # without unit, or m/rad or rad/m between joints of different kinds
+    multiplier: float = 1.0  # no unit, or m/rad or rad/m between joints of different kinds
     offset: float = 0.0  # rad, or m for a prismatic joint
 
     def at(self, position: float) -> float:
@@ -139,7 +139,7 @@ class Joint:
     kind: str  # one of JOINT_KINDS
     parent: str  # link
     child: str  # link
-    origin: Origin = Origin()  # of the joint frame (the child link's frame) in the parent link
+    origin: Origin = Origin()  # the joint frame (the child link's frame) in the parent link
     axis: Triple = (1.0, 0.0, 0.0)  # unit vector in the joint frame
     lower: float | None = None  # least position, at most ``upper``; revolute and prismatic only
     upper: float | None = None
@@ -180,8 +180,8 @@ class Description:
     source: str  # absolute path of the file loaded, or the name given to parse_description
     files: tuple[Path, ...]  # absolute paths of all files read, the loaded one first (to watch)
     root_link: str  # the link that is no joint's child; the first of them if there are several
-    links: tuple[Link, ...]  # in the order of the XML
-    joints: tuple[Joint, ...]  # in the order of the XML
+    links: tuple[Link, ...]  # all links, in the order of the XML
+    joints: tuple[Joint, ...]  # all joints, in the order of the XML
     problems: tuple[str, ...]  # ``onebot check`` refuses these, nodes only warn
     warnings: tuple[str, ...]  # these work, but are probably not intended
     # File and line of each element of ``urdf``, in document order.

@@ -100,8 +100,8 @@ class Findings:
             warnings: further warnings to include in it.
         """
         if self.by_severity("error"):
-            found = self.by_severity("warning")
-            raise DescriptionError(self.by_severity("error", "problem"), (*warnings, *found))
+            own_warnings = self.by_severity("warning")
+            raise DescriptionError(self.by_severity("error", "problem"), (*warnings, *own_warnings))
 
     def where(self, element: Element) -> str:
         """Return where ``element`` was written, for example ``robot.urdf:12``."""

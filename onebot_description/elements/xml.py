@@ -42,7 +42,7 @@ class Document:
     root: ElementTree.Element
     places: dict[ElementTree.Element, str]  # ``file:line`` of each element, in document order
     shown: str  # its name in messages
-    folder: Path | None  # where relative paths start; None for text without a file
+    folder: Path | None  # folder of relative paths; None for text without a file
     has_xacro: bool = False  # whether the xacro namespace is declared
 
 
@@ -224,8 +224,8 @@ def _malformed(data: bytes, shown: str, error: Exception, opened: Sequence[tuple
 
 def _undeclared(data: bytes, error: expat.ExpatError) -> str:
     """Return the undeclared prefix of the element at which expat stops, or of its attributes."""
-    rest = b"\n".join(data.splitlines()[error.lineno - 1 :])[error.offset :]
-    element, _, _ = rest.partition(b">")
+    text = b"\n".join(data.splitlines()[error.lineno - 1 :])[error.offset :]
+    element, _, _ = text.partition(b">")
     declared = re.findall(rb"\sxmlns:([\w.-]+)\s*=", data)
     bare = re.sub(rb"""="[^"]*"|='[^']*'""", b"", element)  # values may hold what looks like one
     used = re.findall(rb"[<\s]([A-Za-z_][\w.-]*):", bare)

@@ -19,17 +19,17 @@ def followers(
         For each of ``joints`` how it follows one of the given joints, which may be the joint
         itself. Joints that follow none of them are left out.
     """
-    known = {name: Mimic(name) for name in given}
-    found = {}
+    mimic_by_joint = {name: Mimic(name) for name in given}
+    reduced = {}
     for joint in joints:
         chain, name = [], joint
-        while name not in known and name in mimics:
+        while name not in mimic_by_joint and name in mimics:
             chain.append(name)
             name = mimics[name].joint
-        if name not in known:
+        if name not in mimic_by_joint:
             continue
         for follower in reversed(chain):
-            known[follower] = mimics[follower].after(known[name])
+            mimic_by_joint[follower] = mimics[follower].after(mimic_by_joint[name])
             name = follower
-        found[joint] = known[joint]
-    return found
+        reduced[joint] = mimic_by_joint[joint]
+    return reduced

@@ -88,7 +88,7 @@ def _mimics(
     """Return the leader of each joint that is to follow."""
     tags = {joint.name: joint.mimic for joint in joints if joint.mimic and use_mimic_tags}
     chosen = {j.name: dependent[j.name] for j in joints if j.name in dependent}
-    return tags | {n: Mimic(each.parent, each.factor, each.offset) for n, each in chosen.items()}
+    return tags | {n: Mimic(rule.parent, rule.factor, rule.offset) for n, rule in chosen.items()}
 
 
 def _without_leader(

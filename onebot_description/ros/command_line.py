@@ -26,7 +26,7 @@ def ros_arguments(arguments: Sequence[str]) -> RosArguments:
     """Find the parameter files and names in ``arguments``, which are as in sys.argv."""
     files: list[Path] = []
     names: list[tuple[str, str]] = []
-    others: list[str] = []
+    other_words: list[str] = []
     inside, words = False, iter(arguments[1:])
     for word in words:
         if word == "--ros-args":
@@ -41,8 +41,8 @@ def ros_arguments(arguments: Sequence[str]) -> RosArguments:
             if assigned:
                 names.append((node, name))
         elif not inside:
-            others.append(word)
-    return RosArguments(tuple(files), tuple(names), tuple(others))
+            other_words.append(word)
+    return RosArguments(tuple(files), tuple(names), tuple(other_words))
 
 
 def split_robots(arguments: Sequence[str]) -> tuple[list[str], list[list[str]]]:

@@ -79,7 +79,7 @@ class SenderClock:
 
     def __init__(self) -> None:
         self._behind: int | None = None  # ns; the shortest transit is part of it
-        self._number = 0  # of the last message
+        self._number = 0  # sequence number of the last message
         # A run of messages whose transit times, with the clocks' difference, are alike.
         self._least = self._most = self._since_ns = self._count = 0
 

@@ -18,5 +18,5 @@ def node_name(end: Any) -> str:
 
     A node's name is discovered later than its publishers and subscriptions.
     """
-    known = end.node_name != _UNKNOWN_NODE
-    return f"{absolute(end.node_namespace)}/{end.node_name}" if known else ""
+    is_known = end.node_name != _UNKNOWN_NODE
+    return f"{absolute(end.node_namespace)}/{end.node_name}" if is_known else ""

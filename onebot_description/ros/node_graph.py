@@ -11,8 +11,8 @@ from onebot_description.ros.steady_timer import steady_timer
 
 _POLL_SERVER = 2.0  # seconds
 _POLL_PUBLISHERS = 1.0  # seconds
-# How long a second publisher must exist to be reported: a node may end while its successor starts,
-# and a killed one stays in the graph for 20 s (the lease of Fast DDS).
+# How long a second publisher must exist to be reported: a node may end while its successor starts.
+# A killed node stays in the graph for 20 s (the lease of Fast DDS).
 _SETTLED, _FORGOTTEN = 3.0, 25.0  # seconds
 
 

@@ -205,7 +205,7 @@ def _finish(stop: Future) -> None:
 @contextmanager
 def ros_errors() -> Iterator[None]:
     """Convert ROS's errors about names, types and topics with two types to OneBotErrors."""
-    warnings.filterwarnings("ignore", "Failed to fini")  # of rclpy, about a node that failed
+    warnings.filterwarnings("ignore", "Failed to fini")  # rclpy's, about a node that failed
     try:
         yield
     except (RCLError, NameValidationException, InvalidParameterTypeException) as error:

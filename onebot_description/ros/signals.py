@@ -60,8 +60,8 @@ class KeyboardInterrupts:
         self.check()
 
     def _handle(self, *_: object) -> None:
-        again, self._arrived = self._arrived, True
-        if again or not self._deferring:
+        is_second, self._arrived = self._arrived, True
+        if is_second or not self._deferring:
             raise KeyboardInterrupt
 
 

@@ -66,7 +66,7 @@ class Drawing(Generic[S]):
     high_bandwidth: ClassVar[bool] = False  # megabytes per second: few are shown automatically
     stamped_when_sent: ClassVar[bool] = True  # see ``MessageType``
     period_ns: ClassVar[int] = 0  # see ``Display``
-    rviz_classes: ClassVar[tuple[str, ...]] = ()  # in RViz, besides the key in title case
+    rviz_classes: ClassVar[tuple[str, ...]] = ()  # RViz's names besides the key in title case
     # Types of further topics to subscribe to, by the suffix of their names after the topic's.
     suffixed_topics: ClassVar[Mapping[str, MessageType[Any]]] = {}
     # Types of further topics of the topic's robot, by name.
@@ -249,12 +249,12 @@ def topic_entity(key: str, topic: str) -> str:
 class DrawingsDisplay(Display[S]):
     """A display with several drawings of one kind."""
 
-    noun: str  # what warnings call one of them
+    noun: str  # name of one drawing in warnings
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
         self.items: dict[str, Drawing[Any]] = {}
-        self._topics: dict[str, Sequence[WantedTopic]] = {}  # by item
+        self._topics: dict[str, Sequence[WantedTopic]] = {}  # topics of each item
         self._waiting_since: dict[str, float] = {}
 
     @abstractmethod
@@ -268,13 +268,13 @@ class DrawingsDisplay(Display[S]):
     def apply(self, settings: S) -> None:
         """Redraw drawings whose settings changed; erase drawings that are gone."""
         super().apply(settings)
-        wanted, before = self.wanted(settings), self.items
-        colors = {name: old.default_color for name, old in before.items() if name in wanted}
+        new_items, old_items = self.wanted(settings), self.items
+        colors = {name: old.default_color for name, old in old_items.items() if name in new_items}
         self.items = {}
-        for name, (_, item) in wanted.items():
+        for name, (_, item) in new_items.items():
             if name not in colors:  # drawings keep their colours when more topics are published
                 colors[name] = min(COLORS, key=[*colors.values()].count)
-            old = before.pop(name, None)
+            old = old_items.pop(name, None)
             if old is not None and old.settings == item:
                 self.items[name] = old
                 continue
@@ -282,9 +282,9 @@ class DrawingsDisplay(Display[S]):
             if old is not None:
                 old.erase()
                 new.replace(old)
-        for gone in before.values():
+        for gone in old_items.values():
             gone.erase()
-        self._topics = {name: topics for name, (topics, _) in wanted.items()}
+        self._topics = {name: topics for name, (topics, _) in new_items.items()}
 
     def topics(self) -> Sequence[WantedTopic]:
         return [topic for topics in self._topics.values() for topic in topics]
@@ -292,7 +292,7 @@ class DrawingsDisplay(Display[S]):
     def add(self, topic: str, kind: MessageType[Any], messages: Sequence[tuple[int, Any]]) -> None:
         """Pass messages to the drawings of their topic."""
         for name, topics in self._topics.items():
-            if any(wanted.name == topic for wanted in topics):
+            if any(item.name == topic for item in topics):
                 for stamp_ns, message in messages:
                     self.items[name].add(stamp_ns, message)
 

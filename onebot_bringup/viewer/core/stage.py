@@ -54,10 +54,10 @@ class Stage:
         self.frames = FrameTree()
         self.transforms = TransformStream(recording, self.frames)
         self.alone = len(robots) == 1
-        shown = partial(ShownRobot, recording, frames=self.frames, resolve=resolve)
-        self.robots = [shown(names, "" if self.alone else names.entity) for names in robots]
+        make_robot = partial(ShownRobot, recording, frames=self.frames, resolve=resolve)
+        self.robots = [make_robot(names, "" if self.alone else names.entity) for names in robots]
         # The things that stand around the robots.
-        self.world = shown(RobotToShow(description=WORLD_DESCRIPTION), "world")
+        self.world = make_robot(RobotToShow(description=WORLD_DESCRIPTION), "world")
         self.now_ns = 0
         self.transform_timeout_ns = _TRANSFORM_TIMEOUT_NS  # how long messages wait for transforms
         self.robot_size = 0.0  # the diagonal of the smallest robot, metres; 0: not known yet
@@ -173,5 +173,5 @@ class Stage:
     @property
     def has_fixed_frame(self) -> bool:
         """Whether the frame that the view names is known; True if it names none."""
-        wanted = self.wanted_frame
-        return not wanted or any(robot.known_as(wanted) for robot in self.robots)
+        frame = self.wanted_frame
+        return not frame or any(robot.known_as(frame) for robot in self.robots)

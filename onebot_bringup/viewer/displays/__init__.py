@@ -34,9 +34,9 @@ def unique(displays: Iterable[tuple[str, T]]) -> dict[str, T]:
     """
     by_name: dict[str, T] = {}
     for name, display in displays:
-        other = by_name.setdefault(name, display)
-        if other is not display:
-            raise TypeError(f'"{name}" belongs to two displays: {other} and {display}')
+        first_display = by_name.setdefault(name, display)
+        if first_display is not display:
+            raise TypeError(f'"{name}" belongs to two displays: {first_display} and {display}')
     return by_name
 
 

@@ -167,7 +167,7 @@ class SpeedDrawing(CurveDrawing[SpeedSettings]):
         super().add(stamp_ns, message)
 
     def values(self, message: Any) -> Sequence[float]:
-        while hasattr(type(message), "twist"):  # in an Odometry, twists are nested
+        while hasattr(type(message), "twist"):  # twists of an Odometry are nested
             message = message.twist
         # A plot zooms in on any difference, so round, to keep a steady speed a flat line.
         return [round(float(n), _DECIMALS) for n in (message.linear.x, message.angular.z)]

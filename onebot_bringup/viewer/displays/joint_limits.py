@@ -45,7 +45,7 @@ class JointLimitsDisplay(Display[JointRangesSettings]):
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
         self._made_of: tuple[object, ...] = ()
-        self._drawn: dict[str, object] = {}  # what is drawn, by entity
+        self._drawn: dict[str, object] = {}  # drawn data, by entity
 
     def flush(self) -> None:
         robot = self.robot

@@ -52,7 +52,7 @@ class JointPlotDisplay(Display[JointPlotSettings]):
         self._limits: Limits = {}  # limits that are drawn
         self._sets: dict[tuple[str, ...], _JointSet] = {}
         self._count = 0  # number of sets so far
-        self._colors: dict[tuple[str, ...], dict[str, Color]] = {}  # by sets of joints, so far
+        self._colors: dict[tuple[str, ...], dict[str, Color]] = {}  # colours so far, by set
         # Cache of the last names' set, since looking up many names takes long.
         self._last: tuple[object, _JointSet | None] = ((), None)
         self._has_velocities = False  # whether a velocity ever came

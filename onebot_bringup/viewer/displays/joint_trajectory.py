@@ -24,7 +24,7 @@ from onebot_description.ros.wire.messages import JointStateArrays
 _MOST_POINTS = 1000
 # Most positions added between the points, so that the line bends as the robot does.
 _MOST_BETWEEN = 1000
-_STEP = np.radians(5.0)  # from one position to the next, summed over all joints
+_STEP = np.radians(5.0)  # distance of two positions, summed over all joints
 _TOLERANCE = 0.01  # rad or m that a held joint may move before the path is redrawn
 
 
@@ -127,17 +127,17 @@ def _positions(message: Any) -> Floats:
     Raises:
         ValueError: names or positions are missing, duplicate, or not finite.
     """
-    names, found = message.joint_names, message.points.positions
+    names, lists = message.joint_names, message.points.positions
     if not names:
         raise ValueError("it names no joints")
     if len(set(names)) < len(names):
         raise ValueError("it names a joint twice")
-    wrong = np.flatnonzero(found.counts != len(names))
+    wrong = np.flatnonzero(lists.counts != len(names))
     if len(wrong):
         at = int(wrong[0])
-        raise ValueError(f"point {at} has {found.counts[at]} positions for {len(names)} joints")
-    rows = np.linspace(0, len(found) - 1, min(len(found), _MOST_POINTS)).astype(int)
-    positions = np.array([found[row] for row in rows.tolist()])
+        raise ValueError(f"point {at} has {lists.counts[at]} positions for {len(names)} joints")
+    rows = np.linspace(0, len(lists) - 1, min(len(lists), _MOST_POINTS)).astype(int)
+    positions = np.array([lists[row] for row in rows.tolist()])
     bad = np.argwhere(~(np.abs(positions) <= LARGEST))
     if len(bad):
         at, joint = rows[bad[0, 0]], names[bad[0, 1]]
@@ -193,8 +193,8 @@ class LinkMotion:
         rests = dict(zip(model.joints, model.pose({}).tolist(), strict=True))
         moving = description.moving_joints
         self._rests = {joint.name: rests[joint.name] for joint in moving if joint.mimic is None}
-        given = {**self._rests, **dict.fromkeys(names)}
-        self._leaders = model.followers(given)
+        joints = {**self._rests, **dict.fromkeys(names)}
+        self._leaders = model.followers(joints)
         moved = {joint for joint, leader in self._leaders.items() if leader.joint in names}
         above = {joint.child: joint for joint in description.joints}
         link = link or last_link(above, moved)
@@ -225,14 +225,14 @@ class LinkMotion:
 
     def _positions(self, positions: Floats, states: Mapping[str, float]) -> Floats:
         """Return the positions (N, M) of all movable joints of the robot, rad or m."""
-        given: dict[str, Any] = {
-            joint: states[joint] if abs(states.get(joint, np.inf)) <= LARGEST else rest
-            for joint, rest in self._rests.items()
+        values: dict[str, Any] = {
+            joint: states[joint] if abs(states.get(joint, np.inf)) <= LARGEST else position
+            for joint, position in self._rests.items()
         }
-        given.update(zip(self.names, positions.T, strict=True))
+        values.update(zip(self.names, positions.T, strict=True))
         result = np.zeros((len(positions), len(self._model.joints)))
         for joint, leader in self._leaders.items():
-            place = given[leader.joint] * leader.multiplier + leader.offset
+            place = values[leader.joint] * leader.multiplier + leader.offset
             result[:, self._model.row(joint)] = place
         return result
 

@@ -270,7 +270,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
     def add(self, stamp_ns: int, message: Any) -> None:
         self._pending.append((stamp_ns, message))
         self._in_arrays = hasattr(message, "markers")
-        if not self.frame:  # without a robot, it may determine the fixed frame
+        if not self.frame:  # it may become the fixed frame if there is no robot
             markers = message.markers if self._in_arrays else [message]
             self.frame = next((_frame(marker) for marker in markers if _frame(marker)), "")
 

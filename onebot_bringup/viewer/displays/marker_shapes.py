@@ -261,7 +261,7 @@ class MeshVariant(NamedTuple):
     """The properties that all meshes of one entity have in common."""
 
     uri: str
-    color: int | None  # as Rerun's number; None for the file's own colours
+    color: int | None  # Rerun's number; None for the file's own colours
 
     def pieces(self) -> list[Piece]:
         """Return the columns of the mesh itself."""

@@ -142,7 +142,7 @@ class TrailDrawing(PlaceDrawing[TrailSettings]):
     """
 
     max_waiting = 5000
-    _start: Floats | None = None  # where the next piece begins
+    _start: Floats | None = None  # start of the next piece
     _previous: tuple[int, str, Floats] = (0, "", np.zeros(3))  # stamp, frame and place
 
     def style(self) -> list[rr.AsComponents]:
@@ -214,8 +214,8 @@ class CovarianceDrawing(PlaceDrawing[CovarianceSettings]):
         pose = np.concatenate([place, message.pose.pose.orientation.array()])
         limits = self.settings.sigma, self.settings.heading
         lines = outlines(pose, message.pose.covariance, *limits)
-        before, self._drawn = self._drawn, bool(lines)
-        if not lines and not before:
+        had_lines, self._drawn = self._drawn, bool(lines)
+        if not lines and not had_lines:
             return ()
         return covariance_shapes(lines, self.color, [self.settings.width / 2])
 

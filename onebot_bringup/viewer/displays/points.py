@@ -100,16 +100,16 @@ class PointsDrawing(Drawing[P]):
 
     def draw(self, message: Any) -> Sequence[ReadyColumn]:
         """Return the finite points with their colours."""
-        positions, channel, own = self.points(message)
+        positions, channel, rgb_colors = self.points(message)
         usable = _usable(positions)
         if usable is not None:
             positions = positions[usable]
-            own = None if own is None else own[usable]
+            rgb_colors = None if rgb_colors is None else rgb_colors[usable]
         if self.entity_frame != self.frame and (pose := self.pose()) is not None:
             positions = _moved(positions, pose.astype(np.float32))
         transform = self.settings.color_transformer
         for name in self.order if transform == AUTO else (transform,):
-            colors = own if name == RGB8 else self._colors(name, positions, channel, usable)
+            colors = rgb_colors if name == RGB8 else self._colors(name, positions, channel, usable)
             if colors is not None:
                 break
         else:

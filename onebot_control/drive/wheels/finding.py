@@ -63,7 +63,7 @@ class DriveWheels(NamedTuple):
 
 class _Wheel(NamedTuple):
     name: str  # the joint's
-    x: float  # of its middle, in the frame of the root link, m
+    x: float  # position of its middle in the frame of the root link, m
     y: float  # likewise
     bottom: float  # z where it touches the ground, m
     radius: float  # m

@@ -24,7 +24,7 @@ class WheelGeometry(NamedTuple):
     """Wheel separation and radius of a differential drive, on which its odometry is based."""
 
     separation: float  # distance between left and right wheels, m; effective for skid steer
-    radius: float  # of all driven wheels, m
+    radius: float  # radius of all driven wheels, m
 
 
 class Wheels:

@@ -19,8 +19,8 @@ from onebot_description.errors import OneBotError
 from onebot_description.geometry import matrices
 
 _SAME = 1e-6  # m by which the radii of shapes that both touch the ground may differ
-# A cylinder or sphere is round about the axle if its middle is within this fraction of its radius
-# from the axle; a mesh is round if its extents in four directions differ by no more than this.
+# A cylinder or sphere is round about the axle if its middle is no farther from the axle than this
+# fraction of its radius; a mesh, if its extents in four directions differ by no more than this.
 _ROUND = 0.05
 
 
@@ -28,7 +28,7 @@ class Tyre(NamedTuple):
     """The round shape that a wheel rolls on."""
 
     radius: float  # m
-    offset: float  # of its middle from the joint, along the joint's axis, m
+    offset: float  # distance of its middle from the joint, along the joint's axis, m
 
 
 class Tyres:

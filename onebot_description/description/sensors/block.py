@@ -27,9 +27,9 @@ def inside(element: Element) -> Iterator[Element]:
 
 def text_of(element: Element, *tags: str) -> str:
     """Return the text of the first of these elements inside that has one, outside of plugins."""
-    texts = [(each.tag, (each.text or "").strip()) for each in inside(element)]
-    found = (text for tag in tags for name, text in texts if name == tag)
-    return next((text for text in found if text and text not in _PLACEHOLDERS), "")
+    texts = [(child.tag, (child.text or "").strip()) for child in inside(element)]
+    candidates = (text for tag in tags for name, text in texts if name == tag)
+    return next((text for text in candidates if text and text not in _PLACEHOLDERS), "")
 
 
 def is_false(text: str) -> bool:

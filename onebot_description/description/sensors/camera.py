@@ -23,8 +23,8 @@ class Camera(SensorModel):
     far: float
     depth_near: float  # near clip of depths, m along the axis
     depth_far: float  # far clip of depths
-    noise: Noise = Noise()  # of colours (0 to 1), or of depths (m)
-    baseline: float = 0.0  # m, from the left camera of a pair to this one
+    noise: Noise = Noise()  # noise of colours (0 to 1), or of depths (m)
+    baseline: float = 0.0  # distance from the left camera of a pair to this one, m
     blank: float = math.inf  # x, y and z of a point without a depth, as in gz sim
 
     @property
@@ -37,7 +37,7 @@ class _Output(NamedTuple):
 
     message_type: str
     ros_2: str
-    documented: str  # in the documentation of ROS 2's plugin
+    documented: str  # topic in the documentation of ROS 2's plugin
     tag: str  # the element that sets it in ROS 1
 
 
@@ -67,7 +67,7 @@ class ColorCamera(Kind[Camera]):
     """
 
     types: ClassVar[tuple[str, ...]] = ("camera",)
-    message_types = {output: each.message_type for output, each in _OUTPUTS.items()}
+    message_types = {output: spec.message_type for output, spec in _OUTPUTS.items()}
     own_frame = ()  # images have an optical frame, and clouds are converted
     frame_tags = ("optical_frame_id",)
     elements = {
@@ -78,7 +78,7 @@ class ColorCamera(Kind[Camera]):
         "clip": "near far",
     }
     plugin_elements = (
-        f"camera_name cameraName {' '.join(each.tag for each in _OUTPUTS.values())} "
+        f"camera_name cameraName {' '.join(spec.tag for spec in _OUTPUTS.values())} "
         f"{_LOWS} {_HIGHS} hack_baseline hackBaseline border_crop borderCrop"
     )
     substitutes: ClassVar[tuple[Substitute, ...]] = (
@@ -120,7 +120,7 @@ class ColorCamera(Kind[Camera]):
 
     def read_plugin(self, plugin: Element) -> dict[str, str]:
         name = text_of(plugin, "camera_name", "cameraName")
-        written = {output: text_of(plugin, each.tag) for output, each in _OUTPUTS.items()}
+        written = {output: text_of(plugin, spec.tag) for output, spec in _OUTPUTS.items()}
         is_of_ros_1 = any(written.values())
         base = joined(self.space, name or ("" if is_of_ros_1 else self.sensor_name))
         rules, topics = len(self.idle), {}
@@ -140,7 +140,7 @@ class ColorCamera(Kind[Camera]):
     def default_topics(self, outputs: tuple[str, ...], below: str) -> dict[str, str]:
         if self.topic:
             return self.below_topic(outputs)
-        return {output: f"{below or 'camera'}/{each.ros_2}" for output, each in _OUTPUTS.items()}
+        return {output: f"{below or 'camera'}/{spec.ros_2}" for output, spec in _OUTPUTS.items()}
 
     def below_topic(self, outputs: tuple[str, ...]) -> dict[str, str]:
         """Return the topics by the <topic> of the <sensor>, as in gz sim."""

@@ -13,7 +13,7 @@ from onebot_description.elements.sensor import SensorModel
 from onebot_description.errors import did_you_mean
 from onebot_description.geometry.poses import ZERO, Origin, Triple
 
-_Noises = tuple[Noise, Noise, Noise]  # of x, y and z
+_Noises = tuple[Noise, Noise, Noise]  # noises of x, y and z
 
 
 class Reference(NamedTuple):

@@ -35,7 +35,7 @@ def joined(*names: str) -> str:
 class Substitute(NamedTuple):
     """A <sensor> to write instead of a plugin that stands alone, in no <sensor>."""
 
-    precedence: int  # of the substitutes whose words match, the one with the least is taken
+    precedence: int  # the substitute with the least is taken if several match
     words: str  # pattern of the plugin's file or name
     name: str
     type: str
@@ -145,7 +145,7 @@ class Kind(ABC, Generic[M]):
             if self._expanded(old).strip("/") in full:
                 self.idle.remove(rule)
                 return self._expanded(new)
-            if old in names and base != self._node:  # as the camera's documentation has it
+            if old in names and base != self._node:  # the camera's documentation has it so
                 self.idle.remove(rule)
                 return joined(base, new)
         return default

@@ -17,7 +17,7 @@ from onebot_description.elements.reading import Element
 from onebot_description.elements.sensor import SensorModel
 from onebot_description.ros.parameters.values import Rule
 
-RADIATIONS = ("ultrasound", "infrared")  # in the order of the constants of sensor_msgs/msg/Range
+RADIATIONS = ("ultrasound", "infrared")  # ordered like the constants of sensor_msgs/msg/Range
 
 
 class Fan(NamedTuple):
@@ -38,7 +38,7 @@ class Lidar(SensorModel):
     greatest: float
     noise: Noise = Noise()
     is_organized: bool = True  # whether clouds have points for rays that hit nothing, too
-    radiation: str = "infrared"  # for Range messages, one of RADIATIONS
+    radiation: str = "infrared"  # one of RADIATIONS, for Range messages
     cone: float = 0.0  # field of view of Range messages, rad; 0: the angle of the rays
 
     @property
@@ -126,7 +126,7 @@ class LidarKind(Kind[Lidar]):
     @staticmethod
     def read(block: Block) -> Lidar:
         ray = block.child("ray", "lidar")
-        across, up = (_read_fan(block, ray, f"scan/{each}") for each in ("horizontal", "vertical"))
+        across, up = (_read_fan(block, ray, f"scan/{axis}") for axis in ("horizontal", "vertical"))
         least, greatest = block.limits(ray, "range", _LEAST, _GREATEST)
         if across.samples * up.samples > _MOST_RAYS and not block.wrong:
             rays = f"{across.samples} x {up.samples} rays are more than {_MOST_RAYS}"
@@ -153,28 +153,28 @@ class LidarKind(Kind[Lidar]):
         return super().publishes or bool(self._made or self.fault)
 
     def read_plugin(self, plugin: Element) -> dict[str, str]:
-        if asked := text_of(plugin, "output_type", "outputType"):
-            self._made = _BY_TYPE.get(asked.rpartition("/")[2], "")
+        if kind := text_of(plugin, "output_type", "outputType"):
+            self._made = _BY_TYPE.get(kind.rpartition("/")[2], "")
             if not self._made:
-                text = f"asks for {asked}, which cannot be made of rays, so it publishes nothing"
-                types = ", ".join(f"sensor_msgs/{each}" for each in _BY_TYPE)
+                text = f"asks for {kind}, which cannot be made of rays, so it publishes nothing"
+                types = ", ".join(f"sensor_msgs/{type_name}" for type_name in _BY_TYPE)
                 self.fault = f"{text}; write one of: {types}"
         else:
-            known = ((made, word) for made, words in _WORDS.items() for word in words.split())
-            self._made = next((made for made, word in known if word in self.file), "")
+            outputs = ((output, word) for output, words in _WORDS.items() for word in words.split())
+            self._made = next((output for output, word in outputs if word in self.file), "")
         return super().read_plugin(plugin)
 
     def made(self, rows: int) -> tuple[str, ...]:
         if self.fault or self._made:
             return () if self.fault else (self._made,)
-        made = ("points", "scan") if rows > 1 else ("scan", "points")
-        return made[:1] if self.named else made
+        outputs = ("points", "scan") if rows > 1 else ("scan", "points")
+        return outputs[:1] if self.named else outputs
 
     def default_topics(self, outputs: tuple[str, ...], below: str) -> dict[str, str]:
-        own = self.topic or joined(below, outputs[0].replace("point_cloud", "points"))
-        names = dict.fromkeys(outputs, own)
+        topic = self.topic or joined(below, outputs[0].replace("point_cloud", "points"))
+        names = dict.fromkeys(outputs, topic)
         if self.topic or outputs[0] == "scan":
-            names["points"] = f"{own}/points"
+            names["points"] = f"{topic}/points"
         elif "scan" in outputs:
             names["scan"] = f"{below or self.sensor_name}/scan"
         return names

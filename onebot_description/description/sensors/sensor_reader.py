@@ -56,14 +56,14 @@ def read_sensors(
     published = list[tuple[dict[str, str], _SensorReader]]()
     sensors = list[Sensor]()
     for reader in readers:
-        found = [] if reader.wrong else reader.sensors(readers)
-        for sensor in found:
+        reader_sensors = [] if reader.wrong else reader.sensors(readers)
+        for sensor in reader_sensors:
             topics = {output: topic.lstrip("/") for output, topic in sensor.topics.items()}
             reader.compare(topics, published)
             published.append((topics, reader))
         if not reader.wrong:
-            reader.warn_of_frames(found, links, joints)
-            sensors.extend(found)
+            reader.warn_of_frames(reader_sensors, links, joints)
+            sensors.extend(reader_sensors)
     bad = dict.fromkeys(reader.name for reader in readers if reader.wrong)
     return tuple(sensors), tuple(bad)
 
@@ -95,7 +95,7 @@ class _SensorReader(Block):
         self.name, self.place = element.get("name", "").strip(), findings.where(element)
         self._kind, self._rate = kind, 0.0
         plugins = [kind(element, plugin) for plugin in element.iterfind("plugin")]
-        self._outputs = [each for each in plugins if each.publishes] or [kind(element, None)]
+        self._outputs = [plugin for plugin in plugins if plugin.publishes] or [kind(element, None)]
 
     def read(self, links: Collection[str]) -> None:
         """Read what the sensor measures."""
@@ -108,7 +108,7 @@ class _SensorReader(Block):
             self.problem('has no name; write <sensor name="...">')
         warn_of_unknown(self.findings, self.element)
         for plugin in self.element.iterfind("plugin"):
-            idle = [rule for each in self._outputs if each.plugin is plugin for rule in each.idle]
+            idle = [rule for kind in self._outputs if kind.plugin is plugin for rule in kind.idle]
             warn_of_unread(self.findings, plugin, self._kind.plugin_elements, idle)
         self.read_pose()
         self._model: SensorModel = self._kind.read(self)
@@ -129,10 +129,10 @@ class _SensorReader(Block):
         if outputs.fault:
             self.findings.warning(outputs.plugin or self.element, outputs.fault)
             return {}
-        made = outputs.made(self._model.rays[0])
-        written = outputs.topics(made, self._above(outputs, readers))
+        keys = outputs.made(self._model.rays[0])
+        written = outputs.topics(keys, self._above(outputs, readers))
         topics = {output: self._checked(topic) for output, topic in written.items()}
-        names = [topics[output].lstrip("/") for output in made if output != "depth_camera_info"]
+        names = [topics[output].lstrip("/") for output in keys if output != "depth_camera_info"]
         twice = next((name for name in names if names.count(name) > 1), "")
         if twice and not self.wrong:
             self.problem(f'publishes two things on "{twice}"; give each a topic of its own')
@@ -166,10 +166,10 @@ class _SensorReader(Block):
 
         A single ray, as of a cliff sensor, does not compete with a scan of many ``rays``.
         """
-        own = self._model.rays
-        if own == (1, 1) != rays:
+        own_rays = self._model.rays
+        if own_rays == (1, 1) != rays:
             return 0
-        return sum(not each.defaults(own[0]).isdisjoint(defaults) for each in self._outputs)
+        return sum(not kind.defaults(own_rays[0]).isdisjoint(defaults) for kind in self._outputs)
 
     def _sensor(self, outputs: Kind[Any], topics: dict[str, str]) -> Sensor:
         model, rate, plugin = self._model, self._rate, outputs.plugin
@@ -190,13 +190,13 @@ class _SensorReader(Block):
         published: Iterable[tuple[Mapping[str, str], "_SensorReader"]],
     ) -> None:
         """Report topics that another sensor has ``published`` already."""
-        for others, reader in published:
+        for other_topics, reader in published:
             place = f"the one at {reader.place}" if reader is not self else "another plugin of it"
-            for topic in clashes(others, topics)[:1]:
+            for topic in clashes(other_topics, topics)[:1]:
                 text = f'publishes "{topic}", as {place} does'
                 self.problem(f"{text}; give it a <topic> of its own")
             info = topics.get("camera_info", "")
-            if not self.wrong and info and info in others.values():
+            if not self.wrong and info and info in other_topics.values():
                 text = f'its CameraInfo is on "{info}", as that of {place} is'
                 text += "; to tell them apart, write a <camera_info_topic> in it"
                 self.findings.warning(self.element, text)

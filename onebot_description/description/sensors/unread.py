@@ -25,12 +25,12 @@ _LINKS = ("bodyName", "body_name", "link")
 
 def warn_of_unknown(findings: Findings, element: Element) -> None:
     """Warn of elements inside of a <sensor> that are not read: a name may be misspelt."""
-    known = ELEMENTS.get(element.tag)
-    if known is None:
+    known_tags = ELEMENTS.get(element.tag)
+    if known_tags is None:
         return
     for child in element:
-        if child.tag not in known:
-            hint = findings.hint(child.tag, known, "known here")
+        if child.tag not in known_tags:
+            hint = findings.hint(child.tag, known_tags, "known here")
             text = f"is not simulated inside <{element.tag}>, so it is ignored{hint}"
             findings.warning(child, text)
         warn_of_unknown(findings, child)
@@ -47,13 +47,13 @@ def warn_of_unread(
         of_kind: elements that are read in the plugins of its kind.
         idle: remappings of the plugin that match no topic.
     """
-    known = [*_IN_ANY_PLUGIN.split(), *of_kind.split(), *RATES]
+    known_tags = [*_IN_ANY_PLUGIN.split(), *of_kind.split(), *RATES]
     children = [*plugin, *plugin.iterfind("ros/*")]
-    unread = [child.tag for child in children if child.tag not in known and _asks(child)]
+    unread = [child.tag for child in children if child.tag not in known_tags and _asks(child)]
     rules = [f"<remapping> {old}:={new}" for old, new in idle]
     names = ", ".join([*(f"<{tag}>" for tag in dict.fromkeys(unread)), *rules])
     if len(unread) == 1 and not rules:
-        hint = findings.hint(unread[0], known)
+        hint = findings.hint(unread[0], known_tags)
         hint = hint if "did you mean" in hint else ""  # else it lists all that is known
         findings.warning(plugin, f"{names} is not simulated, so it is ignored{hint}")
     elif names:
@@ -115,7 +115,7 @@ def _warn_of_plugin(
     words = f"{plugin.get('filename', '')} {plugin.get('name', '')}".lower()
     if _NO_SENSOR.search(words):
         return
-    substitute = next((each for each in SUBSTITUTES if re.search(each.words, words)), None)
+    substitute = next((entry for entry in SUBSTITUTES if re.search(entry.words, words)), None)
     is_truth, named = _TRUTH.search(words), text_of(plugin, *_LINKS)
     if not (substitute or is_truth or named):
         return
@@ -128,9 +128,9 @@ def _warn_of_plugin(
     elif substitute:
         text += f"; write {_written(substitute, plugin, link or 'LINK')}"
     else:
-        known = ", ".join(dict.fromkeys(each.type for each in SUBSTITUTES))
+        types = ", ".join(dict.fromkeys(entry.type for entry in SUBSTITUTES))
         text += f'; if it is like one, write <gazebo reference="{link}"><sensor name="NAME" '
-        text += f'type="TYPE"/></gazebo>, with TYPE one of: {known}'
+        text += f'type="TYPE"/></gazebo>, with TYPE one of: {types}'
     findings.warning(plugin, text)
 
 

@@ -9,7 +9,7 @@ the user chooses (``motions.elbow.position`` if X is a dataclass, or ``zeros.elb
         rate: float = parameter(10.0, "samples per second, Hz", above=0.0, at_most=100.0)
         joints: tuple[str, ...] = parameter((), "the joints shown; empty: all")
 
-        def check(self) -> Iterable[Problem]: ...  # what must hold between several parameters
+        def check(self) -> Iterable[Problem]: ...  # conditions on several parameters
 
     settings = read(PlotParameters, declare(node, PlotParameters))
 

@@ -32,7 +32,7 @@ Write = Callable[[bytearray, Any], None]
 # Makes the values of a field, one for each row of its column.
 Read = Callable[[Any], Iterable[Any]]
 
-_LETTERS = NUMBERS | {"boolean": "?", "octet": "c"}  # for ``struct``
+_LETTERS = NUMBERS | {"boolean": "?", "octet": "c"}  # formats of ``struct``
 _MSG_TYPES = {"boolean": "bool", "octet": "byte", "float": "float32", "double": "float64"}
 _LENGTH = struct.Struct("<I")
 
@@ -124,7 +124,7 @@ def _value_writer(slot: AbstractType) -> Write:
 
 
 def _write_text(body: bytearray, text: str) -> None:
-    data = str.encode(text).partition(b"\0")[0]  # as in C, where rclpy keeps strings
+    data = str.encode(text).partition(b"\0")[0]  # rclpy keeps strings in C, where NUL ends them
     _write_length(body, len(data) + 1)
     body += data + b"\0"
 
@@ -182,8 +182,8 @@ def unpack(kind: Any, schema: Schema, data: bytes) -> Any:
 def _objects(kind: Any, table: Any) -> list[Any]:
     """Return the messages in the rows of a table."""
     messages = [kind() for _ in range(len(table))]
-    for name, read in _readers(kind):
-        for message, value in zip(messages, read(table[name]), strict=True):
+    for name, read_column in _readers(kind):
+        for message, value in zip(messages, read_column(table[name]), strict=True):
             setattr(message, name, value)
     return messages
 
@@ -211,8 +211,8 @@ def _list_reader(slot: AbstractNestedType) -> Callable[[Any], Any]:
     item = slot.value_type
     letter = NUMBERS.get(item.typename) if isinstance(item, BasicType) else None
     if letter is None:
-        read = _reader(item)
-        return lambda items: list(read(items))
+        read_items = _reader(item)
+        return lambda items: list(read_items(items))
     if isinstance(slot, Array):
         return np.copy
     return lambda items: array.array(letter, items.tobytes())

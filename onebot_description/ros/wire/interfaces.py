@@ -42,7 +42,7 @@ from onebot_description.ros.wire.message_class import (
 )
 from onebot_description.ros.wire.type_description import Definition
 
-_IDL_NAMES = {  # of types in .msg files
+_IDL_NAMES = {  # names in IDL of the types in .msg files
     "bool": "boolean",
     "byte": "octet",
     "char": "uint8",
@@ -59,14 +59,14 @@ def load_interface(name: str) -> Any:
         OneBotError: there is none, or an installed one cannot be used.
     """
     package, kind, short = name.split("/")
-    own = name in own_interfaces(kind)
+    is_own = name in own_interfaces(kind)
     try:
         installed = getattr(importlib.import_module(f"{package}.{kind}"), short)
-        if own:
+        if is_own:
             type_support.handle_of(installed)
         return installed
     except Exception as error:  # a failing type support raises bare Exceptions
-        if not own:
+        if not is_own:
             raise OneBotError(f"{name} cannot be used: {error}") from error
         if not isinstance(error, ModuleNotFoundError):
             logging.getLogger(__name__).debug("%s is installed but unusable: %s", name, error)
@@ -116,8 +116,8 @@ def restore(name: str, values: dict[str, Any], check_fields: bool) -> Any:
     if folder == "msg":
         return load_interface(name)(**values, check_fields=check_fields)
     # A part of a service or an action: StepSimulation_Request, FollowJointTrajectory_Goal.
-    whole, *parts = short.split("_")
-    kind = load_interface(f"{package}/{folder}/{whole}")
+    whole_name, *parts = short.split("_")
+    kind = load_interface(f"{package}/{folder}/{whole_name}")
     for part in parts:
         kind = getattr(kind, part, None) or getattr(kind.Impl, _IMPL[part])
     return kind(**values, check_fields=check_fields)

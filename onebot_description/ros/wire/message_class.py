@@ -70,7 +70,7 @@ class Hooks(NamedTuple):
     restore: Callable[[str, dict[str, Any], bool], Any]
 
 
-_MADE: dict[str, Any] = {}  # by full name
+_MADE: dict[str, Any] = {}  # classes made so far, by full name
 
 
 def full_name(slot: NamespacedType) -> str:
@@ -92,28 +92,28 @@ def size_of(slot: AbstractType) -> int:
 
 def class_of(slot: NamespacedType) -> Any:
     """Return the class of the messages in a field: made here, or generated."""
-    made = _MADE.get(full_name(slot))
-    return made or getattr(importlib.import_module(".".join(slot.namespaces)), slot.name)
+    message_class = _MADE.get(full_name(slot))
+    return message_class or getattr(importlib.import_module(".".join(slot.namespaces)), slot.name)
 
 
 def module_name(name: str) -> str:
     """Return the module that generated code of a type would lie in, by the type's full name."""
     package, folder, short = name.split("/")
-    whole = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", short.split("_")[0])
-    return f"{package}.{folder}._{whole.lower()}"
+    stem = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", short.split("_")[0])
+    return f"{package}.{folder}._{stem.lower()}"
 
 
 def make_metaclass(name: str, load: Callable[[Any], None]) -> Any:
     """Return a metaclass that holds a type's support where rclpy looks for it."""
-    made: list[Any] = []
+    classes: list[Any] = []
 
     def remember(cls: Any, *_args: Any, **_kwargs: Any) -> None:
-        made.append(cls)
+        classes.append(cls)
 
     def import_type_support(metaclass: Any) -> None:
         """Load the type support, once."""
         if metaclass._TYPE_SUPPORT is None:
-            load(made[0])
+            load(classes[0])
 
     attributes = {
         **dict.fromkeys(_CAPSULES),
@@ -153,7 +153,7 @@ def make_message_class(
         return f"{package}.{folder}.{short}({', '.join(texts)})"
 
     def __eq__(self: Any, other: object) -> bool:
-        return isinstance(other, made) and all(
+        return isinstance(other, message_class) and all(
             _equal(getattr(self, field), getattr(other, field)) for field in names
         )
 
@@ -181,9 +181,9 @@ def make_message_class(
         **constants,
         **defaults,
     }
-    made = make_metaclass(short, hooks.load)(short, (), attributes)
-    _MADE[name] = made
-    return made
+    message_class = make_metaclass(short, hooks.load)(short, (), attributes)
+    _MADE[name] = message_class
+    return message_class
 
 
 def _text(value: Any) -> str:
@@ -204,11 +204,11 @@ def _equal(one: Any, other: Any) -> bool:
 def _property(field: MessageField) -> property:
     """Return the property of a field, which checks what is assigned if the message does."""
     where, convert = f"_{field.name}", _converter(field.slot)
-    wanted = f"The '{field.name}' field must be {_wanted(field.slot)}"
+    demand = f"The '{field.name}' field must be {_wanted(field.slot)}"
 
     def assign(message: Any, value: Any) -> None:
         if message._check_fields:
-            assert _fits(field.slot, value), wanted
+            assert _fits(field.slot, value), demand
         setattr(message, where, convert(value))
 
     return property(operator.attrgetter(where), assign, doc=f"Message field '{field.name}'.")

@@ -145,16 +145,16 @@ def other_support(handle: int, identifier: str) -> int | None:
 
 def describe(definition: Definition, nested: Iterable[Facts]) -> Facts:
     """Return what a type says of itself; ``nested``: the same of the types in its fields."""
-    own = _individual(definition)
+    individual = _individual(definition)
     source = _Source(*map(_string, (definition.name, definition.encoding, definition.text)))
-    others: dict[bytes, tuple[_Individual, _Source]] = {}
+    parts: dict[bytes, tuple[_Individual, _Source]] = {}
     for facts in nested:
         description, sources = facts.description.contents, facts.sources.contents
         individuals = [description.type, *_items(description.referenced)]
         texts = {item.type_name.data: item for item in _items(sources)}
-        others |= {item.type_name.data: (item, texts[item.type_name.data]) for item in individuals}
-    referenced = [others[name] for name in sorted(others)]
-    description = _Description(own, _made(_Individuals, [item for item, _ in referenced]))
+        parts |= {item.type_name.data: (item, texts[item.type_name.data]) for item in individuals}
+    referenced = [parts[name] for name in sorted(parts)]
+    description = _Description(individual, _made(_Individuals, [item for item, _ in referenced]))
     sources = _made(_Sources, [source, *(text for _, text in referenced)])
     digest = hashlib.sha256(json.dumps(_as_json(description)).encode()).digest()
     hash_ = _Hash(1, (ctypes.c_uint8 * 32)(*digest))

@@ -47,7 +47,7 @@ _INTROSPECTION = "rosidl_typesupport_introspection_c"
 # A type without fields has one in C, and in its description.
 EMPTY = MessageField(EMPTY_STRUCTURE_REQUIRED_MEMBER_NAME, BasicType("uint8"))
 
-_FACTS: dict[Any, Facts] = {}  # of classes that were made at run time
+_FACTS: dict[Any, Facts] = {}  # facts of classes that were made at run time
 _KEPT: list[Any] = []  # memory that the library goes on to read
 
 
