@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from onebot_control.drive.diff_drive import DiffDriveController, WheelCommand, WheelStates
-from onebot_control.drive.drift import DriftCheck
+from onebot_control.drive.drift_check import DriftCheck
 from onebot_control.drive.odometry import DiffDriveKinematics, PoseCovariance
 from onebot_control.drive.parameters import (
     BROADCASTER,

@@ -26,7 +26,7 @@ from onebot_control.physics import RobotBody, Settings, World
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError
 from onebot_description.ros.parameters.reader import ConfigError
-from onebot_description.ros.wire.cdr import NANO
+from onebot_description.ros.wire.cdr import NS_PER_S
 
 # Solver iterations for robots whose linkage fingers must move as one, and for standing arms: with
 # 200, Panda is off by 5e-5 rad on its way to some poses. The solver stops as soon as it is exact;
@@ -112,7 +112,7 @@ class Fleet:
 
         It is one period ahead, because a stamp of 0 means "not known" in ROS.
         """
-        return round((self.ticks + 1) * NANO / self.rate)
+        return round((self.ticks + 1) * NS_PER_S / self.rate)
 
     def cycle(self) -> list[Snapshot]:
         """Run one control cycle of all robots; return their states at its beginning."""

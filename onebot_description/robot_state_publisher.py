@@ -45,7 +45,6 @@ from onebot_description.description.loading import keep_places
 from onebot_description.description_files import DescriptionFiles, Source
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
-from onebot_description.ros.clock_check import StampCheck
 from onebot_description.ros.command_line import RosArguments, ros_args, split_robots
 from onebot_description.ros.description_topic import warn_of_two_robots
 from onebot_description.ros.node_graph import DiscoveryServerCheck
@@ -56,10 +55,11 @@ from onebot_description.ros.parameters.reader import (
     refuse_undeclared,
 )
 from onebot_description.ros.run_node import run_described_node
+from onebot_description.ros.stamp_check import StampCheck
 from onebot_description.ros.steady_timer import steady_timer
 from onebot_description.ros.throttled import Throttled
 from onebot_description.ros.topic_qos import LATCHED
-from onebot_description.ros.wire.cdr import NANO
+from onebot_description.ros.wire.cdr import NS_PER_S
 from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.state_converter import StateConverter
 from onebot_description.state_parameters import StateParameters
@@ -131,7 +131,7 @@ class RobotStatePublisher(Node):
         self._converter = StateConverter(
             self._model,
             frame_prefix=self._settings.frame_prefix,
-            interval_ns=round(NANO / frequency) if frequency else 0,
+            interval_ns=round(NS_PER_S / frequency) if frequency else 0,
             ignore_timestamp=self._settings.ignore_timestamp,
             warn=self._warn,
         )

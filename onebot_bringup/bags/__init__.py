@@ -1,1 +1,1 @@
-"""Writes and reads rosbag2 recordings: folders with an MCAP file and metadata.yaml."""
+"""Writes rosbag2 recordings, folders with an MCAP file and metadata.yaml; reads SQLite, too."""

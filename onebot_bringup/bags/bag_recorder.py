@@ -34,6 +34,7 @@ from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile
 from onebot_bringup.bags.writer import BagWriter, Qos, RecordedTopic
 from onebot_bringup.introspection.interfaces import is_hidden, message_class
 from onebot_description.errors import OneBotError
+from onebot_description.ros.message_age import boot_time
 from onebot_description.ros.parameters.reader import (
     REQUIRED,
     declare,
@@ -60,10 +61,9 @@ from onebot_description.ros.wire.interface_text import full_definition
 
 _POLL_PERIOD = 0.2  # seconds between looking for topics
 _POLLS = 8  # number of polls after which every topic is checked, even if no count has changed
-_WRITE_PERIOD = 1.0  # least seconds between checkpoints
-_LEAST_IDLE = 10.0  # least pause between checkpoints, as a multiple of a checkpoint's duration
+_WRITE_PERIOD = 1.0  # minimum seconds between checkpoints
+_LEAST_IDLE = 10.0  # minimum pause between checkpoints, as a multiple of a checkpoint's duration
 _AWAY = 3.0  # seconds between two polls after which the recorder must have been stopped
-_CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)  # goes on while the computer sleeps
 _DEPTH = 1000  # messages that can queue up while the disk is slow: 10 s at 100 Hz
 _DEFAULT = QoSProfile(depth=_DEPTH)
 _LATCHED = QoSProfile(depth=_DEPTH, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -230,7 +230,7 @@ class TopicRecorder:
                     self._update(topic)
 
     def _report_absence(self) -> None:
-        last_poll, self._polled = self._polled, time.clock_gettime(_CLOCK)
+        last_poll, self._polled = self._polled, boot_time()
         if self._polled - last_poll > _AWAY:
             self._node.get_logger().warning(
                 f"received nothing for {self._polled - last_poll:.1f} s: the recorder was stopped, "

@@ -15,7 +15,7 @@ from mcap.exceptions import McapError
 from onebot_bringup.bags.writer import Qos
 from onebot_description.errors import OneBotError
 from onebot_description.ros.parameters import bounded_yaml
-from onebot_description.ros.wire.cdr import NANO
+from onebot_description.ros.wire.cdr import NS_PER_S
 
 OFFERED = "offered_qos_profiles"  # a topic's entry in both formats
 # Errors that mcap, the decompressors and sqlite3 raise for damaged files.
@@ -99,8 +99,8 @@ def _limit(duration: Mapping[str, Any] | None) -> int | None:
     if duration is None:
         return None
     seconds, nanoseconds = int(duration.get("sec", 0)), int(duration.get("nsec", 0))
-    limit = seconds * NANO + nanoseconds
-    return limit if seconds < _INFINITE_S and 0 < limit < _INFINITE_S * NANO else None
+    limit = seconds * NS_PER_S + nanoseconds
+    return limit if seconds < _INFINITE_S and 0 < limit < _INFINITE_S * NS_PER_S else None
 
 
 def open_file(path: Path) -> IO[bytes]:

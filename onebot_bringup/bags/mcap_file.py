@@ -251,7 +251,7 @@ class McapFile:
         self._file.seek(place)
         opcode, data = next(self._records(self._file))
         if opcode != Opcode.CHUNK or _RECORD.size + len(data) != length:
-            raise ValueError("its index is none of its chunks")
+            raise ValueError("its index does not point to its chunks")
         return self._unpacked(data)
 
 

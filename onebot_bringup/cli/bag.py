@@ -24,12 +24,12 @@ from onebot_bringup.cli.session import Session, await_acknowledgements
 from onebot_description.errors import OneBotError, UsageError, did_you_mean
 from onebot_description.ros.discovery import use_local_discovery
 from onebot_description.ros.signals import KeyboardInterrupts
+from onebot_description.ros.wire.cdr import NS_PER_S
 
 if TYPE_CHECKING:
     from onebot_bringup.bags.bag_reader import Bag
     from onebot_bringup.bags.writer import Qos
 
-_NANO = 1_000_000_000
 _DEPTH = 1000  # messages that a publisher of a latched topic keeps for late subscribers
 _CLOCK = "/clock"
 _CLOCK_RATE = 40.0  # Hz, as in ros2 bag play
@@ -106,13 +106,13 @@ def _size(number: float) -> str:
 
 
 def _seconds(nanoseconds: int) -> str:
-    seconds, remainder = divmod(nanoseconds, _NANO)
+    seconds, remainder = divmod(nanoseconds, NS_PER_S)
     return f"{seconds}.{remainder:09d}"
 
 
 def _date(nanoseconds: int) -> str:
-    moment = datetime.fromtimestamp(nanoseconds // _NANO)
-    return f"{moment:%b %e %Y %H:%M:%S}.{nanoseconds % _NANO:09d} ({_seconds(nanoseconds)})"
+    moment = datetime.fromtimestamp(nanoseconds // NS_PER_S)
+    return f"{moment:%b %e %Y %H:%M:%S}.{nanoseconds % NS_PER_S:09d} ({_seconds(nanoseconds)})"
 
 
 def record(args: Namespace) -> int:
@@ -209,10 +209,10 @@ class _Player:
 
     def __init__(self, session: Session, bag: "Bag", args: Namespace) -> None:
         self._session, self._bag, self._args = session, bag, args
-        self._begin = bag.start_ns + int(args.start_offset * _NANO)
+        self._begin = bag.start_ns + int(args.start_offset * NS_PER_S)
         self._end = bag.end_ns
         if args.playback_duration is not None:
-            self._end = min(self._end, self._begin + int(args.playback_duration * _NANO))
+            self._end = min(self._end, self._begin + int(args.playback_duration * NS_PER_S))
         self._publishers: dict[str, Any] = {}
         self._warn_once = cache(warn)
         self._clock: Any = None
@@ -222,7 +222,7 @@ class _Player:
         """Play it once, or with ``--loop`` until Ctrl-C."""
         self._advertise()
         self._session.discover()  # existing subscribers get the first message
-        seconds = max(0, self._end - self._begin) / _NANO
+        seconds = max(0, self._end - self._begin) / NS_PER_S
         print(f"playing {self._bag.source}: {seconds:.1f} s of {len(self._publishers)} topics")
         while True:
             began = time.monotonic()
@@ -244,7 +244,7 @@ class _Player:
         if not self._publishers:
             raise OneBotError(f"{self._bag.source} has nothing to play")
         if self._begin > self._bag.end_ns:
-            length = (self._bag.end_ns - self._bag.start_ns) / _NANO
+            length = (self._bag.end_ns - self._bag.start_ns) / NS_PER_S
             raise OneBotError(f"--start-offset is beyond the end: it has {length:.1f} s")
         if self._args.clock is not None:
             self._clock = self._session.node.create_publisher(Clock, _CLOCK, 10)
@@ -287,7 +287,7 @@ class _Player:
         started, rate = time.monotonic(), float(self._args.rate)
 
         def due(stamp: int) -> float:
-            return started + (stamp - self._begin) / _NANO / rate
+            return started + (stamp - self._begin) / NS_PER_S / rate
 
         self._next_tick = self._begin
         for topic, kind, stamp, data in self._bag.messages(list(self._publishers)):
@@ -312,7 +312,7 @@ class _Player:
         while self._clock is not None and self._next_tick <= stamp:
             self._session.spin_until(due(self._next_tick))
             self._clock.publish(Clock(clock=time_message(self._next_tick)))
-            self._next_tick += max(1, int(_NANO / self._args.clock * self._args.rate))
+            self._next_tick += max(1, int(NS_PER_S / self._args.clock * self._args.rate))
         self._session.spin_until(due(stamp))
 
 

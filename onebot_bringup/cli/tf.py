@@ -15,12 +15,12 @@ from onebot_bringup.introspection.rates import Intervals
 from onebot_description.description.tree_text import aligned, branches, cell
 from onebot_description.errors import OneBotError
 from onebot_description.ros.names import node_name
+from onebot_description.ros.wire.cdr import NS_PER_S
 
 _STATIC = "/tf_static"
 _TOPICS = ("/tf", _STATIC)
 _DEPTH = 100  # queue depth, as in tf2's subscriptions
 _WINDOW = 1000  # most samples of a rate
-_NANO = 1e-9
 _PARTICIPANT = 12  # bytes of a GID that identify the participant
 
 
@@ -62,7 +62,7 @@ def _rate_and_age(transforms: "_Transforms", name: str, now: int) -> tuple[str, 
     if span is None:
         return "static", ""
     rate = transforms.arrivals[name].rate()
-    return f"{rate:.1f} Hz" if rate else "once", f"{(now - span[1]) * _NANO:.3f} s"
+    return f"{rate:.1f} Hz" if rate else "once", f"{(now - span[1]) / NS_PER_S:.3f} s"
 
 
 def _faults(transforms: "_Transforms") -> list[str]:
@@ -161,7 +161,7 @@ def _shown(stamp_ns: int, transform: Any, precision: int) -> str:
         " " + "".join(f" {number:{precision + 3}.{precision}f}" for number in row)
         for row in (*matrix, [0.0, 0.0, 0.0, 1.0])
     ]
-    seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
+    seconds, nanoseconds = divmod(stamp_ns, NS_PER_S)
     return "\n".join(
         (
             f"At time {seconds}.{nanoseconds:09d}",

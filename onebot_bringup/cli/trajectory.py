@@ -18,6 +18,7 @@ from onebot_bringup.launch.arguments import Argument, complete, split, table
 from onebot_description.description.tree_text import aligned, cell
 from onebot_description.errors import OneBotError, UsageError
 from onebot_description.ros.parameters.values import Rule, ValueType
+from onebot_description.ros.wire.cdr import NS_PER_S
 
 if TYPE_CHECKING:
     from onebot_description.description import Joint
@@ -50,7 +51,6 @@ codes: 0 the goal was reached; 1 it was rejected, aborted or canceled; 2 the com
 _ACTION = "control_msgs/action/FollowJointTrajectory"
 _ANSWER = 10.0  # s to wait for an answer of the controller
 _LOG = 0.3  # s to wait for the controller's log messages
-_NANO = 1e-9
 _CODES = {
     -1: "INVALID_GOAL",
     -2: "INVALID_JOINTS",
@@ -236,7 +236,7 @@ class _Motion:
 
     def _time(self) -> float:
         stamp = self._controller.state.header.stamp
-        return float(stamp.sec + stamp.nanosec * _NANO)
+        return float(stamp.sec + stamp.nanosec / NS_PER_S)
 
     def _at(self) -> str:
         """Return the positions of the joints that the user named, as text."""

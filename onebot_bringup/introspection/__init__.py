@@ -1,1 +1,1 @@
-"""Converts messages of any installed type to text and back; no module imports rclpy."""
+"""Messages of any type as text, the TF tree, rates, and parameters of nodes, without rclpy."""

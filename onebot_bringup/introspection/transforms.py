@@ -15,6 +15,7 @@ from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.geometry.matrices import of_transform
 from onebot_description.geometry.poses import IDENTITY, Transform, compose, inverse, of_arrays
 from onebot_description.geometry.quaternions import slerp
+from onebot_description.ros.wire.cdr import NS_PER_S
 from onebot_description.ros.wire.messages import TfArrays
 
 _MOST_ROWS = 100_000  # limit of rows in all blocks, since each new set of frames adds some
@@ -22,7 +23,6 @@ _HISTORY_NS, _HISTORY_ROWS = 10_000_000_000, 1_000_000  # ten seconds, as in tf2
 _FOR_EVER = np.iinfo(np.int64).max
 _LATE_NS = 1_000_000_000  # if a message is older than the latest by more, the clock was set back
 _UNIT = 0.01  # maximum error of the squared length of a quaternion, as in tf2
-_NANO = 1e-9
 
 
 class TransformError(OneBotError):
@@ -325,7 +325,8 @@ class FrameTree:
         if oldest > time_ns:
             raise TransformError(
                 f"Lookup would require extrapolation into the past.  Requested time "
-                f"{time_ns * _NANO:.6f} but the earliest data is at time {oldest * _NANO:.6f}, "
+                f"{time_ns / NS_PER_S:.6f} but the earliest data is at time "
+                f"{oldest / NS_PER_S:.6f}, "
                 f"when looking up transform from frame [{source}] to frame [{target}]"
             )
         transform = IDENTITY

@@ -126,7 +126,7 @@ class Launcher:
             if ended.done():
                 ended.result()
         finally:
-            await self._leave()
+            await self._kill_remaining()
 
     async def _start_all(self, nodes: Sequence[NodeProcess]) -> list[asyncio.Task[None]]:
         """Start ``nodes`` one after the other; return a task per node that ends with it."""
@@ -138,11 +138,11 @@ class Launcher:
                 tasks.append(self._loop.create_task(self._supervise(node, process)))
         return tasks
 
-    async def _leave(self) -> None:
+    async def _kill_remaining(self) -> None:
         """Stop everything that still runs, even after an error."""
         for process in self._running:
             process.signal_all(signal.SIGKILL)
-        await asyncio.gather(*[self._forget(process) for process in list(self._running)])
+        await asyncio.gather(*[self._close_process(process) for process in list(self._running)])
         tasks = asyncio.all_tasks() - {asyncio.current_task()}
         for task in tasks:
             task.cancel()
@@ -191,7 +191,7 @@ class Launcher:
             await _is_set_within(_SAME_SIGNAL, self._stopping)
         if self._stopping.is_set():
             await process.group_ended()
-            await self._forget(process)
+            await self._close_process(process)
             if code == -signal.SIGKILL and not self._stop_now.is_set():
                 self._failed[node.name] = "had to be killed"
             elif code not in _STOPPED and not self._escalated:
@@ -199,12 +199,12 @@ class Launcher:
                 self._failed[node.name] = describe_exit(code)
         else:
             process.signal_all(signal.SIGKILL)  # its children are left without an owner
-            await self._forget(process)
+            await self._close_process(process)
             self._console.warn(f"{node.name} exited unexpectedly: {describe_exit(code)}")
         return lived, code
 
-    async def _forget(self, process: RunningProcess) -> None:
-        """Show the rest of the output of a process that is gone or was given up."""
+    async def _close_process(self, process: RunningProcess) -> None:
+        """Show the rest of a process's output, and drop it from the running ones."""
         await process.close()
         self._guard.discard(process.group)
         self._running.pop(process, None)
@@ -255,7 +255,7 @@ class Launcher:
         for file in ended:
             self._loop.remove_reader(file)
             os.close(file)
-        self._console.info("what has started it is gone: stopping")
+        self._console.info("the process that started the launcher has ended: stopping")
         self._stop()
 
     def _stop(self) -> None:

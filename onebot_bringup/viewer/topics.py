@@ -7,7 +7,7 @@ from onebot_bringup.introspection.interfaces import message_class
 from onebot_bringup.viewer.core.inbox import WantedTopic
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_description.errors import OneBotError
-from onebot_description.ros.clock_check import StampCheck
+from onebot_description.ros.stamp_check import StampCheck
 from onebot_description.ros.topic_qos import compatible_qos, is_reliable, is_transient_local
 from onebot_description.ros.topic_subscription import (
     TopicSubscription,

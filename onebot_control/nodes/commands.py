@@ -10,13 +10,13 @@ from rclpy.qos import QoSProfile
 from std_msgs.msg import Bool
 
 from onebot_control.nodes.control_loop import ControlLoop, LoopSlot
-from onebot_description.ros.clock_check import StampCheck
 from onebot_description.ros.message_age import Age, Delivery, SenderClock, boot_time
 from onebot_description.ros.node_graph import Lasting
+from onebot_description.ros.stamp_check import StampCheck
 from onebot_description.ros.throttled import Throttled, Warn
 from onebot_description.ros.topic_qos import LATCHED
 from onebot_description.ros.topic_subscription import TopicSubscription, choose_type, offers
-from onebot_description.ros.wire.cdr import NANO, nanoseconds
+from onebot_description.ros.wire.cdr import NS_PER_S, nanoseconds
 
 _TOPIC = "~/cmd_vel"
 _QOS = QoSProfile(depth=10)  # ROS's system default
@@ -209,7 +209,7 @@ class CommandGate:
         # From here on, age it by a clock that nobody can set.
         sent_at = now - command.age.least
         if command.stamp and not loop.simulated:
-            sent_at = now - (time.time_ns() - command.stamp) / NANO
+            sent_at = now - (time.time_ns() - command.stamp) / NS_PER_S
         loop.post(lambda: self._accept(loop, command, sent_at, now - command.age.most))
 
     def _accept(self, loop: ControlLoop, command: Command, given: float, sent: float) -> None:
@@ -238,5 +238,5 @@ def _age(loop: ControlLoop, command: Command, given: float) -> float | None:
     It includes the time that the command waits in this process.
     """
     if loop.simulated:
-        return (loop.now_ns() - command.stamp) / NANO if command.stamp else None
+        return (loop.now_ns() - command.stamp) / NS_PER_S if command.stamp else None
     return boot_time() - given + (loop.left if command.stamp else 0.0)

@@ -20,14 +20,14 @@ from onebot_control.fleet import Fleet
 from onebot_control.nodes.real_time import PaceMeter
 from onebot_description.errors import OneBotError
 from onebot_description.ros.message_age import WAKE, WakeDetector
-from onebot_description.ros.wire.cdr import NANO
+from onebot_description.ros.wire.cdr import NS_PER_S
 
 T = TypeVar("T")
 
 # Stamps follow the system clock when it has drifted this far from them, ns.
 _DRIFT = 2_000_000
 _COMPARISONS = 10  # comparisons of the clocks at the start; the most exact one is used
-_SET_BACK = NANO  # ns; if the system clock goes back by this much or more, somebody has set it
+_SET_BACK = NS_PER_S  # ns; if the system clock goes back by this much or more, somebody has set it
 _PATIENCE = 10.0  # s to wait for an answer of the loop
 _LONGEST_WAIT = 0.1  # s between checks whether anything was posted
 _PAUSED_WAIT = 0.01  # s, least time between messages while paused on system time
@@ -121,7 +121,7 @@ class SystemStamps:
         offset, uncertainty = self._compare()
         if uncertainty <= _DRIFT < abs(offset - self._offset):
             self._offset = offset
-        due_ns = round(due * NANO)
+        due_ns = round(due * NS_PER_S)
         stamp = due_ns + self._offset
         least = self._last + (due_ns - self._last_due) // 2
         if least - _SET_BACK < stamp:

@@ -31,7 +31,7 @@ from onebot_control.trajectories.tolerances import (
 from onebot_control.trajectories.trajectory import JointMotion, Waypoint
 from onebot_description.errors import OneBotError
 from onebot_description.ros.parameters.reader import ConfigError, Problem, declare
-from onebot_description.ros.wire.cdr import NANO, nanoseconds
+from onebot_description.ros.wire.cdr import NS_PER_S, nanoseconds
 from onebot_description.ros.wire.interfaces import load_interface
 from onebot_description.ros.wire.messages import time_message
 
@@ -206,7 +206,7 @@ _OWN = ("trajectory", "goal", "max_deceleration_on_cancel")
 def _trajectory_goal(message: JointTrajectory) -> TrajectoryGoal:
     points = [
         Waypoint(
-            nanoseconds(point.time_from_start) / NANO,
+            nanoseconds(point.time_from_start) / NS_PER_S,
             tuple(point.positions),
             tuple(point.velocities),
             tuple(point.accelerations),
@@ -226,7 +226,7 @@ def _tolerances(request: Any) -> TolerancesGiven:
         tuple([ToleranceGiven(t.name, t.position, t.velocity, t.acceleration) for t in tolerances])
         for tolerances in (request.path_tolerance, request.goal_tolerance)
     )
-    return TolerancesGiven(path, goal, nanoseconds(request.goal_time_tolerance) / NANO)
+    return TolerancesGiven(path, goal, nanoseconds(request.goal_time_tolerance) / NS_PER_S)
 
 
 def _fill(

@@ -21,15 +21,15 @@ from std_msgs.msg import String
 from onebot_control.controlled_robot import ControlledRobot, Snapshot
 from onebot_control.drive.odometry import fill_diagonal
 from onebot_control.fleet import Divider
+from onebot_control.nodes.foreign_localizer import FramesTransform
 from onebot_control.nodes.frames import Frames
-from onebot_control.nodes.localization import FramesTransform
 from onebot_control.physics import SceneBodies, Twist
 from onebot_description.description import Description
 from onebot_description.geometry.poses import PlanarPose, Transform, compose, inverse
 from onebot_description.model.robot_model import JointArrays
 from onebot_description.ros.node_graph import OnlyPublisher
 from onebot_description.ros.topic_qos import LATCHED
-from onebot_description.ros.wire.cdr import NANO
+from onebot_description.ros.wire.cdr import NS_PER_S
 from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.messages import time_message, transforms_message
 
@@ -126,7 +126,7 @@ class Publishers:
             sensed: a sensor measures in this cycle, and needs transforms of this time.
         """
         robot = self._robot
-        self._stamp.sec, self._stamp.nanosec = divmod(stamp_ns, NANO)
+        self._stamp.sec, self._stamp.nanosec = divmod(stamp_ns, NS_PER_S)
         if self._clock is not None:
             self._clock.publish(self._clock_message)
         if _is_subscribed(self._joint_states):
@@ -250,7 +250,7 @@ class ScenePublisher:
             self._tf_static.publish(scene_transforms(description, self._world, stamp_ns))
         if not self._rate.due() or not self._transforms or not _is_subscribed(self._tf):
             return
-        self._stamp.sec, self._stamp.nanosec = divmod(stamp_ns, NANO)
+        self._stamp.sec, self._stamp.nanosec = divmod(stamp_ns, NS_PER_S)
         for transform, pose in zip(self._transforms, self._scene.poses, strict=True):
             _fill_transform(transform.transform, pose)
         self._tf.publish(self._message)

@@ -13,8 +13,8 @@ from onebot_control.nodes.commands import CommandGate
 from onebot_control.nodes.control_loop import ControlLoop, LoopSlot
 from onebot_control.nodes.control_parameters import ControlParameters
 from onebot_control.nodes.frames import Frames
+from onebot_control.nodes.ground_truth_tf import LocalizerCheck
 from onebot_control.nodes.joint_controller_nodes import JointControllerNodes
-from onebot_control.nodes.localizer_watch import LocalizerCheck
 from onebot_control.nodes.publishing import Publishers
 from onebot_control.nodes.robot_sensors import RobotSensors
 from onebot_control.nodes.robot_services import RobotServices

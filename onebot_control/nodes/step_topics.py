@@ -7,7 +7,7 @@ from rclpy.node import Node
 from onebot_control.nodes.commands import CommandGate
 from onebot_control.nodes.robot_sensors import RobotSensors
 from onebot_description.errors import OneBotError, did_you_mean
-from onebot_description.ros.wire.cdr import NANO
+from onebot_description.ros.wire.cdr import NS_PER_S
 
 
 class StepTopics:
@@ -64,5 +64,5 @@ class StepTopics:
         if self._asked <= self._commands.answered:
             return ""
         kind = "" if commands.kind == "TwistStamped" else "; a Twist has none"
-        stamp = f"{self._asked / NANO:.3f} s"
+        stamp = f"{self._asked / NS_PER_S:.3f} s"
         return f"no command with the stamp {stamp} or a later one came on {cmd_vel}{kind},"

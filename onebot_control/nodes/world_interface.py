@@ -13,7 +13,7 @@ from onebot_control.fleet import Divider, Fleet, located
 from onebot_control.nodes.control_loop import ControlLoop
 from onebot_control.nodes.control_parameters import ControlParameters
 from onebot_control.nodes.frames import Frames, check_frames
-from onebot_control.nodes.localizer_watch import LocalizerWatch
+from onebot_control.nodes.ground_truth_tf import LocalizerWatch
 from onebot_control.nodes.parameter_changes import ParameterChanges
 from onebot_control.nodes.publishing import ScenePublisher
 from onebot_control.nodes.real_time import PaceReports
@@ -22,7 +22,7 @@ from onebot_control.nodes.sensing import Sensing, SensingThread
 from onebot_control.nodes.simulation_services import SimulationServices
 from onebot_control.nodes.spinning import NodeThread
 from onebot_control.physics.engine import logger as simulation_log
-from onebot_control.physics.scene_bodies import load_scene
+from onebot_control.physics.scene import load_scene
 from onebot_control.sensing.instruments import Sensors
 from onebot_description.description import Description
 from onebot_description.errors import listing, printable

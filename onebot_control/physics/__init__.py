@@ -1,4 +1,4 @@
-"""Physics of robots on level ground in PyBullet, without ROS: joint velocities in, motion out.
+"""Physics of robots on level ground or in a scene, by PyBullet: joint velocities in, motion out.
 
 Example:
     >>> from onebot_control.physics import RobotSpawn, World
@@ -15,7 +15,7 @@ Example:
 
 from onebot_control.physics.physics_settings import Settings
 from onebot_control.physics.robot_body import JointStates, MassVelocity, Pose, RobotBody, Twist
-from onebot_control.physics.scene_bodies import SceneBodies
+from onebot_control.physics.scene import SceneBodies
 from onebot_control.physics.spawning import RobotSpawn
 from onebot_control.physics.world import World
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from onebot_control.frame_names import WORLD_FRAME
 from onebot_control.physics.engine import engine, logger
 from onebot_control.physics.physics_settings import Settings
-from onebot_control.physics.scene_bodies import SceneBodies
+from onebot_control.physics.scene import SceneBodies
 from onebot_control.physics.spawning import (
     LoadedBody,
     RobotSpawn,

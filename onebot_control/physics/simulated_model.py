@@ -20,10 +20,10 @@ from typing import NamedTuple
 import numpy as np
 
 from onebot_control.drive.wheels.geometry import Wheels
-from onebot_control.drive.wheels.tyres import Tyre
-from onebot_control.physics.bodies import SkidAxle
-from onebot_control.physics.contacts import with_contacts
+from onebot_control.drive.wheels.rolling_shapes import Tyre
 from onebot_control.physics.engine import logger
+from onebot_control.physics.friction import with_contacts
+from onebot_control.physics.physics_urdf import SkidAxle
 from onebot_description.arrays import Floats
 from onebot_description.elements.description import (
     Description,

@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from onebot_control.physics.bodies import HUB, SkidAxle, physics_urdf, rigid_bodies
-from onebot_control.physics.contacts import hold_hub, set_contact, soften
 from onebot_control.physics.engine import captured, engine, log
+from onebot_control.physics.friction import hold_hub, set_contact, soften
 from onebot_control.physics.physics_settings import Settings
+from onebot_control.physics.physics_urdf import HUB, SkidAxle, physics_urdf, rigid_bodies
 from onebot_description.elements.description import Description, Link, Mesh, Mimic
 from onebot_description.elements.meshes import read_mesh
 from onebot_description.errors import OneBotError, listing

@@ -7,7 +7,7 @@ from onebot_control.physics.engine import engine
 from onebot_control.physics.physics_settings import Settings
 from onebot_control.physics.rest_pose import RestPose, pose_on, settle
 from onebot_control.physics.robot_body import RobotBody
-from onebot_control.physics.scene_bodies import SceneBodies
+from onebot_control.physics.scene import SceneBodies
 from onebot_control.physics.spawning import RobotSpawn, SpawnPose, make_world
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, listing
@@ -46,7 +46,7 @@ class World:
         Args:
             spawns: the robots.
             settings: of the physics.
-            scene: walls, ramps and boxes; see ``onebot_control.physics.scene_bodies``.
+            scene: walls, ramps and boxes; see ``onebot_control.physics.scene``.
             at_start: place each robot at its start; otherwise the caller has to place them.
 
         Raises:

@@ -37,6 +37,7 @@ from onebot_control.trajectories.trajectory import (
     standstill,
 )
 from onebot_description.errors import OneBotError
+from onebot_description.ros.wire.cdr import NS_PER_S
 
 SUCCESSFUL = 0
 INVALID_GOAL = -1
@@ -46,7 +47,6 @@ GOAL_TOLERANCE_VIOLATED = -5
 PREEMPTED = "Current goal preempted by new incoming action."
 RESET = "Current goal cancelled by a reset."
 ROUNDING = 1e-9  # s; greatest rounding error of a sum of periods
-_NANOSECONDS = 1e9  # per second
 
 
 class Outcome(NamedTuple):
@@ -228,8 +228,8 @@ class TrajectoryFollower:
         else:
             begin(measured, now)
         if self._start is None:
-            self._start = now - round(self.time * _NANOSECONDS)
-        self.elapsed = (now - self._start) / _NANOSECONDS
+            self._start = now - round(self.time * NS_PER_S)
+        self.elapsed = (now - self._start) / NS_PER_S
         self._rate = self._scaling
         self._advance = period * self._rate
         self._now = now
@@ -260,7 +260,7 @@ class TrajectoryFollower:
         """
         if self._holding:
             raise OneBotError("Currently there is no valid trajectory instance.")
-        trajectory_time = self.time + (time - self._now) / _NANOSECONDS * self._rate
+        trajectory_time = self.time + (time - self._now) / NS_PER_S * self._rate
         if trajectory_time < self._began:
             text = "Requested sample time is earlier than the current trajectory start time."
             raise OneBotError(text)
@@ -327,7 +327,7 @@ class TrajectoryFollower:
         start = self._command() if self._config.begins_at_command else self._state(measured)
         if held:
             start = self._with_commands(start, held)
-        time = (now - goal.stamp) / _NANOSECONDS if goal.stamp else 0.0
+        time = (now - goal.stamp) / NS_PER_S if goal.stamp else 0.0
         points = self._points(goal)
         target = Trajectory(points[0], points).sample(time)
         turns = self._turns_between(target.positions, start.positions)

@@ -9,10 +9,10 @@ from onebot_control.trajectories.config import TrajectoryConfig
 from onebot_control.trajectories.trajectory import Waypoint
 from onebot_description.errors import did_you_mean, printable
 from onebot_description.ros.parameters.values import LARGEST
+from onebot_description.ros.wire.cdr import NS_PER_S
 
 _REST = 1.1920929e-07  # rad/s or m/s; as joint_trajectory_controller: the epsilon of a float32
 _ROUNDING = 1e-6  # rad or m; rounding a limit to a float32 may move it this far beyond itself
-_NANOSECONDS = 1_000_000_000
 
 
 class FollowedJoint(NamedTuple):
@@ -133,14 +133,14 @@ def _end_problems(goal: TrajectoryGoal) -> Iterator[str]:
 
 def _time_problems(goal: TrajectoryGoal, now: int) -> Iterator[str]:
     times = [point.time if math.isfinite(point.time) else 0.0 for point in goal.points]
-    moments = [-1, *(round(time * _NANOSECONDS) for time in times)]  # the first may be 0
+    moments = [-1, *(round(time * NS_PER_S) for time in times)]  # the first may be 0
     for index, (earlier, moment) in enumerate(pairwise(moments)):
         place = f"points[{index}].time_from_start: {goal.points[index].time:.9g} s is"
         if not math.isfinite(goal.points[index].time):
             yield f"{place} not finite"
         elif moment <= earlier:
-            text = f"not after the {earlier / _NANOSECONDS:.9g} s of points[{index - 1}]"
+            text = f"not after the {earlier / NS_PER_S:.9g} s of points[{index - 1}]"
             yield f"{place} {text if index else 'negative'}"
     if goal.stamp and goal.points and goal.stamp + moments[-1] < now:
-        ago = (now - goal.stamp - moments[-1]) / _NANOSECONDS
+        ago = (now - goal.stamp - moments[-1]) / NS_PER_S
         yield f"header.stamp: the trajectory ended {ago:.9g} s ago"

@@ -32,7 +32,7 @@ class Bounds(NamedTuple):
     processor: int = 10  # s of processor time
 
 
-class BoundMet(Exception):
+class BoundExceeded(Exception):
     """The function was stopped because it met a bound, which the text names.
 
     Attributes:
@@ -69,13 +69,13 @@ def run_bounded(function: str, request: Any, bounds: Bounds) -> Any:
         bounds: of memory and processor time.
 
     Raises:
-        BoundMet: the function exceeded a bound.
+        BoundExceeded: the function exceeded a bound.
         RuntimeError: the function failed; its traceback is on stderr.
     """
     start = _fork if len(os.listdir("/proc/self/task")) == 1 else _spawn
     answer = json.loads(start(function, request, bounds))
     if "met" in answer:
-        raise BoundMet(*answer["met"])
+        raise BoundExceeded(*answer["met"])
     if "failed" in answer:
         raise RuntimeError(answer["failed"])
     return answer["result"]

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element
 
-from onebot_description.description.bounded_process import BoundMet, Bounds, run_bounded
+from onebot_description.description.bounded_process import BoundExceeded, Bounds, run_bounded
 from onebot_description.elements import xml
 from onebot_description.elements.packages import Resources, resolve
 from onebot_description.errors import DescriptionError, OneBotError, did_you_mean
@@ -34,7 +34,7 @@ def expand(
     request = {"path": str(path), "arguments": dict(arguments)}
     try:
         answer = run_bounded(_EXPAND, request, _BOUNDS)
-    except BoundMet as met:
+    except BoundExceeded as met:
         text = f"{met.place or name}: expanding it was stopped here: it takes more than {met}"
         raise DescriptionError([text]) from None
     except (OSError, RuntimeError) as error:  # such as too many processes, or one that was killed

@@ -224,7 +224,7 @@ def _unknown_zeros(joints: Sequence[Joint], config: JointsConfig) -> list[Proble
 def _wrong_names(
     joints: Sequence[Joint], all_joints: Sequence[Joint], config: JointsConfig
 ) -> list[Problem]:
-    """Return the motions, poses and followers of joints that do not exist or cannot move."""
+    """Return a problem for each parameter of a joint that does not exist or cannot move."""
     moving = [joint.name for joint in joints]
     kinds = {joint.name: joint.kind for joint in all_joints}
     keys = {f"motions.{name}": name for name in config.motions}

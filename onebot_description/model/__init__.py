@@ -1,4 +1,4 @@
-"""Forward kinematics: transforms of joints and poses of links for given joint positions."""
+"""Forward kinematics for given joint positions, and links that are fixed together as one body."""
 
 from onebot_description.model.robot_model import RobotModel
 

@@ -8,12 +8,13 @@ import time
 from collections.abc import Callable
 from typing import NamedTuple
 
-from onebot_description.ros.wire.cdr import NANO
+from onebot_description.ros.wire.cdr import NS_PER_S
 
 _LONGEST_GAP = 0.5  # s between two checks; a longer one means that the process did not run
 _SAME_SIGNAL = 0.25  # s within which two threads notice one SIGCONT
-_STEADY_NS = NANO // 10  # transit times of one sender differ by less
-_SAMPLES, _SPAN_NS = 5, NANO // 2  # messages, and their time, from which a sender's clock is known
+_STEADY_NS = NS_PER_S // 10  # transit times of one sender differ by less
+# A sender's clock is known from so many messages over this time.
+_SAMPLES, _SPAN_NS = 5, NS_PER_S // 2
 _LONGEST_TRANSIT = 10.0  # s; assumed if no stamp shows how long a message was under way
 # Unlike the monotonic clock, it includes time in which the computer is suspended.
 _CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
@@ -87,12 +88,12 @@ class SenderClock:
         """Return how old a message is at ``now_ns`` (system time)."""
         behind = delivery.received_ns - delivery.source_ns
         self._learn(behind, delivery)
-        waited = max(0, now_ns - delivery.received_ns) / NANO
+        waited = max(0, now_ns - delivery.received_ns) / NS_PER_S
         if self._behind is not None:
-            age = waited + (behind - self._behind) / NANO
+            age = waited + (behind - self._behind) / NS_PER_S
             return Age(age, age)
         # An own clock that was set back meanwhile, and another's that is fast, look alike.
-        transit = behind / NANO if behind > -_STEADY_NS else _LONGEST_TRANSIT
+        transit = behind / NS_PER_S if behind > -_STEADY_NS else _LONGEST_TRANSIT
         return Age(waited, waited + max(0.0, transit))
 
     def _learn(self, behind: int, delivery: Delivery) -> None:

@@ -14,7 +14,7 @@ from rclpy.task import Future
 from sensor_msgs.msg import JointState
 
 from onebot_description.ros.discovery import configure_discovery
-from onebot_description.ros.wire.cdr import NANO
+from onebot_description.ros.wire.cdr import NS_PER_S
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.benchmarks.chains import Chain, Floats
 from tests.benchmarks.measuring import WrongAnswer, cpu_ns, median
@@ -56,7 +56,7 @@ class Answers:
         """
         unstamped = data.replace(_stamp(stamp_ns), _NO_STAMP)
         if self._correct.get(row) != unstamped:
-            self._read(data, row, divmod(stamp_ns, NANO))
+            self._read(data, row, divmod(stamp_ns, NS_PER_S))
             self._correct[row] = unstamped
 
     def _read(self, data: bytes, row: int, stamp: tuple[int, int]) -> None:
@@ -149,7 +149,7 @@ class Load:
         gc.disable()
         try:
             cpu = cpu_ns(self._process.process.pid)
-            self._until = time.perf_counter_ns() + round(seconds * NANO)
+            self._until = time.perf_counter_ns() + round(seconds * NS_PER_S)
             self._refill()
             while self._unanswered:
                 count = len(self._latencies)
@@ -191,7 +191,7 @@ class Load:
         now = time.perf_counter_ns()
         if self._constant is None and self._unanswered:
             # The first transform's, behind the encapsulation and the count.
-            stamp = int.from_bytes(data[8:12], "little") * NANO
+            stamp = int.from_bytes(data[8:12], "little") * NS_PER_S
             stamp += int.from_bytes(data[12:16], "little")
             if stamp < self._unanswered[0][0]:
                 return
@@ -215,4 +215,4 @@ def joint_state(chain: Chain, positions: Floats) -> bytes:
 
 
 def _stamp(nanoseconds: int) -> bytes:
-    return b"".join(part.to_bytes(4, "little") for part in divmod(nanoseconds, NANO))
+    return b"".join(part.to_bytes(4, "little") for part in divmod(nanoseconds, NS_PER_S))

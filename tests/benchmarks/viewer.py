@@ -30,7 +30,7 @@ from onebot_bringup.viewer.core.inbox import DESCRIPTION
 from onebot_bringup.viewer.core.transforms import TF
 from onebot_bringup.viewer.display_server import Recording, open_recording
 from onebot_bringup.viewer.robot_view import RobotView
-from onebot_description.ros.wire.cdr import NANO
+from onebot_description.ros.wire.cdr import NS_PER_S
 from onebot_description.ros.wire.messages import transforms_message
 from tests.benchmarks.cases import CASES, FIXED, SENSOR, STAMP, Arrays, Case, Drawn
 from tests.benchmarks.measuring import WrongAnswer, in_turn, median, over
@@ -94,7 +94,7 @@ class Viewer(Logger):
         """Return what takes and shows raw messages."""
         taken = []
         for number in numbers:
-            stamp = np.array(divmod(self.stamp(number), NANO), "<u4").tobytes()
+            stamp = np.array(divmod(self.stamp(number), NS_PER_S), "<u4").tobytes()
             for name, data in zip(self.case.topics, self.raw[number % _VARIANTS], strict=True):
                 message = data.replace(_MARK, stamp)
                 taken.append((name, self.case.topics[name], message, self.stamp(number)))

@@ -43,9 +43,9 @@ TESTS: dict[str, tuple[str, ...]] = {
     "onebot_control/drive/wheels/geometry.py": _control("wheels_geometry"),
     "onebot_control/drive/parameters.py": _control("control_config"),
     "onebot_control/control_files.py": _control("control_files"),
-    "onebot_control/physics/bodies.py": _control("simulation_bodies", *_SIMULATION),
+    "onebot_control/physics/physics_urdf.py": _control("simulation_bodies", *_SIMULATION),
     "onebot_control/physics/rest_pose.py": _control("simulation_settling", "scene", *_SIMULATION),
-    "onebot_control/physics/scene_bodies.py": _control("scene"),
+    "onebot_control/physics/scene.py": _control("scene"),
     "onebot_control/physics/physics_settings.py": _control("simulation_values", "world"),
     "onebot_description/joints/chains.py": _description("joints_mimic", "robot_model"),
     "onebot_description/joints/config.py": _description("joints_config", "joints_source"),
@@ -101,7 +101,7 @@ EQUIVALENT: dict[str, set[str]] = {
         # The wheels' first positions only begin: the time before them counts for nothing.
         "Odometry.__init__: self._since = -1.0",
     },
-    "onebot_control/physics/bodies.py": {
+    "onebot_control/physics/physics_urdf.py": {
         # A mass below 0 is refused before.
         "_principal: if body.mass == 0:",
         # Below the lower limit, however far.
@@ -120,7 +120,7 @@ EQUIVALENT: dict[str, set[str]] = {
         # The ground is level and has no end.
         "settle: robot.place((( 1.0, 0.0, -lowest), (0.0, 0.0, 0.0, 1.0)))",
     },
-    "onebot_control/physics/scene_bodies.py": {
+    "onebot_control/physics/scene.py": {
         # It is read again when the bodies enter a world.
         "SceneBodies.__init__: self.finite = False",
     },

@@ -176,4 +176,4 @@ def test_it_ends_when_ros2_launch_is_killed(tmp_path: Path, ros_domain: int) -> 
         starter.kill()
         starter.wait()
         running.close()
-    assert "what has started it is gone: stopping" in running.out
+    assert "the process that started the launcher has ended: stopping" in running.out

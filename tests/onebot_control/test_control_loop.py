@@ -24,7 +24,7 @@ from onebot_control.nodes.real_time import PaceMeter
 from onebot_control.physics import World
 from onebot_description.errors import OneBotError
 from onebot_description.ros.message_age import WakeDetector
-from onebot_description.ros.wire.cdr import NANO
+from onebot_description.ros.wire.cdr import NS_PER_S
 from tests.onebot_control.control_support import IdealPlant, IdealWorld, ideal_drive
 from tests.support import PATIENCE, wait_for
 
@@ -323,7 +323,7 @@ class BusyMachine:
     """Two clocks, and a thread that is off the processor for a while between any two readings."""
 
     def __init__(self) -> None:
-        self.now, self.ahead = 50 * NANO, 10**18
+        self.now, self.ahead = 50 * NS_PER_S, 10**18
         self._pauses_ms: Iterator[int] = iter(())
         self.stamps = SystemStamps(self._monotonic_ns, self._system_ns)
 
@@ -347,7 +347,7 @@ def test_a_pause_between_two_readings_of_the_clocks_moves_no_stamp(
     machine = BusyMachine()
     machine.pause([0, 0, 0, *pauses_ms])
     found = [machine.stamps.at(50.0 + 0.01 * cycle) for cycle in range(6)]
-    assert found == [10**18 + 50 * NANO + 10_000_000 * cycle for cycle in range(6)]
+    assert found == [10**18 + 50 * NS_PER_S + 10_000_000 * cycle for cycle in range(6)]
 
 
 @given(
@@ -360,8 +360,8 @@ def test_stamps_increase(pauses_ms: list[int], steps_ms: list[int], rate: float)
     machine, found = BusyMachine(), list[int]()
     machine.pause(pauses_ms)
     for step in steps_ms:
-        found.append(machine.stamps.at(machine.now / NANO))
-        machine.now += round(NANO / rate)
+        found.append(machine.stamps.at(machine.now / NS_PER_S))
+        machine.now += round(NS_PER_S / rate)
         machine.ahead += step * 1_000_000
     assert all(before < after for before, after in pairwise(found))
 

@@ -10,8 +10,8 @@ from geometry_msgs.msg import TransformStamped
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
 
-from onebot_control.nodes.localization import FramesTransform, Localizer, TransformsOf
-from onebot_description.ros.wire.cdr import NANO
+from onebot_control.nodes.foreign_localizer import FramesTransform, Localizer, TransformsOf
+from onebot_description.ros.wire.cdr import NS_PER_S
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_control.control_support import urdf
 from tests.onebot_control.node_support import NODE, driving
@@ -25,7 +25,7 @@ EVERY = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 def transform(parent: str, child: str, x: float = 0.0, stamp: int = 0) -> Any:
     message = TransformStamped(child_frame_id=child)
     message.header.frame_id = parent
-    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, NANO)
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, NS_PER_S)
     message.transform.translation.x = x
     return message
 
@@ -77,11 +77,11 @@ def test_a_localizer_that_is_gone_is_forgotten() -> None:
     def after(more: float, *nodes: str) -> str:
         nonlocal seconds
         seconds += more
-        localizer.expire({*nodes}, int(seconds * NANO))
+        localizer.expire({*nodes}, int(seconds * NS_PER_S))
         return localizer.parent
 
     [found] = TransformsOf(["odom"]).find(tf(transform("map", "odom")))
-    localizer.receive(found, [], int(seconds * NANO))
+    localizer.receive(found, [], int(seconds * NS_PER_S))
     assert after(1.0, "/state", "/amcl") == "map"
     assert after(60.0, "/state", "/amcl") == "map", "it is silent while the robot stands"
     assert after(5.0, "/amcl") == "map" and after(1.0, "/state", "/amcl") == "map", "a restart"

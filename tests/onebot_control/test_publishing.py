@@ -21,7 +21,7 @@ from onebot_control.nodes.publishing import Publishers
 from onebot_control.physics import MassVelocity
 from onebot_description.description import parse_description
 from onebot_description.geometry.poses import PlanarPose
-from onebot_description.ros.wire.cdr import NANO
+from onebot_description.ros.wire.cdr import NS_PER_S
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_control.control_support import IdealPlant, config, cycle, ideal_drive, robot
 from tests.onebot_control.test_scene import part
@@ -32,7 +32,7 @@ Values = Sequence[float]
 
 
 def header(stamp: int, frame: str) -> Header:
-    sec, nanosec = divmod(stamp, NANO)
+    sec, nanosec = divmod(stamp, NS_PER_S)
     return Header(stamp=Time(sec=sec, nanosec=nanosec), frame_id=frame)
 
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from onebot_control.physics.bodies import SkidAxle, physics_urdf, rigid_bodies
+from onebot_control.physics.physics_urdf import SkidAxle, physics_urdf, rigid_bodies
 from onebot_description.description import parse_description
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel

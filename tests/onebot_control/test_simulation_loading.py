@@ -8,8 +8,8 @@ import pytest
 import trimesh
 
 from onebot_control.physics import Settings
-from onebot_control.physics.bodies import rigid_bodies
 from onebot_control.physics.engine import engine
+from onebot_control.physics.physics_urdf import rigid_bodies
 from onebot_control.physics.spawning import converted_meshes
 from onebot_description.description import (
     DescriptionError,

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from onebot_control.drive.parameters import ControlConfig
-from onebot_control.drive.wheels import tyres
+from onebot_control.drive.wheels import rolling_shapes
 from onebot_control.drive.wheels.geometry import Wheels
 from onebot_control.physics.simulated_model import commandable, simulated_model
 from onebot_description.description import Description, load_description, parse_description
@@ -174,8 +174,10 @@ def test_a_wheel_may_be_a_mesh(tmp_path: Path) -> None:
 def test_a_mesh_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """At the start, and never in the control loop, for parameters that are set."""
     read: list[object] = []
-    corners = tyres.mesh_corners
-    monkeypatch.setattr(tyres, "mesh_corners", lambda mesh: (read.append(mesh), corners(mesh))[1])
+    corners = rolling_shapes.mesh_corners
+    monkeypatch.setattr(
+        rolling_shapes, "mesh_corners", lambda mesh: (read.append(mesh), corners(mesh))[1]
+    )
     with alone(mesh_wheels(tmp_path), CONFIG) as fleet:
         fleet.robots[0].configure(ControlConfig.from_parameters({"publish_rate": 10.0}))
     assert len(read) == 2

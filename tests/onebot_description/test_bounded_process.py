@@ -14,7 +14,7 @@ from onebot_description.description import (
     load_description,
     xacro,
 )
-from onebot_description.description.bounded_process import BoundMet, Bounds, Place, run_bounded
+from onebot_description.description.bounded_process import BoundExceeded, Bounds, Place, run_bounded
 
 SMALL = Bounds(memory=150_000_000, processor=300)
 SHORT = Bounds(memory=4_000_000_000, processor=1)
@@ -161,13 +161,13 @@ def check_processes(*, forked: bool) -> None:
     assert (request, threads, len(text)) == ("answer", 1, 10**6) and child != os.getpid()
     inherited = run_bounded(f"{module}:is_fork", os.getpid(), Bounds())
     assert inherited is forked
-    with pytest.raises(BoundMet, match="^1 s of processor time$") as met:
+    with pytest.raises(BoundExceeded, match="^1 s of processor time$") as met:
         run_bounded(function, "work for ever", Bounds(processor=1))
     assert met.value.place == "work for ever:1"
     if forked:  # a started interpreter forks, too
-        with pytest.raises(BoundMet, match="^the memory of this computer$"):
+        with pytest.raises(BoundExceeded, match="^the memory of this computer$"):
             run_bounded(function, "be killed", Bounds())
-        with pytest.raises(BoundMet, match="^0.15 GB of memory$"):
+        with pytest.raises(BoundExceeded, match="^0.15 GB of memory$"):
             run_bounded(function, "answer too much", Bounds(memory=150_000_000))
     for request in ("die", "fail") if forked else ("fail",):
         with pytest.raises(RuntimeError, match=f"{request}:1 ended with [31]"):

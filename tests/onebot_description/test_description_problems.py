@@ -7,7 +7,7 @@ import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 
-from onebot_control.physics.bodies import rigid_bodies
+from onebot_control.physics.physics_urdf import rigid_bodies
 from onebot_description.description import (
     Description,
     DescriptionError,

@@ -5,23 +5,23 @@ import math
 import pytest
 
 from onebot_description.ros.message_age import Age, Delivery, SenderClock, WakeDetector, boot_time
-from onebot_description.ros.wire.cdr import NANO
+from onebot_description.ros.wire.cdr import NS_PER_S
 
-_NOW = 1_700_000_000 * NANO
-_MS = NANO // 1000
+_NOW = 1_700_000_000 * NS_PER_S
+_MS = NS_PER_S // 1000
 
 
 class Sender:
     """A publisher, whose clock is behind by ``behind`` s, and what a subscriber finds."""
 
     def __init__(self, behind: float = 0.0) -> None:
-        self.behind, self.clock = round(behind * NANO), SenderClock()
+        self.behind, self.clock = round(behind * NS_PER_S), SenderClock()
         self.now, self.number = _NOW, 0
 
     def message(self, transit: float = 0.001) -> Delivery:
         """Send one that arrives after ``transit`` s, at ``now``."""
         self.number += 1
-        sent = self.now - round(transit * NANO)
+        sent = self.now - round(transit * NS_PER_S)
         return Delivery(sent - self.behind, self.now, self.number)
 
     def send(self, transit: float = 0.001) -> Age:
@@ -42,7 +42,7 @@ def test_a_stream_tells_the_senders_clock(behind: float) -> None:
     """Then a message that was late is as old as it is, however wrong that clock is."""
     sender = Sender(behind)
     assert sender.stream()[-1] == pytest.approx((0.0, 0.0), abs=1e-6)
-    sender.now += 3 * NANO
+    sender.now += 3 * NS_PER_S
     assert sender.send(transit=3.0) == pytest.approx((2.999, 2.999), abs=1e-6)
     assert sender.send() == pytest.approx((0.0, 0.0), abs=1e-6)
 
@@ -70,7 +70,7 @@ def test_another_publisher_has_another_clock() -> None:
     """It counts its messages from 1: what is known of the one before does not count."""
     sender = Sender()
     sender.stream()
-    other = Delivery(sender.now - 30 * NANO, sender.now, 1)
+    other = Delivery(sender.now - 30 * NS_PER_S, sender.now, 1)
     assert sender.clock.age(other, sender.now) == pytest.approx((0.0, 30.0))
 
 
@@ -78,7 +78,7 @@ def test_another_publisher_has_another_clock() -> None:
 def test_a_clock_that_is_set_is_learned_anew(step: float) -> None:
     sender = Sender()
     sender.stream()
-    sender.behind += round(step * NANO)
+    sender.behind += round(step * NS_PER_S)
     ages = sender.stream()
     assert ages[0].most >= 9.9
     assert ages[-1] == pytest.approx((0.0, 0.0), abs=1e-6)

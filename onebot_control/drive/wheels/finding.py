@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from onebot_control.drive.wheels.tyres import Tyre, Tyres
+from onebot_control.drive.wheels.rolling_shapes import Tyre, Tyres
 from onebot_control.frame_names import WORLD_FRAME
 from onebot_description.arrays import Floats
 from onebot_description.elements.description import Description, Joint, Mesh

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from onebot_control.drive.wheels.finding import DriveWheels, axles, find_wheels
-from onebot_control.drive.wheels.tyres import Tyres
+from onebot_control.drive.wheels.rolling_shapes import Tyres
 from onebot_description.arrays import Floats
 from onebot_description.elements.description import Description
 from onebot_description.errors import OneBotError, did_you_mean

@@ -13,7 +13,7 @@ with WireError.
 import struct
 from typing import Protocol
 
-NANO = 1_000_000_000  # nanoseconds in a second
+NS_PER_S = 1_000_000_000  # nanoseconds in a second
 SYSTEM_TIME_NS = 10**18  # the year 2001: stamps of simulated time are less
 
 ENCAPSULATION = b"\x00\x01\x00\x00"
@@ -39,7 +39,7 @@ class Stamp(Protocol):
 
 def nanoseconds(stamp: Stamp) -> int:
     """Return builtin_interfaces/Time as nanoseconds."""
-    return int(stamp.sec) * NANO + int(stamp.nanosec)
+    return int(stamp.sec) * NS_PER_S + int(stamp.nanosec)
 
 
 def stamp_at(data: bytes, at: int) -> int:
@@ -47,7 +47,7 @@ def stamp_at(data: bytes, at: int) -> int:
     if not data.startswith(ENCAPSULATION[:2]) or len(data) < at + _STAMP.size:
         return 0
     seconds, nanosec = _STAMP.unpack_from(data, at)
-    return int(seconds * NANO + nanosec)
+    return int(seconds * NS_PER_S + nanosec)
 
 
 class Writer:

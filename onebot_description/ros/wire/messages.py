@@ -15,7 +15,7 @@ from rclpy import serialization
 from std_msgs.msg import Header
 
 from onebot_description.arrays import Floats
-from onebot_description.ros.wire.cdr import NANO, nanoseconds
+from onebot_description.ros.wire.cdr import NS_PER_S, nanoseconds
 from onebot_description.ros.wire.interface_text import full_definition
 from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.schema import Schema
@@ -79,7 +79,7 @@ def tf_arrays(data: bytes) -> TfArrays:
     transforms = known_schema("tf2_msgs/msg/TFMessage").read(data).transforms
     header = transforms.header
     values = transforms.transform.array()
-    stamps = header.stamp.sec.astype(np.int64) * NANO + header.stamp.nanosec
+    stamps = header.stamp.sec.astype(np.int64) * NS_PER_S + header.stamp.nanosec
     lists = _lists if len(data) <= LARGEST_KEPT else _lists.__wrapped__
     parents, children = lists(tuple(header.frame_id), tuple(transforms.child_frame_id))
     return TfArrays(parents, children, stamps, values[:, :3], values[:, 3:])
@@ -127,7 +127,7 @@ def deserialize_message(data: bytes, kind: type) -> Any:
 
 def time_message(stamp_ns: int) -> Time:
     """Return nanoseconds as builtin_interfaces/Time."""
-    sec, nanosec = divmod(stamp_ns, NANO)
+    sec, nanosec = divmod(stamp_ns, NS_PER_S)
     return Time(sec=sec, nanosec=nanosec)
 
 

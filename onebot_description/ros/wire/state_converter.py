@@ -28,7 +28,7 @@ from onebot_description.errors import listing
 from onebot_description.model import RobotModel
 from onebot_description.ros.wire.cdr import (
     DOUBLES_PER_TRANSFORM,
-    NANO,
+    NS_PER_S,
     STAMP,
     WireError,
     Writer,
@@ -50,7 +50,7 @@ ConvertBytes = Callable[[bytes, int], bytes | None]
 _KNOWN = 16
 # A stamp this much older than the last one is of another clock, or the last one was wrong. Messages
 # are under way for less, and tf2 takes none that is so old.
-_OTHER_CLOCK_NS = 10 * NANO
+_OTHER_CLOCK_NS = 10 * NS_PER_S
 
 # struct joint in _state_converter.c.
 _JOINT = np.dtype(
@@ -194,7 +194,7 @@ class PublishedTimes:
 
 def _of_another_clock(older_ns: int, warn: Warn) -> bool:
     """Return whether a message is so old that its clock must have been set back."""
-    seconds = f"{older_ns / NANO:.3f} s"
+    seconds = f"{older_ns / NS_PER_S:.3f} s"
     if older_ns < _OTHER_CLOCK_NS:
         text = f"joint state {seconds} older than the last one of its joints, ignored"
         warn("old", f"{text}; do several nodes publish them?")

@@ -5,12 +5,13 @@ from collections.abc import Callable
 from rclpy.node import Node
 
 from onebot_description.ros.throttled import Throttled
-from onebot_description.ros.wire.cdr import HEADER, NANO, SYSTEM_TIME_NS, stamp_at
+from onebot_description.ros.wire.cdr import HEADER, NS_PER_S, SYSTEM_TIME_NS, stamp_at
 
-_PERIOD_NS = 1 * NANO  # between two samples: a check between them costs a tenth of a microsecond
+# Time between two samples; a check between them costs a tenth of a microsecond.
+_PERIOD_NS = NS_PER_S
 _SAMPLES = 5
-_LIMIT_NS = NANO // 2  # a greater difference is a wrong clock
-_STEADY_NS = NANO // 2  # samples of one clock differ by less
+_LIMIT_NS = NS_PER_S // 2  # a greater difference is a wrong clock
+_STEADY_NS = NS_PER_S // 2  # samples of one clock differ by less
 _EVERY = 60.0  # s between two warnings
 
 
@@ -66,7 +67,7 @@ class StampCheck:
             self._warn("offset", self._text(offset))
 
     def _text(self, ahead_ns: int) -> str:
-        seconds = f"{abs(ahead_ns) / NANO:.1f} s"
+        seconds = f"{abs(ahead_ns) / NS_PER_S:.1f} s"
         keep = "keep the clocks of all computers together with chrony or NTP"
         if ahead_ns > 0:
             return f"stamps of {self._topic} are {seconds} ahead of this computer's clock: {keep}"

@@ -5,12 +5,17 @@ from collections.abc import Sequence, Set
 
 from rclpy.node import Node
 
-from onebot_control.nodes.localization import FramesTransform, Localizer, TransformsOf, TransformTap
+from onebot_control.nodes.foreign_localizer import (
+    FramesTransform,
+    Localizer,
+    TransformsOf,
+    TransformTap,
+)
 from onebot_control.nodes.publishing import Publishers
 
 
 class LocalizerCheck:
-    """Publishes the truth of one robot on TF, unless another node publishes a parent of odom."""
+    """Decides whether the truth of one robot is on TF: not while another node localizes it."""
 
     def __init__(self, node: Node, publishing: Publishers) -> None:
         """Begin without another node.

@@ -9,9 +9,9 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from onebot_control.physics.bodies import link_problems
 from onebot_control.physics.engine import engine
 from onebot_control.physics.physics_settings import Settings
+from onebot_control.physics.physics_urdf import link_problems
 from onebot_control.physics.spawning import (
     LoadedBody,
     RobotSpawn,

@@ -17,7 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from onebot_control.drive.wheels.tyres import Tyre
+from onebot_control.drive.wheels.rolling_shapes import Tyre
 from onebot_control.physics.engine import engine, logger
 from onebot_control.physics.physics_settings import Settings
 from onebot_description.arrays import Floats

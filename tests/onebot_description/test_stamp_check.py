@@ -14,13 +14,13 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
-from onebot_description.ros.clock_check import StampCheck
-from onebot_description.ros.wire.cdr import ENCAPSULATION, HEADER, NANO, stamp_at
+from onebot_description.ros.stamp_check import StampCheck
+from onebot_description.ros.wire.cdr import ENCAPSULATION, HEADER, NS_PER_S, stamp_at
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.ros_support import NodeProcess, Peer, ros_args
 from tests.support import wait_for
 
-NOW = 1_795_000_000 * NANO
+NOW = 1_795_000_000 * NS_PER_S
 ROBOT = Path(__file__).parents[2] / "onebot_description/urdf/onebot.urdf.xacro"
 TOPIC = "/joint_states"
 
@@ -35,8 +35,8 @@ class Checked:
 
     def run(self, offset: Callable[[float], float], seconds: float = 20.0) -> list[str]:
         for number in range(round(10 * seconds)):
-            self.now += NANO // 10
-            self.check.take(self.now + round(offset(number / 10) * NANO), self.now)
+            self.now += NS_PER_S // 10
+            self.check.take(self.now + round(offset(number / 10) * NS_PER_S), self.now)
         return self.log
 
 
@@ -57,8 +57,8 @@ def test_a_clock_that_is_off_is_named_once(offset: float, text: str) -> None:
         lambda t: -3.0 if int(t) % 4 else 0.0,  # late now and then
         lambda t: -2.0 - t,  # an old message again and again
         lambda t: -3.0 if t < 3.0 else 0.0,  # what waited while a link was cut
-        lambda _: -NOW / NANO,  # no stamp
-        lambda t: t - NOW / NANO,  # simulated time
+        lambda _: -NOW / NS_PER_S,  # no stamp
+        lambda t: t - NOW / NS_PER_S,  # simulated time
     ],
 )
 def test_what_is_no_other_clock(offset: Callable[[float], float]) -> None:
@@ -72,14 +72,14 @@ def test_simulated_time_is_no_other_clock() -> None:
 def test_this_computers_clock_may_be_set_back() -> None:
     checked = Checked()
     checked.run(lambda _: 0.0)
-    checked.now -= 3600 * NANO
+    checked.now -= 3600 * NS_PER_S
     assert len(checked.run(lambda _: 3.0)) == 1
 
 
 def test_stamp_of_serialized_messages() -> None:
     header = Header(stamp=Time(sec=5, nanosec=7))
-    assert stamp_at(serialize_message(JointState(header=header)), HEADER) == 5 * NANO + 7
-    assert stamp_at(serialize_message(TwistStamped(header=header)), HEADER) == 5 * NANO + 7
+    assert stamp_at(serialize_message(JointState(header=header)), HEADER) == 5 * NS_PER_S + 7
+    assert stamp_at(serialize_message(TwistStamped(header=header)), HEADER) == 5 * NS_PER_S + 7
     transforms = TFMessage()
     assert stamp_at(serialize_message(transforms), HEADER + 4) == 0
     assert stamp_at(ENCAPSULATION + b"\0" * 7, HEADER) == 0
@@ -94,7 +94,7 @@ def published(peer: Peer, message: type, topic: str, ahead: float) -> Iterator[N
 
     def publish() -> None:
         while not ended.wait(0.1):
-            seconds, rest = divmod(time.time_ns() + round(ahead * NANO), NANO)
+            seconds, rest = divmod(time.time_ns() + round(ahead * NS_PER_S), NS_PER_S)
             publisher.publish(message(header=Header(stamp=Time(sec=seconds, nanosec=rest))))
 
     thread = threading.Thread(target=publish)

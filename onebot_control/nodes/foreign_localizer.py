@@ -15,15 +15,15 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from onebot_description.geometry.poses import Transform, of_arrays
 from onebot_description.ros.names import node_name
-from onebot_description.ros.wire.cdr import NANO
+from onebot_description.ros.wire.cdr import NS_PER_S
 from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.messages import BAD_MESSAGE, tf_arrays
 
 _TOPICS = {"/tf": DurabilityPolicy.VOLATILE, "/tf_static": DurabilityPolicy.TRANSIENT_LOCAL}
 _DEPTH = 100  # messages kept between two polls; if some are lost, localizers repeat theirs
-_POLL_NODES = NANO  # ns between two looks for the publishers of TF
-_KNOWN = 3 * NANO  # ns within which a node's name is discovered after its messages
-_SILENT = 10 * NANO  # ns; as long as tf2 keeps a transform
+_POLL_NODES = NS_PER_S  # ns between two looks for the publishers of TF
+_KNOWN = 3 * NS_PER_S  # ns within which a node's name is discovered after its messages
+_SILENT = 10 * NS_PER_S  # ns; as long as tf2 keeps a transform
 
 
 class FramesTransform(NamedTuple):
