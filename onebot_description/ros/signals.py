@@ -13,6 +13,7 @@ from typing import Any
 
 # SIGINT is set, too, because shells start background jobs with SIGINT ignored.
 _STOP = (signal.SIGINT, signal.SIGTERM)
+_LONGEST_STOP = 1.0  # s to wait for what a signal calls
 
 
 def stop_signals() -> tuple[signal.Signals, ...]:
@@ -107,7 +108,8 @@ class StopSignals:
         # The main thread calls it before any Python code that came after the signal, others may
         # run before that: they get it from ``_watch``.
         self._old[signal.SIGCONT] = signal.signal(signal.SIGCONT, lambda *_: self._on_resume())
-        threading.Thread(target=self._watch, daemon=True).start()
+        self._thread = threading.Thread(target=self._watch, daemon=True)
+        self._thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -115,6 +117,8 @@ class StopSignals:
         signal.set_wakeup_fd(self._old_fd)
         _restore(self._old)
         self._write.close()  # ends the thread's recv
+        # Python aborts at its exit if a thread returns from rclpy then.
+        self._thread.join(_LONGEST_STOP)
         _forget_interrupt()
 
     def _handle(self, *_: object) -> None:
