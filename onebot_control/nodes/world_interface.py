@@ -110,9 +110,13 @@ class WorldInterface:
         scene = load_scene(settings[0].config.world)
         interface = cls(nodes, settings, scene, simulated=_is_simulated(nodes, settings))
         steady_timer(nodes[0], _POLL_PERIOD, interface.poll)
-        # Last, when all attributes exist: from here on, ``stop`` may be called at any time.
-        for robot in interface.robots:
-            robot.describe(file)
+        try:
+            # Last, when all attributes exist: from here on, ``stop`` may be called at any time.
+            for robot in interface.robots:
+                robot.describe(file)
+        except BaseException:  # Ctrl-C, too: Python aborts at its exit if threads run then
+            interface.stop()
+            raise
         return interface
 
     def stop(self) -> None:
