@@ -90,8 +90,12 @@ def value(page: Page, slider: str = SLIDER) -> float:
 
 def test_a_slider_moves_its_joint_while_it_is_held(page: Page, arm: Arm) -> None:
     """With that share of its speed; let go, it springs back, and the joint stops."""
-    names = [label.text for label in page.find("#joints").find_elements("css selector", "label")]
-    assert names == ["arm_joint", "lift_joint"]
+
+    def names() -> list[str]:
+        labels = page.find("#joints").find_elements("css selector", "label")
+        return [label.text for label in labels]
+
+    wait_for(lambda: names() == ["arm_joint", "lift_joint"], "the sliders")
 
     def moves_at_its_share() -> bool:
         shown = page.body("hand") == "joints" and page.text("#driver") == "You move it"
@@ -99,7 +103,7 @@ def test_a_slider_moves_its_joint_while_it_is_held(page: Page, arm: Arm) -> None
 
     hold(page, arm, moves_at_its_share)
     stop(arm, page.let_go)
-    assert value(page) == 0.0 and page.body("hand") == ""
+    wait_for(lambda: value(page) == 0.0 and page.body("hand") == "", "the slider to spring back")
     assert page.find(SLIDER).get_attribute("aria-valuetext") == "0.00 rad/s"
     words = f"{arm.positions()[0]:.3f} rad".replace("-", "\N{MINUS SIGN}")
     wait_for(lambda: page.text("#joint-0-position") == words, "where it is")
