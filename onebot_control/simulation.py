@@ -31,7 +31,6 @@ from onebot_control.drive.parameters import ControlConfig
 from onebot_control.drive.wheels.finding import has_wheels
 from onebot_control.fleet import Fleet, Member
 from onebot_control.sensing.instrument import Frame, Instrument, SensedWorld
-from onebot_control.sensing.instruments import INSTRUMENTS, Sensors
 from onebot_control.sensing.lidar import LidarInstrument, angles
 from onebot_control.sensing.rays import Rays, cast
 from onebot_control.sensing.readings import (
@@ -42,6 +41,7 @@ from onebot_control.sensing.readings import (
     RobotPose,
     Scan,
 )
+from onebot_control.sensing.sensors import INSTRUMENTS, Sensors
 from onebot_control.sensing.surroundings import LinkPose, SensedRobot
 from onebot_control.trajectories.following import TrajectoryFollower
 from onebot_control.trajectories.goal import TrajectoryGoal

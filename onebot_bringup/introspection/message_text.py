@@ -27,6 +27,7 @@ from rosidl_parser.definition import (
 
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.ros.parameters import bounded_yaml
+from onebot_description.ros.wire.cdr import NS_PER_S
 from onebot_description.ros.wire.definition import type_name
 from onebot_description.ros.wire.message_class import class_of
 
@@ -204,7 +205,7 @@ def fill(message: Any, text: str, *, finite: bool = True) -> list[Any]:
 def stamp(times: list[Any], nanoseconds: int) -> None:
     """Set each of ``times`` (builtin_interfaces/Time) to nanoseconds since the epoch."""
     for time in times:
-        time.sec, time.nanosec = divmod(nanoseconds, 1_000_000_000)
+        time.sec, time.nanosec = divmod(nanoseconds, NS_PER_S)
 
 
 class _Filler:

@@ -7,7 +7,6 @@ from onebot_description.errors import OneBotError
 from onebot_description.ros.parameters.bounded_yaml import open_regular
 
 _STARTS = (b"RRF", b"RRIO")  # any version of Rerun writes one of them
-_FILE_HEAD = 12  # bytes: magic number, version and options
 _NOTHING = 200  # bytes; a shorter file has no complete message
 _PROPERTIES = "/__properties"  # the recording's name and start
 

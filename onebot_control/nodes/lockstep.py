@@ -29,7 +29,7 @@ from onebot_control.nodes.control_loop import ControlLoop
 from onebot_control.nodes.control_parameters import ControlParameters
 from onebot_control.nodes.sensing import Sensing
 from onebot_control.nodes.world_interface import WorldInterface
-from onebot_control.sensing.instruments import Sensors
+from onebot_control.sensing.sensors import Sensors
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.ros.command_line import RosArguments

@@ -14,11 +14,11 @@ from onebot_control.frame_names import prefixed
 from onebot_control.nodes.sensing import Channel
 from onebot_control.nodes.sensor_messages import MESSAGES
 from onebot_control.sensing.instrument import Instrument
-from onebot_control.sensing.instruments import INSTRUMENTS
 from onebot_control.sensing.rays import HAS_EMBREE
+from onebot_control.sensing.sensors import INSTRUMENTS
 from onebot_description.description import Description
 from onebot_description.description.loading import SensorFile, load_sensors
-from onebot_description.description.sensors.kinds import clashes
+from onebot_description.description.sensors.kind_table import clashes
 from onebot_description.elements.sensor import Sensor
 from onebot_description.errors import OneBotError, listing
 from onebot_description.file_watch import FileWatch

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 from onebot_control.controlled_robot import Snapshot
 from onebot_control.fleet import Divider
 from onebot_control.sensing.instrument import Frame, Instrument
-from onebot_control.sensing.instruments import Sensors
+from onebot_control.sensing.sensors import Sensors
 from onebot_control.sensing.surroundings import SensedRobot
 from onebot_description.geometry.poses import Transform
 

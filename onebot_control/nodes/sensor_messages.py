@@ -25,7 +25,7 @@ from onebot_control.sensing.clouds import finite
 from onebot_control.sensing.lidar import angles
 from onebot_description.description.sensors.camera import Camera
 from onebot_description.description.sensors.imu import Imu
-from onebot_description.description.sensors.kinds import MESSAGE_TYPES
+from onebot_description.description.sensors.kind_table import MESSAGE_TYPES
 from onebot_description.description.sensors.lidar import RADIATIONS, Lidar
 from onebot_description.description.sensors.noise import Noise
 

@@ -23,7 +23,7 @@ from onebot_control.nodes.simulation_services import SimulationServices
 from onebot_control.nodes.spinning import NodeThread
 from onebot_control.physics.engine import logger as simulation_log
 from onebot_control.physics.scene import load_scene
-from onebot_control.sensing.instruments import Sensors
+from onebot_control.sensing.sensors import Sensors
 from onebot_description.description import Description
 from onebot_description.errors import listing, printable
 from onebot_description.ros.command_line import RosArguments

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import PurePath
 from types import MappingProxyType
 
-from onebot_description.description.sensors.kinds import MESSAGE_TYPES
+from onebot_description.description.sensors.kind_table import MESSAGE_TYPES
 from onebot_description.description.tree_text import aligned, branches, cell
 from onebot_description.elements.description import (
     Box,

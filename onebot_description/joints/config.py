@@ -37,8 +37,8 @@ class _Kind(ABC):
         """Return all problems except unknown poses."""
         return ()
 
-    def poses(self, given: "MotionParameters") -> Iterable[str]:
-        """Return the names of the poses that the parameter of the last key refers to."""
+    def poses(self, given: "MotionParameters") -> Iterable[tuple[str, str]]:
+        """Return the names of the poses that parameters refer to, each after its parameter's."""
         return ()
 
     def notes(self, given: "MotionParameters") -> Iterable[Problem]:
@@ -67,7 +67,7 @@ class _Sine(_Kind):
 
 
 class _Keyframes(_Kind):
-    keys = ("times", "positions", "blend", "loop", "poses")
+    keys = ("times", "positions", "poses", "blend", "loop")
 
     def motion(self, given: "MotionParameters", joint: str, poses: Poses) -> Motion:
         positions = given.positions or tuple(poses[name][joint] for name in given.poses or ())
@@ -87,8 +87,8 @@ class _Keyframes(_Kind):
         elif times[0] < 0.0 or any(b <= a for a, b in zip(times, times[1:], strict=False)):
             yield Problem("times", f"{list(times)} must increase, from 0 on")
 
-    def poses(self, given: "MotionParameters") -> Iterable[str]:
-        return given.poses or ()
+    def poses(self, given: "MotionParameters") -> Iterable[tuple[str, str]]:
+        return [("poses", name) for name in given.poses or ()]
 
 
 class _Pose(_Kind):
@@ -102,8 +102,8 @@ class _Pose(_Kind):
         if not given.pose:
             yield Problem("pose", "write the name of a pose")
 
-    def poses(self, given: "MotionParameters") -> Iterable[str]:
-        return (given.pose,) if given.pose else ()
+    def poses(self, given: "MotionParameters") -> Iterable[tuple[str, str]]:
+        return [("pose", given.pose)] if given.pose else []
 
 
 _KINDS: Mapping[str, _Kind] = {
@@ -150,8 +150,7 @@ class MotionParameters:
 
     def check_poses(self, joint: str, poses: Poses) -> Iterator[Problem]:
         """Yield the problems with the poses that the motion of ``joint`` refers to."""
-        key = self.kind.keys[-1]
-        for name in self.kind.poses(self):
+        for key, name in self.kind.poses(self):
             if name not in poses:
                 yield Problem(key, f'no pose "{name}"{did_you_mean(name, poses, "poses")}')
             elif joint not in poses[name]:

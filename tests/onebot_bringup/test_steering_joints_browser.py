@@ -2,7 +2,6 @@
 
 import signal
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from typing import Any
 
 import pytest
@@ -79,21 +78,16 @@ def hold(page: Page, arm: Arm, reached: Callable[[], bool] = lambda: True) -> No
 
 
 def stop(arm: Arm, end: Callable[[], object]) -> None:
-    """Do something that stops it, and see that it does, not at a limit.
-
-    A browser without processor time sends nothing, for which the arm stops, and heeds the end only
-    when it goes on.
-    """
+    """Do something that stops it, and see that it does, not at a limit."""
     end()
-
-    def rests() -> bool:
-        with suppress(AssertionError):
-            arm.rest()
-            return True
-        return False
-
-    wait_for(rests, "rest for good")
+    arm.rest()
     assert abs(arm.positions()[0]) < UPPER - 0.01
+
+
+def let_go(page: Page) -> None:
+    """Let go of a slider, and wait for the page to heed it: without processor time it does late."""
+    page.let_go()
+    wait_for(lambda: page.body("hand") == "", "the end of the hold")
 
 
 def value(page: Page, slider: str = SLIDER) -> float:
@@ -114,8 +108,8 @@ def test_a_slider_moves_its_joint_while_it_is_held(page: Page, arm: Arm) -> None
         return shown and abs(abs(arm.speed()) - abs(value(page))) < 0.03
 
     hold(page, arm, moves_at_its_share)
-    stop(arm, page.let_go)
-    wait_for(lambda: value(page) == 0.0 and page.body("hand") == "", "the slider to spring back")
+    stop(arm, lambda: let_go(page))
+    assert value(page) == 0.0 and page.body("hand") == ""
     assert page.find(SLIDER).get_attribute("aria-valuetext") == "0.00 rad/s"
     words = f"{arm.positions()[0]:.3f} rad".replace("-", "\N{MINUS SIGN}")
     wait_for(lambda: page.text("#joint-0-position") == words, "where it is")
@@ -134,7 +128,7 @@ def test_arrow_keys_move_the_joint_with_the_focus(
         stop(arm, lambda key=key: page.release_keys(key))
     assert not [twist for twist in twists if twist != Twist()]
     hold(page, arm)
-    stop(arm, page.let_go)
+    stop(arm, lambda: let_go(page))
     count = len(arm.commands)
     page.drive_by_keys(Keys.ARROW_UP, lambda: twists[-1].linear.x > 0.0)
     page.release_keys(Keys.ARROW_UP)
@@ -192,7 +186,7 @@ def test_an_arm_that_stands_has_its_joints_only(
     wait_for(lambda: all(page.find(part).is_displayed() for part in driving), "the wheels")
     assert page.text("#driver") == "Locked: drive to unlock"
     hold(page, arm)
-    stop(arm, page.let_go)
+    stop(arm, lambda: let_go(page))
 
 
 def test_stop_and_another_page_stop_the_arm(

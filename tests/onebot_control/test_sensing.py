@@ -17,8 +17,8 @@ from onebot_control.drive.parameters import ControlConfig
 from onebot_control.fleet import Fleet, Member
 from onebot_control.nodes.sensing import Channel, SensingThread
 from onebot_control.sensing import camera, imu, instrument, lidar, noise, painter, rays
-from onebot_control.sensing.instruments import INSTRUMENTS, Sensors
 from onebot_control.sensing.rays import NOTHING, Rays, cast
+from onebot_control.sensing.sensors import INSTRUMENTS, Sensors
 from onebot_control.sensing.surroundings import (
     Placed,
     RobotState,
@@ -29,7 +29,7 @@ from onebot_description.description import load_description, parse_description
 from onebot_description.description.loading import load_world
 from onebot_description.description.sensors.camera import Camera
 from onebot_description.description.sensors.imu import Imu, Reference
-from onebot_description.description.sensors.kinds import BY_TYPE
+from onebot_description.description.sensors.kind_table import BY_TYPE
 from onebot_description.description.sensors.lidar import Fan, Lidar
 from onebot_description.description.sensors.noise import Noise
 from onebot_description.elements.sensor import Sensor

@@ -41,6 +41,7 @@ from onebot_bringup.viewer.displays.marker_shapes import (
 from onebot_description.arrays import Floats
 from onebot_description.errors import OneBotError, printable, shortened
 from onebot_description.geometry.quaternions import from_matrix, multiply, rotate
+from onebot_description.ros.wire.cdr import NS_PER_S
 
 ADD, DELETE, DELETE_ALL = 0, 2, 3
 _NEVER = np.iinfo(np.int64).max  # the end of an infinite lifetime
@@ -152,7 +153,7 @@ class Incoming(NamedTuple):
 
 def _nanoseconds(time_: Any) -> Any:
     """Convert a time or a duration, or a table of them, to nanoseconds."""
-    return time_.sec * np.int64(1_000_000_000) + time_.nanosec
+    return time_.sec * np.int64(NS_PER_S) + time_.nanosec
 
 
 class LayerKey(NamedTuple):

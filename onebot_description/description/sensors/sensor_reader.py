@@ -8,7 +8,7 @@ from typing import Any
 
 from onebot_description.description.sensors.block import NOT_NEGATIVE, Block, text_of
 from onebot_description.description.sensors.kind import Kind, word_of
-from onebot_description.description.sensors.kinds import BY_TYPE, OWN_FRAME, clashes
+from onebot_description.description.sensors.kind_table import BY_TYPE, OWN_FRAME, clashes
 from onebot_description.description.sensors.unread import (
     RATES,
     warn_of_misplaced,

@@ -5,7 +5,7 @@ from collections.abc import Collection, Iterator
 
 from onebot_description.description.sensors.block import text_of
 from onebot_description.description.sensors.kind import Substitute
-from onebot_description.description.sensors.kinds import ELEMENTS, SUBSTITUTES
+from onebot_description.description.sensors.kind_table import ELEMENTS, SUBSTITUTES
 from onebot_description.elements.reading import Element, Findings, number_fault
 
 RATES = ("update_rate", "updateRate", "updateRateHZ")  # the last two are plugins'
