@@ -4,7 +4,7 @@ import math
 import shutil
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
@@ -13,10 +13,10 @@ from onebot_bringup.cli.running_controllers import (
     controller_of,
     running_controllers,
 )
-from onebot_bringup.cli.session import PATIENCE, Session
+from onebot_bringup.cli.session import Session
 from onebot_bringup.launch.arguments import Argument, complete, split, table
 from onebot_description.description.tree_text import aligned, cell
-from onebot_description.errors import OneBotError, UsageError
+from onebot_description.errors import OneBotError, UsageError, listing
 from onebot_description.ros.parameters.values import Rule, ValueType
 from onebot_description.ros.wire.cdr import NS_PER_S
 
@@ -76,7 +76,7 @@ def run(argv: Sequence[str]) -> int:
             motion = _Motion(session, controller, list(positions), seconds)
             motion.follow(_goal(controller, positions, seconds, tolerance))
         else:
-            print("\n".join(line for item in controllers for line in _listed(session, item)))
+            print("\n".join(_listed(session, controllers)))
     return 0
 
 
@@ -103,33 +103,46 @@ def _number(word: str, text: str) -> float:
 # The list of controllers ------------------------------------------------------------------------
 
 
-def _listed(session: Session, controller: RunningController) -> list[str]:
-    """Return lines with a controller and its joints' positions, and their limits if known."""
-    limits = _limits(session, controller.name.rpartition("/")[0])
-    positions = zip(controller.joints, controller.state.feedback.positions, strict=True)
-    rows = [
-        (f"  {cell(joint)}", _shown(position), limits.get(joint, ""))
-        for joint, position in positions
-    ]
-    return [controller.name, *aligned([("  joint", "position", "limits"), *rows])]
+def _listed(session: Session, controllers: Sequence[RunningController]) -> Iterator[str]:
+    """Yield lines with the controllers, their joints' positions, and the limits if known."""
+    descriptions = _descriptions(session, {_namespace(controller) for controller in controllers})
+    for controller in controllers:
+        limits = _limits(descriptions.get(_namespace(controller), ""))
+        positions = zip(controller.joints, controller.state.feedback.positions, strict=True)
+        rows = [
+            (f"  {cell(joint)}", _shown(position), limits.get(joint, ""))
+            for joint, position in positions
+        ]
+        yield from [controller.name, *aligned([("  joint", "position", "limits"), *rows])]
 
 
-def _limits(session: Session, namespace: str) -> dict[str, str]:
-    """Return the limits of the joints of a namespace's robot, as text."""
+def _namespace(controller: RunningController) -> str:
+    return controller.name.rpartition("/")[0]
+
+
+def _descriptions(session: Session, namespaces: Collection[str]) -> dict[str, str]:
+    """Return the URDF of each namespace in which a robot_description is published."""
     from std_msgs.msg import String
 
-    from onebot_description.description import parse_description
     from onebot_description.ros.topic_qos import LATCHED
 
-    topic, texts = f"{namespace}/robot_description", list[str]()
-    if session.node.count_publishers(topic):
+    texts = dict[str, str]()
+    topics = {space: f"{space}/robot_description" for space in namespaces}
+    for space, topic in topics.items():
         session.node.create_subscription(
-            String, topic, lambda message: texts.append(message.data), LATCHED
+            String, topic, lambda message, space=space: texts.update({space: message.data}), LATCHED
         )
-        session.spin(lambda: texts, PATIENCE)
+    # A publisher of another process may be discovered after the controllers.
+    session.look_for(lambda: len(texts) == len(topics), listing(topics.values()))
+    return texts
+
+
+def _limits(urdf: str) -> dict[str, str]:
+    """Return the limits of the joints of a robot, as text; none without a readable URDF."""
+    from onebot_description.description import parse_description
+
     with suppress(OneBotError):
-        for text in texts:
-            return {joint.name: _range(joint) for joint in parse_description(text).joints}
+        return {joint.name: _range(joint) for joint in parse_description(urdf).joints}
     return {}
 
 

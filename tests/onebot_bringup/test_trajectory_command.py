@@ -169,6 +169,16 @@ def test_several_controllers(peer: Peer) -> None:
         assert f"error: {message}" in onebot("trajectory", *words.split()).stderr
 
 
+def test_limits_of_a_description_that_is_late(peer: Peer, tmp_path: Path) -> None:
+    """A controller is often discovered before the node that publishes the description."""
+    publish_states(peer, {"/arm": ["shoulder"]})
+    with running(tmp_path, "trajectory") as command:
+        wait_for(lambda: "looking for /robot_description ..." in command.err, "the command")
+        peer.node.create_publisher(String, "/robot_description", LATCHED).publish(String(data=URDF))
+        command.says("-2 … 2.5 rad")
+        assert command.wait() == 0
+
+
 def publish_states(peer: Peer, joints: Mapping[str, Sequence[str]]) -> None:
     """Publish a state of controllers without an action; of one without joints only the topic."""
     for name, names in joints.items():
