@@ -5,14 +5,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from onebot_control.drive.parameters import (
-    BROADCASTER,
-    DEFAULT_JOINT_CONTROLLER,
-    MANAGER,
-    BroadcasterConfig,
-    ControlConfig,
-    SimulationConfig,
-)
+from onebot_control.controller_names import BROADCASTER, DEFAULT_JOINT_CONTROLLER, MANAGER
+from onebot_control.drive.parameters import BroadcasterConfig, ControlConfig, SimulationConfig
 from onebot_control.joint_controllers import (
     JOINT_CONTROLLERS,
     JointController,

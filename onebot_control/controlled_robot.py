@@ -6,16 +6,11 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
+from onebot_control.controller_names import BROADCASTER, DEFAULT_JOINT_CONTROLLER
 from onebot_control.drive.diff_drive import DiffDriveController, WheelCommand, WheelStates
 from onebot_control.drive.drift_check import DriftCheck
 from onebot_control.drive.odometry import DiffDriveKinematics, PoseCovariance
-from onebot_control.drive.parameters import (
-    BROADCASTER,
-    DEFAULT_JOINT_CONTROLLER,
-    INTERFACES,
-    BroadcasterConfig,
-    ControlConfig,
-)
+from onebot_control.drive.parameters import INTERFACES, BroadcasterConfig, ControlConfig
 from onebot_control.drive.wheels.geometry import WheelGeometry, Wheels
 from onebot_control.joint_controllers import (
     JointController,
@@ -47,8 +42,8 @@ _DRIFT_PERIOD = 0.1  # s between comparisons of odometry and truth
 class Snapshot(NamedTuple):
     """The state of a robot in one control cycle.
 
-    Velocities are per second of the clock that stamps them: where the simulation is too slow for
-    that clock, they are lower than in the simulation's own time.
+    Velocities are per second of the clock of the stamps. If the simulation is slower than that
+    clock, they are lower than in simulated time.
     """
 
     tick: int  # cycles done before this one
@@ -322,9 +317,13 @@ class ControlledRobot:
             name: [self.plant.joints.index(joint) for joint in arm.names]
             for name, arm in self.arms.items()
         }
-        self.plant.reference = self._reference
+        self.move_into(self.plant)
         self._read_state()
         self.place_odometry(PlanarPose())
+
+    def move_into(self, plant: RobotBody) -> None:
+        """Control the same robot in another world from now on."""
+        self.plant, plant.reference = plant, self._reference
 
     def _follower(self, controller: JointController[Any]) -> JointFollower:
         """Return the follower that moves a controller's joints from their start positions."""

@@ -175,7 +175,7 @@ class Fleet:
         self.world.close()
         self.world, self.robots[row] = world, robot
         for robot, plant in zip(self.robots, world.robots, strict=True):
-            robot.plant = plant
+            robot.move_into(plant)
 
     def close(self) -> None:
         """Free the world."""

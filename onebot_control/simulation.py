@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from onebot_control.control_files import default_control_file, read_control_files
 from onebot_control.controlled_robot import ControlledRobot, Snapshot
+from onebot_control.controller_names import DRIVE_CONTROLLER
 from onebot_control.drive.parameters import ControlConfig
 from onebot_control.drive.wheels.finding import has_wheels
 from onebot_control.fleet import Fleet, Member
@@ -68,8 +69,8 @@ _INSTEAD = {
     "real_time_factor": "has no effect here: a Simulation is as fast as it can be",
     "cmd_vel_type": "has no effect here: there is no topic ~/cmd_vel",
     "paused": "has no effect here: time passes in Simulation.run only",
-    "step_topics": "has no effect here: nodes in step, of Simulation.ros, are always waited for",
-    "step_timeout": "has no effect here: nodes in step, of Simulation.ros, are always waited for",
+    "step_topics": "has no effect here: Simulation.ros always waits for its nodes",
+    "step_timeout": "has no effect here: Simulation.ros always waits for its nodes",
 }
 
 
@@ -158,10 +159,12 @@ class Simulation:
         self._ros: Lockstep[Simulation] | None = None
         self._kept: deque[Moment] | None = None
         if robots and (x or y or yaw):
-            raise OneBotError("x, y and yaw are of one robot; of several, give each its own")
+            raise OneBotError("x, y and yaw are for a single robot; give each RobotSetup its own")
         setups = dict(robots) or {"": RobotSetup(x, y, yaw)}
-        if sensors is True and model == ONEBOT:
-            arguments = {"sensors_enabled": "true", **arguments}
+        # OneBot has its sensors if the xacro file is told so.
+        optional = {"sensors_enabled": "true"} if sensors is True else {}
+        if model == ONEBOT:
+            arguments = {**optional, **arguments}
         description, scene = _read(model, arguments, world)
         self._scene = scene
         self._values = [
@@ -170,7 +173,9 @@ class Simulation:
         members = [
             _member(
                 name,
-                description if setup.model is None else _described(setup.model),
+                description
+                if setup.model is None
+                else _described(setup.model, optional if setup.model == ONEBOT else {}),
                 ControlConfig.from_parameters(values),
             )
             for (name, setup), values in zip(setups.items(), self._values, strict=True)
@@ -185,8 +190,8 @@ class Simulation:
         try:
             for robot in self.robots.values():
                 robot._equip(self._sensor_file, noise)
-                if sensors and not robot._instruments:
-                    raise OneBotError(f"{robot.description.source}: the robot has no sensor")
+            if sensors and not any(robot._instruments for robot in self.robots.values()):
+                raise OneBotError(f"{self._fleet.robots[0].description.source}: no sensor found")
             self._begin()
         except BaseException:
             self.close()
@@ -307,9 +312,15 @@ class Simulation:
         Args:
             seconds: how many simulated seconds to keep.
             rate: recorded moments per second, Hz.
+
+        Raises:
+            ValueError: the duration is negative or not finite, or the rate not above 0.
         """
+        cycles = self._cycles(seconds)
+        if not 0.0 < rate < math.inf:
+            raise ValueError(f"{rate} Hz: a rate is above 0, and finite")
         self._kept_every = max(1, round(self._fleet.rate / rate))
-        self._kept = deque(maxlen=max(1, round(seconds * self._fleet.rate / self._kept_every)))
+        self._kept = deque(maxlen=max(1, round(cycles / self._kept_every)))
 
     @property
     def kept(self) -> "Sequence[Moment]":
@@ -376,7 +387,7 @@ class Simulation:
         for robot in self.robots.values():
             robot._command = None
         self._fleet.observe()
-        self._present()  # an IMU needs the orientation at the start
+        self._current_frame()  # an IMU needs the orientation at the start
 
     def _cycles(self, seconds: float) -> int:
         if not (math.isfinite(seconds) and seconds >= 0.0):
@@ -398,11 +409,11 @@ class Simulation:
         fleet.observe()
         self._frame = None
 
-    def _now(self) -> SensedWorld:
+    def _sensed_world(self) -> SensedWorld:
         """Return the world as it is now, for sensors; the first time their meshes are read."""
-        return self._sensors.world(self._present())
+        return self._sensors.world(self._current_frame())
 
-    def _present(self) -> Frame:
+    def _current_frame(self) -> Frame:
         fleet = self._fleet
         if self._frame is None:
             scene = fleet.world.scene
@@ -414,7 +425,7 @@ class Simulation:
     def _distance(
         self, pose: LinkPose, direction: NDArray[np.float64], skipped: Sequence[int]
     ) -> float:
-        placed = self._now().placed
+        placed = self._sensed_world().placed
         hits = cast(
             Rays(direction.reshape(1, 3)),
             *pose,
@@ -619,7 +630,7 @@ class SimulatedRobot:
         It is measured along the x axis of the lidar, or of the root link if there is no lidar. The
         robot itself is not hit. There is no noise and no maximum range.
         """
-        placed = self._simulation._now().placed
+        placed = self._simulation._sensed_world().placed
         lidars = [item for item in self._instruments if isinstance(item, LidarInstrument)]
         pose = lidars[0].pose(placed) if lidars else None
         pose = pose or placed.link(self._row, self.description.root_link)
@@ -668,7 +679,7 @@ class SimulatedRobot:
         return able[name] if name else next(iter(able.values()))
 
     def _measured(self, instrument: Instrument[Any], output: str) -> Any:
-        return instrument.measure(self._simulation._now(), {output})[output]
+        return instrument.measure(self._simulation._sensed_world(), {output})[output]
 
 
 class Joints(dict[str, JointState]):
@@ -735,7 +746,7 @@ def _values(setup: RobotSetup, parameters: Mapping[str, Any]) -> dict[str, Any]:
     """
     if problems := [Problem(name, _INSTEAD[name]) for name in parameters if name in _INSTEAD]:
         raise ConfigError(problems)
-    defaults = read_control_files([default_control_file()], "/", "velocity_controller")
+    defaults = read_control_files([default_control_file()], "/", DRIVE_CONTROLLER)
     start = {"x": float(setup.x), "y": float(setup.y), "yaw": float(setup.yaw)}
     return {**defaults.values, **parameters, **start}
 

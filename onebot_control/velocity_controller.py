@@ -82,6 +82,7 @@ from typing import TYPE_CHECKING
 from rclpy.node import Node
 
 from onebot_control.control_files import default_control_file, read_control_files
+from onebot_control.controller_names import DRIVE_CONTROLLER
 from onebot_control.drive.parameters import ControlConfig
 from onebot_description.ros.command_line import RosArguments, ros_args, split_robots
 from onebot_description.ros.run_node import at_stop, run_described_node
@@ -168,7 +169,7 @@ def run_simulation(
 
 def main(args: list[str] | None = None) -> int:
     """Run the node; ``args`` are as in sys.argv. Return the exit code."""
-    name = "velocity_controller"
+    name = DRIVE_CONTROLLER
     return run_simulation(name, __doc__, name, ControlConfig, args, default_control_file)
 
 

@@ -46,7 +46,8 @@ from onebot_description.description_files import DescriptionFiles, Source
 from onebot_description.errors import DescriptionError, OneBotError, listing
 from onebot_description.file_watch import FileWatch, in_background
 from onebot_description.joints.config import JointsConfig
-from onebot_description.joints.source import JointStateSource, Plan
+from onebot_description.joints.plan import Plan
+from onebot_description.joints.source import JointStateSource
 from onebot_description.ros.command_line import RosArguments
 from onebot_description.ros.description_topic import (
     GOES_ON,

@@ -14,7 +14,7 @@ from onebot_description.arrays import Floats
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.geometry.matrices import of_transform
 from onebot_description.geometry.poses import IDENTITY, Transform, compose, inverse, of_arrays
-from onebot_description.geometry.quaternions import slerp
+from onebot_description.geometry.quaternions import UNIT_TOLERANCE, slerp
 from onebot_description.ros.wire.cdr import NS_PER_S
 from onebot_description.ros.wire.messages import TfArrays
 
@@ -22,7 +22,6 @@ _MOST_ROWS = 100_000  # limit of rows in all blocks, since each new set of frame
 _HISTORY_NS, _HISTORY_ROWS = 10_000_000_000, 1_000_000  # ten seconds, as in tf2
 _FOR_EVER = np.iinfo(np.int64).max
 _LATE_NS = 1_000_000_000  # if a message is older than the latest by more, the clock was set back
-_UNIT = 0.01  # maximum error of the squared length of a quaternion, as in tf2
 
 
 class TransformError(OneBotError):
@@ -344,7 +343,7 @@ def _problem(parent: str, child: str, translation: Floats, rotation: Floats) -> 
     if child == parent:
         return f'a transform is ignored: frame_id and child_frame_id are both "{child}"'
     length = float(np.sum(rotation**2))
-    if not np.isfinite(translation).all() or not abs(length - 1.0) <= _UNIT:
+    if not np.isfinite(translation).all() or not abs(length - 1.0) <= UNIT_TOLERANCE:
         return (
             f'a transform of "{child}" is ignored: it has a nan or inf, or its quaternion is not '
             "normalized"

@@ -13,6 +13,7 @@ from typing import Any, NoReturn
 from onebot_bringup.steering.page_parameters import PageParameters
 from onebot_bringup.viewer.core.settings import FrameSettings
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
+from onebot_control.controller_names import DRIVE_CONTROLLER, MANAGER
 from onebot_control.frame_names import prefixed
 from onebot_description.elements.packages import PACKAGE_PATH, use_package_path
 from onebot_description.errors import UsageError, did_you_mean, printable
@@ -408,7 +409,7 @@ def simulation_arguments(control: str) -> list[Argument]:
     """Return the arguments of simulation; ``control`` is the default of ``params_file``."""
     from onebot_control.drive.parameters import ControlConfig  # slow to import
 
-    of_controller = _arguments_of("velocity_controller", ControlConfig)
+    of_controller = _arguments_of(DRIVE_CONTROLLER, ControlConfig)
     return [
         switch("sim", True, "simulate it; false: joint_state_publisher moves its joints"),
         Argument(
@@ -429,7 +430,7 @@ def simulation_arguments(control: str) -> list[Argument]:
 
 def standing_arguments() -> list[Argument]:
     """Return the arguments of simulation for a standing robot, such as an arm."""
-    from onebot_control.drive.parameters import MANAGER, SimulationConfig  # slow to import
+    from onebot_control.drive.parameters import SimulationConfig  # slow to import
 
     of_simulation = _arguments_of(MANAGER, SimulationConfig)
     return [

@@ -25,8 +25,6 @@ from onebot_bringup.launch.arguments import (
     with_positional,
 )
 from onebot_bringup.launch.nodes import (
-    DRIVING,
-    STANDING,
     Launch,
     command_topic,
     given_params_files,
@@ -36,6 +34,7 @@ from onebot_bringup.launch.nodes import (
 from onebot_bringup.launcher.console import wants_colour
 from onebot_bringup.launcher.launcher import Launcher
 from onebot_bringup.viewer.viewer_parameters import view_file
+from onebot_control.controller_names import DRIVE_CONTROLLER, MANAGER
 from onebot_control.frame_names import WORLD_FRAME, prefixed
 from onebot_description.errors import OneBotError, UsageError, did_you_mean
 from onebot_description.ros.discovery import discovery_variables
@@ -66,8 +65,8 @@ class Bringup(NamedTuple):
     joints: str = ""  # parameters of joint_state_publisher; empty: joints swing within their limits
     view: str = ""  # the viewer's settings; empty: the viewer's own
     world_view: str = ""  # likewise, for a robot in a world
-    sim_view: str = ""  # likewise, for a robot that is simulated standing
-    control: str = ""  # parameters of the controller; empty: the robot is simulated standing
+    sim_view: str = ""  # likewise, for a robot that is simulated with a fixed base
+    control: str = ""  # parameters of the controller; empty: its base is fixed
     takes_file: bool = False  # whether the model is the command's first word instead
 
     def arguments(self) -> list[Argument]:
@@ -79,7 +78,7 @@ class Bringup(NamedTuple):
     @property
     def controller(self) -> str:
         """The name of the node with the simulation's parameters."""
-        return DRIVING if self.control else STANDING
+        return DRIVE_CONTROLLER if self.control else MANAGER
 
     def model_arguments(self, given: Mapping[str, str]) -> tuple[list[Argument], bool]:
         """Return the model's xacro arguments, except those shadowed by the command's own.
@@ -190,7 +189,7 @@ def _with_model(command: Bringup, arguments: Arguments) -> dict[str, str]:
 def _check_names(command: Bringup, given: Mapping[str, str], own_names: Set[str]) -> None:
     """Reject arguments that neither the command nor its model has, if all of the model's are known.
 
-    Otherwise, expanding the model shows whether they exist.
+    Otherwise an included file was not found, and expanding the model reports the unknown ones.
     """
     of_model, is_complete = command.model_arguments(given)
     names = [*own_names, *(argument.name for argument in of_model)]
@@ -278,7 +277,7 @@ def _check_file(file: Path, spaces: Sequence[str], nodes: "Mapping[str, Unknown]
 
 
 def with_params_file(
-    values: Mapping[str, str], given: Mapping[str, str], controller: str = DRIVING
+    values: Mapping[str, str], given: Mapping[str, str], controller: str = DRIVE_CONTROLLER
 ) -> dict[str, str]:
     """Return the launch arguments, updated with settings for all nodes from the ``params_file``.
 
@@ -286,8 +285,14 @@ def with_params_file(
     unless they are ``given`` on the command line.
     """
     values = dict(values)
-    if values.get("sim") != "true" or not values["params_file"]:
-        return values
+    if values.get("sim") == "true":
+        factor = _apply_params_file(values, given, controller) if values["params_file"] else 1.0
+        _use_simulated_time(values, given, float(values[_FACTOR] or factor))
+    return values
+
+
+def _apply_params_file(values: dict[str, str], given: Mapping[str, str], controller: str) -> float:
+    """Update the launch arguments from the ``params_file``; return its real_time_factor."""
     from onebot_control.control_files import read_control_files
     from onebot_control.drive.parameters import ControlConfig
     from onebot_description.ros.parameters.reader import read
@@ -301,19 +306,14 @@ def with_params_file(
         values["frame_prefix"] = prefixed("", enabled, prefix, space)
     if "use_sim_time" not in given and written.values.get("use_sim_time") is True:
         values["use_sim_time"] = "true"
-    _use_simulated_time(values, given, config.real_time_factor)
     if place := written.places.get("robot_description"):
         text = "robot_description is not used by a bringup; write model:=FILE"
         print(f"warning: {place}: {text}", file=sys.stderr)
-    return values
+    return config.real_time_factor
 
 
 def _use_simulated_time(values: dict[str, str], given: Mapping[str, str], factor: float) -> None:
-    """Make all nodes use /clock if the simulation publishes it because of its time factor.
-
-    ``factor`` is the one in the ``params_file``.
-    """
-    factor = float(values[_FACTOR] or factor)
+    """Make all nodes use /clock if the simulation publishes it because of its time factor."""
     if factor == 1.0:
         return
     if "use_sim_time" in given and values["use_sim_time"] == "false":

@@ -15,6 +15,7 @@ import yaml
 
 from onebot_bringup.launch.arguments import Argument, node_parameters
 from onebot_bringup.launcher.process import NodeProcess, OnExit, python_node
+from onebot_control.controller_names import DRIVE_CONTROLLER, MANAGER
 from onebot_control.frame_names import WORLD_FRAME
 from onebot_description.ros.names import absolute
 
@@ -31,9 +32,6 @@ _NAV2_TOPICS = {"velocity_controller/cmd_vel": "cmd_vel", "velocity_controller/o
 # Parameters of joint_state_publisher without a file: Hz, and seconds for one swing.
 _SWINGING = {"rate": 30.0, "swing": 8.0}
 
-DRIVING, STANDING = "velocity_controller", "controller_manager"
-"""The nodes with the simulation's parameters: of a driving robot, and of a standing one."""
-
 Parameters = dict[str, object]
 
 
@@ -49,7 +47,7 @@ class Launch:
     arguments: Sequence[Argument]  # the arguments that the command declares
     robots: Sequence[PlacedRobot] = ()  # several robots in one world; empty for a single one
     robot: PlacedRobot | None = None  # the one of them to make nodes for
-    controller: str = DRIVING  # the node with the simulation's parameters
+    controller: str = DRIVE_CONTROLLER  # the node with the simulation's parameters
 
     @property
     def params_files(self) -> list[Path]:
@@ -60,7 +58,7 @@ class Launch:
     @property
     def stands(self) -> bool:
         """Whether the robot is simulated standing, not driving."""
-        return self.controller == STANDING
+        return self.controller == MANAGER
 
     def is_true(self, name: str) -> bool:
         """Whether a switch is on; a switch that the command lacks is off."""
@@ -265,7 +263,7 @@ NODES = (
         _controller_parameters,
         starts=lambda launch: launch.is_true("sim") and launch.stands,
         params_files=True,
-        parameters_of=STANDING,
+        parameters_of=MANAGER,
     ),
     NodeRow(
         "robot_state_publisher",

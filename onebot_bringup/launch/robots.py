@@ -184,4 +184,4 @@ def _half(geometry: Geometry) -> float:
         return shape.radius
     from onebot_description.elements.meshes import mesh_corners  # slow to import
 
-    return float(np.linalg.norm(mesh_corners(shape) * np.array(shape.scale), axis=1).max())
+    return float(np.linalg.norm(mesh_corners(shape), axis=1).max())

@@ -107,7 +107,7 @@ class Arbiter:
                 self._pages[page] = _Page()
             elif isinstance(message, Stop):
                 self._stops += 1
-                self._stop()
+                self._take_control()
                 self._lock_robot(True)
             else:
                 self._limits = replace(self._limits, chosen=message)
@@ -132,7 +132,7 @@ class Arbiter:
         with self._update():
             is_late = self._clock() > self._deadline or self._stamp < self._woke()
             if self._moving and self._driver is not None and is_late:
-                self._halt()
+                self._end_command()
                 self._pages[self._driver].late = True
                 self.timeouts += 1
 
@@ -146,7 +146,7 @@ class Arbiter:
         """Take control from the driver, and publish all zero commands if the robot was driven."""
         with self._lock:
             driven = self._moving or self._zeros > 0
-            self._stop()
+            self._take_control()
             while driven and self._zeros:
                 self._publish_next()
             self._zeros = 0
@@ -177,12 +177,12 @@ class Arbiter:
         drove = self._driver == page
         if drove:
             self._driver = None
-            self._halt()
+            self._end_command()
         return drove
 
-    def _stop(self) -> None:
+    def _take_control(self) -> None:
         self._set_driver(None)
-        self._halt()
+        self._end_command()
         self._zeros = ZEROS
 
     def _set_driver(self, page: str | None) -> None:
@@ -190,7 +190,7 @@ class Arbiter:
         for connected_page in self._pages.values():  # presses of late pages came earlier
             connected_page.holding |= connected_page.late
 
-    def _halt(self) -> None:
+    def _end_command(self) -> None:
         self._latest, self._moving = Command(), False
 
     @contextmanager

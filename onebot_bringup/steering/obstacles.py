@@ -100,7 +100,7 @@ class Footprint(NamedTuple):
         link = max((name for name in self.links if base.endswith(name)), key=len, default=base)
         return base.removesuffix(link) + self.links[0]
 
-    def points(self, readings: Readings, sensor: Floats) -> Floats:
+    def obstacles(self, readings: Readings, sensor: Floats) -> Floats:
         """Return the obstacles, x and y (N, 2) in m, that a sensor at a pose (4, 4) sees.
 
         Things above the robot, and the ground, do not count.
@@ -182,7 +182,7 @@ class Obstacles:
         for when, frame, readings in self._seen.values():
             pose = self._transforms.tree.pose(frame, root)
             if pose is not None and time.monotonic() < when + _OLD:
-                points = footprint.points(readings, pose)
+                points = footprint.obstacles(readings, pose)
                 least = min(least, footprint.clearance(points, velocity.linear, velocity.angular))
         return least if least < math.inf else None
 

@@ -1,14 +1,18 @@
 """Subscribes to the topics that a robot view needs, with the types and QoS of their publishers."""
 
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from onebot_bringup.introspection.interfaces import message_class
 from onebot_bringup.viewer.core.inbox import WantedTopic
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_description.errors import OneBotError
 from onebot_description.ros.stamp_check import StampCheck
-from onebot_description.ros.topic_qos import compatible_qos, is_reliable, is_transient_local
+from onebot_description.ros.topic_qos import (
+    compatible_qos,
+    is_reliable,
+    is_transient_local,
+    make_qos,
+)
 from onebot_description.ros.topic_subscription import (
     TopicSubscription,
     TypeConflictError,
@@ -105,12 +109,4 @@ class ViewFeed:
             qos = subscription.qos
         latched = topic.latched or is_transient_local(qos)
         reliable = topic.reliable or latched or (topic.as_published and is_reliable(qos))
-        subscription.update(kind, _qos(reliable=reliable, latched=latched, depth=topic.depth))
-
-
-def _qos(*, reliable: bool, latched: bool, depth: int) -> QoSProfile:
-    return QoSProfile(
-        depth=depth,
-        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
-    )
+        subscription.update(kind, make_qos(topic.depth, reliable=reliable, latched=latched))

@@ -56,8 +56,8 @@ class DiffDriveKinematics:
 
         For wheel velocities in rad/s, the results are the body's velocities.
         """
-        way_left, way_right = left * self.left_radius, right * self.right_radius
-        return (way_left + way_right) / 2.0, (way_right - way_left) / self.separation
+        left, right = left * self.left_radius, right * self.right_radius
+        return (left + right) / 2.0, (right - left) / self.separation
 
 
 class PoseCovariance(NamedTuple):
@@ -225,30 +225,30 @@ class Odometry:
         self.linear, self.angular = linear, angular
 
     def _follow(self, left: float, right: float, dt: float) -> None:
-        way, turn = self.kinematics.body_motion(left, right)
-        self._integrate(way, turn)
-        self.linear = self._linear.add(way / dt)
+        distance, turn = self.kinematics.body_motion(left, right)
+        self._integrate(distance, turn)
+        self.linear = self._linear.add(distance / dt)
         self.angular = self._angular.add(turn / dt)
 
-    def _integrate(self, way: float, turn: float) -> None:
+    def _integrate(self, distance: float, turn: float) -> None:
         """Move along the arc that constant wheel velocities make.
 
         The chord has the heading in the middle of the arc, and the length 2 r sin(turn / 2) with
-        r = way / turn.
+        r = distance / turn.
         """
         half = turn / 2.0
         middle = self.heading + half
         cos, sin = math.cos(middle), math.sin(middle)
-        chord = way * (math.sin(half) / half) if half else way
+        chord = distance * (math.sin(half) / half) if half else distance
         dx, dy = chord * cos, chord * sin
         self.heading += turn
         self.x += dx
         self.y += dy
-        if way or turn:
-            self._spread(way, turn, dx, dy, cos, sin)
+        if distance or turn:
+            self._spread(distance, turn, dx, dy, cos, sin)
 
     def _spread(
-        self, way: float, turn: float, dx: float, dy: float, cos: float, sin: float
+        self, distance: float, turn: float, dx: float, dy: float, cos: float, sin: float
     ) -> None:
         """Propagate the covariance over an arc: F P F' + G Q G'.
 
@@ -257,13 +257,13 @@ class Odometry:
         """
         separation = self.kinematics.separation
         across, (left, right) = turn * separation / 2.0, self.noise
-        lever = way / (2.0 * separation)
+        lever = distance / (2.0 * separation)
         x, y = lever * sin, lever * cos
         errors = (
             (cos / 2.0 + x, sin / 2.0 - y, -1.0 / separation),
             (cos / 2.0 - x, sin / 2.0 + y, 1.0 / separation),
         )
-        variances = left * abs(way - across), right * abs(way + across)
+        variances = left * abs(distance - across), right * abs(distance + across)
         covariance = self.covariance.moved(dx, dy, errors, variances)
         # If it overflows, nothing is known of the pose any more, and the covariance stays.
         if math.isfinite(sum(covariance)):

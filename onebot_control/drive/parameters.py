@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from onebot_control.controller_names import BROADCASTER
 from onebot_control.drive.odometry import DiffDriveKinematics
 from onebot_control.drive.speed_limiter import SpeedLimits
 from onebot_control.frame_names import WORLD_FRAME
@@ -17,9 +18,6 @@ from onebot_description.ros.parameters.reader import (
 if TYPE_CHECKING:
     from onebot_control.drive.wheels.geometry import WheelGeometry
 
-BROADCASTER = "joint_state_broadcaster"
-MANAGER = "controller_manager"
-DEFAULT_JOINT_CONTROLLER = "joint_trajectory_controller"
 COMMAND_TYPES = ("auto", "Twist", "TwistStamped")
 INTERFACES = ("position", "velocity", "effort")
 _MOST_HERTZ = 10_000.0

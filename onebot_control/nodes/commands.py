@@ -54,7 +54,9 @@ class CommandLock:
         self._state.publish(Bool())
         node.create_subscription(Bool, self._topic, self._on_lock, _QOS)
 
-    def __str__(self) -> str:
+    @property
+    def reason(self) -> str:
+        """Why commands are ignored, and what ends it."""
         return (
             f"the robot is locked until false is published on {self._topic}, or until somebody "
             "presses a control that drives in onebot steer, or r in onebot teleop"
@@ -67,7 +69,7 @@ class CommandLock:
         self._state.publish(message)
         if self.locked:
             self._brake()
-            self._node.get_logger().warning(f"stopped: {self}")
+            self._node.get_logger().warning(f"stopped: {self.reason}")
         else:
             self._node.get_logger().info("unlocked: the robot can be driven again")
 
@@ -204,13 +206,14 @@ class CommandGate:
             self._warn.once(text)
         if self.lock.locked:
             if command.linear or command.angular:
-                self._warn("locked", f"~/cmd_vel is ignored: {self.lock}", every=_LOCKED_EVERY)
+                text = f"~/cmd_vel is ignored: {self.lock.reason}"
+                self._warn("locked", text, every=_LOCKED_EVERY)
             return
         # From here on, age it by a clock that nobody can set.
-        sent_at = now - command.age.least
+        dated = now - command.age.least
         if command.stamp and not loop.simulated:
-            sent_at = now - (time.time_ns() - command.stamp) / NS_PER_S
-        loop.post(lambda: self._accept(loop, command, sent_at, now - command.age.most))
+            dated = now - (time.time_ns() - command.stamp) / NS_PER_S
+        loop.post(lambda: self._accept(loop, command, dated, now - command.age.most))
 
     def _accept(self, loop: ControlLoop, command: Command, given: float, sent: float) -> None:
         self.answered = max(self.answered, command.stamp or 0)

@@ -12,7 +12,8 @@ from onebot_control.control_files import (
     read_control_files,
     read_joint_controllers,
 )
-from onebot_control.drive.parameters import MANAGER, ControlConfig, SimulationConfig
+from onebot_control.controller_names import MANAGER
+from onebot_control.drive.parameters import ControlConfig, SimulationConfig
 from onebot_description.ros.command_line import RosArguments
 from onebot_description.ros.parameters.reader import (
     ConfigError,

@@ -11,15 +11,15 @@ from typing import Any, NamedTuple
 
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from onebot_description.geometry.poses import Transform, of_arrays
 from onebot_description.ros.names import node_name
+from onebot_description.ros.topic_qos import make_qos
 from onebot_description.ros.wire.cdr import NS_PER_S
 from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.messages import BAD_MESSAGE, tf_arrays
 
-_TOPICS = {"/tf": DurabilityPolicy.VOLATILE, "/tf_static": DurabilityPolicy.TRANSIENT_LOCAL}
+_TOPICS = {"/tf": False, "/tf_static": True}  # whether each is latched
 _DEPTH = 100  # messages kept between two polls; if some are lost, localizers repeat theirs
 _POLL_NODES = NS_PER_S  # ns between two looks for the publishers of TF
 _KNOWN = 3 * NS_PER_S  # ns within which a node's name is discovered after its messages
@@ -145,11 +145,9 @@ class TransformTap:
             subscription.destroy_when_not_in_use()
         self._subscriptions, self._polled_ns = [], -_POLL_NODES
 
-    def _subscribed(self, topic: str, durability: DurabilityPolicy) -> Any:
+    def _subscribed(self, topic: str, latched: bool) -> Any:
         # Created without the node, so that its executor does not wait for it.
-        latched = durability is DurabilityPolicy.TRANSIENT_LOCAL
-        reliability = ReliabilityPolicy.RELIABLE if latched else ReliabilityPolicy.BEST_EFFORT
-        qos = QoSProfile(depth=_DEPTH, durability=durability, reliability=reliability)
+        qos = make_qos(_DEPTH, reliable=latched, latched=latched)
         with self._node.handle:
             return rclpy_implementation.Subscription(
                 self._node.handle, TFMessage, topic, qos.get_c_qos_profile()

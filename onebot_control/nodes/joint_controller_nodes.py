@@ -59,7 +59,7 @@ class JointControllerNodes:
                 controller,
                 lambda: slot.robot,
                 slot.running,
-                lambda: str(lock) if lock.locked else "",
+                lambda: lock.reason if lock.locked else "",
                 clock or node.get_clock(),
             )
 

@@ -9,6 +9,7 @@ effect in the next cycle, and only then the physics moves on.
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from typing import Any, Generic, Protocol, TypeVar
 from unittest.mock import patch
 
@@ -23,7 +24,7 @@ from rclpy.task import Future
 from rclpy.waitable import NumberOfEntities
 
 from onebot_control.controlled_robot import Snapshot
-from onebot_control.drive.parameters import MANAGER
+from onebot_control.controller_names import DRIVE_CONTROLLER, MANAGER
 from onebot_control.fleet import Divider, Fleet
 from onebot_control.nodes.control_loop import ControlLoop
 from onebot_control.nodes.control_parameters import ControlParameters
@@ -40,7 +41,6 @@ from onebot_description.ros.wire.definition import type_name
 T = TypeVar("T")
 
 _POLLS = 10.0  # Hz, in simulated time, of polls for publishers of commands and localizers
-_QUIET = 2  # passes without a ready callback; after the first, a message may be on its way
 _WAIT = 0.005  # s between checks whether topics are connected
 _KINDS = ("subscription", "timer", "client", "service")
 _SIMULATED = ["--ros-args", "-p", "use_sim_time:=true"]
@@ -105,7 +105,7 @@ class Lockstep(Generic[S]):
         self._arm_nodes: list[Node] = []
         self._nodes = [
             Node(
-                "velocity_controller" if robot.has_wheels else MANAGER,
+                DRIVE_CONTROLLER if robot.has_wheels else MANAGER,
                 context=self._context,
                 namespace=f"/{name}",
             )
@@ -175,21 +175,21 @@ class Lockstep(Generic[S]):
         self.settle()
 
     def settle(self) -> None:
-        """Run callbacks until none is ready; an exception in a callback is raised here."""
-        self._run_nodes()
-        quiet = 0
-        while quiet < _QUIET:
+        """Run callbacks until none is ready; an exception in a callback is raised here.
+
+        Within a process, Fast DDS delivers a message before ``publish`` returns: if no node has a
+        callback after the robots ran all of theirs, nothing is on its way.
+        """
+        executors = [self._arms, self._executor] if self._arm_nodes else [self._executor]
+        self._executor.run_ready()  # at least the callback of /clock is ready
+        while True:
             # Without a timeout it runs all that is ready.
             self._robots.spin_until_future_complete(Future(), 0.0)
-            quiet = 0 if self._run_nodes() else quiet + 1
-
-    def _run_nodes(self) -> bool:
-        """Run callbacks of the nodes under test until none is ready; return whether one was."""
-        executors = [self._arms, self._executor] if self._arm_nodes else [self._executor]
-        ran = False
-        while any([executor.run_one() for executor in executors]):
-            ran = True
-        return ran
+            busy = [executor for executor in executors if not executor.is_idle()]
+            if not busy:
+                return
+            for executor in busy:
+                executor.run_ready()
 
     def close(self) -> None:
         """Destroy the nodes; the simulation continues without ROS."""
@@ -260,26 +260,23 @@ class Lockstep(Generic[S]):
 
 
 class _Executor(SingleThreadedExecutor):
-    """Runs callbacks one by one; it sees sooner than rclpy's own executor that none is ready.
+    """Runs all callbacks that are ready; it sees sooner than rclpy's own that none is.
 
     In a control cycle hardly any callback is ready, and making sure of that took rclpy as long as
     the physics.
     """
 
-    def run_one(self) -> bool:
-        """Run one callback; return whether one was ready."""
-        if self._is_idle():
-            return False
-        try:
-            handler, _, _ = self.wait_for_ready_callbacks(timeout_sec=0.0)
-        except TimeoutException:
-            return False
-        handler()
-        if (error := handler.exception()) is not None:
-            raise error
-        return True
+    def run_ready(self) -> None:
+        """Run the callbacks that are ready now."""
+        with suppress(TimeoutException):  # raised after the last one
+            while True:
+                handler, _, _ = self.wait_for_ready_callbacks(timeout_sec=0.0)
+                handler()
+                if (error := handler.exception()) is not None:
+                    raise error
 
-    def _is_idle(self) -> bool:
+    def is_idle(self) -> bool:
+        """Return whether no callback is ready."""
         nodes = self.get_nodes()
         if any(guard for node in nodes for guard in node.guards):
             return False  # waiting would take their trigger from rclpy

@@ -39,8 +39,8 @@ _WORLD_PARAMETERS = ("update_rate", "real_time_factor", "use_sim_time", "world",
 class WorldInterface:
     """Runs the control loop for all robots of a world once every description is known.
 
-    Each robot has its own node with commands, parameters and services. ~/pause and ~/step of any of
-    them are the world's, and so is real_time_factor: set for one, it is set for all.
+    Each robot has its own node with commands, parameters and services. ~/pause and ~/step of any
+    robot act on the whole world, and real_time_factor of any robot is set for all.
 
     Attributes:
         robots: the ROS interface of each robot.
@@ -130,7 +130,7 @@ class WorldInterface:
         if any(robot.description is None for robot in self.robots):
             return
         fleet = self._fleet()
-        # Measurements are dropped only in real time.
+        # In real time measurements that are late are dropped; else the loop waits for them.
         sensing = SensingThread(
             Sensors(self.scene, fleet.rate, fleet.world.settings.gravity),
             self._node.get_logger().warning,
@@ -148,7 +148,7 @@ class WorldInterface:
         )
         # Exclude long-lived objects from garbage collection.
         gc.freeze()
-        steady = Clock(clock_type=ClockType.STEADY_TIME)  # sends results while paused, too
+        steady = Clock(clock_type=ClockType.STEADY_TIME)  # so that results are sent while paused
         self.start(loop, sensing, steady)
         if self.arm_nodes:
             self._arms_thread = NodeThread(self.arm_nodes, "arms", self._fail)
@@ -240,7 +240,10 @@ class WorldInterface:
         sensing.take(stamp, snapshots, world.scene.poses if world.scene else ())
 
     def poll(self) -> None:
-        """Look for publishers of commands and localizers; call it several times a second."""
+        """Look for publishers of commands and localizers; call it several times a second.
+
+        It raises what ended a thread of the simulation.
+        """
         if self._failure is not None:
             raise self._failure
         for robot in self.robots:
@@ -249,7 +252,7 @@ class WorldInterface:
             self._localizers.poll()
 
     def _fail(self, error: BaseException) -> None:
-        self._failure = error
+        self._failure = self._failure or error  # later ones are its consequences
 
 
 class NodeLog(logging.Handler):

@@ -214,7 +214,7 @@ def _bottom(shape: Shape, pose: Floats) -> float:
     """Return the height of the lowest point of a shape at ``pose``."""
     up, height = pose[2, :3], float(pose[2, 3])
     if isinstance(shape, Mesh):
-        corners = mesh_corners(shape) * np.array(shape.scale)
+        corners = mesh_corners(shape)
         return height + float((corners @ up).min()) - _MARGIN
     if isinstance(shape, Box):
         return height - float(abs(up) @ np.array(shape.size)) / 2.0

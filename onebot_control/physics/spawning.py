@@ -180,7 +180,7 @@ def load_robot(
     set_contact(client, robot, -1, root, description, settings)
     joints = {joint.name: indices[row] for row, joint in enumerate(moving)}
     for name, mimic in spawn.gears.items():
-        _mesh(client, robot, joints[name], joints[mimic.joint], mimic)
+        _add_gear(client, robot, joints[name], joints[mimic.joint], mimic)
     skidding = [joints[joint.name] for joint in moving if isinstance(joint, SkidAxle)]
     soften(client, robot, skidding, sum(body.mass for body in bodies.values()), settings)
     for damping in ("linearDamping", "angularDamping"):
@@ -191,7 +191,7 @@ def load_robot(
     return LoadedBody(client, ground, robot, joints, hubs, mass_frame, inverse(mass_frame))
 
 
-def _mesh(client: int, robot: int, follower: int, leader: int, mimic: Mimic) -> None:
+def _add_gear(client: int, robot: int, follower: int, leader: int, mimic: Mimic) -> None:
     """Make a joint follow another one, as if by gear wheels."""
     constraint = engine.createConstraint(
         robot,

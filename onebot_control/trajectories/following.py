@@ -107,7 +107,7 @@ class TrajectoryFollower:
         self.scaling = config.speed_scaling.initial_scaling_factor
         self._now, self._advance, self._rate = 0, 0.0, self.scaling
         self.time = self.elapsed = 0.0
-        self._start: int | None = None  # trajectory start, ns; unknown until its first update
+        self._start_stamp: int | None = None  # trajectory start, ns; unknown until its first update
         self.reset(positions)
 
     def configure(
@@ -168,7 +168,7 @@ class TrajectoryFollower:
         Returns:
             The outcome of the action goal that this one replaces; None if there is none.
         """
-        self._next = partial(self._begin, goal, held)
+        self._next = partial(self._follow_goal, goal, held)
         if token is None:
             return None
         preempted = self._ended(PREEMPTED)
@@ -227,9 +227,9 @@ class TrajectoryFollower:
             self.time += self._advance
         else:
             begin(measured, now)
-        if self._start is None:
-            self._start = now - round(self.time * NS_PER_S)
-        self.elapsed = (now - self._start) / NS_PER_S
+        if self._start_stamp is None:
+            self._start_stamp = now - round(self.time * NS_PER_S)
+        self.elapsed = (now - self._start_stamp) / NS_PER_S
         self._rate = self._scaling
         self._advance = period * self._rate
         self._now = now
@@ -261,7 +261,7 @@ class TrajectoryFollower:
         if self._holding:
             raise OneBotError("Currently there is no valid trajectory instance.")
         trajectory_time = self.time + (time - self._now) / NS_PER_S * self._rate
-        if trajectory_time < self._began:
+        if trajectory_time < self._first_time:
             text = "Requested sample time is earlier than the current trajectory start time."
             raise OneBotError(text)
         if trajectory_time >= self._trajectory.end:
@@ -300,8 +300,8 @@ class TrajectoryFollower:
         """Follow ``trajectory`` from its ``time`` on; ``holding``: without checking tolerances."""
         self._next = None
         self._trajectory = trajectory
-        self.time = self._began = self.elapsed = time
-        self._start = None
+        self.time = self._first_time = self.elapsed = time
+        self._start_stamp = None
         self._turns = turns or (0.0,) * len(self.joints)
         self._holding = holding
 
@@ -320,7 +320,7 @@ class TrajectoryFollower:
         else:
             self._hold(measured.positions)
 
-    def _begin(
+    def _follow_goal(
         self, goal: TrajectoryGoal, held: Collection[str], measured: JointMotion, now: int
     ) -> None:
         """Follow ``goal`` from the joints' motion; ``held`` joints begin at their last command."""

@@ -6,12 +6,12 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from onebot_control.trajectories.config import TrajectoryConfig
+from onebot_control.trajectories.tolerances import FLOAT_EPSILON
 from onebot_control.trajectories.trajectory import Waypoint
 from onebot_description.errors import did_you_mean, printable
 from onebot_description.ros.parameters.values import LARGEST
 from onebot_description.ros.wire.cdr import NS_PER_S
 
-_REST = 1.1920929e-07  # rad/s or m/s; as joint_trajectory_controller: the epsilon of a float32
 _ROUNDING = 1e-6  # rad or m; rounding a limit to a float32 may move it this far beyond itself
 
 
@@ -125,7 +125,7 @@ def _fault(value: float, joint: FollowedJoint | None) -> str:
 def _end_problems(goal: TrajectoryGoal) -> Iterator[str]:
     for point in goal.points[-1:]:
         for name, velocity in zip(goal.joints, point.velocities, strict=False):
-            if abs(velocity) > _REST:
+            if abs(velocity) > FLOAT_EPSILON:
                 text = "not 0 at the end, and allow_nonzero_velocity_at_trajectory_end is false"
                 place = f"points[{len(goal.points) - 1}].velocities: {printable(name)}"
                 yield f"{place}: {velocity:.9g} is {text}"

@@ -7,7 +7,7 @@ from onebot_control.trajectories.config import JointConstraint, TrajectoryConfig
 from onebot_description.errors import did_you_mean, printable
 
 _OFF = -1.0  # value by which a goal switches a tolerance off
-_OFF_ROUNDING = 1.1920929e-07  # joint_trajectory_controller's: the epsilon of a float32
+FLOAT_EPSILON = 1.1920929e-07  # of a float32, with which joint_trajectory_controller compares
 
 
 class ToleranceGiven(NamedTuple):
@@ -105,7 +105,7 @@ def _resolved(given: float, default: float) -> float:
 
 
 def _is_off(value: float) -> bool:
-    return abs(value - _OFF) < _OFF_ROUNDING
+    return abs(value - _OFF) < FLOAT_EPSILON
 
 
 def exceeded(joints: Sequence[str], error: Sequence[float], tolerances: Sequence[float]) -> str:

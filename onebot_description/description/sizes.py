@@ -42,8 +42,8 @@ def _size(shape: Shape) -> Triple:
         return shape.size
     if isinstance(shape, Mesh):
         corners = mesh_corners(shape)
-        x, y, z = (abs(corners.max(axis=0) - corners.min(axis=0)) * shape.scale).tolist()
-        return abs(x), abs(y), abs(z)
+        x, y, z = (corners.max(axis=0) - corners.min(axis=0)).tolist()
+        return x, y, z
     width = 2.0 * shape.radius
     return width, width, width if isinstance(shape, Sphere) else shape.length
 

@@ -107,8 +107,8 @@ def surfaces(scene: "trimesh.Scene") -> list[Any]:
 
 
 def mesh_corners(mesh: Mesh) -> "NDArray[np.float64]":
-    """Return the corners (N, 3) of all triangles of a mesh file, in metres, unscaled."""
-    return read_mesh(mesh)[0]
+    """Return the scaled corners (N, 3) of all triangles of a mesh, m, in its shape's frame."""
+    return read_mesh(mesh)[0] * mesh.scale
 
 
 def read_mesh(mesh: Mesh) -> "tuple[NDArray[np.float64], NDArray[np.intp]]":

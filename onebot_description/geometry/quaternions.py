@@ -9,6 +9,9 @@ from numpy.typing import ArrayLike
 from onebot_description.arrays import Floats
 from onebot_description.geometry import poses
 
+UNIT_TOLERANCE = 0.01
+"""How far the squared length of a unit quaternion may be from 1, as in tf2."""
+
 
 def from_rpy(rpy: ArrayLike) -> Floats:
     """Return the quaternions (..., 4) of fixed-axis roll, pitch, yaw (..., 3), rad."""

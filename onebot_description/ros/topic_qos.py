@@ -8,6 +8,15 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
+def make_qos(depth: int, *, reliable: bool, latched: bool) -> QoSProfile:
+    """Return a QoS; ``latched``: late subscribers get the last ``depth`` messages, too."""
+    return QoSProfile(
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+    )
+
+
 def compatible_qos(offers: Iterable[QoSProfile], depth: int) -> QoSProfile:
     """Return the strictest QoS that receives from all publishers.
 
@@ -17,12 +26,8 @@ def compatible_qos(offers: Iterable[QoSProfile], depth: int) -> QoSProfile:
     """
     offers = list(offers)
     reliable = all(map(is_reliable, offers))
-    latched = offers and all(map(is_transient_local, offers))
-    return QoSProfile(
-        depth=depth,
-        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
-    )
+    latched = bool(offers) and all(map(is_transient_local, offers))
+    return make_qos(depth, reliable=reliable, latched=latched)
 
 
 def exceeds(qos: QoSProfile, other: QoSProfile) -> bool:

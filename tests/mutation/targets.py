@@ -54,6 +54,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     ),
     "onebot_description/joints/motion_limits.py": _description("joints_limits"),
     "onebot_description/joints/mimic.py": _description(*_SOURCE),
+    "onebot_description/joints/plan.py": _description(*_SOURCE),
     "onebot_description/joints/source.py": _description(*_SOURCE),
     "onebot_description/description/checks.py": _description(*_CHECKS),
     "onebot_description/elements/reading.py": _description(*_CHECKS),
@@ -166,9 +167,11 @@ EQUIVALENT: dict[str, set[str]] = {
         # No blend comes before linear.
         "Keyframes.violations: factor = 1.0 if self.blend <= LINEAR else MINIMUM_JERK_PEAK",
     },
-    "onebot_description/joints/source.py": {
+    "onebot_description/joints/plan.py": {
         # A range is never below 0.
         "_JointPlanner._swing: if amplitude != 0.0:",
+    },
+    "onebot_description/joints/source.py": {
         # The position is the same either way but for rounding.
         "JointStateSource._toward: near = np.abs(way) < reach * (1.0 + _ROUNDING)",
     },

@@ -31,9 +31,7 @@ from onebot_bringup.launch.bringup import (
     with_params_file,
 )
 from onebot_bringup.launch.nodes import (
-    DRIVING,
     NODES,
-    STANDING,
     VIEWER,
     Launch,
     RosNodes,
@@ -42,6 +40,7 @@ from onebot_bringup.launch.nodes import (
 )
 from onebot_bringup.launch.robots import PlacedRobot
 from onebot_bringup.launcher.process import NodeProcess
+from onebot_control.controller_names import DRIVE_CONTROLLER, MANAGER
 from onebot_control.drive.parameters import SimulationConfig
 from onebot_description.description import Description, load_description
 from onebot_description.description_files import Source
@@ -102,7 +101,7 @@ def make(arm: Path, described: Description) -> Make:
             ros_args,
             source,
             declared,
-            controller=DRIVING if simulated else STANDING,
+            controller=DRIVE_CONTROLLER if simulated else MANAGER,
         )
 
     return factory
@@ -457,6 +456,15 @@ def test_another_time_than_that_of_the_simulation_is_refused(
         given["real_time_factor"] = "2"
     with pytest.raises(UsageError, match="use_sim_time:=false does not .*real_time_factor 2,"):
         with_params_file(make(**given).values, given)
+
+
+def test_a_standing_robot_of_another_pace_is_on_simulated_time(make: Make) -> None:
+    """No params_file is needed for it; the other nodes take its time."""
+    given = {"sim": "true", "real_time_factor": "2"}
+    assert with_params_file(make(False, **given).values, given, MANAGER)["use_sim_time"] == "true"
+    given["use_sim_time"] = "false"
+    with pytest.raises(UsageError, match="use_sim_time:=false does not"):
+        with_params_file(make(False, **given).values, given, MANAGER)
 
 
 def test_a_wrong_prefix_in_the_file_is_refused_with_its_line(make: Make, arm: Path) -> None:

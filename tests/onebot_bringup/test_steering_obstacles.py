@@ -58,7 +58,7 @@ def test_how_far_the_robot_can_go(footprint, point, linear, angular, clearance):
     """By a scanner that looks backwards."""
     seen = 0.1 - point[0], -point[1]  # by the scanner
     rays = scan(math.atan2(*reversed(seen)), math.hypot(*seen), math.inf, math.nan)
-    points = footprint.points(rays, at(0.1, 0.0, 0.0, yaw=math.pi))
+    points = footprint.obstacles(rays, at(0.1, 0.0, 0.0, yaw=math.pi))
     assert footprint.clearance(points, linear, angular) == pytest.approx(clearance, abs=1e-5)
 
 
@@ -76,17 +76,17 @@ def test_how_far_the_robot_can_go(footprint, point, linear, angular, clearance):
 )
 def test_the_ground_and_the_ceiling_are_no_obstacles(footprint, place, distance, counts):
     """What stands in the way is, at whatever height its sensor is."""
-    assert bool(len(footprint.points(scan(0.0, distance), place))) is counts
+    assert bool(len(footprint.obstacles(scan(0.0, distance), place))) is counts
 
 
 def test_a_range_has_what_it_met_anywhere_on_its_cone(footprint):
     """A sonar, and a detector of a fixed distance (REP-117); +inf and nan say nothing."""
     message = Range(field_of_view=0.4, min_range=0.1, max_range=2.0, range=1.0)
     beside = at(0.2, 0.25)  # its axis passes the robot's side, its cone does not
-    points = footprint.points(Readings.from_range(message), beside)
+    points = footprint.obstacles(Readings.from_range(message), beside)
     assert footprint.clearance(points, 0.3, 0.0) == pytest.approx(math.cos(0.2), abs=1e-6)
     message.field_of_view = 0.1
-    points = footprint.points(Readings.from_range(message), beside)
+    points = footprint.obstacles(Readings.from_range(message), beside)
     assert footprint.clearance(points, 0.3, 0.0) == math.inf
     for nothing in (math.inf, math.nan, 0.05, 2.1):
         message.range = nothing

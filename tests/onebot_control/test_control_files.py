@@ -16,7 +16,8 @@ from onebot_control.control_files import (
     read_joint_controllers,
     unknown_by_node,
 )
-from onebot_control.drive.parameters import MANAGER, ControlConfig
+from onebot_control.controller_names import MANAGER
+from onebot_control.drive.parameters import ControlConfig
 from onebot_control.joint_controllers import (
     ForwardController,
     GripperController,

@@ -4,13 +4,16 @@ from typing import Any
 
 import pytest
 
-from onebot_control.controlled_robot import Snapshot
+from onebot_control.controlled_robot import DEFAULT_CONTROLLER, Snapshot
 from onebot_control.fleet import Fleet, Member
 from onebot_control.physics import World
+from onebot_control.trajectories.goal import TrajectoryGoal
+from onebot_control.trajectories.trajectory import Waypoint
 from onebot_description.description import Description, parse_description
 from onebot_description.description.loading import load_world
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import PlanarPose
+from tests.onebot_control.arm_models import rod
 from tests.onebot_control.control_support import CASTER, config, robot, wheel
 
 STARTS = [PlanarPose(), PlanarPose(2.0, 1.0, 1.5)]
@@ -154,6 +157,20 @@ def test_a_robot_is_not_put_into_another() -> None:
         assert after.odometry[:2] == pytest.approx(odometry[:2], abs=0.01)
         run(fleet, 0, 0.3, 0.4, 50)
         assert other.true_pose == pytest.approx(beside.pose.translation[:2] + (0.5,), abs=1e-3)
+
+
+def test_an_arm_stays_where_it_is_when_another_robot_is_replaced() -> None:
+    """The new world, too, tracks its reference."""
+    members = [
+        Member(robot(), config(**STARTS[1]._asdict()), "/r1"),
+        Member(rod(), config(), "/r2", controllers=[DEFAULT_CONTROLLER], stands=True),
+    ]
+    with Fleet.from_members(members) as fleet:
+        [follower] = fleet.robots[1].arms.values()
+        follower.start(TrajectoryGoal(("elbow",), (Waypoint(0.5, (1.0,)),)))
+        run(fleet, 0, 0.0, 0.0, 60)
+        fleet.replace(0, larger())
+        assert run(fleet, 0, 0.0, 0.0, 60)[1].joints.positions == pytest.approx((1.0,), abs=1e-3)
 
 
 @pytest.mark.parametrize("walled", [False, True])

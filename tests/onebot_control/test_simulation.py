@@ -10,10 +10,12 @@ import pytest
 
 import onebot_control
 from onebot_control import OneBotError, RobotSetup, SimulatedRobot, Simulation
+from onebot_control.simulation import ONEBOT
 from onebot_description.description import parse_description
 from tests.onebot_control.control_support import urdf
 
 ROBOTS = Path(__file__).parents[1] / "robots"
+DIFF_DRIVE = ROBOTS / "diff_drive.urdf"
 BOX = """<robot name="w"><link name="world"/>
   <link name="box"><visual><geometry><box size="1 4 1"/></geometry></visual>
     <collision><geometry><box size="1 4 1"/></geometry></collision></link>
@@ -172,9 +174,12 @@ def test_several_robots():
             world.robot  # noqa: B018
         with pytest.raises(OneBotError, match="two"):
             one.teleport(two.pose.x, 0.0)
+    setups = {"one": RobotSetup(model=ONEBOT), "two": RobotSetup(x=2.0, model=DIFF_DRIVE)}
+    with Simulation(robots=setups, sensors=True) as world:
+        assert len(world.robots["one"].scan().ranges) > 100
     with pytest.raises(OneBotError, match="would stand in the same place"):
         Simulation(robots={"one": RobotSetup(), "two": RobotSetup(x=0.1)})
-    with pytest.raises(OneBotError, match="give each its own"):
+    with pytest.raises(OneBotError, match="give each RobotSetup its own"):
         Simulation(robots=robots, x=1.0)
 
 
@@ -205,7 +210,7 @@ def test_any_robot(tmp_path: Path):
         ({"parameters": {"world": "maze"}}, "world: is an argument of Simulation"),
         ({"parameters": {"sensor_noise": False}}, "argument noise of Simulation"),
         ({"parameters": {"real_time_factor": 2.0}}, "has no effect here"),
-        ({"model": ROBOTS / "diff_drive.urdf", "sensors": True}, "the robot has no sensor"),
+        ({"model": DIFF_DRIVE, "sensors": True}, "no sensor found"),
         ({"sensors": "nowhere.urdf"}, "nowhere.urdf"),
         ({"x": math.nan}, "finite"),
         ({"world": "maze", "x": 2.8, "y": 0.8}, "somewhere else"),
@@ -236,6 +241,9 @@ def test_a_mistake_of_a_running_simulation_changes_nothing():
             robot.range()
         with pytest.raises(ValueError, match="seed"):
             world.reset(seed=-1)
+        for seconds, rate in ((-1.0, 5.0), (math.inf, 5.0), (1.0, 0.0), (1.0, math.nan)):
+            with pytest.raises(ValueError, match="finite"):
+                world.keep(seconds, rate)
         world.run(1.0)
         assert robot.twist.linear == pytest.approx(0.2, abs=1e-3)
     with pytest.raises(OneBotError, match="closed"):

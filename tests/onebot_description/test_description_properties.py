@@ -24,7 +24,7 @@ EDITS = st.lists(
 )
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.sampled_from(SEEDS), EDITS)
 def test_damage_is_always_explained(seed: bytes, edits: list[tuple[int, int, bytes]]) -> None:
     for start, length, piece in edits:

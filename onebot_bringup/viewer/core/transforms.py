@@ -20,11 +20,11 @@ from onebot_bringup.viewer.core.columns import (
 from onebot_bringup.viewer.core.inbox import OTHER_CLOCK_NS, MessageType, one_by_one
 from onebot_bringup.viewer.core.rerun_limits import LARGEST, is_old
 from onebot_description.arrays import Floats
+from onebot_description.geometry.quaternions import UNIT_TOLERANCE
 from onebot_description.ros.wire.messages import TfArrays, tf_arrays
 
 TF_ENTITY = "tf"
 TF_STATIC_ENTITY = "tf_static"
-_UNIT = 0.01  # tf2's tolerance of the square of a quaternion's length
 
 
 def _stamp_ns(message: TfArrays) -> int:
@@ -44,7 +44,8 @@ def _usable(translations: Floats, rotations: Floats) -> NDArray[np.bool_]:
     """Return a mask of the rows that are valid: finite, with a quaternion of unit length."""
     with np.errstate(all="ignore"):
         lengths, distances = (np.einsum("ij,ij->i", a, a) for a in (rotations, translations))
-        usable: NDArray[np.bool_] = np.abs(lengths - 1.0) <= _UNIT  # both are squared lengths
+        # Both are squared lengths.
+        usable: NDArray[np.bool_] = np.abs(lengths - 1.0) <= UNIT_TOLERANCE
         usable &= distances <= LARGEST**2
         return usable
 

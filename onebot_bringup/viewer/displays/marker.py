@@ -40,13 +40,12 @@ from onebot_bringup.viewer.displays.marker_shapes import (
 )
 from onebot_description.arrays import Floats
 from onebot_description.errors import OneBotError, printable, shortened
-from onebot_description.geometry.quaternions import from_matrix, multiply, rotate
+from onebot_description.geometry.quaternions import UNIT_TOLERANCE, from_matrix, multiply, rotate
 from onebot_description.ros.wire.cdr import NS_PER_S
 
 ADD, DELETE, DELETE_ALL = 0, 2, 3
 _NEVER = np.iinfo(np.int64).max  # the end of an infinite lifetime
 _NOT_DRAWN = -1  # type number of markers that are left out
-_UNIT = 0.01  # tolerance of the square of a quaternion's length
 _IDENTITY = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)  # position and quaternion
 _TOGETHER_NS = 50_000_000  # single markers that arrive within this time are logged together
 _STEP_NS = 1_000_000_000  # if the time goes back by this, the clock was set back
@@ -466,7 +465,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         if not (incoming.actions == ADD).all():
             poses[incoming.actions != ADD] = _IDENTITY
         lengths = np.einsum("ij,ij->i", poses[:, 3:], poses[:, 3:])
-        if lengths.min() < 1.0 - _UNIT or lengths.max() > 1.0 + _UNIT:
+        if lengths.min() < 1.0 - UNIT_TOLERANCE or lengths.max() > 1.0 + UNIT_TOLERANCE:
             _make_unit(incoming, lengths, self.problems)
         for frame, moving in moved.items():
             for at_ns, rows in _by_stamp(moving, incoming.stamps_ns()[moving]):
@@ -579,7 +578,7 @@ def _make_unit(incoming: Incoming, lengths: Floats, problems: dict[str, str]) ->
     turns[none] = (0.0, 0.0, 0.0, 1.0)
     turns /= np.sqrt(np.where(none, 1.0, lengths))[:, None]
     incoming.report(problems, none, "its quaternion is zero: taken as no turn")
-    odd = (np.abs(lengths - 1.0) > _UNIT) & ~none
+    odd = (np.abs(lengths - 1.0) > UNIT_TOLERANCE) & ~none
     incoming.report(problems, odd, "its quaternion is not of unit length")
 
 

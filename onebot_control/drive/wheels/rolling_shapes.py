@@ -85,7 +85,7 @@ def _tyre(geometry: Geometry, pose: Floats, axis: Floats) -> Tyre | None:
 def _round_mesh(mesh: Mesh, pose: Floats, axis: Floats) -> Tyre | None:
     """Return the greatest circle of a mesh about ``axis``; None if it is not round."""
     try:
-        corners = mesh_corners(mesh) * np.array(mesh.scale)
+        corners = mesh_corners(mesh)
     except OneBotError:  # reported by who needs the mesh
         return None
     corners = matrices.transformed(corners, pose)

@@ -1,0 +1,249 @@
+"""Checks the parameters of joints against a robot, and chooses the motion of each joint."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from onebot_description.arrays import Floats
+from onebot_description.description import Joint
+from onebot_description.errors import did_you_mean
+from onebot_description.joints import mimic
+from onebot_description.joints.config import JointsConfig
+from onebot_description.joints.mimic import Following
+from onebot_description.joints.motion_limits import (
+    JointLimits,
+    joint_limits,
+    movable,
+    zero_position,
+)
+from onebot_description.joints.motions import (
+    TURN,
+    Allowed,
+    Keyframes,
+    Motion,
+    Sine,
+)
+from onebot_description.ros.parameters.reader import Problem
+
+_SHARE_OF_RANGE, _SHARE_OF_SPEED = 0.9, 0.5  # what a swing uses of the limits
+_FREE_SWING = math.pi / 2  # rad or m, without limits
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The checked motions and limits of N movable joints; ``make_plan`` returns it."""
+
+    config: JointsConfig
+    following: Following
+    limits: JointLimits  # after mimic joints are taken into account
+    endless: NDArray[np.bool_]  # (N,) True for continuous joints without followers
+    zeros: Floats  # (N,) positions of joints that nothing moves
+    motions: tuple[Motion, ...]  # N; followers' are not used
+    unsuitable: tuple[Problem, ...]  # parameters for which a change of them is refused
+    reports: tuple[Problem, ...]  # all warnings, including these and motions beyond limits
+
+
+def make_plan(all_joints: Sequence[Joint], config: JointsConfig) -> Plan:
+    """Check parameters against a robot's joints, and choose the motion of each joint.
+
+    Args:
+        all_joints: all joints of the robot.
+        config: the parameters; those that do not suit the robot are ignored, and reported.
+    """
+    joints = movable(all_joints)
+    limits, problems = joint_limits(joints, soft=config.use_smallest_joint_limits)
+    following, narrowed, more = mimic.resolve(
+        joints, all_joints, limits, config.dependent_joints, config.use_mimic_tags
+    )
+    problems = [
+        *_wrong_names(joints, all_joints, config),
+        *_moved_followers(joints, following, config),
+        *problems,
+        *more,
+    ]
+    endless = np.array([joint.kind == "continuous" for joint in joints], dtype=bool)
+    endless[following.leader[following.follows]] = False
+    endless &= ~following.follows
+    reports = [*config.notes, *problems, *_unknown_zeros(joints, config)]
+    planners = [
+        _JointPlanner(joint, _allowed(joint, narrowed, row), row / len(joints), config, reports)
+        for row, joint in enumerate(joints)
+    ]
+    zeros = [
+        planner.zero(zero_position(lower, upper))
+        for planner, lower, upper in zip(
+            planners, limits.lower.tolist(), limits.upper.tolist(), strict=True
+        )
+    ]
+    motions = tuple(
+        Keyframes.hold(0.0) if follows else planner.motion(zero, turns)
+        for planner, zero, turns, follows in zip(
+            planners, zeros, endless.tolist(), following.follows.tolist(), strict=True
+        )
+    )
+    _report_poses(planners, following, config)
+    return Plan(
+        config=config,
+        following=following,
+        limits=narrowed,
+        endless=endless,
+        zeros=np.array(zeros, np.float64),
+        motions=motions,
+        unsuitable=tuple(problem for problem in problems if problem.key),
+        reports=tuple(reports),
+    )
+
+
+def _allowed(joint: Joint, limits: JointLimits, row: int) -> Allowed:
+    ends = float(limits.lower[row]), float(limits.upper[row]), float(limits.velocity[row])
+    return Allowed(*ends, "m" if joint.kind == "prismatic" else "rad", joint.kind == "continuous")
+
+
+@dataclass(frozen=True)
+class _JointPlanner:
+    """Chooses the motion of one joint, and collects warnings."""
+
+    joint: Joint
+    allowed: Allowed  # after mimic joints are taken into account
+    share: float  # fraction of the joints that come before it, 0 to 1
+    config: JointsConfig
+    reports: list[Problem]  # warnings are appended to it
+
+    def zero(self, default: float) -> float:
+        """Return the position of the joint while nothing moves it, within its limits."""
+        return self.allowed.clamp(self.config.zeros.get(self.joint.name, default))
+
+    def motion(self, zero: float, endless: bool) -> Motion:
+        """Return the motion: held pose, own motion, sequence, sweep, swing or rest, in that order.
+
+        Args:
+            zero: the position at rest, rad or m.
+            endless: whether a loop over whole turns keeps turning.
+        """
+        config, name = self.config, self.joint.name
+        if name in config.zeros:
+            self.check(Keyframes.hold(config.zeros[name]), f"zeros.{name}")
+        if config.pose and name in config.poses[config.pose]:
+            position = self.allowed.clamp(config.poses[config.pose][name])
+            return Keyframes.hold(position, config.pose)
+        motion, key = config.motions.get(name), f"motions.{name}"
+        if motion is None and config.sequence.complete:
+            motion, key = self._sequence(zero), "sequence"
+        if motion is not None:
+            self.check(motion, key)
+            return motion.turning() if endless and isinstance(motion, Keyframes) else motion
+        if config.delta:
+            return self._sweep(zero)
+        return self._swing() if config.swing else Keyframes.hold(zero)
+
+    def _sequence(self, zero: float) -> Keyframes | None:
+        sequence, name = self.config.sequence, self.joint.name
+        named = [self.config.poses[pose].get(name) for pose in sequence.poses]
+        keyframes = [position for position in named if position is not None]
+        if not keyframes:
+            return None
+        # A pose without this joint leaves it at its position in the previous pose.
+        last = keyframes[-1] if sequence.loop else zero
+        positions = []
+        for position in named:
+            last = last if position is None else position
+            positions.append(self.allowed.clamp(last))
+        times = np.cumsum([0.0, *sequence.durations[1:]]).tolist()
+        if sequence.loop:
+            times.append(times[-1] + sequence.durations[0])
+            positions.append(positions[0])
+        lead = sequence.durations[0]
+        return Keyframes(tuple(times), tuple(positions), sequence.blend, sequence.loop, lead)
+
+    def _sweep(self, zero: float) -> Motion:
+        allowed, speed = self.allowed, self.config.delta * self.config.rate
+        if not allowed.reaches(speed):
+            text = f"delta times rate is {speed:.4g} {allowed.unit}/s, over {allowed.speed}"
+            remedy = "at which it moves: lower delta or rate"
+            self.reports.append(Problem("delta", f'joint "{self.joint.name}": {text}, {remedy}'))
+        return Keyframes.sweep(min(speed, allowed.velocity), zero, allowed.lower, allowed.upper)
+
+    def _swing(self) -> Motion:
+        """Swing through most of the range, at no more than a part of the speed allowed.
+
+        The phases are spread over a turn, so that the robot does not move as one piece.
+        """
+        lower, upper = self.allowed.lower, self.allowed.upper
+        middle, amplitude = 0.0, _FREE_SWING
+        if math.isfinite(upper - lower):
+            middle, amplitude = (lower + upper) / 2, _SHARE_OF_RANGE * (upper - lower) / 2
+        frequency = 1.0 / self.config.swing
+        if amplitude > 0.0:
+            speed = _SHARE_OF_SPEED * self.allowed.velocity
+            frequency = min(frequency, speed / (TURN * amplitude))
+        return Sine(amplitude, frequency, TURN * self.share, middle)
+
+    def check(self, motion: Motion, key: str) -> None:
+        """Report where the motion of the parameter ``key`` exceeds the joint's limits."""
+        name = self.joint.name
+        about = "" if key.endswith(f".{name}") else f'joint "{name}": '
+        texts = motion.violations(self.allowed)
+        self.reports.extend(Problem(key, about + text) for text in texts)
+
+
+def _report_poses(
+    planners: Sequence[_JointPlanner], following: Following, config: JointsConfig
+) -> None:
+    """Report poses beyond limits, and pose entries of joints that follow others."""
+    rows = {planner.joint.name: row for row, planner in enumerate(planners)}
+    for pose, positions in config.poses.items():
+        for name, position in positions.items():
+            if name not in rows:
+                continue  # reported already
+            planner, key = planners[rows[name]], f"poses.{pose}.{name}"
+            if following.follows[rows[name]]:
+                leader = planners[following.leader[rows[name]]].joint.name
+                planner.reports.append(Problem(key, f'not used: this joint follows "{leader}"'))
+            else:
+                planner.check(Keyframes.hold(position), key)
+
+
+def _unknown_zeros(joints: Sequence[Joint], config: JointsConfig) -> list[Problem]:
+    names = {joint.name for joint in joints}
+    return [
+        Problem(f"zeros.{name}", f"no joint of this name moves{did_you_mean(name, names)}")
+        for name in sorted(set(config.zeros) - names)
+    ]
+
+
+def _wrong_names(
+    joints: Sequence[Joint], all_joints: Sequence[Joint], config: JointsConfig
+) -> list[Problem]:
+    """Return a problem for each parameter of a joint that does not exist or cannot move."""
+    moving = [joint.name for joint in joints]
+    kinds = {joint.name: joint.kind for joint in all_joints}
+    keys = {f"motions.{name}": name for name in config.motions}
+    keys |= {f"dependent_joints.{name}": name for name in config.dependent_joints}
+    for pose, positions in config.poses.items():
+        keys |= {f"poses.{pose}.{name}": name for name in positions}
+    problems = []
+    for key, name in keys.items():
+        if name not in moving:
+            hint = did_you_mean(name, moving, "joints that move")
+            absent = f'the robot has no joint "{name}"'
+            text = f'joint "{name}" is {kinds[name]}' if name in kinds else absent
+            problems.append(Problem(key, text + hint))
+    return problems
+
+
+def _moved_followers(
+    joints: Sequence[Joint], following: Following, config: JointsConfig
+) -> list[Problem]:
+    """Return the motions of joints that follow others."""
+    problems = []
+    for number in np.flatnonzero(following.follows).tolist():
+        name, leader = joints[number].name, joints[int(following.leader[number])].name
+        if name in config.motions:
+            remedy = "move that one, or set use_mimic_tags to false"
+            problems.append(
+                Problem(f"motions.{name}", f'joint "{name}" follows "{leader}"; {remedy}')
+            )
+    return problems
