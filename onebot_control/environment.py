@@ -21,6 +21,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from onebot_control.sensing.readings import RobotPose
 from onebot_control.simulation import SimulatedRobot, Simulation
 
 _FASTEST = np.array([1.0, 3.0], np.float32)  # m/s, rad/s; OneBot's limiter allows no more
@@ -94,7 +95,7 @@ class OneBotEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         """
         super().reset(seed=seed, options=options)
         self.simulation.reset(seed=int(self.np_random.integers(2**63)))
-        self._steps = 0
+        self._steps, self._driven = 0, 0.0
         return self._observation(), {}
 
     def step(
@@ -110,14 +111,16 @@ class OneBotEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         """
         robot = self.simulation.robot
         robot.drive(*(_FASTEST * action).tolist())
+        before = robot.pose
         self.simulation.run(self._seconds)
+        self._driven = _distance_forward(before, robot.pose)
         self._steps += 1
         truncated = self._steps >= self._max_steps
         return self._observation(), self.reward(robot), self.is_over(robot), truncated, {}
 
     def reward(self, robot: SimulatedRobot) -> float:
         """Return the reward of the last step: the metres driven forward in it."""
-        return robot.twist.linear * self._seconds
+        return self._driven
 
     def is_over(self, robot: SimulatedRobot) -> bool:
         """Return whether the episode is over: the robot is about to touch something ahead."""
@@ -139,3 +142,10 @@ class OneBotEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             "scan": np.clip(robot.scan().ranges, np.float32(0.0), self._farthest),
             "odometry": np.array(values, np.float32),
         }
+
+
+def _distance_forward(before: RobotPose, after: RobotPose) -> float:
+    """Return how far a robot has moved along its heading in the middle of two poses, m."""
+    heading = before.yaw + math.remainder(after.yaw - before.yaw, math.tau) / 2.0
+    dx, dy = after.x - before.x, after.y - before.y
+    return dx * math.cos(heading) + dy * math.sin(heading)

@@ -51,7 +51,7 @@ class Member(NamedTuple):
 class Fleet:
     """Robots in one world that are driven together, one control cycle at a time.
 
-    All their configs must have the same update_rate. A single robot is a fleet, too.
+    A single robot is a fleet, too.
 
     Attributes:
         robots: take commands and parameters, in the order of the members.
@@ -77,8 +77,9 @@ class Fleet:
 
         Raises:
             OneBotError: config and description of a robot do not suit each other, it cannot be
-                simulated, or two robots start in the same place.
+                simulated, two robots start in the same place, or differ in their update_rate.
         """
+        _check_rates(members)
         prepared_robots = [_prepared(member) for member in members]
         fitted = settings.fitted(members[0].config.update_rate)
         if any(prepared.converges_slowly for prepared in prepared_robots):
@@ -222,6 +223,16 @@ def _prepared(member: Member) -> PreparedRobot:
             member.controllers,
             stands=member.stands,
         )
+
+
+def _check_rates(members: Sequence[Member]) -> None:
+    """Raise a OneBotError if the members differ in their update_rate."""
+    first = members[0]
+    for member in members:
+        rate, same = member.config.update_rate, first.config.update_rate
+        if rate != same:
+            text = f"{member.name}: update_rate is {rate:g} Hz, but {same:g} Hz of {first.name}"
+            raise OneBotError(f"{text}; it is the same for all robots of a world")
 
 
 def _controlled(member: Member, prepared: PreparedRobot, plant: RobotBody) -> ControlledRobot:

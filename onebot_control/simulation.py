@@ -475,7 +475,8 @@ class SimulatedRobot:
         fingers that grip something keep gripping it. ``moving`` is true until the end.
 
         Args:
-            positions: target by joint name, rad (m for prismatic joints).
+            positions: target by joint name, rad (m for prismatic joints); a continuous joint makes
+                whole turns to it.
             seconds: simulated duration, above 0.
 
         Raises:
@@ -492,7 +493,7 @@ class SimulatedRobot:
         if problems := [text for arm, goal in goals for text in arm.problems(goal, stamp)]:
             raise OneBotError("\n".join(problems))
         for arm, goal in goals:
-            arm.start(goal, held=set(arm.names) - set(positions))
+            arm.start(goal, held=set(arm.names) - set(positions), absolute=True)
 
     @property
     def moving(self) -> bool:

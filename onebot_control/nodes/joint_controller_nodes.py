@@ -70,11 +70,13 @@ class JointControllerNodes:
 
     def publish(self, stamp: int) -> None:
         """Publish the states in the control cycle of a ``stamp``, ns, and pass on ended goals."""
-        if not self._arms:
-            return
-        finished = self._slot.robot.finished
         for arm in self._arms.values():
             arm.publish(stamp)
+        self.finish()
+
+    def finish(self) -> None:
+        """Pass on goals that have ended; call it in the control thread."""
+        finished = self._slot.robot.finished
         for name, outcome in finished:
             self._arms[name].finish(outcome)
         finished.clear()

@@ -113,9 +113,22 @@ class JointTrajectories(GoalNode[TrajectoryFollower, _Goal]):
     # Goals -------------------------------------------------------------------------------------
 
     def _on_topic(self, message: JointTrajectory) -> None:
-        goal = _trajectory_goal(message), None
-        if fault := self._begin(goal):
-            self._error("topic", f"~/joint_trajectory is ignored: {fault}")
+        arm, goal = self._arm, (_trajectory_goal(message), None)
+        if fault := self._refusal(goal):
+            self._ignore(fault)
+        else:
+            # Nobody waits for it: of what a cycle receives, the last trajectory is followed.
+            self._loop.post(lambda: self._start_streamed(arm, goal))
+
+    def _start_streamed(self, arm: TrajectoryFollower, goal: _Goal) -> None:
+        """Start following a trajectory of the topic; runs in the control thread."""
+        try:
+            self._start(arm, goal, None)
+        except OneBotError as error:
+            self._ignore(str(error))
+
+    def _ignore(self, fault: str) -> None:
+        self._error("topic", f"~/joint_trajectory is ignored: {fault}")
 
     def _on_accepted(self, handle: Any) -> None:
         tolerances = _tolerances(handle.request)

@@ -176,6 +176,9 @@ class RobotInterface:
             self.commands.subscription.follow()
             if self.slot.loop is not None and (text := self.slot.robot.drift.warning):
                 self._warn.once(text)
+        if self._arms is not None and self.slot.running.paused:
+            # No cycle passes on the goals that a lock or a reset has ended.
+            self.slot.running.post(self._arms.finish)
         self.sensors.poll()
 
     # The description ---------------------------------------------------------------------------

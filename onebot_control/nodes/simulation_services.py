@@ -36,7 +36,7 @@ class SimulationServices:
             failed: is called with the error that ends the thread.
         """
         self._loop, self._restart = loop, restart
-        self._reset_paused = False  # whether it is paused at the start: state STOPPED
+        self._reset_paused = False  # whether it was last paused by a reset: state STOPPED
         self._node = Node(
             "simulation",
             context=beside.context,
@@ -79,7 +79,6 @@ class SimulationServices:
         return answer
 
     def _step(self, request: Any, answer: Any) -> Any:
-        self._reset_paused = False
         return self._do(answer, lambda: self._loop.step(request.steps), None)
 
     def _reset(self, request: Any, answer: Any) -> Any:
@@ -107,7 +106,8 @@ class SimulationServices:
         states = self._states
         if not self._loop.paused:
             return int(states.STATE_PLAYING)
-        return int(states.STATE_STOPPED if self._reset_paused else states.STATE_PAUSED)
+        at_start = self._reset_paused and not self._loop.fleet.ticks
+        return int(states.STATE_STOPPED if at_start else states.STATE_PAUSED)
 
     def _set_state(self, request: Any, answer: Any) -> Any:
         target, states = request.state.state, self._states

@@ -20,6 +20,7 @@ from onebot_description.ros.parameters.reader import (
 _INTERFACES = ("position", "velocity", "acceleration")
 _STATE_INTERFACES = [set(_INTERFACES[:count]) for count in (1, 2, 3)]
 _NO_EFFECT = "accepted, without effect"
+MOST_SCALING = 1000.0  # of speed; with more, times would soon be beyond ROS's
 _CONSTRAINTS, _GAINS = "constraints.", "gains."
 
 
@@ -35,6 +36,7 @@ class SpeedScaling:
         1.0,
         "speed of trajectories until ~/speed_scaling_input sets it",
         at_least=0.0,
+        at_most=MOST_SCALING,
         read_only=True,
     )
     state_interface: str = _ignored("", "no hardware scales the speed")

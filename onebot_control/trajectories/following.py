@@ -21,7 +21,7 @@ from operator import add
 from typing import NamedTuple
 
 from onebot_control.drive.speed_limiter import clamp
-from onebot_control.trajectories.config import JointConstraint, TrajectoryConfig
+from onebot_control.trajectories.config import MOST_SCALING, JointConstraint, TrajectoryConfig
 from onebot_control.trajectories.goal import FollowedJoint, TrajectoryGoal, goal_problems
 from onebot_control.trajectories.tolerances import (
     TolerancesGiven,
@@ -125,16 +125,17 @@ class TrajectoryFollower:
 
     @property
     def scaling(self) -> float:
-        """Trajectory seconds per second of cycles, from the next update on; at least 0.
+        """Trajectory seconds per second of cycles, from the next update on; 0 to MOST_SCALING.
 
-        Setting a value that is negative or not finite raises OneBotError.
+        Setting another value raises OneBotError.
         """
         return self._scaling
 
     @scaling.setter
     def scaling(self, value: float) -> None:
-        if not (math.isfinite(value) and value >= 0.0):
-            raise OneBotError(f"a speed scaling of {value:g} is impossible; it is at least 0")
+        if not 0.0 <= value <= MOST_SCALING:
+            text = f"a speed scaling of {value:g} is impossible; it is 0 to {MOST_SCALING:g}"
+            raise OneBotError(text)
         self._scaling = value
 
     @property
@@ -154,6 +155,8 @@ class TrajectoryFollower:
         token: object | None = None,
         tolerances: TolerancesGiven | None = None,
         held: Collection[str] = (),
+        *,
+        absolute: bool = False,
     ) -> Outcome | None:
         """Follow a goal from the next update on, instead of the current one.
 
@@ -164,11 +167,13 @@ class TrajectoryFollower:
             tolerances: those of an action goal; None for the defaults.
             held: joints that begin at the last command instead of the measured motion, so that a
                 finger that presses on something keeps pressing.
+            absolute: continuous joints make whole turns to the goal's positions; otherwise they
+                take the shortest way to its first one, as joint_trajectory_controller's.
 
         Returns:
             The outcome of the action goal that this one replaces; None if there is none.
         """
-        self._next = partial(self._follow_goal, goal, held)
+        self._next = partial(self._follow_goal, goal, held, absolute)
         if token is None:
             return None
         preempted = self._ended(PREEMPTED)
@@ -321,16 +326,23 @@ class TrajectoryFollower:
             self._hold(measured.positions)
 
     def _follow_goal(
-        self, goal: TrajectoryGoal, held: Collection[str], measured: JointMotion, now: int
+        self,
+        goal: TrajectoryGoal,
+        held: Collection[str],
+        absolute: bool,
+        measured: JointMotion,
+        now: int,
     ) -> None:
-        """Follow ``goal`` from the joints' motion; ``held`` joints begin at their last command."""
+        """Follow ``goal`` from the joints' motion; see ``start``."""
         start = self._command() if self._config.begins_at_command else self._state(measured)
         if held:
             start = self._with_commands(start, held)
         time = (now - goal.stamp) / NS_PER_S if goal.stamp else 0.0
         points = self._points(goal)
-        target = Trajectory(points[0], points).sample(time)
-        turns = self._turns_between(target.positions, start.positions)
+        turns: tuple[float, ...] = (0.0,) * len(self.joints)
+        if not absolute:
+            target = Trajectory(points[0], points).sample(time)
+            turns = self._turns_between(target.positions, start.positions)
         positions = tuple(p - turn for p, turn in zip(start.positions, turns, strict=True))
         trajectory = Trajectory(
             Waypoint(time, positions, start.velocities, start.accelerations),

@@ -306,6 +306,16 @@ def test_mimic_joints_are_within_1e_4_while_moving() -> None:
         assert not any(joints[name].effort for name in laws)
 
 
+def test_a_continuous_joint_makes_whole_turns() -> None:
+    """Positions from Python are absolute; over ROS they are as joint_trajectory_controller's."""
+    disc = link("disc", 1.0) + joint("spin", "world", "disc", "continuous")
+    with simulate(arm(disc)) as simulation:
+        for position in (10.0, 3.5):
+            simulation.robot.move_to({"spin": position}, seconds=2.0)
+            simulation.run(2.1)
+            assert simulation.robot.joints["spin"].position == pytest.approx(position, abs=1e-5)
+
+
 def test_linkage_is_within_1e_3_rad_while_it_closes_on_a_box_and_lifts_it() -> None:
     """As Robotiq's 2F-85: six joints turn as one, here with 3 Nm, and the box is in their way."""
     with simulate(linkage(3.0), world=box_world(0.04, "0 0 0.02"), rate=100.0) as simulation:

@@ -66,6 +66,15 @@ def test_what_does_not_suit_a_robot_is_refused() -> None:
         Fleet.from_members(members)
 
 
+def test_all_robots_have_the_cycles_of_one_loop() -> None:
+    members = [
+        Member(robot(), config(update_rate=rate, x=x), name)
+        for name, rate, x in (("/r1", 100, 0.0), ("/r2", 50, 2.0))
+    ]
+    with pytest.raises(OneBotError, match="/r2: update_rate is 50 Hz, but 100 Hz of /r1; it is"):
+        Fleet.from_members(members)
+
+
 def test_robots_in_one_place_are_refused_by_name() -> None:
     with pytest.raises(OneBotError, match=r"robots /r1 and /r3 .*x 0.1 m, y 0 m; move one"):
         fleet_of(PlanarPose(), PlanarPose(0.0, 2.0, 0.0), PlanarPose(0.1, 0.0, 0.0))

@@ -10,8 +10,9 @@ from typing import Any
 
 import pytest
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
+from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool
+from trajectory_msgs.msg import JointTrajectory
 
 from onebot_description.ros.wire.cdr import nanoseconds
 from onebot_description.ros.wire.interfaces import load_interface
@@ -22,12 +23,14 @@ from tests.onebot_control.arm_support import (
     MANAGER,
     MODULE,
     SUCCESS,
+    ControllerState,
     WireArm,
     ending,
     goal,
     point,
+    trajectory,
 )
-from tests.ros_support import LATCHED, NodeProcess, Peer, refusals
+from tests.ros_support import LATCHED, NodeProcess, Peer, refusals, ros_args
 from tests.support import wait_for
 
 SHOULDER, FINGER = ["shoulder"], ["finger"]
@@ -101,7 +104,8 @@ rclpy.spin_until_future_complete(node, result)
 def test_a_client_that_is_killed_a_pause_and_an_interrupt(peer: Peer, model: str) -> None:
     """The goal of one that was killed is followed to its end; then the next one moves the arm.
 
-    Paused for longer than its trajectory takes, the arm stands still; the process ends in mid-goal.
+    Paused for longer than its trajectory takes, the arm stands still, and a lock ends the goal at
+    once; the process ends in mid-goal.
     """
     joints = peer.hear(JointState, "/joint_states", 1000)
 
@@ -130,8 +134,13 @@ def test_a_client_that_is_killed_a_pause_and_an_interrupt(peer: Peer, model: str
         count, at = len(joints), shoulder()
         wait_for(lambda: len(joints) > count + 350, "joint states of more than three seconds")
         assert shoulder() == at > 0.1 and not result.done()
+        lock = peer.publisher(Bool, f"{MANAGER}/cmd_vel_lock", 10)
+        lock.publish(Bool(data=True))
+        assert ending(result)[0] == ABORTED, "of a goal that the lock ends while it is paused"
+        lock.publish(Bool(data=False))
+        wait_for(lambda: "unlocked" in node.output, "the lock to be open")
         assert peer.call(SetBool, f"{MANAGER}/pause", data=False).success
-        assert ending(result) == SUCCESS
+        assert ending(client.send(goal(point(1.0, 0.0, 0.1), joints=BOTH))) == SUCCESS
         assert client.feedback and client.feedback[0].joint_names == BOTH
         end = pytest.approx({"shoulder": 0.0, "finger": 0.1}, abs=1e-6)
         wait_for(lambda: positions(joints) == end, "the end position")
@@ -141,6 +150,20 @@ def test_a_client_that_is_killed_a_pause_and_an_interrupt(peer: Peer, model: str
         assert node.interrupt() == 0
         assert time.monotonic() - start < STOPS_WITHIN
         assert "[ERROR]" not in node.output
+
+
+def test_of_a_stream_the_last_trajectory_is_followed(peer: Peer, model: str) -> None:
+    """A stream with more messages than there are cycles does not fall behind."""
+    states = peer.hear(ControllerState, f"{CONTROLLER}/controller_state", 100)
+    with NodeProcess(MODULE, model, *ros_args(update_rate=5.0)):
+        wait_for(lambda: states, "the controller")
+        stream = peer.publisher(JointTrajectory, f"{CONTROLLER}/joint_trajectory", 10)
+        for number in range(1, 9):
+            stream.publish(trajectory(point(0.01, 0.01 * number, 0.0), joints=BOTH))
+        end = pytest.approx(0.08, abs=1e-6)
+        wait_for(lambda: states[-1].reference.positions[0] == end, "the end position")
+        times = [nanoseconds(state.reference.time_from_start) for state in states]
+        assert times.count(0) < 5, "each cycle began one of them"
 
 
 def test_a_description_that_changes_in_mid_goal(peer: Peer) -> None:

@@ -98,7 +98,7 @@ def test_states_of_the_simulation(peer: Peer) -> None:
         assert "pause it first" in refused.result.error_message
         assert ok(set_state(STATE.STATE_STOPPED)) and state() == STATE.STATE_STOPPED
         count = len(wait_for(lambda: clocks[-1:] == settled(clocks) and clocks, "silence"))
-        assert ok(step(peer, 1)) and state() == STATE.STATE_PAUSED
+        assert peer.call(Trigger, f"{NODE}/step").success and state() == STATE.STATE_PAUSED
         first = wait_for(lambda: len(clocks) > count and clocks[-1], "the first cycle")
         assert (first.clock.sec, first.clock.nanosec) == (0, 10_000_000)
         assert peer.call(SetBool, f"{NODE}/pause", data=False).success

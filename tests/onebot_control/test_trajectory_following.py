@@ -609,7 +609,7 @@ def test_periods_whose_sum_is_rounded() -> None:
     assert arm.cycles(11) == [("mine", *SUCCESS)]
 
 
-@pytest.mark.parametrize("wrong", [-0.1, math.nan, math.inf])
+@pytest.mark.parametrize("wrong", [-0.1, 1001.0, math.nan, math.inf])
 def test_an_impossible_speed_scaling(wrong: float) -> None:
     arm = Arm()
     with pytest.raises(OneBotError, match=f"^a speed scaling of {wrong:g} is impossible"):
