@@ -15,6 +15,7 @@ from unittest.mock import patch
 
 import rclpy
 from rclpy.context import Context
+from rclpy.duration import Duration
 from rclpy.event_handler import EventHandler
 from rclpy.executors import SingleThreadedExecutor, TimeoutException
 from rclpy.experimental.events_executor import EventsExecutor
@@ -36,6 +37,7 @@ from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.ros.command_line import RosArguments
 from onebot_description.ros.discovery import configure_discovery, use_local_discovery
 from onebot_description.ros.message_age import WakeDetector
+from onebot_description.ros.topic_qos import is_transient_local
 from onebot_description.ros.wire.definition import type_name
 
 T = TypeVar("T")
@@ -143,6 +145,8 @@ class Lockstep(Generic[S]):
     def add(self, *nodes: Node, timeout: float = _PATIENCE) -> None:
         """Put nodes in step, and wait until they are connected with the robots' topics.
 
+        Afterwards they have also received the last messages of latched topics.
+
         ``close`` destroys them.
 
         Args:
@@ -164,6 +168,12 @@ class Lockstep(Generic[S]):
             self._interface.poll()
             self.settle()
             time.sleep(_WAIT)
+        # The last messages of latched topics are delivered by threads of DDS.
+        for node in (*self._robot_nodes, *self._added):
+            for publisher in node.publishers:
+                if publisher.get_subscription_count() and is_transient_local(publisher.qos_profile):
+                    left = max(0.0, deadline - time.monotonic())
+                    publisher.wait_for_all_acked(Duration(seconds=left))
         self.settle()
         self._warn_of_silent_topics(nodes)
 
