@@ -49,6 +49,7 @@ from onebot_control.trajectories.goal import TrajectoryGoal
 from onebot_control.trajectories.trajectory import Waypoint
 from onebot_description.description import Description, load_description
 from onebot_description.description.loading import load_sensors, load_world
+from onebot_description.description.xacro import xacro_arguments
 from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.geometry.poses import PlanarPose, Transform, to_rpy
 from onebot_description.ros.parameters.reader import ConfigError, Problem
@@ -59,6 +60,7 @@ if TYPE_CHECKING:
 ONEBOT = "package://onebot_description/urdf/onebot.urdf.xacro"
 """The default model of a Simulation: OneBot's xacro file."""
 
+_SENSORS = "sensors_enabled"  # the xacro argument of optional sensors
 _REACH = 1e4  # m; rays that go farther hit nothing
 _LARGEST_SEED = 2**64 - 1
 # Parameters of velocity_controller that are arguments of Simulation, or have no effect in it.
@@ -140,9 +142,9 @@ class Simulation:
             x: start position, m.
             y: start position, m.
             yaw: start heading, rad.
-            sensors: True to enable OneBot's optional sensors (a lidar, an IMU and a camera), or a
-                URDF or xacro file with further ones. The sensors in the URDF of other robots are
-                always simulated.
+            sensors: True to enable the optional sensors of a xacro file with the argument
+                ``sensors_enabled``, as OneBot's (a lidar, an IMU and a camera), or a URDF or xacro
+                file with further ones. The sensors in a URDF are always simulated.
             noise: whether sensors have the noise that the URDF specifies.
             seed: of that noise, 0 to 2^64 - 1; ``velocity_controller`` uses 0.
             arguments: xacro arguments of the model, by name.
@@ -161,11 +163,8 @@ class Simulation:
         if robots and (x or y or yaw):
             raise OneBotError("x, y and yaw are for a single robot; give each RobotSetup its own")
         setups = dict(robots) or {"": RobotSetup(x, y, yaw)}
-        # OneBot has its sensors if the xacro file is told so.
-        optional = {"sensors_enabled": "true"} if sensors is True else {}
-        if model == ONEBOT:
-            arguments = {**optional, **arguments}
-        description, scene = _read(model, arguments, world)
+        optional = sensors is True
+        description, scene = _read(model, arguments, world, optional)
         self._scene = scene
         self._values = [
             _values(setup, {**parameters, **setup.parameters}) for setup in setups.values()
@@ -173,9 +172,7 @@ class Simulation:
         members = [
             _member(
                 name,
-                description
-                if setup.model is None
-                else _described(setup.model, optional if setup.model == ONEBOT else {}),
+                description if setup.model is None else _described(setup.model, {}, optional),
                 ControlConfig.from_parameters(values),
             )
             for (name, setup), values in zip(setups.items(), self._values, strict=True)
@@ -708,23 +705,27 @@ def _read(
     model: "str | Path | Description",
     arguments: Mapping[str, str],
     world: "str | Path | Description",
+    optional: bool,
 ) -> tuple[Description, Description | None]:
     """Return the robot and the world; two files are read at once, as xacro runs in processes."""
     if isinstance(model, Description) or isinstance(world, Description) or not str(world):
-        return _described(model, arguments), _loaded_scene(world)
+        return _described(model, arguments, optional), _loaded_scene(world)
     with ThreadPoolExecutor(1) as executor:
         reading = executor.submit(_loaded_scene, world)
-        description = _described(model, arguments)
+        description = _described(model, arguments, optional)
     return description, reading.result()
 
 
 def _described(
-    model: "str | Path | Description", arguments: Mapping[str, str] = MappingProxyType({})
+    model: "str | Path | Description", arguments: Mapping[str, str], optional: bool
 ) -> Description:
+    """Return a model's description; ``optional``: with its optional sensors, if it has any."""
     if isinstance(model, Description):
         if arguments:
             raise OneBotError("arguments are for a xacro file; a Description has been expanded")
         return model
+    if optional and _SENSORS in {known.name for known in xacro_arguments(str(model)).arguments}:
+        arguments = {_SENSORS: "true", **arguments}
     return load_description(model, arguments)
 
 

@@ -157,7 +157,7 @@ def test_until_something_is_true():
                 world.run(**arguments)
 
 
-def test_several_robots():
+def test_several_robots(tmp_path: Path):
     """Each is driven for itself, sees the others, and has noise of its own."""
     robots = {
         "one": RobotSetup(),
@@ -177,6 +177,13 @@ def test_several_robots():
     setups = {"one": RobotSetup(model=ONEBOT), "two": RobotSetup(x=2.0, model=DIFF_DRIVE)}
     with Simulation(robots=setups, sensors=True) as world:
         assert len(world.robots["one"].scan().ranges) > 100
+    including = tmp_path / "mine.xacro"
+    including.write_text(
+        '<robot name="mine" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+        '<xacro:include filename="$(find onebot_description)/urdf/onebot.urdf.xacro"/></robot>'
+    )
+    with Simulation(including, sensors=True) as world:
+        assert len(world.robot.scan().ranges) > 100
     with pytest.raises(OneBotError, match="would stand in the same place"):
         Simulation(robots={"one": RobotSetup(), "two": RobotSetup(x=0.1)})
     with pytest.raises(OneBotError, match="give each RobotSetup its own"):
