@@ -9,10 +9,11 @@ import trimesh
 from onebot_control.drive.parameters import ControlConfig
 from onebot_control.drive.wheels import rolling_shapes
 from onebot_control.drive.wheels.geometry import Wheels
-from onebot_control.physics.simulated_model import commandable, simulated_model
+from onebot_control.physics.simulated_model import casters_of, commandable, simulated_model
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.errors import OneBotError
 from tests.accuracy import DrivenPath, measure, straight, turn
+from tests.onebot_control.arm_models import interfaces
 from tests.onebot_control.control_support import alone, robot
 
 INERTIA = '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
@@ -201,6 +202,21 @@ def test_what_is_simulated() -> None:
     ball = next(link for link in simulated.links if link.name == "ball_0.2").collisions[0]
     assert ball.origin.xyz == pytest.approx((0.0, 0.0, 0.0002))
     assert simulated_model(robot(), Wheels(robot())).description.joints == robot().joints
+
+
+def test_continuous_joints_with_interfaces_are_no_casters() -> None:
+    """A controller commands them, whatever they carry; one that none commands is held."""
+    turret = part("pan", "0 0 0.2", "<box size='0.1 0.1 0.1'/>", axis="0 0 1") + part(
+        "tilt", "0 0 0.1", "<box size='0.1 0.1 0.1'/>", parent="pan"
+    )
+    spinner = part("spinner", "0 0 0.1", "<box size='0.1 0.1 0.1'/>", axis="0 0 1", parent="tilt")
+    listed = interfaces("pan_joint", "position"), interfaces("tilt_joint", "position")
+    description = base(*TWO, *BALLS, SWIVEL, turret, spinner, *listed)
+    wheels = Wheels(description)
+    commanded = commandable(description, wheels)
+    assert commanded == ["pan_joint", "tilt_joint"]
+    assert casters_of(wheels) == {"fork_joint", "roller_joint", "spinner_joint"}
+    assert simulated_model(description, wheels, commanded[:1]).held == {"tilt_joint": 0.0}
 
 
 PUBLIC = Path(__file__).parents[1] / "robots"
