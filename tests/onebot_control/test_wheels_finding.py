@@ -8,6 +8,7 @@ import trimesh
 
 from onebot_control.drive.parameters import ControlConfig
 from onebot_control.drive.wheels import rolling_shapes
+from onebot_control.drive.wheels.finding import has_wheels
 from onebot_control.drive.wheels.geometry import Wheels
 from onebot_control.physics.simulated_model import casters_of, commandable, simulated_model
 from onebot_description.description import Description, load_description, parse_description
@@ -153,6 +154,15 @@ def test_what_cannot_be_driven(parts: tuple[str, ...], said: str) -> None:
     assert 'robot "bot" cannot be driven: ' in message and said in message
     assert "left_wheel:=JOINT right_wheel:=JOINT" in message
     assert "Its joints that turn: " + ("" if parts else "none") in message
+
+
+def test_a_round_housing_of_an_arm_is_no_wheel() -> None:
+    """What rolls about a lateral axis is a wheel only near the robot's lowest point."""
+    stand = part("stand", "0 0 0.1", "<box size='0.2 0.2 0.2'/>", kind="fixed")
+    shoulder = part("shoulder", "0 0 0.2", "<box size='0.1 0.1 0.1'/>", axis="0 0 1")
+    upper = part("upper", "0 0 0.2", WIDE[1], origin=WIDE[0], parent="shoulder")
+    assert not has_wheels(base(stand, shoulder, upper))
+    assert has_wheels(base(*TWO, stand, shoulder, upper)) and has_wheels(base(*TWO, *BALLS))
 
 
 def mesh_wheels(folder: Path) -> Description:
