@@ -463,6 +463,10 @@ class ControlledRobot:
     def reset(self) -> None:
         """Move the robot back to its start, with odometry at zero; time and parameters stay."""
         self.plant.reset()
+        self.begin_at_rest()
+
+    def begin_at_rest(self) -> None:
+        """Begin with odometry at zero where the plant was placed at rest, as after ``reset``."""
         self.controller.halt()
         self._reset_arms()
         self._read_state()

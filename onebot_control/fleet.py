@@ -144,6 +144,17 @@ class Fleet:
         for robot in self.robots:
             robot.start(robot.config)
 
+    def reset(self) -> None:
+        """Move all robots back to their starts at once; time and parameters stay.
+
+        Raises:
+            OneBotError: they cannot stand there together, as after ``replace``; then nothing has
+                changed.
+        """
+        self.world.reset()
+        for robot in self.robots:
+            robot.begin_at_rest()
+
     def observe(self) -> None:
         """Read the robots' states now; the next ``begin`` does not read them again."""
         for robot in self.robots:

@@ -1,7 +1,7 @@
 """One robot of a world: its motors, its state, and placing it."""
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple, Protocol
 
@@ -86,7 +86,7 @@ class _World(Protocol):
 
     def check_open(self) -> None: ...
 
-    def stand(self, robot: "RobotBody", where: SpawnPose, *, at_start: bool) -> None: ...
+    def stand(self, places: Mapping["RobotBody", SpawnPose], *, at_start: bool) -> None: ...
 
 
 class RobotBody:
@@ -254,7 +254,7 @@ class RobotBody:
             OneBotError: another robot is at its start, or it cannot stand there; then nothing has
                 changed.
         """
-        self.world.stand(self, self.start, at_start=True)
+        self.world.stand({self: self.start}, at_start=True)
 
     def teleport(self, x: float, y: float, yaw: float) -> None:
         """Move the robot to another pose, at rest.
@@ -271,7 +271,7 @@ class RobotBody:
             OneBotError: the pose is too far from the origin to be exact, another robot is there, or
                 the scene leaves no place to stand there; then nothing has changed.
         """
-        self.world.stand(self, checked_spawn_pose(x, y, yaw), at_start=False)
+        self.world.stand({self: checked_spawn_pose(x, y, yaw)}, at_start=False)
 
     def put(self, pose: Transform, positions: Sequence[float] | None = None) -> None:
         """Place the robot at rest with these joint positions, by default ``starts``."""

@@ -159,6 +159,21 @@ def test_a_robot_is_not_put_into_another() -> None:
         assert other.true_pose == pytest.approx(beside.pose.translation[:2] + (0.5,), abs=1e-3)
 
 
+def test_all_robots_are_reset_at_once() -> None:
+    """Each may stand where another one starts."""
+    with fleet_of() as fleet:
+        one, other = fleet.robots
+        one.teleport(PlanarPose(9.0, 9.0, 0.0))
+        other.teleport(STARTS[0])
+        one.teleport(STARTS[1])
+        run(fleet, 1, 0.3, 0.4, 3)
+        fleet.reset()
+        for drive, start in zip(fleet.robots, STARTS, strict=True):
+            assert drive.true_pose == drive.odom_in_world == pytest.approx(start, abs=1e-6)
+        assert {s.command[2:4] for s in fleet.cycle()} == {(0.0, 0.0)}
+        assert [drive.ticks for drive in fleet.robots] == [4, 4]
+
+
 def test_an_arm_stays_where_it_is_when_another_robot_is_replaced() -> None:
     """The new world, too, tracks its reference."""
     members = [
@@ -199,6 +214,10 @@ def test_a_description_needs_room_where_the_robot_is_not_at_its_start(walled: bo
             fleet.robots[1].reset()
             with pytest.raises(OneBotError, match="/r1 and /r2"):
                 fleet.robots[0].reset()
+            poses = [repr(drive.plant.base_pose()) for drive in fleet.robots]
+            with pytest.raises(OneBotError, match="/r1 and /r2"):
+                fleet.reset()
+            assert [repr(drive.plant.base_pose()) for drive in fleet.robots] == poses
         fleet.cycle()
 
 
