@@ -58,7 +58,7 @@ class World:
         self.scene = None if scene is None else SceneBodies(scene)
         self.robots = tuple(RobotBody(self, spawn) for spawn in spawns)
         self._arms = [robot for robot in self.robots if robot.commanded]
-        self._on_scene: dict[tuple[RobotBody, SpawnPose], Transform] = {}
+        self._on_scene: dict[tuple[RobotBody, SpawnPose, tuple[float, ...]], Transform] = {}
         # A robot on bare ground comes to rest in this world, others in one of their own.
         self._alone = len(self.robots) == 1 and scene is None
         if not self._alone:
@@ -135,7 +135,7 @@ class World:
                 engine.restoreState(self._saved, physicsClientId=self.client)
             for robot, where in places.items():
                 positions = robot.starts if at_start else robot.positions
-                stances[robot] = self._pose_at(robot, where), positions
+                stances[robot] = self._pose_at(robot, where, positions), positions
                 robot.parts.place(*stances[robot])
             if self.scene is not None and at_start:
                 self.scene.put_back([standing_robot.parts for standing_robot in self.robots])
@@ -237,26 +237,32 @@ class World:
         """Place all robots at their starts, from the saved state, as ``RobotBody.reset`` does."""
         engine.restoreState(self._saved, physicsClientId=self.client)
         for robot in self.robots:
-            robot.put(self._pose_at(robot, robot.start))
+            robot.put(self._pose_at(robot, robot.start, robot.starts))
             self._check_boxes(robot, robot.start)
         self._check_overlaps(self.robots)
         self.check_usable()
 
-    def _pose_at(self, robot: RobotBody, where: SpawnPose) -> Transform:
+    def _pose_at(self, robot: RobotBody, where: SpawnPose, positions: Sequence[float]) -> Transform:
         """Place the robot at rest on what stands still there; return its pose.
 
         Raises:
             OneBotError: the scene leaves no place to stand there.
         """
         pose = robot.rest_pose.at(*where)
-        if self.scene is None or robot.spawn.fixed_base:
+        if self.scene is None:
             return pose
-        robot.parts.place(pose)
+        robot.parts.place(pose, positions)
         if self.scene.fixed_at(robot.parts):
-            key = robot, where
+            key = robot, where, tuple(positions)
             if key not in self._on_scene:
-                scene, rest_pose = self.scene.description, robot.rest_pose
-                self._on_scene[key] = pose_on(scene, robot.spawn, self.settings, rest_pose, where)
+                self._on_scene[key] = pose_on(
+                    self.scene.description,
+                    robot.spawn,
+                    self.settings,
+                    robot.rest_pose,
+                    where,
+                    positions,
+                )
             pose = self._on_scene[key]
             robot.parts.place(pose)
         return pose
