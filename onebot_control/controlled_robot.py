@@ -199,18 +199,6 @@ class PreparedRobot(NamedTuple):
         )
         return cls(wheels, spawn, held, followers, controllers, controlled)
 
-    @property
-    def converges_slowly(self) -> bool:
-        """Whether the solver needs many iterations: for a standing arm, or a linkage.
-
-        In a linkage, such as fingers, several rotating joints are geared to one.
-        """
-        kinds = {joint.name: joint.kind for joint in self.spawn.description.joints}
-        gears = self.spawn.gears.items()
-        leaders = [mimic.joint for name, mimic in gears if kinds[name] != "prismatic"]
-        has_linkage = len(leaders) > len({*leaders})
-        return has_linkage or bool(self.spawn.fixed_base and self.spawn.commanded)
-
 
 def joints_of(
     controller: JointController[Any], description: Description, wheels: Wheels | None

@@ -152,7 +152,7 @@ class World:
         if self.scene is not None:
             self.scene.read()
 
-    def replaced(self, row: int, spawn: RobotSpawn) -> "World":
+    def replaced(self, row: int, spawn: RobotSpawn, settings: Settings) -> "World":
         """Return a new world in which ``spawn``, at rest, replaces one robot.
 
         The other robots continue from their current state; this world does not change. The start
@@ -162,6 +162,7 @@ class World:
         Args:
             row: index of the robot to replace.
             spawn: the new robot, and its pose now.
+            settings: of the new world's physics.
 
         Raises:
             OneBotError: the robot cannot be simulated, or another one, or the scene, is in the way.
@@ -170,7 +171,7 @@ class World:
         start = spawns[row]
         spawns[row] = spawn._replace(x=start.x, y=start.y, yaw=start.yaw, name=start.name)
         around = self.scene.description if self.scene else None
-        world = World(spawns, self.settings, around, at_start=False)
+        world = World(spawns, settings, around, at_start=False)
         try:
             if self.scene is not None and world.scene is not None:
                 world.scene.put(self.scene.poses)

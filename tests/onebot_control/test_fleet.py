@@ -13,7 +13,7 @@ from onebot_description.description import Description, parse_description
 from onebot_description.description.loading import load_world
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import PlanarPose
-from tests.onebot_control.arm_models import rod
+from tests.onebot_control.arm_models import arm, rod
 from tests.onebot_control.control_support import CASTER, config, robot, wheel
 
 STARTS = [PlanarPose(), PlanarPose(2.0, 1.0, 1.5)]
@@ -186,6 +186,20 @@ def test_an_arm_stays_where_it_is_when_another_robot_is_replaced() -> None:
         run(fleet, 0, 0.0, 0.0, 60)
         fleet.replace(0, larger())
         assert run(fleet, 0, 0.0, 0.0, 60)[1].joints.positions == pytest.approx((1.0,), abs=1e-3)
+
+
+def test_a_replaced_description_has_the_physics_of_a_new_start() -> None:
+    """As many iterations as it needs, and no more when it has no arm any longer."""
+    member = Member(arm(), config(), stands=True)
+    with (
+        Fleet.from_members([member]) as fleet,
+        Fleet.from_members([member._replace(description=rod())]) as new,
+    ):
+        few, many = fleet.world.settings, new.world.settings
+        assert few.iterations < many.iterations
+        for description, settings in ((rod(), many), (arm(), few)):
+            fleet.replace(0, description)
+            assert fleet.world.settings == settings
 
 
 @pytest.mark.parametrize("walled", [False, True])
