@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple, Protocol
 
+from onebot_control.drive.speed_limiter import clamp
 from onebot_control.physics.engine import engine
 from onebot_control.physics.physics_settings import Settings
 from onebot_control.physics.rest_pose import RestPose
@@ -197,7 +198,7 @@ class RobotBody:
             # A single NaN would make the whole world NaN permanently.
             raise ValueError(f"velocities must be finite, not {velocities!r}")
         return [
-            min(max(velocity, -fastest), fastest)
+            clamp(velocity, -fastest, fastest)
             for velocity, fastest in zip(velocities, self._fastest, strict=True)
         ]
 
@@ -320,7 +321,7 @@ class RobotBody:
         for row, total, friction in zip(self._motor_rows, self._sums, self._frictions, strict=True):
             efforts[row] = (total + states[row][_EFFORT]) / steps
             if friction:  # PyBullet leaves it out, but the motor has to overcome it
-                efforts[row] += friction * min(max(states[row][1] / _MOVING, -1.0), 1.0)
+                efforts[row] += friction * clamp(states[row][1] / _MOVING, -1.0, 1.0)
         self._efforts, self._sums = tuple(efforts), [0.0] * len(self._sums)
         self._update(states, base_moves=not self.spawn.fixed_base)
 

@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from onebot_control.drive.speed_limiter import clamp
 from onebot_control.drive.wheels.geometry import Wheels
 from onebot_control.drive.wheels.rolling_shapes import Tyre
 from onebot_control.physics.engine import logger
@@ -61,7 +62,7 @@ class Follower(NamedTuple):
 
     def at(self, position: float) -> float:
         """Return its position, rad or m, when its leader is at ``position``."""
-        return min(max(self.mimic.at(position), self.lower), self.upper)
+        return clamp(self.mimic.at(position), self.lower, self.upper)
 
 
 class SimulatedModel(NamedTuple):
@@ -218,9 +219,9 @@ class _Roles:
         if name in self._rolling:
             position = self.passive.get(name, 0.0)
         elif name in self._commanded:
-            position = self.starts[name] = _within(joint, self._given.get(name, 0.0))
+            position = self.starts[name] = clamp(self._given.get(name, 0.0), *joint.range)
         elif mimic is None:
-            position = self.fixed[name] = _within(joint, self._given.get(name, 0.0))
+            position = self.fixed[name] = clamp(self._given.get(name, 0.0), *joint.range)
         else:
             position = self._follow(joint, mimic, self._place(self._joints[mimic.joint]))
         self._positions[name] = position
@@ -239,12 +240,6 @@ class _Roles:
             self.followers.append(follower)
         self.fixed[name] = follower.at(at)
         return self.fixed[name]
-
-
-def _within(joint: Joint, position: float) -> float:
-    """Return ``position`` clamped to the joint's limits."""
-    lower, upper = joint.range
-    return min(max(position, lower), upper)
 
 
 def _report_unlimited(description: Description, motors: Collection[str]) -> None:
