@@ -199,18 +199,6 @@ class PreparedRobot(NamedTuple):
         )
         return cls(wheels, spawn, held, followers, controllers, controlled)
 
-    @property
-    def converges_slowly(self) -> bool:
-        """Whether the solver needs many iterations: for a standing arm, or a linkage.
-
-        In a linkage, such as fingers, several rotating joints are geared to one.
-        """
-        kinds = {joint.name: joint.kind for joint in self.spawn.description.joints}
-        gears = self.spawn.gears.items()
-        leaders = [mimic.joint for name, mimic in gears if kinds[name] != "prismatic"]
-        has_linkage = len(leaders) > len({*leaders})
-        return has_linkage or bool(self.spawn.fixed_base and self.spawn.commanded)
-
 
 def joints_of(
     controller: JointController[Any], description: Description, wheels: Wheels | None
@@ -463,6 +451,10 @@ class ControlledRobot:
     def reset(self) -> None:
         """Move the robot back to its start, with odometry at zero; time and parameters stay."""
         self.plant.reset()
+        self.begin_at_rest()
+
+    def begin_at_rest(self) -> None:
+        """Begin with odometry at zero where the plant was placed at rest, as after ``reset``."""
         self.controller.halt()
         self._reset_arms()
         self._read_state()

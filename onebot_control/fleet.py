@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 from onebot_control.controlled_robot import ControlledRobot, PreparedRobot, Snapshot
 from onebot_control.drive.parameters import ControlConfig
 from onebot_control.joint_controllers import JointController
-from onebot_control.physics import RobotBody, Settings, World
+from onebot_control.physics import RobotBody, RobotSpawn, Settings, World
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError
 from onebot_description.ros.parameters.reader import ConfigError
@@ -58,8 +58,14 @@ class Fleet:
         world: the physics they share.
     """
 
-    def __init__(self, robots: Sequence[ControlledRobot], world: World) -> None:
-        self.robots, self.world = list(robots), world
+    def __init__(
+        self,
+        robots: Sequence[ControlledRobot],
+        world: World,
+        settings: Settings = Settings(),  # noqa: B008 - it is frozen
+    ) -> None:
+        """Drive robots in their world; ``settings`` are those for robots that converge fast."""
+        self.robots, self.world, self._settings = list(robots), world, settings
 
     @classmethod
     def from_members(
@@ -82,12 +88,11 @@ class Fleet:
         _check_rates(members)
         prepared_robots = [_prepared(member) for member in members]
         fitted = settings.fitted(members[0].config.update_rate)
-        if any(prepared.converges_slowly for prepared in prepared_robots):
-            fitted = replace(fitted, iterations=max(fitted.iterations, _ARM_ITERATIONS))
-        world = World([prepared.spawn for prepared in prepared_robots], fitted, scene)
+        spawns = [prepared.spawn for prepared in prepared_robots]
+        world = World(spawns, _converging(fitted, spawns), scene)
         try:
             robots = map(_controlled, members, prepared_robots, world.robots)
-            return cls(list(robots), world)
+            return cls(list(robots), world, fitted)
         except BaseException:
             world.close()
             raise
@@ -145,6 +150,17 @@ class Fleet:
         for robot in self.robots:
             robot.start(robot.config)
 
+    def reset(self) -> None:
+        """Move all robots back to their starts at once; time and parameters stay.
+
+        Raises:
+            OneBotError: they cannot stand there together, as after ``replace``; then nothing has
+                changed.
+        """
+        self.world.reset()
+        for robot in self.robots:
+            robot.begin_at_rest()
+
     def observe(self) -> None:
         """Read the robots' states now; the next ``begin`` does not read them again."""
         for robot in self.robots:
@@ -166,7 +182,9 @@ class Fleet:
         member = Member(description, old.config, controllers=controllers, stands=old.wheels is None)
         prepared = _prepared(member)
         here = prepared.spawn._replace(**old.true_pose._asdict())
-        world = self.world.replaced(row, here)
+        spawns = [robot.plant.spawn for robot in self.robots]
+        spawns[row] = here
+        world = self.world.replaced(row, here, _converging(self._settings, spawns))
         try:
             robot = _controlled(member, prepared, world.robots[row])
         except BaseException:
@@ -212,6 +230,13 @@ class Divider:
         picked = self._phase >= 1.0 - 1e-9
         self._phase += self._share - (1.0 if picked else 0.0)
         return picked
+
+
+def _converging(settings: Settings, spawns: Sequence[RobotSpawn]) -> Settings:
+    """Return the settings with as many iterations as these robots need."""
+    if not any(spawn.converges_slowly for spawn in spawns):
+        return settings
+    return replace(settings, iterations=max(settings.iterations, _ARM_ITERATIONS))
 
 
 def _prepared(member: Member) -> PreparedRobot:

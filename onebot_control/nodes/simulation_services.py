@@ -85,16 +85,12 @@ class SimulationServices:
         state, time = request.SCOPE_STATE, request.SCOPE_TIME
         scope = (request.scope or request.SCOPE_ALL) & ~request.SCOPE_SPAWNED
         if scope == state:
-            return self._do(answer, self._reset_robots)
+            return self._do(answer, self._loop.fleet.reset)
         if scope in (state | time, request.SCOPE_ALL & ~request.SCOPE_SPAWNED):
             return self._do(answer, self._restart)
         text = f"scope {request.scope} is not supported; {state} is the state, {request.SCOPE_ALL}"
         text += " all: time is reset together with the state, and nothing is spawned"
         return self._failed(answer, self._result.FEATURE_UNSUPPORTED, text)
-
-    def _reset_robots(self) -> None:
-        for robot in self._loop.fleet.robots:
-            robot.reset()
 
     def _get_state(self, _: Any, answer: Any) -> Any:
         answer.state.state = self._state

@@ -17,10 +17,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from onebot_control.drive.wheels.rolling_shapes import Tyre
+from onebot_control.drive.wheels.rolling_shapes import Tyre, lowest_point
 from onebot_control.physics.engine import engine, logger
 from onebot_control.physics.physics_settings import Settings
-from onebot_description.arrays import Floats
 from onebot_description.elements.description import (
     Box,
     Cylinder,
@@ -32,7 +31,6 @@ from onebot_description.elements.description import (
     Shape,
     Sphere,
 )
-from onebot_description.elements.meshes import mesh_corners
 from onebot_description.errors import OneBotError
 from onebot_description.geometry import matrices
 from onebot_description.geometry.poses import Origin
@@ -141,7 +139,8 @@ class _Contacts:
     def _gap(self, link: Link, geometry: Geometry) -> float:
         """Return the height of a shape above the ground, m."""
         pose = self._poses[link.name][1] @ matrices.of_origin(geometry.origin)
-        return _bottom(geometry.shape, pose) - self._ground
+        margin = _MARGIN if isinstance(geometry.shape, Mesh) else 0.0
+        return lowest_point(geometry.shape, pose) - margin - self._ground
 
     def _wheel(self, link: Link, joint: Joint) -> Link:
         """Return a driven wheel's link, rolling on a thin cylinder unless it is thin itself."""
@@ -208,20 +207,6 @@ def _thin(joint: Joint, tyre: Tyre) -> Geometry:
     rpy = (0.0, math.atan2(math.hypot(x, y), z), math.atan2(y, x))
     middle = (tyre.offset * x, tyre.offset * y, tyre.offset * z)
     return Geometry(Cylinder(tyre.radius, _WIDTH), Origin(middle, rpy))
-
-
-def _bottom(shape: Shape, pose: Floats) -> float:
-    """Return the height of the lowest point of a shape at ``pose``."""
-    up, height = pose[2, :3], float(pose[2, 3])
-    if isinstance(shape, Mesh):
-        corners = mesh_corners(shape)
-        return height + float((corners @ up).min()) - _MARGIN
-    if isinstance(shape, Box):
-        return height - float(abs(up) @ np.array(shape.size)) / 2.0
-    if isinstance(shape, Sphere):
-        return height - shape.radius
-    around = shape.radius * (math.hypot(up[0], up[1]) if isinstance(shape, Cylinder) else 1.0)
-    return height - abs(float(up[2])) * shape.length / 2.0 - around
 
 
 # In PyBullet ------------------------------------------------------------------------------------

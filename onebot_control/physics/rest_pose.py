@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from operator import itemgetter
 from typing import NamedTuple
 
 from onebot_control.frame_names import WORLD_FRAME
@@ -36,7 +35,7 @@ _RESTING_TIME = 0.05
 _MIN_SUPPORT = 1e-3  # m, half width of the area that supports a stable robot
 _MAX_TILT = math.radians(45.0)
 
-_IN_GROUND = 2e-3  # m by which a link of a robot with a fixed base may be in the ground
+_DEEP = 2e-3  # m by which a link of a robot with a fixed base may be in what stands still
 
 # In a scene.
 _STEP, _FINE = 0.01, 1e-4  # m; steps of the search for a height at which the robot is free
@@ -116,22 +115,30 @@ def _standing(robot: LoadedBody, description: Description) -> RestPose:
     on_ground = description.root_link != WORLD_FRAME  # Gazebo does not lift a world link either
     rest_pose = RestPose(-lowest if on_ground else 0.0, (0.0, 0.0, 0.0, 1.0))
     robot.place(rest_pose.at(0.0, 0.0, 0.0))
-    _warn_of_ground(robot, description)
+    _warn_of_obstacles(robot, description, {robot.ground: "the ground"})
     return rest_pose
 
 
-def _warn_of_ground(robot: LoadedBody, description: Description) -> None:
-    """Warn of the link that starts deepest in the ground."""
-    near = engine.getClosestPoints(robot.body, robot.ground, 0.0, physicsClientId=robot.client)
-    deepest = min(near, key=itemgetter(8), default=None)
-    if deepest is not None and deepest[8] < -_IN_GROUND and deepest[3] >= 0:
+def _warn_of_obstacles(
+    robot: LoadedBody, description: Description, obstacles: Mapping[int, str]
+) -> None:
+    """Warn of the moving link that starts deepest in something; ``obstacles`` are names by body."""
+    near = [
+        (-point[8], point[3], name)
+        for body, name in obstacles.items()
+        for point in engine.getClosestPoints(robot.body, body, 0.0, physicsClientId=robot.client)
+        if point[3] >= 0
+    ]
+    depth, index, obstacle = max(near, default=(0.0, -1, ""))
+    if depth > _DEEP:
         links = {robot.joints[joint.name]: joint.child for joint in description.moving_joints}
         logger.warning(
-            '%s: link "%s" starts %.3g m deep in the ground, which pushes it; give the joints '
-            "other initial_positions, or place the root link higher",
+            '%s: link "%s" starts %.3g m deep in %s, which pushes it; give the joints other '
+            "initial_positions, or place the root link elsewhere",
             description.source,
-            links[deepest[3]],
-            -deepest[8],
+            links[index],
+            depth,
+            obstacle,
         )
 
 
@@ -227,11 +234,17 @@ def _is_upright(rotation: Quaternion) -> bool:
 
 
 def pose_on(
-    scene: Description, spawn: RobotSpawn, settings: Settings, rest: RestPose, where: SpawnPose
+    scene: Description,
+    spawn: RobotSpawn,
+    settings: Settings,
+    rest: RestPose,
+    where: SpawnPose,
+    positions: Sequence[float],
 ) -> Transform:
     """Return the pose of a robot's root link at rest on the fixed bodies of a scene.
 
-    The robot is released level above them, and has to come to rest there on its wheels.
+    The robot is released level above them, and has to come to rest there on its wheels. A fixed
+    base stands level on the highest of them; if its root link is ``world``, it stays where it is.
 
     Args:
         scene: the scene's description.
@@ -239,6 +252,7 @@ def pose_on(
         settings: of the physics.
         rest: the robot's pose on level ground.
         where: x, y (m) and yaw (rad).
+        positions: of all joints, rad or m.
 
     Raises:
         OneBotError: the robot cannot stand there.
@@ -249,16 +263,26 @@ def pose_on(
         bodies = SceneBodies(scene)
         bodies.enter(client, ground, settings, free=False)
         robot = load_robot(client, ground, spawn, settings)
-        links = _lift(bodies, robot, rest.at(*where))
-        _come_to_rest(robot, settings)
-        pose = robot.pose()
-        if not _stands(robot, spawn.driven, pose, where):
+        pose = rest.at(*where)
+        robot.place(pose, positions)
+        if spawn.fixed_base and spawn.description.root_link == WORLD_FRAME:
+            walls = {b: f'link "{name}" of {scene.source}' for b, name in bodies.fixed.items()}
+            _warn_of_obstacles(robot, spawn.description, walls)
+            return pose
+        links = _lift(bodies, robot, pose)
+        if spawn.fixed_base:
+            stands = _base_touches(robot, bodies)
+        else:
+            _come_to_rest(robot, settings)
+            stands = _stands(robot, spawn.driven, robot.pose(), where)
+        if not stands:
             x, y, yaw = where
+            remedy = ", or give its joints other initial_positions" if spawn.commanded else ""
             raise OneBotError(
                 f"x {x:g} m, y {y:g} m, yaw {yaw:g} rad: a robot cannot stand there, inside or on "
-                f"link {listing(links)} of {scene.source}; put it somewhere else"
+                f"link {listing(links)} of {scene.source}; put it somewhere else{remedy}"
             )
-        return pose
+        return robot.pose()
     finally:
         engine.disconnect(client)
 
@@ -281,6 +305,17 @@ def _lift(scene: SceneBodies, robot: LoadedBody, pose: Transform) -> list[str]:
         low, high = (middle, high) if links_at(middle) else (low, middle)
     links_at(high + _ABOVE)
     return list(met)
+
+
+def _base_touches(robot: LoadedBody, scene: SceneBodies) -> bool:
+    """Return whether something is just below a fixed base that was lifted."""
+    return any(
+        point[7][2] > 0.0  # the normal, towards the robot
+        for body in scene.fixed
+        for point in engine.getClosestPoints(
+            robot.body, body, 2.0 * _ABOVE, linkIndexA=-1, physicsClientId=robot.client
+        )
+    )
 
 
 def _stands(robot: LoadedBody, driven: Sequence[str], pose: Transform, where: SpawnPose) -> bool:

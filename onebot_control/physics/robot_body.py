@@ -1,10 +1,11 @@
 """One robot of a world: its motors, its state, and placing it."""
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple, Protocol
 
+from onebot_control.drive.speed_limiter import clamp
 from onebot_control.physics.engine import engine
 from onebot_control.physics.physics_settings import Settings
 from onebot_control.physics.rest_pose import RestPose
@@ -86,7 +87,7 @@ class _World(Protocol):
 
     def check_open(self) -> None: ...
 
-    def stand(self, robot: "RobotBody", where: SpawnPose, *, at_start: bool) -> None: ...
+    def stand(self, places: Mapping["RobotBody", SpawnPose], *, at_start: bool) -> None: ...
 
 
 class RobotBody:
@@ -197,7 +198,7 @@ class RobotBody:
             # A single NaN would make the whole world NaN permanently.
             raise ValueError(f"velocities must be finite, not {velocities!r}")
         return [
-            min(max(velocity, -fastest), fastest)
+            clamp(velocity, -fastest, fastest)
             for velocity, fastest in zip(velocities, self._fastest, strict=True)
         ]
 
@@ -254,7 +255,7 @@ class RobotBody:
             OneBotError: another robot is at its start, or it cannot stand there; then nothing has
                 changed.
         """
-        self.world.stand(self, self.start, at_start=True)
+        self.world.stand({self: self.start}, at_start=True)
 
     def teleport(self, x: float, y: float, yaw: float) -> None:
         """Move the robot to another pose, at rest.
@@ -271,7 +272,7 @@ class RobotBody:
             OneBotError: the pose is too far from the origin to be exact, another robot is there, or
                 the scene leaves no place to stand there; then nothing has changed.
         """
-        self.world.stand(self, checked_spawn_pose(x, y, yaw), at_start=False)
+        self.world.stand({self: checked_spawn_pose(x, y, yaw)}, at_start=False)
 
     def put(self, pose: Transform, positions: Sequence[float] | None = None) -> None:
         """Place the robot at rest with these joint positions, by default ``starts``."""
@@ -320,7 +321,7 @@ class RobotBody:
         for row, total, friction in zip(self._motor_rows, self._sums, self._frictions, strict=True):
             efforts[row] = (total + states[row][_EFFORT]) / steps
             if friction:  # PyBullet leaves it out, but the motor has to overcome it
-                efforts[row] += friction * min(max(states[row][1] / _MOVING, -1.0), 1.0)
+                efforts[row] += friction * clamp(states[row][1] / _MOVING, -1.0, 1.0)
         self._efforts, self._sums = tuple(efforts), [0.0] * len(self._sums)
         self._update(states, base_moves=not self.spawn.fixed_base)
 

@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from onebot_control.drive.speed_limiter import clamp
 from onebot_control.drive.wheels.geometry import Wheels
 from onebot_control.drive.wheels.rolling_shapes import Tyre
 from onebot_control.physics.engine import logger
@@ -61,7 +62,7 @@ class Follower(NamedTuple):
 
     def at(self, position: float) -> float:
         """Return its position, rad or m, when its leader is at ``position``."""
-        return min(max(self.mimic.at(position), self.lower), self.upper)
+        return clamp(self.mimic.at(position), self.lower, self.upper)
 
 
 class SimulatedModel(NamedTuple):
@@ -123,19 +124,20 @@ def simulated_model(
 def commandable(description: Description, wheels: Wheels | None) -> list[str]:
     """Return the joints that a controller commands if its parameters name none.
 
-    These are the joints with a position command interface in ``<ros2_control>`` or, if there are
-    none, all moving joints that it does not list. Wheels, casters, joints that carry them, and
-    mimic joints are left out.
+    These are the joints with a position command interface in ``<ros2_control>``, except wheels, or
+    else all moving joints that it does not list, except wheels, casters and joints that carry them.
+    Mimic joints are never among them.
     """
-    interfaces = description.interfaces
-    rolling = _rolling(wheels) if wheels else set()
-    joints = [
-        joint.name
-        for joint in description.moving_joints
-        if joint.mimic is None and joint.name not in rolling
-    ]
-    named = [j for j in joints if j in interfaces and "position" in interfaces[j].commands]
-    return named or [joint for joint in joints if joint not in interfaces]
+    joints = [joint.name for joint in description.moving_joints if joint.mimic is None]
+    positioned = _positioned_names(description) - {*(wheels.names if wheels else ())}
+    named = [joint for joint in joints if joint in positioned]
+    left_out = {*description.interfaces, *(_rolling(wheels) if wheels else ())}
+    return named or [joint for joint in joints if joint not in left_out]
+
+
+def _positioned_names(description: Description) -> set[str]:
+    """Return the joints with a position command interface in ``<ros2_control>``."""
+    return {name for name, it in description.interfaces.items() if "position" in it.commands}
 
 
 def _rolling(wheels: Wheels) -> set[str]:
@@ -217,9 +219,9 @@ class _Roles:
         if name in self._rolling:
             position = self.passive.get(name, 0.0)
         elif name in self._commanded:
-            position = self.starts[name] = _within(joint, self._given.get(name, 0.0))
+            position = self.starts[name] = clamp(self._given.get(name, 0.0), *joint.range)
         elif mimic is None:
-            position = self.fixed[name] = _within(joint, self._given.get(name, 0.0))
+            position = self.fixed[name] = clamp(self._given.get(name, 0.0), *joint.range)
         else:
             position = self._follow(joint, mimic, self._place(self._joints[mimic.joint]))
         self._positions[name] = position
@@ -238,12 +240,6 @@ class _Roles:
             self.followers.append(follower)
         self.fixed[name] = follower.at(at)
         return self.fixed[name]
-
-
-def _within(joint: Joint, position: float) -> float:
-    """Return ``position`` clamped to the joint's limits."""
-    lower, upper = joint.range
-    return min(max(position, lower), upper)
 
 
 def _report_unlimited(description: Description, motors: Collection[str]) -> None:
@@ -365,9 +361,9 @@ def casters_of(wheels: Wheels, commanded: Collection[str] = ()) -> Collection[st
     """Return the joints of casters: the swivelling and the rolling ones.
 
     They are continuous, as are all joints between them and the base. Driven, mimic and
-    ``commanded`` joints are not among them.
+    ``commanded`` joints are not among them, nor are those with a position command interface.
     """
-    chains, bound = _chains(wheels), {*commanded}
+    chains, bound = _chains(wheels), {*commanded, *_positioned_names(wheels.description)}
     for chain in chains:
         if any(joint.kind != "continuous" or joint.mimic is not None for joint in chain):
             bound.update(joint.name for joint in chain)

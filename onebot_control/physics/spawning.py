@@ -42,6 +42,18 @@ class RobotSpawn(NamedTuple):
     starts: Mapping[str, float] = MappingProxyType({})  # start positions of joints; others are at 0
     fixed_base: bool = False  # whether the root link stands still
 
+    @property
+    def converges_slowly(self) -> bool:
+        """Whether the solver needs many iterations: for a standing arm, or a linkage.
+
+        In a linkage, such as fingers, several rotating joints are geared to one.
+        """
+        kinds = {joint.name: joint.kind for joint in self.description.joints}
+        gears = self.gears.items()
+        leaders = [mimic.joint for name, mimic in gears if kinds[name] != "prismatic"]
+        has_linkage = len(leaders) > len({*leaders})
+        return has_linkage or bool(self.fixed_base and self.commanded)
+
 
 SpawnPose = tuple[float, float, float]  # x and y of the root link's frame, m, and yaw, rad
 

@@ -1,7 +1,7 @@
 """Worlds in which robots move on the same ground, among the same walls."""
 
 import weakref
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from onebot_control.physics.engine import engine
 from onebot_control.physics.physics_settings import Settings
@@ -58,7 +58,7 @@ class World:
         self.scene = None if scene is None else SceneBodies(scene)
         self.robots = tuple(RobotBody(self, spawn) for spawn in spawns)
         self._arms = [robot for robot in self.robots if robot.commanded]
-        self._on_scene: dict[tuple[RobotBody, SpawnPose], Transform] = {}
+        self._on_scene: dict[tuple[RobotBody, SpawnPose, tuple[float, ...]], Transform] = {}
         # A robot on bare ground comes to rest in this world, others in one of their own.
         self._alone = len(self.robots) == 1 and scene is None
         if not self._alone:
@@ -107,41 +107,52 @@ class World:
         self._build()
         self._start()
 
-    def stand(self, robot: RobotBody, where: SpawnPose, *, at_start: bool) -> None:
-        """Place a robot at rest.
-
-        Args:
-            robot: of this world.
-            where: the pose of its root link.
-            at_start: also move its joints and the scene's boxes back to their start.
+    def reset(self) -> None:
+        """Move all robots and the scene's boxes back to their start; time continues.
 
         Raises:
-            OneBotError: the world is closed or has diverged, the robot cannot stand there, or
+            OneBotError: see ``stand``.
+        """
+        self.stand({robot: robot.start for robot in self.robots}, at_start=True)
+
+    def stand(self, places: Mapping[RobotBody, SpawnPose], *, at_start: bool) -> None:
+        """Place robots at rest.
+
+        Args:
+            places: the poses of the root links of some robots of this world, or of all.
+            at_start: also move their joints and the scene's boxes back to their start.
+
+        Raises:
+            OneBotError: the world is closed or has diverged, a robot cannot stand there, or
                 another one is there; then nothing has changed.
         """
         self.check_usable()
-        positions = robot.starts if at_start else robot.positions
+        stances: dict[RobotBody, tuple[Transform, Sequence[float]]] = {}
         present: int = engine.saveState(physicsClientId=self.client)
         try:
-            if len(self.robots) == 1 and (at_start or self.scene is None):
+            if len(self.robots) == len(places) and (at_start or self.scene is None):
                 # Without other robots, the saved state, with all contacts at rest, can be restored.
                 engine.restoreState(self._saved, physicsClientId=self.client)
-            pose = self._pose_at(robot, where)
-            robot.parts.place(pose, positions)
+            for robot, where in places.items():
+                positions = robot.starts if at_start else robot.positions
+                stances[robot] = self._pose_at(robot, where, positions), positions
+                robot.parts.place(*stances[robot])
             if self.scene is not None and at_start:
                 self.scene.put_back([standing_robot.parts for standing_robot in self.robots])
-            self._check_boxes(robot, where)
-            self._check_overlaps(robot)
+            for robot, where in places.items():
+                self._check_boxes(robot, where)
+            self._check_overlaps(places)
         except OneBotError:
             engine.restoreState(present, physicsClientId=self.client)
             raise
         finally:
             engine.removeState(present, physicsClientId=self.client)
-        robot.put(pose, positions)
+        for robot, stance in stances.items():
+            robot.put(*stance)
         if self.scene is not None:
             self.scene.read()
 
-    def replaced(self, row: int, spawn: RobotSpawn) -> "World":
+    def replaced(self, row: int, spawn: RobotSpawn, settings: Settings) -> "World":
         """Return a new world in which ``spawn``, at rest, replaces one robot.
 
         The other robots continue from their current state; this world does not change. The start
@@ -151,6 +162,7 @@ class World:
         Args:
             row: index of the robot to replace.
             spawn: the new robot, and its pose now.
+            settings: of the new world's physics.
 
         Raises:
             OneBotError: the robot cannot be simulated, or another one, or the scene, is in the way.
@@ -159,7 +171,7 @@ class World:
         start = spawns[row]
         spawns[row] = spawn._replace(x=start.x, y=start.y, yaw=start.yaw, name=start.name)
         around = self.scene.description if self.scene else None
-        world = World(spawns, self.settings, around, at_start=False)
+        world = World(spawns, settings, around, at_start=False)
         try:
             if self.scene is not None and world.scene is not None:
                 world.scene.put(self.scene.poses)
@@ -226,26 +238,32 @@ class World:
         """Place all robots at their starts, from the saved state, as ``RobotBody.reset`` does."""
         engine.restoreState(self._saved, physicsClientId=self.client)
         for robot in self.robots:
-            robot.put(self._pose_at(robot, robot.start))
+            robot.put(self._pose_at(robot, robot.start, robot.starts))
             self._check_boxes(robot, robot.start)
-        self._check_overlaps()
+        self._check_overlaps(self.robots)
         self.check_usable()
 
-    def _pose_at(self, robot: RobotBody, where: SpawnPose) -> Transform:
+    def _pose_at(self, robot: RobotBody, where: SpawnPose, positions: Sequence[float]) -> Transform:
         """Place the robot at rest on what stands still there; return its pose.
 
         Raises:
             OneBotError: the scene leaves no place to stand there.
         """
         pose = robot.rest_pose.at(*where)
-        if self.scene is None or robot.spawn.fixed_base:
+        if self.scene is None:
             return pose
-        robot.parts.place(pose)
+        robot.parts.place(pose, positions)
         if self.scene.fixed_at(robot.parts):
-            key = robot, where
+            key = robot, where, tuple(positions)
             if key not in self._on_scene:
-                scene, rest_pose = self.scene.description, robot.rest_pose
-                self._on_scene[key] = pose_on(scene, robot.spawn, self.settings, rest_pose, where)
+                self._on_scene[key] = pose_on(
+                    self.scene.description,
+                    robot.spawn,
+                    self.settings,
+                    robot.rest_pose,
+                    where,
+                    positions,
+                )
             pose = self._on_scene[key]
             robot.parts.place(pose)
         return pose
@@ -258,8 +276,8 @@ class World:
                 f"{self.scene.description.source} is there; put the robot somewhere else"
             )
 
-    def _check_overlaps(self, robot: RobotBody | None = None) -> None:
-        """Raise OneBotError if two robots overlap, or only if ``robot`` overlaps another one."""
+    def _check_overlaps(self, placed: Collection[RobotBody]) -> None:
+        """Raise OneBotError if one of the robots that were just placed overlaps another one."""
         if len(self.robots) == 1:
             return
         engine.performCollisionDetection(physicsClientId=self.client)
@@ -268,7 +286,7 @@ class World:
             if point[1] == point[2] or point[8] >= 0.0 or not {point[1], point[2]} <= rows.keys():
                 continue
             first, second = sorted((rows[point[1]], rows[point[2]]))
-            if robot in (None, self.robots[first], self.robots[second]):
+            if self.robots[first] in placed or self.robots[second] in placed:
                 names = [self.robots[row].spawn.name or str(row + 1) for row in (first, second)]
                 (x, y, _), _ = self.robots[second].parts.pose()
                 raise OneBotError(

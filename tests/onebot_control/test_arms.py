@@ -470,6 +470,50 @@ def test_base_stands_on_the_ground_unless_its_root_is_world(root: str, height: f
     assert pose.z == pytest.approx(height, abs=1e-9)
 
 
+def on_post(root: str) -> Description:
+    """A post, 0.5 m high, with a rod that reaches 1 m forward near its top."""
+    base = link(root, 1.0, shape=box("0.2 0.2 0.5", "0 0 0.25"))
+    hand = link("hand", 2.0, "0.5 0 0", shape=box("1 0.05 0.05", "0.5 0 0"))
+    elbow = joint("elbow", root, "hand", xyz="0 0 0.4")
+    return parse_description(f'<robot name="arm">{base}{hand}{elbow}</robot>')
+
+
+def table(x: float) -> Description:
+    """A table, 0.7 m high and wide."""
+    top = link("table", shape=box("0.7 0.7 0.7"))
+    place = joint("place", "world", "table", "fixed", xyz=f"{x} 0 0.35")
+    return parse_description(f'<robot name="w"><link name="world"/>{top}{place}</robot>', "w.urdf")
+
+
+def test_base_stands_on_what_is_below_it() -> None:
+    """At the start, after a reset, and after a teleport; refused if only its hand is in it."""
+    with simulate(on_post("base_link"), world=table(0.0)) as simulation:
+        for _ in range(2):
+            for x, height in ((0.0, 0.7), (9.0, 0.0), (0.1, 0.7)):
+                simulation.robot.teleport(x, 0.0)
+                assert simulation.robot.pose.z == pytest.approx(height, abs=2e-4)
+            simulation.reset()
+            assert simulation.robot.pose.z == pytest.approx(0.7, abs=2e-4)
+        with pytest.raises(OneBotError, match="cannot stand there, .* link table of w.urdf; .*oth"):
+            simulation.robot.teleport(-0.8, 0.0)
+    with simulate(on_post("base_link"), {"elbow": -1.5}, table(0.8)) as simulation:
+        assert simulation.robot.pose.z == 0.0
+
+
+def test_arm_of_world_that_starts_in_something_gets_a_warning(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """One, for the link; it stays where it is, and its base may be in anything."""
+    with simulate(on_post("world"), world=table(0.8)) as simulation:
+        simulation.reset()
+        assert simulation.robot.pose.z == 0.0
+    [record] = caplog.records
+    assert 'link "hand" starts 0.325 m deep in link "table" of w.urdf' in record.getMessage()
+    caplog.clear()
+    with simulate(on_post("world"), {"elbow": -1.5}, table(-0.4)):
+        assert not caplog.text
+
+
 def test_each_of_several_robots_stands_on_its_own_held_joints() -> None:
     """Of one description, with legs that are held at other lengths."""
     legs = {"low": 0.1, "high": 0.3}

@@ -13,7 +13,7 @@ from onebot_description.description import Description, parse_description
 from onebot_description.description.loading import load_world
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import PlanarPose
-from tests.onebot_control.arm_models import rod
+from tests.onebot_control.arm_models import arm, rod
 from tests.onebot_control.control_support import CASTER, config, robot, wheel
 
 STARTS = [PlanarPose(), PlanarPose(2.0, 1.0, 1.5)]
@@ -168,6 +168,21 @@ def test_a_robot_is_not_put_into_another() -> None:
         assert other.true_pose == pytest.approx(beside.pose.translation[:2] + (0.5,), abs=1e-3)
 
 
+def test_all_robots_are_reset_at_once() -> None:
+    """Each may stand where another one starts."""
+    with fleet_of() as fleet:
+        one, other = fleet.robots
+        one.teleport(PlanarPose(9.0, 9.0, 0.0))
+        other.teleport(STARTS[0])
+        one.teleport(STARTS[1])
+        run(fleet, 1, 0.3, 0.4, 3)
+        fleet.reset()
+        for drive, start in zip(fleet.robots, STARTS, strict=True):
+            assert drive.true_pose == drive.odom_in_world == pytest.approx(start, abs=1e-6)
+        assert {s.command[2:4] for s in fleet.cycle()} == {(0.0, 0.0)}
+        assert [drive.ticks for drive in fleet.robots] == [4, 4]
+
+
 def test_an_arm_stays_where_it_is_when_another_robot_is_replaced() -> None:
     """The new world, too, tracks its reference."""
     members = [
@@ -180,6 +195,20 @@ def test_an_arm_stays_where_it_is_when_another_robot_is_replaced() -> None:
         run(fleet, 0, 0.0, 0.0, 60)
         fleet.replace(0, larger())
         assert run(fleet, 0, 0.0, 0.0, 60)[1].joints.positions == pytest.approx((1.0,), abs=1e-3)
+
+
+def test_a_replaced_description_has_the_physics_of_a_new_start() -> None:
+    """As many iterations as it needs, and no more when it has no arm any longer."""
+    member = Member(arm(), config(), stands=True)
+    with (
+        Fleet.from_members([member]) as fleet,
+        Fleet.from_members([member._replace(description=rod())]) as new,
+    ):
+        few, many = fleet.world.settings, new.world.settings
+        assert few.iterations < many.iterations
+        for description, settings in ((rod(), many), (arm(), few)):
+            fleet.replace(0, description)
+            assert fleet.world.settings == settings
 
 
 @pytest.mark.parametrize("walled", [False, True])
@@ -208,6 +237,10 @@ def test_a_description_needs_room_where_the_robot_is_not_at_its_start(walled: bo
             fleet.robots[1].reset()
             with pytest.raises(OneBotError, match="/r1 and /r2"):
                 fleet.robots[0].reset()
+            poses = [repr(drive.plant.base_pose()) for drive in fleet.robots]
+            with pytest.raises(OneBotError, match="/r1 and /r2"):
+                fleet.reset()
+            assert [repr(drive.plant.base_pose()) for drive in fleet.robots] == poses
         fleet.cycle()
 
 

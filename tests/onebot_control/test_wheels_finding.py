@@ -8,11 +8,13 @@ import trimesh
 
 from onebot_control.drive.parameters import ControlConfig
 from onebot_control.drive.wheels import rolling_shapes
+from onebot_control.drive.wheels.finding import has_wheels
 from onebot_control.drive.wheels.geometry import Wheels
-from onebot_control.physics.simulated_model import commandable, simulated_model
+from onebot_control.physics.simulated_model import casters_of, commandable, simulated_model
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.errors import OneBotError
 from tests.accuracy import DrivenPath, measure, straight, turn
+from tests.onebot_control.arm_models import interfaces
 from tests.onebot_control.control_support import alone, robot
 
 INERTIA = '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
@@ -154,6 +156,15 @@ def test_what_cannot_be_driven(parts: tuple[str, ...], said: str) -> None:
     assert "Its joints that turn: " + ("" if parts else "none") in message
 
 
+def test_a_round_housing_of_an_arm_is_no_wheel() -> None:
+    """What rolls about a lateral axis is a wheel only near the robot's lowest point."""
+    stand = part("stand", "0 0 0.1", "<box size='0.2 0.2 0.2'/>", kind="fixed")
+    shoulder = part("shoulder", "0 0 0.2", "<box size='0.1 0.1 0.1'/>", axis="0 0 1")
+    upper = part("upper", "0 0 0.2", WIDE[1], origin=WIDE[0], parent="shoulder")
+    assert not has_wheels(base(stand, shoulder, upper))
+    assert has_wheels(base(*TWO, stand, shoulder, upper)) and has_wheels(base(*TWO, *BALLS))
+
+
 def mesh_wheels(folder: Path) -> Description:
     """Two wheels whose meshes lie outside of their joints."""
     file = folder / "wheel.stl"
@@ -201,6 +212,21 @@ def test_what_is_simulated() -> None:
     ball = next(link for link in simulated.links if link.name == "ball_0.2").collisions[0]
     assert ball.origin.xyz == pytest.approx((0.0, 0.0, 0.0002))
     assert simulated_model(robot(), Wheels(robot())).description.joints == robot().joints
+
+
+def test_continuous_joints_with_interfaces_are_no_casters() -> None:
+    """A controller commands them, whatever they carry; one that none commands is held."""
+    turret = part("pan", "0 0 0.2", "<box size='0.1 0.1 0.1'/>", axis="0 0 1") + part(
+        "tilt", "0 0 0.1", "<box size='0.1 0.1 0.1'/>", parent="pan"
+    )
+    spinner = part("spinner", "0 0 0.1", "<box size='0.1 0.1 0.1'/>", axis="0 0 1", parent="tilt")
+    listed = interfaces("pan_joint", "position"), interfaces("tilt_joint", "position")
+    description = base(*TWO, *BALLS, SWIVEL, turret, spinner, *listed)
+    wheels = Wheels(description)
+    commanded = commandable(description, wheels)
+    assert commanded == ["pan_joint", "tilt_joint"]
+    assert casters_of(wheels) == {"fork_joint", "roller_joint", "spinner_joint"}
+    assert simulated_model(description, wheels, commanded[:1]).held == {"tilt_joint": 0.0}
 
 
 PUBLIC = Path(__file__).parents[1] / "robots"

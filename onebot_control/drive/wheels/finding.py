@@ -12,11 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from onebot_control.drive.wheels.rolling_shapes import Tyre, Tyres
+from onebot_control.drive.wheels.rolling_shapes import Tyre, Tyres, lowest_point
 from onebot_control.frame_names import WORLD_FRAME
 from onebot_description.arrays import Floats
 from onebot_description.elements.description import Description, Joint, Mesh
 from onebot_description.errors import OneBotError
+from onebot_description.geometry import matrices
 from onebot_description.model import RobotModel
 from onebot_description.model.rigid_bodies import rigid_frames
 
@@ -115,12 +116,27 @@ def find_wheels(description: Description, turning: Mapping[str, Axle], tyres: Ty
 
 
 def has_wheels(description: Description) -> bool:
-    """Return whether a robot has wheels; if its root link is ``world``, it stands still."""
+    """Return whether a robot has wheels on the ground; otherwise it stands still.
+
+    A wheel's lowest point is at most its radius above that of the robot; what rolls farther up
+    belongs to an arm. A robot whose root link is ``world`` stands still.
+
+    Raises:
+        OneBotError: the mesh of a collision shape cannot be read.
+    """
     if description.root_link == WORLD_FRAME:
         return False
     tyres = Tyres(description, rigid_frames(description))
     places = RobotModel.from_description(description).link_matrices({})
-    return bool(_rolling(axles(description, places), tyres))
+    if not (wheels := _rolling(axles(description, places), tyres)):
+        return False
+    bottoms = [
+        lowest_point(collision.shape, places[link.name] @ matrices.of_origin(collision.origin))
+        for link in description.links
+        for collision in link.collisions
+    ]
+    lowest = min(bottoms, default=math.inf)
+    return any(wheel.bottom - wheel.radius <= lowest for wheel in wheels)
 
 
 def _why_not_one_set(

@@ -1,5 +1,6 @@
-"""Finds the round shapes that wheels roll on, in the robot's description."""
+"""Finds the round shapes that wheels roll on, and how low shapes reach, in the description."""
 
+import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -7,11 +8,13 @@ import numpy as np
 
 from onebot_description.arrays import Floats
 from onebot_description.elements.description import (
+    Box,
     Cylinder,
     Description,
     Geometry,
     Joint,
     Mesh,
+    Shape,
     Sphere,
 )
 from onebot_description.elements.meshes import mesh_corners
@@ -99,3 +102,16 @@ def _round_mesh(mesh: Mesh, pose: Floats, axis: Floats) -> Tyre | None:
     if min(reaches) < radius * (1.0 - _ROUND):
         return None
     return Tyre(radius, float(along.max() + along.min()) / 2.0)
+
+
+def lowest_point(shape: Shape, pose: Floats) -> float:
+    """Return the height of the lowest point of a shape at ``pose`` (4, 4), m."""
+    up, height = pose[2, :3], float(pose[2, 3])
+    if isinstance(shape, Mesh):
+        return height + float((mesh_corners(shape) @ up).min())
+    if isinstance(shape, Box):
+        return height - float(abs(up) @ np.array(shape.size)) / 2.0
+    if isinstance(shape, Sphere):
+        return height - shape.radius
+    around = shape.radius * (math.hypot(up[0], up[1]) if isinstance(shape, Cylinder) else 1.0)
+    return height - abs(float(up[2])) * shape.length / 2.0 - around
