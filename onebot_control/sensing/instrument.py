@@ -120,6 +120,10 @@ class Instrument(ABC, Generic[M]):
         """Return the pose of the sensor in the world."""
         link = placed.link(self.row, self.sensor.link)
         assert link is not None
+        return self.mounted(link)
+
+    def mounted(self, link: LinkPose) -> LinkPose:
+        """Return the pose, or poses, of the sensor for its link's."""
         turn, at = self._mount[:3, :3], self._mount[:3, 3]
         return LinkPose(link.rotation @ turn, link.rotation @ at + link.position)
 
