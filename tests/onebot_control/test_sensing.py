@@ -35,12 +35,13 @@ from onebot_description.description.sensors.imu import Imu, Reference
 from onebot_description.description.sensors.kind_table import BY_TYPE
 from onebot_description.description.sensors.lidar import Fan, Lidar
 from onebot_description.description.sensors.noise import Noise
-from onebot_description.elements.sensor import Sensor
+from onebot_description.elements.sensor import Sensor, SensorModel
 from onebot_description.geometry import quaternions
 from onebot_description.geometry.poses import Origin, PlanarPose
 from tests.onebot_control.control_support import WHEELS, robot
 from tests.support import wait_for
 
+LENS = Camera(1.0472, 33, 25, 0.1, 50.0, 0.1, 10.0)
 HERE = np.eye(3), np.zeros(3)
 STILL = (((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)),)
 
@@ -57,6 +58,17 @@ def link(name: str, *visuals: str, kind: str = "fixed") -> str:
 def shape(inside: str, xyz: str = "0 0 0", rpy: str = "0 0 0", color: str = "") -> str:
     material = f'<material name="{color}"><color rgba="{color}"/></material>' if color else ""
     return f'<origin xyz="{xyz}" rpy="{rpy}"/><geometry>{inside}</geometry>{material}'
+
+
+def still(tick: int, positions: Sequence[float], speeds: Sequence[float] = ()) -> Snapshot:
+    """A robot whose base rests 2 m above the ground, while its joints may move."""
+    zero = (0.0, 0.0, 0.0)
+    joints = JointStates(tuple(positions), tuple(speeds) or (0.0,) * len(positions), ())
+    pose, velocity = Pose((1.0, 2.0, 2.0), (*zero, 1.0)), MassVelocity(zero, zero, zero)
+    command = WheelCommand(0.0, 0.0, 0.0, 0.0)
+    return Snapshot(
+        tick, joints, PlanarPose(), (*zero, *zero), (0.0, 0.0), pose, velocity, 1.0, command
+    )
 
 
 def world(*links: str):
@@ -180,6 +192,33 @@ def test_the_link_with_the_sensor_is_not_seen_and_others_are():
     assert hits.distances[0] == pytest.approx(1 - 0.05 * math.sqrt(2), abs=1e-6)
     assert hits.surfaces.tolist() == [scene.target(0, "b"), NOTHING]
     assert cast(fan, *pose, scene.still, placed.targets, 9.0).distances[1] == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("kind", ["fixed", "continuous"])
+@pytest.mark.parametrize("model", [Lidar(Fan(90, -3.0, 3.0), Fan(), 0.1, 9.0), LENS])
+def test_a_sensor_sees_out_of_the_housing_that_it_is_fixed_in(model: SensorModel, kind: str):
+    """It has no shape itself; a bar in front is seen, and so is a link that turns around it."""
+    size, bar = '<box size="0.08 0.08 0.06"/>', shape('<box size="0.05 4 1"/>', "0.5 0 0")
+    case = shape(size, color="1 0 0 1")
+    joints = "".join(
+        f'<joint name="{child}" type="{of}"><parent link="base"/><child link="{child}"/></joint>'
+        for child, of in (("case", kind), ("eye", "fixed"))
+    )
+    text = (
+        f'<robot name="r"><link name="base"><visual>{bar}</visual></link><link name="eye"/>'
+        f'<link name="case"><visual>{case}</visual></link>{joints}</robot>'
+    )
+    robot = SensedRobot(parse_description(text), ("case",) if kind == "continuous" else (), {})
+    sensors = Sensors(None, 100.0, 9.81)
+    sensors.enter(0, robot)
+    positions = (0.0,) * len(robot.joints)
+    world = sensors.world(sensors.frame(0, [still(0, positions)], None, ()))
+    found = Sensor("eye", "eye", Origin(), 10.0, {"depth": "", "scan": ""}, "eye", model)
+    instrument = INSTRUMENTS[type(model)](found, 0, "/", 100.0, noisy=False)
+    output = "scan" if isinstance(model, Lidar) else "depth"
+    middle = instrument.measure(world, {output})[output].ravel()
+    ahead = middle[len(middle) // 2]
+    assert ahead == (pytest.approx(0.475, abs=0.01) if kind == "fixed" else -math.inf)
 
 
 def test_pybullet_casts_the_rays_where_there_is_no_embree(monkeypatch: pytest.MonkeyPatch):
@@ -435,20 +474,7 @@ def test_an_imu_on_a_link_that_moves_measures_that_motion_too():
         '<joint name="pan" type="continuous"><parent link="base"/><child link="arm"/>'
         '<axis xyz="0 0 1"/></joint></robot>'
     )
-    snapshots = [
-        Snapshot(
-            tick,
-            JointStates((0.02 * tick,), (2.0,), (0.0,)),
-            PlanarPose(),
-            (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-            (0.0, 0.0),
-            Pose((1.0, 2.0, 0.5), (0.0, 0.0, 0.0, 1.0)),
-            MassVelocity(*[(0.0, 0.0, 0.0)] * 3),
-            1.0,
-            WheelCommand(0.0, 0.0, 0.0, 0.0),
-        )
-        for tick in range(3)
-    ]
+    snapshots = [still(tick, (0.02 * tick,), (2.0,)) for tick in range(3)]
     for angular, linear in inertia(SensedRobot(arm, ("pan",), {}), snapshots, "arm"):
         np.testing.assert_allclose(angular, [0.0, 0.0, 2.0], atol=1e-6)
         np.testing.assert_allclose(linear, (-0.4, 0.0, 9.81), atol=1e-3)
