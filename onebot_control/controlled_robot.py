@@ -42,12 +42,12 @@ _DRIFT_PERIOD = 0.1  # s between comparisons of odometry and truth
 class Snapshot(NamedTuple):
     """The state of a robot in one control cycle.
 
-    Velocities are per second of the clock of the stamps. If the simulation is slower than that
-    clock, they are lower than in simulated time.
+    Velocities are per second of the clock of the stamps, except where stated. If the simulation is
+    slower than that clock, they are lower than in simulated time.
     """
 
     tick: int  # cycles done before this one
-    joints: JointStates  # all joints that move
+    joints: JointStates  # all joints that move, in the simulation's own time
     odometry: PlanarPose  # the wheels' pose, in the odometry's frame
     covariance: PoseCovariance  # covariance of that pose
     twist: tuple[float, float]  # linear and angular velocity by the wheels, m/s and rad/s
@@ -55,6 +55,15 @@ class Snapshot(NamedTuple):
     mass_velocity: MassVelocity  # true velocity, in the simulation's own time
     pace: float  # simulated seconds per second of the clock
     command: WheelCommand  # the command in force, and the wheels' velocities for it
+
+    @property
+    def joint_states(self) -> JointStates:
+        """The states of all joints that move."""
+        if self.pace == 1.0:
+            return self.joints
+        return self.joints._replace(
+            velocities=tuple([speed * self.pace for speed in self.joints.velocities])
+        )
 
     @property
     def velocity(self) -> Twist:
@@ -431,14 +440,9 @@ class ControlledRobot:
     def snapshot(self) -> Snapshot:
         """Return the state of the robot as last read."""
         odometry, pace = self.controller.odometry, self.controller.pace
-        joints = self._joints
-        if pace != 1.0:
-            joints = joints._replace(
-                velocities=tuple([speed * pace for speed in joints.velocities])
-            )
         return Snapshot(
             self.ticks,
-            joints,
+            self._joints,
             odometry.pose,
             odometry.covariance,
             (odometry.linear * pace, odometry.angular * pace),

@@ -567,7 +567,7 @@ class SimulatedRobot:
     @property
     def joints(self) -> Mapping[str, JointState]:
         """The states of the moving joints, by name; an unknown name raises OneBotError."""
-        states = zip(*self._controlled.snapshot().joints, strict=True)
+        states = zip(*self._controlled.snapshot().joint_states, strict=True)
         return Joints(
             zip(self._controlled.joints, (JointState(*state) for state in states), strict=True)
         )

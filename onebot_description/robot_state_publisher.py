@@ -18,8 +18,9 @@ Subscribes:
         message older than the last one of its joints is ignored, unless it is 10 s or more older:
         then the clock was set back.
 
-All parameters can be changed while it runs; an invalid change is rejected with the reason. Floating
-and planar joints are published at their origin, as static transforms: JointState has no poses.
+All parameters can be changed while it runs; an invalid change is rejected with the reason.
+JointState has no poses: planar joints are published at their origin, as static transforms, and
+floating ones not at all, because another node, such as an odometry, publishes where they are.
 """
 
 if __name__ == "__main__":  # first: the imports take a second
@@ -43,7 +44,7 @@ from std_msgs.msg import String
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.loading import keep_places
 from onebot_description.description_files import DescriptionFiles, Source
-from onebot_description.errors import OneBotError
+from onebot_description.errors import OneBotError, listing
 from onebot_description.model import RobotModel
 from onebot_description.ros.command_line import RosArguments, ros_args, split_robots
 from onebot_description.ros.description_topic import warn_of_two_robots
@@ -142,6 +143,12 @@ class RobotStatePublisher(Node):
         description, self._model = self._accepted
         for notice in description.notices:
             self.get_logger().warning(notice)
+        if links := self._model.floating:
+            self.get_logger().warning(
+                f"the transforms of floating joints are not published, because joint states have "
+                f"no poses: another node, such as an odometry, has to publish that of "
+                f"{listing(links)}"
+            )
         self._description.publish(String(data=description.urdf))
 
     def _changes(self, parameters: Sequence[Parameter]) -> dict[str, Any]:

@@ -130,7 +130,7 @@ class Publishers:
         if self._clock is not None:
             self._clock.publish(self._clock_message)
         if _is_subscribed(self._joint_states):
-            joints, values = self._joint_message, robot.broadcaster.values(snapshot.joints)
+            joints, values = self._joint_message, robot.broadcaster.values(snapshot.joint_states)
             joints.position, joints.velocity, joints.effort = values
             self._joint_states.publish(joints)
         if self._stands:

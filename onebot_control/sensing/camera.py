@@ -124,7 +124,7 @@ class CameraInstrument(Instrument[Camera]):
         if wanted <= _INFOS:
             return outputs
         pose, generator = self.pose(world.placed), self.generator(world.frame)
-        hits = self.hits(world, pose, self._rays, reach(camera))
+        hits = self.hits(world, pose, self._rays, camera.near, reach(camera))
         if wanted & {"image", "points"} and "image" in topics:
             outputs["image"] = world.painter.picture(
                 camera, self._rays, pose.position, hits, world.placed.targets, generator

@@ -1,4 +1,4 @@
-"""Measures with IMUs: from two states of a rigid body, and its orientation."""
+"""Measures with IMUs: from two motions of the sensor, and its orientation."""
 
 import math
 from collections.abc import Sequence, Set
@@ -9,61 +9,69 @@ import numpy as np
 from onebot_control.controlled_robot import Snapshot
 from onebot_control.sensing.instrument import Instrument, SensedWorld
 from onebot_control.sensing.noise import add_noise
+from onebot_control.sensing.surroundings import RobotState
 from onebot_description.arrays import Floats
 from onebot_description.description.sensors.imu import Imu
 from onebot_description.description.sensors.noise import Noise
 from onebot_description.geometry import quaternions
-from onebot_description.geometry.poses import Quaternion
+from onebot_description.geometry.poses import Quaternion, multiply, rotate, scaled
 
-_LEAP = 0.01  # m; a robot that has moved this much farther than by its speed was teleported
+_LEAP = 0.01  # m; a sensor that has moved this much farther than by its speed was teleported
+_STEP = 1e-5  # s; poses this much before and after a moment give the velocity in it
 
 
 class Motion(NamedTuple):
-    """Velocity and orientation of a rigid body."""
+    """Pose and velocity of a sensor in simulated time."""
 
+    rotation: Floats  # (3, 3), of the sensor in the world
+    position: Floats  # (3,), in the world, m
     linear: Floats  # (3,), velocity of its origin in its own axes, m/s
     angular: Floats  # (3,), angular velocity in its own axes, rad/s
-    rotation: Floats  # (3, 3), of the body in the world
 
     @classmethod
-    def of_root(cls, snapshot: Snapshot) -> "Motion":
-        """Return the motion of a robot's root link."""
-        linear, angular = map(np.array, snapshot.velocity)
-        return cls(linear, angular, quaternions.to_matrix(snapshot.pose.rotation))
+    def through(cls, rotations: Floats, positions: Floats, step: float) -> "Motion":
+        """Return the motion in the middle of three poses, which are ``step`` seconds apart.
+
+        Args:
+            rotations: (3, 3, 3), of the sensor in the world.
+            positions: (3, 3), in the world, m.
+            step: s.
+        """
+        (first, middle, last), (start, position, end) = rotations, positions
+        linear = middle.T @ (end - start) / (2.0 * step)
+        return cls(middle, position, linear, _spin(middle.T @ (last - first), 2.0 * step))
+
+
+def _spin(turned: Floats, seconds: float) -> Floats:
+    """Return the angular velocity (3,), rad/s, of a small rotation (3, 3) in some seconds."""
+    x, y, z = turned[2, 1] - turned[1, 2], turned[0, 2] - turned[2, 0], turned[1, 0] - turned[0, 1]
+    return np.array([x, y, z]) / (2.0 * seconds)
 
 
 def measure(
-    before: Motion | None,
-    now: Motion,
-    period: float,
-    mount: tuple[Floats, Floats],
-    gravity: float,
+    before: Motion | None, now: Motion, period: float, gravity: float
 ) -> tuple[Floats, Floats]:
     """Return angular velocity (3,), rad/s, and linear acceleration (3,), m/s^2, in a sensor's axes.
 
     An accelerometer also measures the reaction to gravity (REP-145): R^T (a - g). The acceleration
-    is the mean over a period, dv/dt + w x v with velocities v in the body's axes, which is exact in
-    a steady turn.
+    is the mean over a period, dv/dt + w x v with velocities v in the sensor's axes, which is exact
+    in a steady turn.
 
     Args:
         before: motion one period ago; None if unknown, which counts as unchanged.
         now: current motion.
         period: between both, s.
-        mount: rotation (3, 3) and position (3,) of the sensor in the body.
         gravity: downwards, m/s^2.
     """
-    turn, arm = mount
     spin = now.angular
     if before is None:
         before = now
     else:
         # Mean angular velocity from the actual rotation; the mean of both velocities is not exact.
-        turned = before.rotation.T @ now.rotation
-        skew = (turned - turned.T) / (2.0 * period)
-        spin = np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
-    first, last = (motion.linear + np.cross(motion.angular, arm) for motion in (before, now))
-    acceleration = (last - first) / period + np.cross(spin, (first + last) / 2.0)
-    return turn.T @ now.angular, turn.T @ (acceleration + gravity * now.rotation[2])
+        spin = _spin(before.rotation.T @ now.rotation, period)
+    acceleration = (now.linear - before.linear) / period
+    acceleration += np.cross(spin, (before.linear + now.linear) / 2.0)
+    return now.angular, acceleration + gravity * now.rotation[2]
 
 
 def orientation(sensor: Imu, rotation: Floats, start: Quaternion) -> Floats | None:
@@ -95,25 +103,48 @@ class ImuInstrument(Instrument[Imu]):
         return [*self.model.angular_velocity, *self.model.linear_acceleration]
 
     def measure(self, world: SensedWorld, wanted: Set[str]) -> dict[str, Any]:
-        frame, pose = world.frame, self.pose(world.placed)
-        now = frame.snapshots[self.row]
-        last_snapshot = frame.before[self.row] if frame.before else None
-        if last_snapshot and _was_put(last_snapshot, now, world.period):
-            last_snapshot = None
-        previous, motion = last_snapshot and Motion.of_root(last_snapshot), Motion.of_root(now)
-        back = motion.rotation.T
-        mount = back @ pose.rotation, back @ (pose.position - np.array(now.pose.translation))
-        values = np.concatenate(measure(previous, motion, world.period, mount, world.gravity))
+        frame, row = world.frame, self.row
+        snapshot = frame.snapshots[row]
+        last_snapshot = frame.before[row] if frame.before else snapshot
+        last, now = self._motions(world, [last_snapshot, snapshot])
+        before = None if frame.before is None or _was_put(last, now, world.period) else last
+        angular, linear = measure(before, now, world.period, world.gravity)
+        # As all velocities, it is per second of the clock; the acceleration is the one simulated.
+        values = np.concatenate([angular * snapshot.pace, linear])
         if generator := self.generator(frame):
             for axis, noise in enumerate(self.noises):
                 part = values[axis : axis + 1]
                 part[:] = add_noise(part, noise, self.offsets[axis], generator)
-        turn = orientation(self.model, pose.rotation, frame.starts[self.row])
+        turn = orientation(self.model, now.rotation, frame.starts[self.row])
         return {"imu": (turn, values[:3], values[3:])}
 
+    def _motions(self, world: SensedWorld, snapshots: Sequence[Snapshot]) -> list[Motion]:
+        """Return the sensor's motions: those of its link against the base, too."""
+        states = [state for snapshot in snapshots for state in _around(snapshot)]
+        link = world.placed.surroundings.link(self.row, self.sensor.link, states)
+        assert link is not None
+        rotations, positions = self.mounted(link)
+        parts = [slice(start, start + 3) for start in range(0, len(states), 3)]
+        return [Motion.through(rotations[part], positions[part], _STEP) for part in parts]
 
-def _was_put(before: Snapshot, now: Snapshot, period: float) -> bool:
-    """Return whether a robot was teleported between two cycles, which its IMU does not feel."""
-    shift = math.dist(now.pose.translation, before.pose.translation)
-    speed = max(math.hypot(*snapshot.velocity.linear) for snapshot in (before, now))
-    return shift > 2.0 * speed * period + _LEAP
+
+def _around(snapshot: Snapshot) -> list[RobotState]:
+    """Return the states of a robot ``_STEP`` before a snapshot, in it, and as much after it."""
+    ((x, y, z), rotation), joints = snapshot.pose, snapshot.joints
+    vx, vy, vz = rotate(rotation, snapshot.mass_velocity.twist(rotation).linear)
+    turning = snapshot.mass_velocity.angular
+    return [
+        RobotState(
+            (x + dt * vx, y + dt * vy, z + dt * vz),
+            multiply((*scaled(turning, dt / 2.0), 1.0), rotation),
+            [at + dt * speed for at, speed in zip(*joints[:2], strict=True)],
+        )
+        for dt in (-_STEP, 0.0, _STEP)
+    ]
+
+
+def _was_put(before: Motion, now: Motion, period: float) -> bool:
+    """Return whether a sensor was teleported between two cycles, which it does not feel."""
+    shift = math.dist(now.position, before.position)
+    speed = max(np.linalg.norm(motion.linear) for motion in (before, now))
+    return bool(shift > 2.0 * speed * period + _LEAP)

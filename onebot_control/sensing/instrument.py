@@ -1,7 +1,7 @@
 """What measures with one sensor of one robot, and the world that it measures in."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence, Set
+from collections.abc import Iterator, Sequence, Set
 from functools import cached_property
 from typing import Any, ClassVar, Generic, NamedTuple, TypeVar
 
@@ -17,8 +17,11 @@ from onebot_description.description.sensors.noise import Noise
 from onebot_description.elements.sensor import Sensor, SensorModel
 from onebot_description.geometry import matrices
 from onebot_description.geometry.poses import Quaternion, Transform
+from onebot_description.model.rigid_bodies import rigid_frames
 
 M = TypeVar("M", bound=SensorModel)
+
+_TRIED = 1000  # rays that tell whether a link is a sensor's housing
 
 
 class Frame(NamedTuple):
@@ -83,6 +86,7 @@ class Instrument(ABC, Generic[M]):
         self.rate = min(sensor.rate or cycles, cycles)
         self._name = f"{namespace}/{sensor.link}/{sensor.name}"
         self._mount = matrices.of_origin(sensor.origin)
+        self._unseen: list[str] = []  # links that its rays pass through; found when it measures
 
     @abstractmethod
     def measure(self, world: SensedWorld, wanted: Set[str]) -> dict[str, Any]:
@@ -120,14 +124,52 @@ class Instrument(ABC, Generic[M]):
         """Return the pose of the sensor in the world."""
         link = placed.link(self.row, self.sensor.link)
         assert link is not None
+        return self.mounted(link)
+
+    def mounted(self, link: LinkPose) -> LinkPose:
+        """Return the pose, or poses, of the sensor for its link's."""
         turn, at = self._mount[:3, :3], self._mount[:3, 3]
         return LinkPose(link.rotation @ turn, link.rotation @ at + link.position)
 
-    def hits(self, world: SensedWorld, pose: LinkPose, rays: Rays, reach: float) -> Hits:
-        """Return what the sensor's rays hit, other than the link that carries it."""
+    def hits(
+        self, world: SensedWorld, pose: LinkPose, rays: Rays, least: float, reach: float
+    ) -> Hits:
+        """Return what the sensor's rays hit, other than its own link and its housing.
+
+        Args:
+            world: to measure in.
+            pose: of the sensor.
+            rays: of the sensor.
+            least: least distance that is measured, in lengths of the directions.
+            reach: greatest distance, in lengths of the directions.
+        """
         placed = world.placed
-        own_target = placed.surroundings.target(self.row, self.sensor.link)
-        return cast(rays, *pose, placed.surroundings.still, placed.targets, reach, [own_target])
+        self._unseen = self._unseen or [self.sensor.link, *self._housing(world, pose, rays, least)]
+        skipped = [placed.surroundings.target(self.row, link) for link in self._unseen]
+        return cast(rays, *pose, placed.surroundings.still, placed.targets, reach, skipped)
+
+    def _housing(
+        self, world: SensedWorld, pose: LinkPose, rays: Rays, least: float
+    ) -> Iterator[str]:
+        """Yield the links around the sensor, which would hide everything else.
+
+        They are fixed to its link, and more than half of its rays hit them nearer than it measures:
+        a ring of rays hits a convex shape beside it with less than half.
+        """
+        targets, surroundings = world.placed.targets, world.placed.surroundings
+        some = rays.singles[:: len(rays.singles) // _TRIED + 1]
+        bodies = rigid_frames(world.frame.robots[self.row].description)
+        for link, (first, _) in bodies.items():
+            index = surroundings.target(self.row, link) - 1
+            if first != bodies[self.sensor.link][0] or index < 0:
+                continue
+            back = targets.rotations[index].T
+            start = (back @ (pose.position - targets.positions[index])).astype(np.float32)
+            directions = some @ (back @ pose.rotation).T.astype(np.float32)
+            limits = np.full(len(some), least, np.float32)
+            found = targets.surfaces[index].cast(np.tile(start, (len(some), 1)), directions, limits)
+            if (found.faces >= 0).mean() > 0.5:
+                yield link
 
     def seen_from(
         self, world: SensedWorld, pose: LinkPose, otherwise: Floats

@@ -111,7 +111,7 @@ class LidarInstrument(Instrument[Lidar]):
 
     def measure(self, world: SensedWorld, wanted: Set[str]) -> dict[str, Any]:
         lidar, pose, generator = self.model, self.pose(world.placed), self.generator(world.frame)
-        hits = self.hits(world, pose, self._rays, reach(lidar))
+        hits = self.hits(world, pose, self._rays, lidar.least, reach(lidar))
         hit = hits.surfaces != NOTHING
         measured = ranges(lidar, hits.distances, hit, self.offsets[0], generator)
         outputs = dict[str, Any]()

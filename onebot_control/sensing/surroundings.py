@@ -36,10 +36,10 @@ class RobotState(NamedTuple):
 
 
 class LinkPose(NamedTuple):
-    """The pose of a link's frame in the world."""
+    """The pose of a link's frame in the world, or several poses."""
 
-    rotation: Floats  # (3, 3)
-    position: Floats  # (3,)
+    rotation: Floats  # (..., 3, 3)
+    position: Floats  # (..., 3)
 
 
 class Surroundings:
@@ -85,6 +85,14 @@ class Surroundings:
     def target(self, row: int, link: str) -> int:
         """Return the index of a robot's link among the targets of ``cast``; NOTHING without one."""
         return self._targets[row].get(link, NOTHING)
+
+    def link(self, row: int, name: str, states: Sequence[RobotState]) -> LinkPose | None:
+        """Return the poses of a robot's link in several states; None if it has no such link."""
+        for kind in self.kinds:
+            if row in kind.rows and name in kind.numbers:
+                rotations, positions = kind.links(states)
+                return LinkPose(rotations[:, kind.numbers[name]], positions[:, kind.numbers[name]])
+        return None
 
     def targets(
         self, boxes: Sequence[Transform], links: Sequence[tuple[Floats, Floats]]

@@ -269,7 +269,7 @@ def _check_material(
         text = "there is another material of that name that looks different; rename one"
         findings.problem(element, text)
     elif definitions[material.name] != material:
-        text = "a material of that name looks different elsewhere; rename one"
+        text = "a material of that name looks different elsewhere, and is used here; rename one"
         findings.warning(element, text)
 
 

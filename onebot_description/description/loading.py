@@ -73,7 +73,7 @@ def _read(
     """Return the document in a file (expanded, if xacro), the files read, and warnings."""
     values = {name: str(value) for name, value in arguments.items()}
     name = xml.shown_path(path)
-    data, blank = xml.declaration_first(xml.read_bytes(path), name)
+    data, warnings = xml.mended(xml.read_bytes(path), name)
     document = None if path.suffix == ".xacro" else xml.parse(data, name, path.parent)
     if document is None or document.has_xacro:
         from onebot_description.description.xacro import expand
@@ -82,7 +82,7 @@ def _read(
     if values:
         names = ", ".join(sorted(values))
         raise DescriptionError([f"{name}: is plain URDF and takes no arguments (given: {names})"])
-    return document, (path,), blank
+    return document, (path,), warnings
 
 
 class SensorFile(NamedTuple):
@@ -158,7 +158,7 @@ def parse_description(urdf: str, name: str = "<string>") -> Description:
         DescriptionError: the robot cannot be published; the text lists all problems.
     """
     try:
-        data, blank = xml.declaration_first(urdf.encode("utf-8"), name)
+        data, warnings = xml.mended(urdf.encode("utf-8"), name)
     except UnicodeEncodeError as error:
         raise DescriptionError([f"{name}: contains an invalid character ({error})"]) from None
     document = xml.parse(data, name, _folder(name), "utf-8")
@@ -166,7 +166,7 @@ def parse_description(urdf: str, name: str = "<string>") -> Description:
     if len(places) == len(document.places):
         document.places.update(zip(document.root.iter(), places, strict=True))
     files = (Path(name).absolute(),) if document.folder is not None else ()
-    return _check(document, name, files, blank)
+    return _check(document, name, files, warnings)
 
 
 def keep_places(description: Description) -> None:

@@ -441,26 +441,27 @@ def _read_mesh(findings: Findings, element: Element) -> Mesh | None:
 
 
 def _visual_colors(root: Element, materials: Mapping[Element, Material]) -> dict[Element, Rgba]:
-    """Return the colour of each visual with a material: the material's, or that of its name.
+    """Return the colour of each visual with a material: that of its name, if it has one.
 
-    A material of the robot overrides one of the same name in a visual.
+    As in urdfdom, the first definition of a name counts everywhere, the robot's before visuals'.
     """
-    named = {material.name: material.color for material in materials.values() if material.color}
+    backwards = reversed([*materials.values()])
+    named = {material.name: material.color for material in backwards if material.color}
     colors = {}
     for visual in root.iterfind("link/visual"):
         element = visual.find("material")
         if element is not None:
             material = materials[element]
-            color = material.color or (named.get(material.name) if material.name else None)
+            color = named.get(material.name) if material.name else material.color
             if color is not None:
                 colors[visual] = color
     return colors
 
 
 def read_materials(findings: Findings) -> dict[Element, Material]:
-    """Read the materials of the visuals, then the robot's."""
+    """Read the materials of the robot, then the visuals'."""
     root = findings.document.root
-    elements = [*root.iterfind("link/visual/material"), *root.iterfind("material")]
+    elements = [*root.iterfind("material"), *root.iterfind("link/visual/material")]
     return {element: _read_material(findings, element) for element in elements}
 
 

@@ -8,7 +8,7 @@ import codecs
 import os
 import re
 import stat
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
@@ -24,6 +24,10 @@ XACRO_NAMESPACES = (
     "https://www.ros.org/wiki/xacro",
 )
 _SEPARATOR = "\1"  # between namespace, name and prefix; no document can hold it
+# A comment, with its text, or a CDATA section, which may hold what looks like one. The end of the
+# document ends either, so that the time stays linear.
+_COMMENT = re.compile(rb"<!--(.*?)(-->|\Z)|<!\[CDATA\[.*?(?:\]\]>|\Z)", re.DOTALL)
+_DASHES = '"--" inside a comment'
 MOST_BYTES = 50_000_000
 _MOST_NESTED = 100
 _MOST_PARTS = 1_000_000  # elements and attributes; a robot of 10,000 joints has a fifth of that
@@ -101,20 +105,43 @@ def _choices(folder: Path, name: str) -> str:
     return did_you_mean(name, names, "in that folder")
 
 
-def declaration_first(data: bytes, shown: str) -> tuple[bytes, tuple[str, ...]]:
-    """Move blank lines before an XML declaration behind it, because urdfdom skips them.
+def mended(data: bytes, shown: str) -> tuple[bytes, tuple[str, ...]]:
+    """Mend what urdfdom takes and XML forbids: elements stay on their lines.
 
-    Elements stay on their lines.
+    That is blank lines before an XML declaration, which are moved behind it, and comments with "--"
+    inside, which are emptied.
 
     Returns:
-        The document, and a warning if it was changed.
+        The document, and warnings of what was changed.
     """
+    warnings = []
     document = data.lstrip(b" \t\r\n")
     blank, end = data[: len(data) - len(document)], document.find(b"?>") + 2
-    if not blank or not document.startswith(b"<?xml ") or end < 2:
-        return data, ()
-    warning = f"{shown}:1: blank lines before <?xml ...?>, which some programs refuse: delete them"
-    return document[:end] + blank + document[end:], (warning,)
+    if blank and document.startswith(b"<?xml ") and end >= 2:
+        data = document[:end] + blank + document[end:]
+        text = "blank lines before <?xml ...?>, which some programs refuse: delete them"
+        warnings.append(f"{shown}:1: {text}")
+    if lines := next(_dashed_comments(data), None):
+        warnings.append(f"{shown}:{lines[0]}: {_DASHES}, which some programs refuse: delete it")
+        data = _COMMENT.sub(_emptied, data)
+    return data, tuple(warnings)
+
+
+def _emptied(comment: re.Match[bytes]) -> bytes:
+    """Return a comment without its text, on as many lines; anything else as it is."""
+    if comment[1] is None:
+        return comment[0]
+    return b"<!--" + re.sub(rb"[^\r\n]", b" ", comment[1]) + comment[2]
+
+
+def _dashed_comments(data: bytes) -> Iterator[range]:
+    """Yield the lines of each comment with "--" inside."""
+    line, counted = 1, 0
+    for found in _COMMENT.finditer(data):
+        line += data.count(b"\n", counted, found.start())
+        counted = found.start()
+        if found[1] and (b"--" in found[1] or found[1].endswith(b"-")):
+            yield range(line, line + found[0].count(b"\n") + 1)
 
 
 def parse(
@@ -207,6 +234,8 @@ def _malformed(data: bytes, shown: str, error: Exception, opened: Sequence[tuple
     except UnicodeDecodeError as bad:
         line = data.count(b"\n", 0, bad.start) + 1
         return f"{shown}:{line}: is not UTF-8 text (byte 0x{data[bad.start]:02x}); save it as UTF-8"
+    if any(error.lineno in lines for lines in _dashed_comments(data)):
+        return f"{place}: malformed XML: {_DASHES}: delete it"
     reason = expat.ErrorString(error.code)
     if reason == "unbound prefix" and (prefix := _undeclared(data, error)):
         uri = XACRO_NAMESPACES[0] if prefix == "xacro" else f"http://{prefix}"

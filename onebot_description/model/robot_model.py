@@ -198,6 +198,7 @@ class RobotModel:
         moving: the arrays of these joints.
         fixed: the arrays of the other joints. Floating and planar joints, which JointState does
             not contain, are at their origin.
+        floating: names of the links that floating joints carry.
         lower: (M,), least positions in rad or m; minus infinity without limit.
         upper: (M,), greatest positions in rad or m; infinite without limit.
         velocity: (M,), speed limits in rad/s or m/s; infinite without limit.
@@ -215,6 +216,7 @@ class RobotModel:
         self.links = description.link_names
         moving = description.moving_joints
         fixed = [joint for joint in description.joints if joint.kind not in MOVING_KINDS]
+        self.floating = {joint.child for joint in fixed if joint.kind == "floating"}
         self.joints = tuple(joint.name for joint in moving)
         self.moving, self.fixed = JointArrays.from_joints(moving), JointArrays.from_joints(fixed)
         self.lower, self.upper = np.array([joint.range for joint in moving]).reshape(-1, 2).T

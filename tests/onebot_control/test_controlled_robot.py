@@ -192,7 +192,7 @@ def test_velocities_are_by_the_clock_that_stamps_them() -> None:
     drive.controller.stalled(drive.period)
     half = drive.begin()
     assert (full.twist, half.twist) == (pytest.approx((0.6, 0.3)), pytest.approx((0.3, 0.15)))
-    assert half.joints.velocities == pytest.approx(
+    assert half.joint_states.velocities == pytest.approx(
         [speed / 2.0 for speed in full.joints.velocities]
     )
     assert half.velocity.linear == pytest.approx([0.3, 0.0, 0.0])

@@ -3,7 +3,7 @@
 import itertools
 import math
 import threading
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import get_type_hints
@@ -13,9 +13,12 @@ import pytest
 import trimesh
 from PIL import Image
 
+from onebot_control.controlled_robot import ControlledRobot, Snapshot
+from onebot_control.drive.diff_drive import WheelCommand
 from onebot_control.drive.parameters import ControlConfig
 from onebot_control.fleet import Fleet, Member
 from onebot_control.nodes.sensing import Channel, SensingThread
+from onebot_control.physics import JointStates, MassVelocity, Pose
 from onebot_control.sensing import camera, imu, instrument, lidar, noise, painter, rays
 from onebot_control.sensing.rays import NOTHING, Rays, cast
 from onebot_control.sensing.sensors import INSTRUMENTS, Sensors
@@ -32,12 +35,13 @@ from onebot_description.description.sensors.imu import Imu, Reference
 from onebot_description.description.sensors.kind_table import BY_TYPE
 from onebot_description.description.sensors.lidar import Fan, Lidar
 from onebot_description.description.sensors.noise import Noise
-from onebot_description.elements.sensor import Sensor
+from onebot_description.elements.sensor import Sensor, SensorModel
 from onebot_description.geometry import quaternions
-from onebot_description.geometry.poses import Origin
+from onebot_description.geometry.poses import Origin, PlanarPose
 from tests.onebot_control.control_support import WHEELS, robot
 from tests.support import wait_for
 
+LENS = Camera(1.0472, 33, 25, 0.1, 50.0, 0.1, 10.0)
 HERE = np.eye(3), np.zeros(3)
 STILL = (((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)),)
 
@@ -54,6 +58,17 @@ def link(name: str, *visuals: str, kind: str = "fixed") -> str:
 def shape(inside: str, xyz: str = "0 0 0", rpy: str = "0 0 0", color: str = "") -> str:
     material = f'<material name="{color}"><color rgba="{color}"/></material>' if color else ""
     return f'<origin xyz="{xyz}" rpy="{rpy}"/><geometry>{inside}</geometry>{material}'
+
+
+def still(tick: int, positions: Sequence[float], speeds: Sequence[float] = ()) -> Snapshot:
+    """A robot whose base rests 2 m above the ground, while its joints may move."""
+    zero = (0.0, 0.0, 0.0)
+    joints = JointStates(tuple(positions), tuple(speeds) or (0.0,) * len(positions), ())
+    pose, velocity = Pose((1.0, 2.0, 2.0), (*zero, 1.0)), MassVelocity(zero, zero, zero)
+    command = WheelCommand(0.0, 0.0, 0.0, 0.0)
+    return Snapshot(
+        tick, joints, PlanarPose(), (*zero, *zero), (0.0, 0.0), pose, velocity, 1.0, command
+    )
 
 
 def world(*links: str):
@@ -177,6 +192,33 @@ def test_the_link_with_the_sensor_is_not_seen_and_others_are():
     assert hits.distances[0] == pytest.approx(1 - 0.05 * math.sqrt(2), abs=1e-6)
     assert hits.surfaces.tolist() == [scene.target(0, "b"), NOTHING]
     assert cast(fan, *pose, scene.still, placed.targets, 9.0).distances[1] == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("kind", ["fixed", "continuous"])
+@pytest.mark.parametrize("model", [Lidar(Fan(90, -3.0, 3.0), Fan(), 0.1, 9.0), LENS])
+def test_a_sensor_sees_out_of_the_housing_that_it_is_fixed_in(model: SensorModel, kind: str):
+    """It has no shape itself; a bar in front is seen, and so is a link that turns around it."""
+    size, bar = '<box size="0.08 0.08 0.06"/>', shape('<box size="0.05 4 1"/>', "0.5 0 0")
+    case = shape(size, color="1 0 0 1")
+    joints = "".join(
+        f'<joint name="{child}" type="{of}"><parent link="base"/><child link="{child}"/></joint>'
+        for child, of in (("case", kind), ("eye", "fixed"))
+    )
+    text = (
+        f'<robot name="r"><link name="base"><visual>{bar}</visual></link><link name="eye"/>'
+        f'<link name="case"><visual>{case}</visual></link>{joints}</robot>'
+    )
+    robot = SensedRobot(parse_description(text), ("case",) if kind == "continuous" else (), {})
+    sensors = Sensors(None, 100.0, 9.81)
+    sensors.enter(0, robot)
+    positions = (0.0,) * len(robot.joints)
+    world = sensors.world(sensors.frame(0, [still(0, positions)], None, ()))
+    found = Sensor("eye", "eye", Origin(), 10.0, {"depth": "", "scan": ""}, "eye", model)
+    instrument = INSTRUMENTS[type(model)](found, 0, "/", 100.0, noisy=False)
+    output = "scan" if isinstance(model, Lidar) else "depth"
+    middle = instrument.measure(world, {output})[output].ravel()
+    ahead = middle[len(middle) // 2]
+    assert ahead == (pytest.approx(0.475, abs=0.01) if kind == "fixed" else -math.inf)
 
 
 def test_pybullet_casts_the_rays_where_there_is_no_embree(monkeypatch: pytest.MonkeyPatch):
@@ -333,11 +375,6 @@ def test_noise_depends_on_sensor_and_time_only():
 
 # Inertial measurements, of the real simulation too ------------------------------------------------
 
-MOUNT = (
-    quaternions.to_matrix(quaternions.from_rpy((0.0, 0.0, math.pi / 2))),
-    np.array([0.1, 0, 0.2]),
-)
-
 
 def test_an_imu_measures_the_derivatives_of_any_motion():
     """Against differences of positions: p(t), R(t) of a spiral, at ten times the precision."""
@@ -345,36 +382,50 @@ def test_an_imu_measures_the_derivatives_of_any_motion():
     def pose(t: float):
         yaw = 0.8 * t + 0.1 * t * t
         turn = quaternions.to_matrix(quaternions.from_rpy((0.05 * math.sin(t), 0.1, yaw)))
-        return np.array([math.cos(t), 0.5 * t, 0.02 * t * t]), turn
+        return turn, np.array([math.cos(t), 0.5 * t, 0.02 * t * t])
 
     def motion(t: float, h: float = 1e-5):
-        (before, first), (after, last) = pose(t - h), pose(t + h)
-        turn = pose(t)[1]
-        skew = turn.T @ (last - first) / (2 * h)
-        return imu.Motion(
-            turn.T @ (after - before) / (2 * h),
-            np.array([skew[2, 1], skew[0, 2], skew[1, 0]]),
-            turn,
-        )
+        turns, places = map(np.array, zip(*map(pose, (t - h, t, t + h)), strict=True))
+        return imu.Motion.through(turns, places, h)
 
     def sensor(t: float):
-        at, turn = pose(t)
-        return at + turn @ MOUNT[1]
+        return pose(t)[1]
 
     t, dt, h = 2.0, 0.01, 1e-4
-    angular, linear = imu.measure(motion(t - dt), motion(t), dt, MOUNT, 9.81)
+    angular, linear = imu.measure(motion(t - dt), motion(t), dt, 9.81)
     middle = t - dt / 2  # a period's mean acceleration is that in its middle
     acceleration = (sensor(middle + h) - 2 * sensor(middle) + sensor(middle - h)) / h**2
-    true = pose(middle)[1].T @ acceleration + pose(t)[1].T @ (0, 0, 9.81)
-    np.testing.assert_allclose(linear, MOUNT[0].T @ true, atol=1e-3)
-    np.testing.assert_allclose(angular, MOUNT[0].T @ motion(t).angular, atol=1e-4)
-    resting = imu.Motion(np.zeros(3), np.zeros(3), pose(t)[1])
+    true = pose(middle)[0].T @ acceleration + pose(t)[0].T @ (0, 0, 9.81)
+    np.testing.assert_allclose(linear, true, atol=1e-3)
+    skew = pose(t)[0].T @ (pose(t + h)[0] - pose(t - h)[0]) / (2 * h)
+    np.testing.assert_allclose(angular, [skew[2, 1], skew[0, 2], skew[1, 0]], atol=1e-4)
+    resting = imu.Motion(*pose(t), np.zeros(3), np.zeros(3))
     for before in (None, resting):
-        angular, linear = imu.measure(before, resting, dt, MOUNT, 9.81)
+        angular, linear = imu.measure(before, resting, dt, 9.81)
         assert not angular.any()
-        np.testing.assert_allclose(linear, MOUNT[0].T @ pose(t)[1].T @ (0, 0, 9.81), atol=1e-12)
+        np.testing.assert_allclose(linear, pose(t)[0].T @ (0, 0, 9.81), atol=1e-12)
 
 
+MOUNT = Origin((0.1, 0.0, 0.2), (0.0, 0.0, math.pi / 2))
+AXES_OF_MOUNT = quaternions.to_matrix(quaternions.from_rpy(MOUNT.rpy))
+
+
+def sensed(driven: ControlledRobot) -> SensedRobot:
+    return SensedRobot(driven.description, driven.joints, driven.held)
+
+
+def inertia(robot: SensedRobot, snapshots: Sequence[Snapshot], link: str):
+    """What an IMU on a link measures in each snapshot but the first, in the link's axes."""
+    sensors = Sensors(None, 100.0, 9.81)
+    sensors.enter(0, robot)
+    sensor = Sensor("imu", link, MOUNT, 100.0, {"imu": "imu"}, link, Imu())
+    instrument = imu.ImuInstrument(sensor, 0, "/", 100.0, noisy=False)
+    for before, now in itertools.pairwise(snapshots):
+        world = sensors.world(sensors.frame(0, [now], [before], ()))
+        yield [AXES_OF_MOUNT @ each for each in instrument.measure(world, {"imu"})["imu"][1:]]
+
+
+ONEBOT = load_description("package://onebot_description/urdf/onebot.urdf.xacro")
 GRAVITY = np.array([0.0, 0.0, 9.81])
 SLOPE = math.radians(5)
 
@@ -390,21 +441,43 @@ SLOPE = math.radians(5)
 )
 def test_an_imu_measures_a_simulated_robot(scene, command, expected):
     """Where its motion is steady."""
-    onebot = load_description("package://onebot_description/urdf/onebot.urdf.xacro")
     config = ControlConfig.from_parameters({"x": 1.0, "cmd_vel_timeout": 9.0})
     around = load_world(scene) if scene else None
-    with Fleet.from_members([Member(onebot, config)], scene=around) as fleet:
-        fleet.robots[0].accept(*command)
+    with Fleet.from_members([Member(ONEBOT, config)], scene=around) as fleet:
+        [driven] = fleet.robots
+        driven.accept(*command)
         snapshots = [fleet.cycle()[0] for _ in range(220)][200:]
-        period = fleet.period
-    motions = [
-        imu.Motion(*map(np.array, each.velocity), quaternions.to_matrix(each.pose.rotation))
-        for each in snapshots
-    ]
-    for pair in itertools.pairwise(motions):
-        angular, linear = imu.measure(*pair, period, MOUNT, 9.81)
+    for angular, linear in inertia(sensed(driven), snapshots, "base_link"):
         np.testing.assert_allclose(angular, [0.0, 0.0, command[1]], atol=0.02)
-        np.testing.assert_allclose(linear, MOUNT[0].T @ expected, atol=0.05)
+        np.testing.assert_allclose(linear, expected, atol=0.05)
+
+
+def test_an_imu_feels_no_cycle_that_comes_late():
+    """It changes how long a second of the clock is, but not how the robot moves."""
+    config = ControlConfig.from_parameters({"cmd_vel_timeout": 9.0})
+    with Fleet.from_members([Member(ONEBOT, config)]) as fleet:
+        [driven] = fleet.robots
+        driven.accept(0.5, 1.0)
+        snapshots = [fleet.cycle()[0] for _ in range(200)]
+        driven.controller.stalled(fleet.period)
+        snapshots.append(fleet.cycle()[0])
+    [(angular, linear)] = inertia(sensed(driven), snapshots[-2:], "base_link")
+    assert snapshots[-1].pace == pytest.approx(10 / 11)
+    np.testing.assert_allclose(angular, [0.0, 0.0, 10 / 11], atol=0.02)  # as in the odometry
+    np.testing.assert_allclose(linear, (-0.1, 0.5, 9.81), atol=0.05)
+
+
+def test_an_imu_on_a_link_that_moves_measures_that_motion_too():
+    """Its arm turns at 2 rad/s on a base at rest; it is 0.1 m away from the axis."""
+    arm = parse_description(
+        '<robot name="r"><link name="base"/><link name="arm"/>'
+        '<joint name="pan" type="continuous"><parent link="base"/><child link="arm"/>'
+        '<axis xyz="0 0 1"/></joint></robot>'
+    )
+    snapshots = [still(tick, (0.02 * tick,), (2.0,)) for tick in range(3)]
+    for angular, linear in inertia(SensedRobot(arm, ("pan",), {}), snapshots, "arm"):
+        np.testing.assert_allclose(angular, [0.0, 0.0, 2.0], atol=1e-6)
+        np.testing.assert_allclose(linear, (-0.4, 0.0, 9.81), atol=1e-3)
 
 
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}

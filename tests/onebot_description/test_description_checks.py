@@ -559,6 +559,23 @@ def test_a_material_is_found_wherever_it_is_defined():
     assert [visual.color for visual in read.visuals] == [(1.0, 0.0, 0.0, 1.0)] * 2
 
 
+def test_the_first_material_of_a_name_colours_all_visuals_of_that_name():
+    """As in urdfdom: the robot's before the visuals'; without a name each has its own."""
+    blue, green = _color("0 0 1 1"), _color("0 1 0 1")
+    uses = "".join(
+        _visual(f'<material name="{name}">{color}</material>')
+        for name, color in (("m", RED), ("m", green), ("", green), ("n", green), ("n", RED))
+    )
+
+    def colors(shared):
+        [read] = parse_description(link(uses, shared)).links
+        return [visual.color for visual in read.visuals]
+
+    r, g, b = (1.0, 0.0, 0.0, 1.0), (0.0, 1.0, 0.0, 1.0), (0.0, 0.0, 1.0, 1.0)
+    assert colors("") == [r, r, g, g, g]
+    assert colors(f'<material name="m">{blue}</material>') == [b, b, g, g, g]
+
+
 def test_materials_of_the_robot_are_defined_once():
     both = f'<material name="m">{RED}</material>\n<material name="m">{{}}</material>'
     assert warnings(robot(both.format(RED), '<link name="a"/>')) == []

@@ -211,6 +211,7 @@ def _xacro_problem(folder: Path, *lines: str) -> str:
             ["<a><xacro:b>", "</a>"],
             "3:3: malformed XML: mismatched tag: <xacro:b> of line 2 is not",
         ),
+        (["<!--", "---- wheels ---- -->"], '3:3: malformed XML: "--" inside a comment: delete it'),
         (
             ['<xacro:macro name="m" params="side"><a/></xacro:macro>', "<xacro:m/>"],
             '3: xacro: macro "m": Undefined parameters [side]',

@@ -163,6 +163,24 @@ def test_blank_lines_before_the_declaration_are_skipped(tmp_path: Path) -> None:
         parse_description("\n<?xml <robot/>", "r")
 
 
+def test_dashes_inside_comments_are_skipped(tmp_path: Path) -> None:
+    """As urdfdom does; the lines of what follows are the same, and CDATA is no comment."""
+    text = robot(f"<!-- ---- left wheel\n<link/> ---- -->\n{hinge('j', 'a', '')}<!--- --->")
+    text = text.replace("</robot>", "<x><![CDATA[<!-- a--b -->]]></x></robot>")
+    file = tmp_path / "r.urdf"
+    file.write_text(text)
+    for description in (parse_description(text, "r"), load_description(file)):
+        assert description.link_names == ("base", "a")
+        assert ':3: joint "j": a revolute joint needs' in description.problems[0]
+        assert ':1: "--" inside a comment, which some programs refuse' in description.warnings[0]
+        assert "<x>&lt;!-- a--b --&gt;</x>" in description.urdf
+    again = parse_description(robot("<!-- a - b --><!---->", hinge("j", "a")), "r")
+    assert again.warnings == ()
+    many = "<!-- --" * 200_000  # in time, though no comment ends
+    with pytest.raises(DescriptionError, match="malformed XML"):
+        parse_description(f"<robot>{many}", "r")
+
+
 @pytest.mark.parametrize(
     ("text", "problem"),
     [

@@ -104,7 +104,7 @@ def _until(send, node, text):
 
 
 def test_live_changes_take_effect_or_are_rejected_with_the_reason(ros_domain, arm):
-    with NodeProcess(MODULE, str(arm)), Peer(ros_domain) as peer:
+    with NodeProcess(MODULE, str(arm)) as node, Peer(ros_domain) as peer:
         static = peer.hear(TFMessage, "/tf_static", LATCHED)
         described = peer.hear(String, "robot_description", LATCHED)
         moving = peer.hear(TFMessage, "/tf")
@@ -147,6 +147,11 @@ def test_live_changes_take_effect_or_are_rejected_with_the_reason(ros_domain, ar
         [result] = peer.set_parameters("robot_state_publisher", robot_description=fixed)
         assert result.successful, result.reason
         wait_for(lambda: len(static[-1].transforms) == 2, "the joint that is fixed now")
+        floating = fixed.replace('name="turn" type="fixed"', 'name="turn" type="floating"')
+        [result] = peer.set_parameters("robot_state_publisher", robot_description=floating)
+        assert result.successful, result.reason
+        wait_for(lambda: len(static[-1].transforms) == 1, "the joint that floats now")
+        wait_for(lambda: "has to publish that of link1" in node.output, "the warning")
         loose = fixed.replace("</robot>", '<link name="lost"/></robot>')
         [result] = peer.set_parameters("robot_state_publisher", robot_description=loose)
         assert not result.successful and "falls into 2 parts" in result.reason

@@ -99,6 +99,26 @@ def test_the_compiled_call_equals_ordinary_messages(urdf, data, ignore_timestamp
 LATEST = (2**31 - 1, 2**32 - 1)  # a stamp beyond what the number of seconds can hold
 
 
+def test_a_floating_joint_is_left_to_another_node():
+    """As in robot_state_publisher; an odometry moves its link, which has one parent."""
+    joints = "".join(
+        f'<joint name="{kind}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        '<origin xyz="1 0 0"/></joint>'
+        for kind, parent, child in (
+            ("floating", "world", "base"),
+            ("planar", "world", "table"),
+            ("fixed", "base", "lidar"),
+        )
+    )
+    links = "".join(f'<link name="{name}"/>' for name in ("world", "base", "table", "lidar"))
+    model = _model(f'<robot name="r">{links}{joints}</robot>')
+    found = StateConverter(model, frame_prefix="a/").static_transforms(0).transforms
+    frames = {each.child_frame_id: each.header.frame_id for each in found}
+    assert frames == {"a/table": "a/world", "a/lidar": "a/base"}
+    assert [each.transform.translation.x for each in found] == [1.0, 1.0]
+    assert model.link_matrices({})["base"][0, 3] == 1.0
+
+
 def test_a_stamp_beyond_all_seconds_with_a_bad_position_is_published():
     model = _model(chain(2))
     message = _message(["joint_0", "joint_1"], [np.nan, 0.5], LATEST)

@@ -324,8 +324,13 @@ class StateConverter:
         self.convert_bytes = self._compiled.bind(self.convert_message)
 
     def static_transforms(self, stamp_ns: int) -> TFMessage:
-        """Return the TFMessage of the joints that never move."""
-        fixed = self._model.fixed
+        """Return the TFMessage of the joints that never move.
+
+        Floating joints are left out: what moves their link, such as an odometry, publishes it.
+        """
+        links = self._model.fixed.children
+        rows = [row for row, link in enumerate(links) if link not in self._model.floating]
+        fixed = self._model.fixed.take(rows)
         parents = [self._prefix + parent for parent in fixed.parents]
         children = [self._prefix + child for child in fixed.children]
         return transforms_message(time_message(stamp_ns), parents, children, fixed.constant)
