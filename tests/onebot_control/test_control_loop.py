@@ -169,7 +169,7 @@ def test_paused_on_the_systems_time_it_publishes_the_standing_robot() -> None:
         wait_for(lambda: len(run.published) > count + 15, "messages while paused")
         assert run.loop.fleet.ticks == ticks
         assert run.published[-1][0].twist == (0.0, 0.0)
-        assert not any(run.published[-1][0].joints.velocities)
+        assert not any(run.published[-1][0].joint_states.velocities)
     stamps = [stamp for _, stamp in run.published[count:]]
     # The first may have been under way as it was paused.
     assert all(after - before > 9_000_000 for before, after in pairwise(stamps[1:]))
