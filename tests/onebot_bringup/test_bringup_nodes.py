@@ -29,6 +29,7 @@ from onebot_bringup.launch.bringup import (
     environment,
     summary_text,
     with_params_file,
+    with_view,
 )
 from onebot_bringup.launch.nodes import (
     NODES,
@@ -492,12 +493,15 @@ def test_the_robot_is_not_taken_from_the_controller_s_file(
         (True, {"sim": "false", "frame_prefix": "r/"}, "r/base"),
         (True, {"sim": "false", "fixed_frame": "world"}, "world"),
         (True, {"fixed_frame": "map"}, "map"),
+        (True, {"sim": "false", "view": "v.yaml"}, ""),  # the user's view decides
         (False, {}, ""),  # it may have an odom of its own
     ],
 )
 def test_the_viewer_s_fixed_frame(make: Make, sim: bool, given: dict[str, str], frame: str) -> None:
     """The one asked for, else the robot's root if it could be simulated but is not."""
-    assert parameters_of(make(sim, **given), "rerun_viewer").get("fixed_frame", "") == frame
+    command = Bringup("test", "a test", control="control.yaml" if sim else "")
+    values = with_view(make(sim, **given).values, given, command, "base")
+    assert values["fixed_frame"] == frame
 
 
 def test_the_viewer_gets_what_it_is_to_show(make: Make) -> None:
