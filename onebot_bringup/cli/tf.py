@@ -208,9 +208,8 @@ class _Transforms:
             self.warn(warning)
         now = time.monotonic()
         for parent, child in zip(message.parents, message.children, strict=True):
-            name = child.removeprefix("/")
-            self.parents.setdefault(name, set()).add(parent.removeprefix("/"))
-            self.arrivals.setdefault(name, Intervals(_WINDOW)).arrived(now)
+            self.parents.setdefault(child, set()).add(parent)
+            self.arrivals.setdefault(child, Intervals(_WINDOW)).arrived(now)
 
     def await_first(self) -> None:
         """Wait for the first transform."""

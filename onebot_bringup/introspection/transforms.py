@@ -122,7 +122,6 @@ class FrameTree:
         """
         ignored = []
         for row, (parent, child) in enumerate(zip(message.parents, message.children, strict=True)):
-            parent, child = parent.removeprefix("/"), child.removeprefix("/")
             rows = slice(row, row + 1)
             values = message.translations[rows], message.rotations[rows]
             problem = _problem(parent, child, *values)

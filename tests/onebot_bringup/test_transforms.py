@@ -119,7 +119,7 @@ def test_history() -> None:
     assert tree.span("b") == (22.5 * SECOND, 31 * SECOND)
     add(tree, "a", "b", 1.0)  # the simulation was reset
     assert tree.span("b") == (SECOND, SECOND)
-    add(tree, "/c", "/b", 2.0)  # with the slash of tf, before tf2
+    add(tree, "c", "b", 2.0)
     assert tree.names == {"b", "c"} and tree.span("c") is None
     add(tree, "c", "b", static=True)
     assert tree.span("b") is None

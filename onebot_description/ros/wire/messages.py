@@ -75,7 +75,10 @@ def known_schema(name: str) -> Schema:
 
 
 def tf_arrays(data: bytes) -> TfArrays:
-    """Read a serialized tf2_msgs/msg/TFMessage; names that come again are the same lists."""
+    """Read a serialized tf2_msgs/msg/TFMessage; names that come again are the same lists.
+
+    The names are without the slash that they began with before tf2.
+    """
     transforms = known_schema("tf2_msgs/msg/TFMessage").read(data).transforms
     header = transforms.header
     values = transforms.transform.array()
@@ -87,7 +90,9 @@ def tf_arrays(data: bytes) -> TfArrays:
 
 @functools.lru_cache(maxsize=64)
 def _lists(parents: tuple[str, ...], children: tuple[str, ...]) -> tuple[list[str], list[str]]:
-    return list(parents), list(children)
+    return [name.removeprefix("/") for name in parents], [
+        name.removeprefix("/") for name in children
+    ]
 
 
 def one_joint_state(data: bytes) -> JointStateArrays:
