@@ -357,5 +357,7 @@ COMMANDS = {
         flag("-t --topic-name", "show only the names of the topics"),
     ),
     "record": Subcommand("record topics into a new folder", record, *_RECORD),
-    "play": Subcommand("publish the messages of a recording", play, *_PLAY),
+    "play": Subcommand(
+        "publish the messages of a recording", play, *_PLAY, endless=lambda args: args.loop
+    ),
 }

@@ -3,7 +3,7 @@
 import os
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -90,10 +90,11 @@ def _replay(source: Path, values: Mapping[str, str], interrupts: KeyboardInterru
             replayed = bag.log(server.stream)
             robot = f' of "{replayed.robot}"' if replayed.robot else ""
             _Log().info(f"showing {replayed.seconds:.1f} s{robot}: {replayed.messages} messages")
-        while values["viewer"] != "none":
-            interrupts.check()
-            server.watch()
-            time.sleep(_WATCH_EVERY)
+        with suppress(KeyboardInterrupt):  # the normal end of a view
+            while values["viewer"] != "none":
+                interrupts.check()
+                server.watch()
+                time.sleep(_WATCH_EVERY)
 
 
 def _shown_bag(

@@ -239,5 +239,6 @@ COMMANDS = {
         flag("-1 -o --once", "print it once and exit"),
         option("-t --timeout", "S", "give up after S s", positive),
         option("-p --precision", "N", "digits after the point (3)", natural, 3),
+        endless=lambda args: not args.once,
     ),
 }

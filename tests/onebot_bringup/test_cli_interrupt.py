@@ -94,7 +94,7 @@ def test_a_mistake_is_reported_before_anything_slow_is_imported(tmp_path):
 @pytest.mark.parametrize(
     ("program", "words", "codes"),
     [
-        ("onebot", ["topic", "list"], (0,)),
+        ("onebot", ["topic", "list"], (0, 130)),
         ("onebot", ["check", MRM], (0, 130, -2)),
         ("mrm_bringup", ["viewer:=none"], (0,)),
     ],
@@ -118,6 +118,8 @@ def test_ctrl_c_at_any_moment(ros_domain, program, words, codes):
         ("onebot", ["check", "a.urdf"], 130),
         ("onebot", ["snapshot", "a.png"], 130),
         ("onebot", ["steer"], 0),
+        ("onebot", ["replay", "run1", "viewer:=none", "save:=run1.rrd"], 130),
+        ("onebot", ["bag", "play", "run1"], 130),
         ("onebot", ["help", "topic"], 130),
         ("onebot_bringup", ["--show-args"], 0),
         ("mrm_bringup", [], 0),
