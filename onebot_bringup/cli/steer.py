@@ -5,6 +5,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from onebot_bringup.cli.options import warn
 from onebot_bringup.cli.running_robots import chosen_commands, description_topics, frame_prefix
 from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.launch.arguments import (
@@ -119,7 +120,12 @@ def _found(
         if values["odom_topic"]:
             session.full_name(values["odom_topic"])
         topic = chosen_commands(session, values["topic"], first=True)
-        if values["viewer"] == "none" or values["viewer"] == "auto" and _finds_viewer(session):
+        if values["viewer"] == "none":
+            return topic, None
+        if values["viewer"] == "auto" and _finds_viewer(session):
+            if values["view"]:
+                text = "is not used, since the robot has a viewer: viewer:=web starts another"
+                warn(f"view:={values['view']} {text}")
             return topic, None
         return topic, robot_parameters(session)
 

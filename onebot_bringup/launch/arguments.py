@@ -320,6 +320,9 @@ _AS_IN_FILE = "default: params_file's"
 _AS_IN_JOINTS = "on joint_states; default: that of joints"
 _PACE = "not simulated: messages on joint_states; default: that of params_file or joints"
 _OF_SIMULATION = (
+    *("x", "y", "yaw"),
+    *("left_wheel", "right_wheel"),
+    "params_file",
     "world",
     "sensors",
     "ground_truth_tf",
@@ -327,13 +330,12 @@ _OF_SIMULATION = (
     "real_time_factor",
     "paused",
 )
+_OF_JOINTS = ("joints", "joint_states")
 _OF_STEERING = ("host", "port", "token")
 # Arguments that cannot be combined with robots:=, and why.
 _PLACED = "robots:= places them; write x, y and yaw of each in robots:=FILE.yaml"
-_MOVED = "the simulation moves the joints of robots:="
 _NOT_OF_SEVERAL = {
     **dict.fromkeys(("x", "y", "yaw"), _PLACED),
-    **dict.fromkeys(("joints", "joint_states"), _MOVED),
     "frame_prefix": "the frames of each robot begin with its namespace",
     "reload": "edits of the model are not applied to several robots",
 }
@@ -496,10 +498,13 @@ def checked_values(declared: list[Argument], given: Mapping[str, str]) -> dict[s
         raise UsageError("left_wheel:= and right_wheel:= belong together: name both, or neither")
     if values.get("robots"):
         _check_robots(values, given)
-    for name in _OF_SIMULATION:
-        if values.get(name, "false") not in ("", "false") and values["sim"] == "false":
-            text = "is for the simulation: leave out sim:=false"
-            raise UsageError(f"{name}:={values[name]} {text}")
+    for name in _OF_SIMULATION if values.get("sim") == "false" else ():
+        if name in given and values[name] not in ("", "false"):
+            raise UsageError(f"{name}:={given[name]} is for the simulation: write sim:=true")
+    for name in _OF_JOINTS if values.get("sim") == "true" else ():
+        if name in given:
+            text = "is without effect, since the simulation moves the joints: leave it out"
+            raise UsageError(f"{name}:={given[name]} {text}, or write sim:=false")
     if values.get("steer") == "false":
         for name in _OF_STEERING:
             if name in given:
