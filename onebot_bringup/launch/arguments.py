@@ -4,6 +4,7 @@ If an argument is given twice, the last one wins, so that a script can put ``"$@
 defaults. The words after ``--ros-args`` are separate, for every node.
 """
 
+import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -331,6 +332,7 @@ _OF_SIMULATION = (
     "paused",
 )
 _OF_JOINTS = ("joints", "joint_states")
+_INPUT_FILES = ("joints", "params_file", "robots")  # other files are expanded where they are read
 _OF_STEERING = ("host", "port", "token")
 # Arguments that cannot be combined with robots:=, and why.
 _PLACED = "robots:= places them; write x, y and yaw of each in robots:=FILE.yaml"
@@ -489,6 +491,8 @@ def checked_values(declared: list[Argument], given: Mapping[str, str]) -> dict[s
     diff_drive_controller, unless ``frame_prefix`` is given (even if empty).
     """
     values = complete(declared, given)
+    for name in values.keys() & set(_INPUT_FILES):
+        values[name] = os.path.expanduser(values[name])  # shells leave it in ``name:=~/x``
     if "frame_prefix" not in given:
         values["frame_prefix"] = prefixed("", True, "", values["namespace"])
     prefix = values["frame_prefix"]

@@ -537,6 +537,16 @@ def test_the_recorder_s_folder_is_absolute(make: Make, monkeypatch: pytest.Monke
     assert output_path("bag") == Path.cwd() / "bag"
 
 
+def test_input_files_are_found_in_the_home_folder(
+    make: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HOME", "/home/someone")
+    names = {"params_file": "~/c.yaml", "robots": "~/f.yaml"}
+    assert make(joints="~/j.yaml", sim="false").values["joints"] == "/home/someone/j.yaml"
+    values = make(**names).values
+    assert [values[name] for name in names] == ["/home/someone/c.yaml", "/home/someone/f.yaml"]
+
+
 def test_robot_state_publisher_follows_the_files(make: Make) -> None:
     """It gets what the robot was read from, unless edits are not to count."""
     factory = make()
