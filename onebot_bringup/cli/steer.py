@@ -35,6 +35,7 @@ from onebot_bringup.viewer.viewer_parameters import ViewerParameters, view_file
 from onebot_control.frame_names import prefixed
 from onebot_description.errors import UsageError
 from onebot_description.ros.names import absolute
+from onebot_description.ros.signals import KeyboardInterrupts
 
 _VIEWER = "steering_viewer"  # differs from rerun_viewer, which the robot may start later
 _ARGUMENTS = [
@@ -82,7 +83,10 @@ def run(argv: Sequence[str]) -> int:
     _check(values)
     address = page_address(values)
     os.environ.update(environment(values, forced="discovery" in words))
-    with tempfile.TemporaryDirectory(prefix="onebot-") as folder:
+    with (
+        KeyboardInterrupts(),  # Ctrl-C leaves no folder behind
+        tempfile.TemporaryDirectory(prefix="onebot-") as folder,
+    ):
         return _launch(Path(folder), values, address, arguments.ros_args)
 
 
