@@ -42,80 +42,95 @@ class Shown:
     seconds: float  # duration, first to last message
 
 
-def log_bag(
-    bag: Bag,
-    stream: "rr.RecordingStream",
-    *,
-    view: str = "",
-    fixed_frame: str = "",
-    frame_prefix: str = "",
-    namespace: str = "",
-    from_start: bool = True,
-    progress: Log = print,
-    warn: Log = print,
-) -> Shown:
-    """Log the robots of a bag, and each topic that has a display.
+class ShownBag:
+    """A bag and the view in which to show it: its robots, and each topic that has a display."""
 
-    Args:
-        bag: the recording.
-        stream: where to log.
-        view: see ``ViewSource``.
-        fixed_frame: the fixed frame; "" for the view's, or else the one above the robot, or above
-            most topics' frames.
-        frame_prefix: put before link names to get their frames; "" to find it out.
-        namespace: the namespace of the robot to show; "" for all robots.
-        from_start: play from the beginning; False shows the end.
-        progress: called with the progress if loading takes over two seconds.
-        warn: called with a sentence about what cannot be shown, and about damage.
+    def __init__(
+        self,
+        bag: Bag,
+        *,
+        view: str = "",
+        fixed_frame: str = "",
+        frame_prefix: str = "",
+        namespace: str = "",
+        progress: Log = print,
+        warn: Log = print,
+    ) -> None:
+        """Choose what to show, and read the view; nothing is logged yet.
 
-    Raises:
-        OneBotError: nothing can be shown.
-    """
-    robots = robots_of(bag, namespace)
-    first = robots[0]
-    if len(robots) > 1:
-        spaces = listing([robot.space or "/" for robot in robots])
-        if frame_prefix:
-            raise OneBotError(
-                f"frame_prefix:={frame_prefix} is one robot's, and several are recorded, in "
-                f"{spaces}: choose one by namespace:="
-            )
-        progress(f"showing the robots in {spaces}; namespace:= chooses one")
-    elif not first.description:
-        warn(f"{bag.source} holds no {_DESCRIPTION_NAME}: showing the rest without the robot")
-    hidden_spaces = sorted({*_tf_spaces(bag)} - {"", first.tf_space})
-    if hidden_spaces and not namespace:
-        warn(f"not shown: the transforms in {listing(hidden_spaces)}; namespace:= chooses one")
-    descriptions = descriptions_in(bag, [robot.description for robot in robots])
-    source = ViewSource(view, warn)
-    if descriptions:
-        name = next(iter(descriptions.values())).robot_name
-        source.set_robot(name, in_world=WORLD_DESCRIPTION in bag.topics)
-    config = replace(source.view, fixed_frame=fixed_frame or source.view.fixed_frame)
-    for warning in bag.warnings:
-        warn(warning)
-    warned = len(bag.warnings)
-    player = _Player(bag, stream, warn)
-    robot_view = RobotView(
-        stream,
-        config,
-        blueprint=source.blueprint_file,
-        robots=_robots_to_show(bag, robots, descriptions, frame_prefix),
-        resolve=first.resolved,
-        clock=lambda: player.now_ns / 1e9,
-        report=player.report,
-        from_start=from_start,
-        definitions=bag.definition,
-    )
-    for warning in robot_view.offer(_with_messages(bag, first, namespace)):
-        warn(warning)
-    replay = player.play(robot_view, progress)
-    for warning in bag.warnings[warned:]:
-        warn(warning)
-    if not replay.messages:
-        topics = [f"{topic} ({kind})" for topic, kind in bag.topics.items()]
-        raise OneBotError(f"nothing of {bag.source} can be shown: it has {listing(topics)}")
-    return replay
+        Args:
+            bag: the recording.
+            view: see ``ViewSource``.
+            fixed_frame: the fixed frame; "" for the view's, or else the one above the robot, or
+                above most topics' frames.
+            frame_prefix: put before link names to get their frames; "" to find it out.
+            namespace: the namespace of the robot to show; "" for all robots.
+            progress: called with the progress if loading takes over two seconds.
+            warn: called with a sentence about what cannot be shown, and about damage.
+
+        Raises:
+            OneBotError: the view or another argument has a mistake.
+        """
+        self._bag, self._namespace = bag, namespace
+        self._progress, self._warn = progress, warn
+        robots = robots_of(bag, namespace)
+        first = self._first = robots[0]
+        if len(robots) > 1:
+            spaces = listing([robot.space or "/" for robot in robots])
+            if frame_prefix:
+                raise OneBotError(
+                    f"frame_prefix:={frame_prefix} is one robot's, and several are recorded, in "
+                    f"{spaces}: choose one by namespace:="
+                )
+            progress(f"showing the robots in {spaces}; namespace:= chooses one")
+        elif not first.description:
+            warn(f"{bag.source} holds no {_DESCRIPTION_NAME}: showing the rest without the robot")
+        hidden_spaces = sorted({*_tf_spaces(bag)} - {"", first.tf_space})
+        if hidden_spaces and not namespace:
+            warn(f"not shown: the transforms in {listing(hidden_spaces)}; namespace:= chooses one")
+        descriptions = descriptions_in(bag, [robot.description for robot in robots])
+        source = self._source = ViewSource(view, warn)
+        if descriptions:
+            name = next(iter(descriptions.values())).robot_name
+            source.set_robot(name, in_world=WORLD_DESCRIPTION in bag.topics)
+        self._config = replace(source.view, fixed_frame=fixed_frame or source.view.fixed_frame)
+        self._robots = _robots_to_show(bag, robots, descriptions, frame_prefix)
+
+    def log(self, stream: "rr.RecordingStream", *, from_start: bool = True) -> Shown:
+        """Log the bag.
+
+        Args:
+            stream: where to log.
+            from_start: play from the beginning; False shows the end.
+
+        Raises:
+            OneBotError: nothing can be shown.
+        """
+        bag, warn = self._bag, self._warn
+        for warning in bag.warnings:
+            warn(warning)
+        warned = len(bag.warnings)
+        player = _Player(bag, stream, warn)
+        robot_view = RobotView(
+            stream,
+            self._config,
+            blueprint=self._source.blueprint_file,
+            robots=self._robots,
+            resolve=self._first.resolved,
+            clock=lambda: player.now_ns / 1e9,
+            report=player.report,
+            from_start=from_start,
+            definitions=bag.definition,
+        )
+        for warning in robot_view.offer(_with_messages(bag, self._first, self._namespace)):
+            warn(warning)
+        replay = player.play(robot_view, self._progress)
+        for warning in bag.warnings[warned:]:
+            warn(warning)
+        if not replay.messages:
+            topics = [f"{topic} ({kind})" for topic, kind in bag.topics.items()]
+            raise OneBotError(f"nothing of {bag.source} can be shown: it has {listing(topics)}")
+        return replay
 
 
 def _with_messages(bag: Bag, robot: "RecordedRobot", namespace: str) -> dict[str, str]:

@@ -51,15 +51,15 @@ _SOURCE = (
 
 def info(args: Namespace) -> None:
     """Show what a recording contains."""
-    bag = _open(args)
-    print("\n".join(sorted(bag.topics)) if args.topic_name else _information(bag))
+    with KeyboardInterrupts():  # Ctrl-C leaves no temporary files
+        bag = _open(args)
+        print("\n".join(sorted(bag.topics)) if args.topic_name else _information(bag))
 
 
 def _open(args: Namespace) -> "Bag":
     from onebot_bringup.bags.bag_reader import Bag
 
-    with KeyboardInterrupts():  # Ctrl-C leaves no temporary files
-        bag = Bag(Path(args.bag).expanduser(), int(args.max_size * 1e6))
+    bag = Bag(Path(args.bag).expanduser(), int(args.max_size * 1e6))
     _warn_of(bag)
     return bag
 
@@ -160,12 +160,13 @@ _RECORD = (
 
 def play(args: Namespace) -> None:
     """Publish the messages of a recording."""
-    bag = _open(args)
     ros_args = args.ros_args or ["--ros-args"]
     for rule in args.remap:
         ros_args += ["-r", rule]
-    with Session(ros_args, "rosbag2_player") as session:
-        _Player(session, bag, args).run()
+    with KeyboardInterrupts():  # Ctrl-C leaves no temporary files, also while ROS is imported
+        bag = _open(args)
+        with Session(ros_args, "rosbag2_player") as session:
+            _Player(session, bag, args).run()
 
 
 def _regex(text: str) -> re.Pattern[str]:
@@ -357,5 +358,7 @@ COMMANDS = {
         flag("-t --topic-name", "show only the names of the topics"),
     ),
     "record": Subcommand("record topics into a new folder", record, *_RECORD),
-    "play": Subcommand("publish the messages of a recording", play, *_PLAY),
+    "play": Subcommand(
+        "publish the messages of a recording", play, *_PLAY, endless=lambda args: args.loop
+    ),
 }

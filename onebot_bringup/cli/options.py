@@ -81,10 +81,21 @@ class Subcommand:
     """The second word of a command, such as ``pub`` in ``onebot topic pub``."""
 
     def __init__(
-        self, summary: str, run: Callable[[argparse.Namespace], int | None], *options: Option
+        self,
+        summary: str,
+        run: Callable[[argparse.Namespace], int | None],
+        *options: Option,
+        endless: Callable[[argparse.Namespace], bool] = lambda _: False,
     ) -> None:
-        """Declare the command; ``summary`` is a line for ``--help``, ``run`` may return a code."""
-        self.summary, self.run, self.options = summary, run, options
+        """Declare the command.
+
+        Args:
+            summary: a line for ``--help``.
+            run: the command; it may return an exit code.
+            options: its options.
+            endless: whether Ctrl-C is its normal end, with exit code 0.
+        """
+        self.summary, self.run, self.options, self.endless = summary, run, options, endless
 
 
 def dispatch(group: str, table: Mapping[str, Subcommand], argv: Sequence[str]) -> int:
@@ -100,7 +111,13 @@ def dispatch(group: str, table: Mapping[str, Subcommand], argv: Sequence[str]) -
         raise UsageError(f'onebot {group} has no command "{name}"{hint}')
     subcommand = table[name]
     parser = Parser(f"onebot {group} {name}", subcommand.summary, subcommand.options)
-    return subcommand.run(parser.parse(words)) or 0
+    args = parser.parse(words)
+    try:
+        return subcommand.run(args) or 0
+    except KeyboardInterrupt:
+        if subcommand.endless(args):
+            return 0
+        raise
 
 
 def commands_text(program: str, table: Mapping[str, Any], settings: str = "") -> str:

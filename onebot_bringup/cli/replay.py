@@ -3,7 +3,7 @@
 import os
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,6 +25,7 @@ from onebot_description.ros.parameters.reader import read
 from onebot_description.ros.signals import KeyboardInterrupts
 
 if TYPE_CHECKING:
+    from onebot_bringup.bags.shown_bag import ShownBag
     from onebot_bringup.viewer.display_server import DisplayServer
 
 
@@ -78,38 +79,43 @@ def _replay(source: Path, values: Mapping[str, str], interrupts: KeyboardInterru
     view = view_file(values["view"])
     if is_rrd:
         _check_rrd(source, view, values)
-    else:
-        from onebot_bringup.bags.bag_reader import Bag
-
-        bag = Bag(source, int(float(values["max_size"]) * 1e6))
+    else:  # before the server, which replaces the file to save
+        bag = _shown_bag(source, values, interrupts)
     with _server(values) as server:
         if is_rrd:
             for file in filter(None, (source, view)):
                 server.stream.log_file_from_path(file)
             _Log().info(f"showing {source}")
         else:
-            from onebot_bringup.bags.shown_bag import log_bag
-
-            def progress(text: str) -> None:
-                interrupts.check()
-                _Log().info(text)
-
-            replayed = log_bag(
-                bag,
-                server.stream,
-                view=values["view"],
-                fixed_frame=values["fixed_frame"],
-                frame_prefix=values["frame_prefix"],
-                namespace=values["namespace"],
-                progress=progress,
-                warn=_Log().warning,
-            )
+            replayed = bag.log(server.stream)
             robot = f' of "{replayed.robot}"' if replayed.robot else ""
             _Log().info(f"showing {replayed.seconds:.1f} s{robot}: {replayed.messages} messages")
-        while values["viewer"] != "none":
-            interrupts.check()
-            server.watch()
-            time.sleep(_WATCH_EVERY)
+        with suppress(KeyboardInterrupt):  # the normal end of a view
+            while values["viewer"] != "none":
+                interrupts.check()
+                server.watch()
+                time.sleep(_WATCH_EVERY)
+
+
+def _shown_bag(
+    source: Path, values: Mapping[str, str], interrupts: KeyboardInterrupts
+) -> "ShownBag":
+    from onebot_bringup.bags.bag_reader import Bag  # slower to import
+    from onebot_bringup.bags.shown_bag import ShownBag
+
+    def progress(text: str) -> None:
+        interrupts.check()
+        _Log().info(text)
+
+    return ShownBag(
+        Bag(source, int(float(values["max_size"]) * 1e6)),
+        view=values["view"],
+        fixed_frame=values["fixed_frame"],
+        frame_prefix=values["frame_prefix"],
+        namespace=values["namespace"],
+        progress=progress,
+        warn=_Log().warning,
+    )
 
 
 def _check_rrd(source: Path, view: Path | None, values: Mapping[str, str]) -> None:

@@ -274,14 +274,13 @@ def _mesh_problems(description: Description) -> tuple[str, ...]:
 
 def _record_bag(args: Namespace, recording: "rr.RecordingStream") -> None:
     from onebot_bringup.bags.bag_reader import Bag
-    from onebot_bringup.bags.shown_bag import log_bag
+    from onebot_bringup.bags.shown_bag import ShownBag
 
-    log_bag(
+    bag = ShownBag(
         Bag(Path(args.source)),
-        recording,
         view=args.view,
         namespace=args.namespace,
-        from_start=False,
         progress=_progress,
         warn=warn,
     )
+    bag.log(recording, from_start=False)

@@ -5,6 +5,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from onebot_bringup.cli.options import warn
 from onebot_bringup.cli.running_robots import chosen_commands, description_topics, frame_prefix
 from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.launch.arguments import (
@@ -34,6 +35,7 @@ from onebot_bringup.viewer.viewer_parameters import ViewerParameters, view_file
 from onebot_control.frame_names import prefixed
 from onebot_description.errors import UsageError
 from onebot_description.ros.names import absolute
+from onebot_description.ros.signals import KeyboardInterrupts
 
 _VIEWER = "steering_viewer"  # differs from rerun_viewer, which the robot may start later
 _ARGUMENTS = [
@@ -81,7 +83,10 @@ def run(argv: Sequence[str]) -> int:
     _check(values)
     address = page_address(values)
     os.environ.update(environment(values, forced="discovery" in words))
-    with tempfile.TemporaryDirectory(prefix="onebot-") as folder:
+    with (
+        KeyboardInterrupts(),  # Ctrl-C leaves no folder behind
+        tempfile.TemporaryDirectory(prefix="onebot-") as folder,
+    ):
         return _launch(Path(folder), values, address, arguments.ros_args)
 
 
@@ -119,7 +124,12 @@ def _found(
         if values["odom_topic"]:
             session.full_name(values["odom_topic"])
         topic = chosen_commands(session, values["topic"], first=True)
-        if values["viewer"] == "none" or values["viewer"] == "auto" and _finds_viewer(session):
+        if values["viewer"] == "none":
+            return topic, None
+        if values["viewer"] == "auto" and _finds_viewer(session):
+            if values["view"]:
+                text = "is not used, since the robot has a viewer: viewer:=web starts another"
+                warn(f"view:={values['view']} {text}")
             return topic, None
         return topic, robot_parameters(session)
 

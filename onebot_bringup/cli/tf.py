@@ -208,9 +208,8 @@ class _Transforms:
             self.warn(warning)
         now = time.monotonic()
         for parent, child in zip(message.parents, message.children, strict=True):
-            name = child.removeprefix("/")
-            self.parents.setdefault(name, set()).add(parent.removeprefix("/"))
-            self.arrivals.setdefault(name, Intervals(_WINDOW)).arrived(now)
+            self.parents.setdefault(child, set()).add(parent)
+            self.arrivals.setdefault(child, Intervals(_WINDOW)).arrived(now)
 
     def await_first(self) -> None:
         """Wait for the first transform."""
@@ -240,5 +239,6 @@ COMMANDS = {
         flag("-1 -o --once", "print it once and exit"),
         option("-t --timeout", "S", "give up after S s", positive),
         option("-p --precision", "N", "digits after the point (3)", natural, 3),
+        endless=lambda args: not args.once,
     ),
 }

@@ -393,8 +393,12 @@ _NAMES = TOPICS.commands()
 _VERBOSE = "-v --verbose"
 
 COMMANDS = {
-    "pub": Subcommand("publish messages", pub, *_PUB),
-    "echo": Subcommand("print messages as they are received", echo, *_ECHO),
+    "pub": Subcommand(
+        "publish messages", pub, *_PUB, endless=lambda args: not (args.once or args.times)
+    ),
+    "echo": Subcommand(
+        "print messages as they are received", echo, *_ECHO, endless=lambda args: not args.once
+    ),
     "list": Subcommand(
         "list the topics",
         topics,
@@ -415,6 +419,7 @@ COMMANDS = {
         hz,
         flag("--wall-time", "by this computer's time, not a simulated one"),
         *_measurement(10000),
+        endless=lambda _: True,
     ),
-    "bw": Subcommand("measure the bandwidth", bw, *_measurement(100)),
+    "bw": Subcommand("measure the bandwidth", bw, *_measurement(100), endless=lambda _: True),
 }

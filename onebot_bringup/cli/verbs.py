@@ -12,7 +12,7 @@ TYPE_CHECKING = False  # typing's constant; typing is slow to import
 if TYPE_CHECKING:
     from onebot_bringup.cli.options import Subcommand
 
-# A line for ``onebot --help``, and the exit code after Ctrl-C, 0 if that is the normal end.
+# A line for ``onebot --help``, and the exit code after Ctrl-C, 0 if that is always the normal end.
 Verb = namedtuple("Verb", ["summary", "interrupted"], defaults=[INTERRUPTED])  # noqa: PYI024
 
 # Each verb is a module of this package, imported only when it is used. It has either a table
@@ -21,16 +21,16 @@ PACKAGE = "onebot_bringup.cli"
 VERBS = {
     "check": Verb("check a URDF or xacro file and show its tree"),
     "view": Verb("bring up any robot from its file and move it", 0),
-    "topic": Verb("list, print, measure and publish topics", 0),
+    "topic": Verb("list, print, measure and publish topics"),
     "node": Verb("list nodes and show what they do"),
     "param": Verb("list, describe, get, set, save and load parameters"),
     "service": Verb("list and call services"),
     "interface": Verb("list types of messages and show them"),
-    "tf": Verb("show the tree of frames, and transforms between frames", 0),
+    "tf": Verb("show the tree of frames, and transforms between frames"),
     "snapshot": Verb("draw a robot into a picture file"),
     "run": Verb("run a node by its package and name", 0),
-    "bag": Verb("record topics, play a recording, show what it holds", 0),
-    "replay": Verb("show a recording", 0),
+    "bag": Verb("record topics, play a recording, show what it holds"),
+    "replay": Verb("show a recording"),
     "doctor": Verb("check what is wrong on this computer"),
     "completion": Verb("print the tab completion of a shell"),
     "steer": Verb("drive from a page in the browser", 0),

@@ -104,11 +104,8 @@ class FrameTree:
     def __init__(self) -> None:
         self.version = 0  # changes whenever a frame's parent changes
         self._places: dict[str, tuple[_Block, int]] = {}
-        # Keyed by the identity of a message's lists of names, which the block keeps alive.
-        self._blocks: dict[tuple[int, int], _Block] = {}
+        self._blocks: dict[tuple[tuple[str, ...], tuple[str, ...]], _Block] = {}
         self._rows = 0  # number of rows in all blocks
-        # Lists of one parent and of one child, by parent and child.
-        self._lists: dict[tuple[str, str], tuple[list[str], list[str]]] = {}
         self._tops: dict[str, str] = {}
         self._names: frozenset[str] | None = None
 
@@ -122,24 +119,22 @@ class FrameTree:
         """
         ignored = []
         for row, (parent, child) in enumerate(zip(message.parents, message.children, strict=True)):
-            parent, child = parent.removeprefix("/"), child.removeprefix("/")
             rows = slice(row, row + 1)
             values = message.translations[rows], message.rotations[rows]
             problem = _problem(parent, child, *values)
             if problem:
                 ignored.append(problem)
                 continue
-            names = self._lists.setdefault((parent, child), ([parent], [child]))
-            single = TfArrays(*names, message.stamps_ns[rows], *values)
+            single = TfArrays((parent,), (child,), message.stamps_ns[rows], *values)
             self.update(single, static=static)
         return ignored
 
     def update(self, message: TfArrays, *, static: bool = False) -> None:
         """Add a message whose transforms are valid; the last row of a child wins.
 
-        If the same list objects of names come again, the cost does not depend on their length.
+        Its history is that of the messages with the same names.
         """
-        key = id(message.parents), id(message.children)
+        key = message.parents, message.children
         block = self._blocks.get(key)
         if block is None:
             self._rows += len(message.children)

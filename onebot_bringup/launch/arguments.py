@@ -4,6 +4,7 @@ If an argument is given twice, the last one wins, so that a script can put ``"$@
 defaults. The words after ``--ros-args`` are separate, for every node.
 """
 
+import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -320,6 +321,9 @@ _AS_IN_FILE = "default: params_file's"
 _AS_IN_JOINTS = "on joint_states; default: that of joints"
 _PACE = "not simulated: messages on joint_states; default: that of params_file or joints"
 _OF_SIMULATION = (
+    *("x", "y", "yaw"),
+    *("left_wheel", "right_wheel"),
+    "params_file",
     "world",
     "sensors",
     "ground_truth_tf",
@@ -327,13 +331,13 @@ _OF_SIMULATION = (
     "real_time_factor",
     "paused",
 )
+_OF_JOINTS = ("joints", "joint_states")
+_INPUT_FILES = ("joints", "params_file", "robots")  # other files are expanded where they are read
 _OF_STEERING = ("host", "port", "token")
 # Arguments that cannot be combined with robots:=, and why.
 _PLACED = "robots:= places them; write x, y and yaw of each in robots:=FILE.yaml"
-_MOVED = "the simulation moves the joints of robots:="
 _NOT_OF_SEVERAL = {
     **dict.fromkeys(("x", "y", "yaw"), _PLACED),
-    **dict.fromkeys(("joints", "joint_states"), _MOVED),
     "frame_prefix": "the frames of each robot begin with its namespace",
     "reload": "edits of the model are not applied to several robots",
 }
@@ -487,6 +491,8 @@ def checked_values(declared: list[Argument], given: Mapping[str, str]) -> dict[s
     diff_drive_controller, unless ``frame_prefix`` is given (even if empty).
     """
     values = complete(declared, given)
+    for name in values.keys() & set(_INPUT_FILES):
+        values[name] = os.path.expanduser(values[name])  # shells leave it in ``name:=~/x``
     if "frame_prefix" not in given:
         values["frame_prefix"] = prefixed("", True, "", values["namespace"])
     prefix = values["frame_prefix"]
@@ -496,10 +502,13 @@ def checked_values(declared: list[Argument], given: Mapping[str, str]) -> dict[s
         raise UsageError("left_wheel:= and right_wheel:= belong together: name both, or neither")
     if values.get("robots"):
         _check_robots(values, given)
-    for name in _OF_SIMULATION:
-        if values.get(name, "false") not in ("", "false") and values["sim"] == "false":
-            text = "is for the simulation: leave out sim:=false"
-            raise UsageError(f"{name}:={values[name]} {text}")
+    for name in _OF_SIMULATION if values.get("sim") == "false" else ():
+        if name in given and values[name] not in ("", "false"):
+            raise UsageError(f"{name}:={given[name]} is for the simulation: write sim:=true")
+    for name in _OF_JOINTS if values.get("sim") == "true" else ():
+        if name in given:
+            text = "is without effect, since the simulation moves the joints: leave it out"
+            raise UsageError(f"{name}:={given[name]} {text}, or write sim:=false")
     if values.get("steer") == "false":
         for name in _OF_STEERING:
             if name in given:

@@ -133,16 +133,10 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     os.environ.update(blas_variables())  # BLAS starts no threads, so xacro can run in a fork here
     _check_files(values)
     values = with_params_file(values, command_arguments, command.controller)
-    if command.sim_view and values["sim"] == "true" and "view" not in command_arguments:
-        values["view"] = command.sim_view
-    elif values.get("world") and "view" not in command_arguments:
-        values["view"] = command.world_view
-        frame = world_frame(values, given_params_files(values), command.controller)
-        if frame != WORLD_FRAME:  # the view already has that one
-            values["fixed_frame"] = values["fixed_frame"] or frame
     read_ns = time.time_ns()
     description = load_description(model, for_xacro)
     description.require_tree()
+    values = with_view(values, command_arguments, command, description.root_link)
     robots: list[PlacedRobot] = []
     if values.get("robots"):
         from onebot_bringup.launch.robots import placed_robots  # seldom needed, imports numpy
@@ -288,6 +282,29 @@ def with_params_file(
     if values.get("sim") == "true":
         factor = _apply_params_file(values, given, controller) if values["params_file"] else 1.0
         _use_simulated_time(values, given, float(values[_FACTOR] or factor))
+    return values
+
+
+def with_view(
+    values: Mapping[str, str], given: Mapping[str, str], command: Bringup, root_link: str
+) -> dict[str, str]:
+    """Return the launch arguments with the command's view of what is brought up.
+
+    A view that is ``given`` on the command line decides everything itself.
+    """
+    values = dict(values)
+    if "view" in given:
+        return values
+    frame = ""
+    if command.sim_view and values["sim"] == "true":
+        values["view"] = command.sim_view
+    elif values.get("world"):
+        values["view"] = command.world_view
+        frame = world_frame(values, given_params_files(values), command.controller)
+        frame = "" if frame == WORLD_FRAME else frame  # the view already has that one
+    elif command.control and values["sim"] == "false":
+        frame = values["frame_prefix"] + root_link  # without the simulation, there is no odom
+    values["fixed_frame"] = values["fixed_frame"] or frame
     return values
 
 

@@ -197,12 +197,10 @@ def _joint_parameters(launch: Launch) -> Parameters:
 
 
 def _viewer_parameters(launch: Launch) -> Parameters:
-    values = launch.values
-    prefix = values["frame_prefix"]
-    parameters: Parameters = {"frame_prefix": prefix, "embedded": launch.is_true("steer")}
-    if values.get("sim") == "false" and not (launch.stands or values["fixed_frame"]):
-        # Without the simulation, there is no odom.
-        parameters["fixed_frame"] = prefix + launch.description.root_link
+    parameters: Parameters = {
+        "frame_prefix": launch.values["frame_prefix"],
+        "embedded": launch.is_true("steer"),
+    }
     if launch.robots:
         parameters["robots"] = [robot.name for robot in launch.robots]
     return parameters

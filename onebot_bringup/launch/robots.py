@@ -128,14 +128,14 @@ def read_robots(file: Path, description: Description) -> list[PlacedRobot]:
 def _model(file: Path, model: str) -> Description:
     from onebot_description.description import load_description
 
-    path = model if "://" in model else str(file.parent / model)
+    path = model if "://" in model else str(file.parent / Path(model).expanduser())
     description = load_description(path)
     description.require_tree()
     return description
 
 
 def _params_file(file: Path, name: str) -> Path | None:
-    path = (file.parent / name).absolute()
+    path = (file.parent / Path(name).expanduser()).absolute()
     if name and not path.is_file():
         raise OneBotError(f"params_file: {path}: no such file")
     return path if name else None

@@ -2,7 +2,7 @@
 
 Rerun's server waits for its slowest viewer and meanwhile stores everything that is logged, without
 limit. So the messages for each viewer are read at once and queued here. Of messages that have
-waited long, only the newest about each subject is kept, so a slow viewer shows the current state.
+waited long, only the newest about each subject are kept, so a slow viewer shows the current state.
 """
 
 import asyncio
@@ -12,7 +12,7 @@ from contextlib import suppress
 
 import aiohttp
 
-from onebot_bringup.serving.rerun_messages import HEAD, length, subject
+from onebot_bringup.serving.rerun_messages import HEAD, length, subjects
 
 LONGEST = 5.0  # seconds for which every message is kept
 MOST = 1 << 26  # most bytes of such messages
@@ -53,7 +53,10 @@ class Backlog:
             self._came.clear()
             await self._came.wait()
         if self._old:
-            return self._old.pop(next(iter(self._old)))
+            message = self._old.pop(next(iter(self._old)))
+            while self._old and self._old[other := next(iter(self._old))] is message:
+                del self._old[other]  # the subjects of a message are one after the other
+            return message
         return self._pop_recent() if self._recent else b""
 
     async def _room_for(self, size: int) -> None:
@@ -71,9 +74,9 @@ class Backlog:
         oldest = self._loop.time() - LONGEST
         while self._recent and (self._recent_size > MOST or self._recent[0][0] < oldest):
             message = self._pop_recent()
-            about = subject(message)
-            self._old.pop(about, None)
-            self._old[about] = message
+            for about in subjects(message):
+                self._old.pop(about, None)
+                self._old[about] = message
 
 
 async def messages(stream: aiohttp.StreamReader) -> AsyncIterator[bytes]:

@@ -1,6 +1,6 @@
 """Decodes the gRPC-web messages of Rerun's server (log_msg.proto of its re_protos)."""
 
-from collections.abc import Hashable, Iterator
+from collections.abc import Hashable, Iterator, Sequence
 from typing import Any
 
 SERVICE = "rerun.sdk_comms.v1alpha1.MessageProxyService"
@@ -13,6 +13,7 @@ _ARROW_MSG = 2  # the kind of message with data
 _LOG_MSG = 1
 _STORE_ID, _COMPRESSION, _UNCOMPRESSED_SIZE, _PAYLOAD, _IS_STATIC = 1, 2, 3, 5, 7
 _LZ4 = 2
+_CHILDREN = "Transform3D:child_frame"  # the column with the frames of transforms
 _VARINT, _BYTES = 0, 2  # protobuf's wire types
 _BAD_MESSAGE = (LookupError, TypeError, ValueError, OverflowError)
 
@@ -22,10 +23,11 @@ def length(head: bytes) -> int:
     return int.from_bytes(head[1:], "big")
 
 
-def subject(message: bytes) -> Hashable:
-    """Return the subject of a message; a newer message with the same subject replaces it.
+def subjects(message: bytes) -> Sequence[Hashable]:
+    """Return the subjects of a message, which newer messages with all of them replace.
 
-    It is an entity with its components; each message without data has its own subject.
+    It is an entity with its components, for each frame of which there are transforms; each message
+    without data has its own subject.
     """
     import pyarrow as pa  # slow to import, and few viewers are slow
 
@@ -35,11 +37,16 @@ def subject(message: bytes) -> Hashable:
         table = fields[_PAYLOAD]
         if fields.get(_COMPRESSION) == _LZ4:
             table = pa.decompress(table, fields[_UNCOMPRESSED_SIZE], codec="lz4_raw")
-        schema = pa.ipc.open_stream(table).schema
+        stream = pa.ipc.open_stream(table)
+        schema, frames = stream.schema, [""]
+        if _CHILDREN in schema.names:
+            rows = stream.read_next_batch().column(_CHILDREN)
+            frames = rows.flatten().unique().to_pylist() or frames
         entity = schema.metadata[b"rerun:entity_path"]
-        return bytes(fields[_STORE_ID]), fields.get(_IS_STATIC), entity, tuple(schema.names)
-    except (*_BAD_MESSAGE, pa.ArrowException):
-        return object()
+        of = bytes(fields[_STORE_ID]), fields.get(_IS_STATIC), entity, tuple(schema.names)
+        return [(*of, frame) for frame in frames]
+    except (*_BAD_MESSAGE, pa.ArrowException, StopIteration):
+        return [object()]
 
 
 def _fields(data: memoryview) -> Iterator[tuple[int, Any]]:

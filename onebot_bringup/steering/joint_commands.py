@@ -77,7 +77,8 @@ class JointCommands:
 
     @property
     def locked(self) -> bool:
-        return self._robot_lock is not None and self._robot_lock.locked
+        lock = self._robot_lock  # read once, since the node's thread may remove it meanwhile
+        return lock is not None and lock.locked
 
     def lock(self, locked: bool) -> None:
         """Lock or unlock a standing robot; see ``RobotLock.set``."""

@@ -231,16 +231,7 @@ class WebPage:
 
 
 def native_window(recording_uri: str) -> Child:
-    """Open Rerun's native window.
-
-    Raises:
-        OneBotError: there is no display.
-    """
-    if not has_display():
-        raise OneBotError(
-            "viewer:=native needs a display (neither DISPLAY nor WAYLAND_DISPLAY is set); "
-            "use viewer:=web and open its address, or viewer:=none save:=FILE.rrd"
-        )
+    """Open Rerun's native window."""
     port = str(free_port(0))
     return Child(["--port", port, "--hide-welcome-screen", "--connect", recording_uri])
 
@@ -359,9 +350,9 @@ def open_recording(
     """
     if port is None and save is None:
         raise OneBotError("nothing to log to: serve the recording or save it")
-    file = None if save is None else RecordingFile(save)
     listener = None if port is None else listen(LOOPBACK, port, "grpc_port")
     server = hidden_address()
+    file = None if save is None else RecordingFile(save)
     stream = rr.RecordingStream(APPLICATION)
     with ExitStack() as opening:
         sinks: list[rr.GrpcServerSink | rr.FileSink] = []
@@ -409,7 +400,19 @@ class DisplayServer:
         embedded: bool = False,
         log: Log,
     ) -> None:
-        """Open the recording, then its page or window; call this from the main thread."""
+        """Open the recording, then its page or window; call this from the main thread.
+
+        Raises:
+            OneBotError: there is no display, a port is not allowed, or the file cannot be written;
+                a file that was there is as it was.
+        """
+        if viewer == "native" and not has_display():
+            raise OneBotError(
+                "viewer:=native needs a display (neither DISPLAY nor WAYLAND_DISPLAY is set); "
+                "use viewer:=web and open its address, or viewer:=none save:=FILE.rrd"
+            )
+        if viewer == "web":
+            free_port(web_port, "web_port")  # raises the page's error before the file is replaced
         self._log = log
         self._open_browser, self._embedded = open_browser, embedded
         self._page: WebPage | None = None

@@ -57,12 +57,11 @@ class TransformsOf:
             message = tf_arrays(data)
         except BAD_MESSAGE:
             return
-        for row, name in enumerate(message.children):
-            child = name.removeprefix("/")
+        for row, child in enumerate(message.children):
             if child in self.children:
                 parent, stamp_ns = message.parents[row], int(message.stamps_ns[row])
                 transform = of_arrays(message.translations[row], message.rotations[row])
-                yield FramesTransform(parent.removeprefix("/"), child, stamp_ns, transform)
+                yield FramesTransform(parent, child, stamp_ns, transform)
 
 
 class Localizer:

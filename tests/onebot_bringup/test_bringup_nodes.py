@@ -29,6 +29,7 @@ from onebot_bringup.launch.bringup import (
     environment,
     summary_text,
     with_params_file,
+    with_view,
 )
 from onebot_bringup.launch.nodes import (
     NODES,
@@ -177,8 +178,10 @@ def test_an_argument_given_is_what_the_node_gets(make: Make, sim: bool) -> None:
         if argument.node not in ("", "steering_page", "controller_manager"):
             possible = (text for text in argument.choices or candidates if text != argument.default)
             text = next(text for text in possible if not argument.problem(text))
-            both = {"left_wheel": "left", "right_wheel": "right"} if sim else {}  # none goes alone
-            launch = make(sim, **{**both, argument.name: text})
+            further = {"left_wheel": "left", "right_wheel": "right"} if sim else {}  # both
+            if argument.name == "joints":
+                further = {"sim": "false"}
+            launch = make(sim, **{**further, argument.name: text})
             assert parameters_of(launch, argument.node)[argument.parameter] == argument.value(text)
 
 
@@ -267,7 +270,7 @@ def test_robot_state_publisher_gets_the_robot(make: Make) -> None:
 def test_joint_state_publisher_has_a_file_or_swings(make: Make, arm: Path) -> None:
     """With a file, that alone decides; without one, every joint moves within its limits."""
     file = str(arm.parent / "joints.yaml")
-    assert parameters_of(make(joints=file), "joint_state_publisher") == {
+    assert parameters_of(make(joints=file, sim="false"), "joint_state_publisher") == {
         "config_file": file,
         "use_sim_time": False,
     }
@@ -492,12 +495,15 @@ def test_the_robot_is_not_taken_from_the_controller_s_file(
         (True, {"sim": "false", "frame_prefix": "r/"}, "r/base"),
         (True, {"sim": "false", "fixed_frame": "world"}, "world"),
         (True, {"fixed_frame": "map"}, "map"),
+        (True, {"sim": "false", "view": "v.yaml"}, ""),  # the user's view decides
         (False, {}, ""),  # it may have an odom of its own
     ],
 )
 def test_the_viewer_s_fixed_frame(make: Make, sim: bool, given: dict[str, str], frame: str) -> None:
     """The one asked for, else the robot's root if it could be simulated but is not."""
-    assert parameters_of(make(sim, **given), "rerun_viewer").get("fixed_frame", "") == frame
+    command = Bringup("test", "a test", control="control.yaml" if sim else "")
+    values = with_view(make(sim, **given).values, given, command, "base")
+    assert values["fixed_frame"] == frame
 
 
 def test_the_viewer_gets_what_it_is_to_show(make: Make) -> None:
@@ -529,6 +535,16 @@ def test_the_recorder_s_folder_is_absolute(make: Make, monkeypatch: pytest.Monke
     node = process_of(make(record="~/bags/one"), "bag_recorder")
     assert parameters(node)["folder"] == "/home/someone/bags/one"
     assert output_path("bag") == Path.cwd() / "bag"
+
+
+def test_input_files_are_found_in_the_home_folder(
+    make: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HOME", "/home/someone")
+    names = {"params_file": "~/c.yaml", "robots": "~/f.yaml"}
+    assert make(joints="~/j.yaml", sim="false").values["joints"] == "/home/someone/j.yaml"
+    values = make(**names).values
+    assert [values[name] for name in names] == ["/home/someone/c.yaml", "/home/someone/f.yaml"]
 
 
 def test_robot_state_publisher_follows_the_files(make: Make) -> None:
@@ -580,7 +596,7 @@ def test_unknown_arguments_are_refused_if_the_model_is_known(view: Bringup, arm:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["joints:=joint.yaml"], 'no such file (did you mean "joints.yaml"?'),
+        (["joints:=joint.yaml", "sim:=0"], 'no such file (did you mean "joints.yaml"?'),
         (["view:=absent.yaml"], "view:=absent.yaml: no such file"),
         (["params_file:=contol.yaml"], 'did you mean "control.yaml"?'),
         (["save:=nowhere/x.rrd"], "nowhere does not exist"),
@@ -594,7 +610,7 @@ def test_unknown_arguments_are_refused_if_the_model_is_known(view: Bringup, arm:
         (["world:=walls.urdf"], "walls.urdf"),
         (["world:=joints.yaml"], "joints.yaml:1"),
         (["world:=nowhere/maze.urdf"], "there is no folder"),
-        (["joints:=joints.yaml", "view:=none", "save:=x.rrd", "record:=bag"], "absent.xacro"),
+        (["joints:=joints.yaml", "sim:=0", "save:=x.rrd", "record:=bag"], "absent.xacro"),
         (["world:=maze", "save:=kept.rrd"], "absent.xacro"),
     ],
 )
@@ -622,7 +638,7 @@ OF_CONTROL = "velocity_controller: {ros__parameters: {linear.x.max_velocity: 0.1
 @pytest.mark.parametrize(
     ("text", "words", "spaces"),
     [
-        (OF_JOINTS, "joints:=file.yaml", ["r1"]),
+        (OF_JOINTS, "joints:=file.yaml sim:=false", ["r1"]),
         (OF_CONTROL, "params_file:=file.yaml", ["r1"]),
         (OF_CONTROL, "params_file:=file.yaml robots:=2", ["r1/robot1", "r1/robot2"]),
         (OF_CONTROL, "robots:=fleet.yaml", ["r1/a"]),
@@ -779,7 +795,11 @@ def test_the_summary_says_what_runs(make: Make, sim: bool, given: str, text: str
         ("rate:=0", "rate:=0 is not possible; write a number from 0.001 to 1000"),
         ("robots:=3 x:=1", "x:=1 does not go together with robots:=3: robots:= places them"),
         ("robots:=3 frame_prefix:=a/", "frame_prefix:=a/ does not .*begin with its namespace"),
-        ("robots:=3 joints:=j.yaml", "joints:=j.yaml does not .*the simulation moves"),
+        ("joints:=j.yaml", "joints:=j.yaml is without effect, since the simulation moves"),
+        ("robots:=3 joint_states:=false", "joint_states:=false is without effect"),
+        ("x:=1 sim:=false", "x:=1 is for the simulation: write sim:=true"),
+        ("left_wheel:=a right_wheel:=b sim:=false", "left_wheel:=a is for the simulation"),
+        ("params_file:=c.yaml sim:=false", "params_file:=c.yaml is for the simulation"),
         ("robots:=3 reload:=true", "reload:=true does not .*edits of the model"),
         ("robots:=3 sim:=false", "robots:=3 are simulated, which sim:=false is not"),
     ],

@@ -1,13 +1,16 @@
 """Ctrl-C from the first moment on: quiet, and with the exit code that the command has for it."""
 
+import os
 import signal
 import subprocess
 import sys
 import time
 
 import pytest
+import zstandard
 
 from onebot_description.elements.packages import package_share
+from tests.onebot_bringup.bag_support import write_words
 from tests.support import run_to_end
 
 MRM = str(package_share("mrm_description") / "urdf/mrm.xacro")
@@ -24,6 +27,22 @@ from {module} import main
 class Interrupting:
     def find_spec(self, name, path=None, target=None):
         os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Interrupting())
+sys.argv[1:] = {words}
+sys.exit(main())
+"""
+# A SIGINT comes as soon as ROS is imported while there is a temporary folder of ours.
+WITH_FOLDER = """
+import glob, os, signal, sys
+from onebot_bringup.cli.main import main
+
+class Interrupting:
+    def find_spec(self, name, path=None, target=None):
+        if name.startswith("rclpy") and (folders := glob.glob(os.environ["TMPDIR"] + "/onebot-*")):
+            print(len(folders), flush=True)
+            sys.meta_path.remove(self)
+            os.kill(os.getpid(), signal.SIGINT)
 
 sys.meta_path.insert(0, Interrupting())
 sys.argv[1:] = {words}
@@ -94,7 +113,7 @@ def test_a_mistake_is_reported_before_anything_slow_is_imported(tmp_path):
 @pytest.mark.parametrize(
     ("program", "words", "codes"),
     [
-        ("onebot", ["topic", "list"], (0,)),
+        ("onebot", ["topic", "list"], (0, 130)),
         ("onebot", ["check", MRM], (0, 130, -2)),
         ("mrm_bringup", ["viewer:=none"], (0,)),
     ],
@@ -113,11 +132,32 @@ def test_ctrl_c_at_any_moment(ros_domain, program, words, codes):
 
 
 @pytest.mark.parametrize(
+    ("words", "code"),
+    [(["bag", "play", "words.mcap.zstd"], 130), (["steer", "port:=0"], 0)],
+)
+def test_ctrl_c_leaves_no_temporary_folder(ros_domain, tmp_path, words, code):
+    """Such as an unpacked recording, which may be large."""
+    write_words(tmp_path / "bag")
+    [recording] = (tmp_path / "bag").glob("*.mcap")
+    data = zstandard.ZstdCompressor().compress(recording.read_bytes())
+    (tmp_path / "words.mcap.zstd").write_bytes(data)
+    (tmp_path / "tmp").mkdir()
+    environment = {**os.environ, "TMPDIR": str(tmp_path / "tmp")}
+    program = [sys.executable, "-c", WITH_FOLDER.format(words=words)]
+    done = run_to_end(program, cwd=tmp_path, env=environment)
+    assert (done.returncode, done.stdout.split()) == (code, ["1"]), done.stderr
+    assert "Traceback" not in done.stderr
+    assert [*(tmp_path / "tmp").glob("onebot-*")] == []
+
+
+@pytest.mark.parametrize(
     ("program", "words", "code"),
     [
         ("onebot", ["check", "a.urdf"], 130),
         ("onebot", ["snapshot", "a.png"], 130),
         ("onebot", ["steer"], 0),
+        ("onebot", ["replay", "run1", "viewer:=none", "save:=run1.rrd"], 130),
+        ("onebot", ["bag", "play", "run1"], 130),
         ("onebot", ["help", "topic"], 130),
         ("onebot_bringup", ["--show-args"], 0),
         ("mrm_bringup", [], 0),

@@ -164,6 +164,22 @@ def test_echo_waits_for_the_topic(ros_domain: int, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("words", "waiting"),
+    [
+        (("echo", "--once", "/later"), "does not appear to be published yet"),
+        (("pub", "--once", "/later", "std_msgs/msg/Empty"), "Waiting for at least 1 matching"),
+        (("pub", "-t", "2", "/later", "std_msgs/msg/Empty"), "Waiting for at least 1 matching"),
+    ],
+)
+def test_what_would_have_ended_by_itself_has_failed_after_ctrl_c(
+    ros_domain: int, tmp_path: Path, words: tuple[str, ...], waiting: str
+) -> None:
+    with running(tmp_path, "topic", *words) as command:
+        wait_for(lambda: waiting in command.out + command.err, waiting)
+        assert command.interrupt() == 130 and "Traceback" not in command.err
+
+
+@pytest.mark.parametrize(
     ("words", "waiting", "shown"),
     [
         (("echo", "/odom"), "waiting for it", "data: x"),

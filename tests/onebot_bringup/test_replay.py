@@ -7,7 +7,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from onebot_bringup.bags.bag_reader import Bag
-from onebot_bringup.bags.shown_bag import frame_prefix_of, log_bag
+from onebot_bringup.bags.shown_bag import ShownBag, frame_prefix_of
 from onebot_bringup.bags.writer import BagWriter
 from onebot_bringup.cli.main import main
 from onebot_bringup.cli.snapshot import kind_of
@@ -60,11 +60,12 @@ def record_arm(folder, *, description=True, stamps_from=START, space="", prefix=
     bag.close()
 
 
-def to_rrd(folder, path, **options):
+def to_rrd(folder, path, *, from_start=True, **options):
     """Log a recording into a .rrd file; what is shown, and what was said."""
     said: list[str] = []
     recording = open_recording(None, path)
-    shown = log_bag(Bag(folder), recording.stream, warn=said.append, **options)
+    bag = ShownBag(Bag(folder), warn=said.append, **options)
+    shown = bag.log(recording.stream, from_start=from_start)
     recording.close()
     return shown, said
 
@@ -229,6 +230,17 @@ def test_mistakes(tmp_path, monkeypatch, capsys, words, code, message):
         (tmp_path / name).write_text("what is this?")
     assert main(["replay", *words]) == code
     assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("mistake", ["namespace:=typo", "view:=bad.yaml", "view:=bad.rbl"])
+def test_a_refused_command_leaves_the_file_that_it_would_replace(tmp_path, monkeypatch, mistake):
+    monkeypatch.chdir(tmp_path)
+    record_arm(tmp_path / "bag")
+    (tmp_path / "bad.yaml").write_text("gird: {visible: true}")
+    (tmp_path / "bad.rbl").write_text("no layout")
+    (tmp_path / "a.rrd").write_text("the last recording")
+    assert main(["replay", "bag", "viewer:=none", "save:=a.rrd", mistake]) == 1
+    assert (tmp_path / "a.rrd").read_text() == "the last recording"
 
 
 def replaying(folder, name):

@@ -25,7 +25,7 @@ from visualization_msgs.msg import MarkerArray
 
 from onebot_bringup.bags import shown_bag
 from onebot_bringup.bags.bag_reader import Bag
-from onebot_bringup.bags.shown_bag import log_bag
+from onebot_bringup.bags.shown_bag import ShownBag
 from onebot_bringup.cli.main import main
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_description.ros.wire.interface_text import full_definition
@@ -82,13 +82,10 @@ class Replayed:
             flush(**options)
 
         stream.flush = counted
-        self.shown = log_bag(
-            Bag(folder),
-            stream,
-            warn=self.warnings.append,
-            progress=self.printed.append,
-            **options,
+        bag = ShownBag(
+            Bag(folder), warn=self.warnings.append, progress=self.printed.append, **options
         )
+        self.shown = bag.log(stream)
         recording.close()
         parts = [blueprints[-1].root_container]
         while not isinstance(parts[0], rrb.Spatial3DView):

@@ -79,6 +79,17 @@ def test_a_file_names_places_models_and_parameters(tmp_path: Path) -> None:
     assert one.description is two.description
 
 
+def test_files_in_the_home_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    home = tmp_path / "home"
+    home.mkdir()
+    monkeypatch.setenv("HOME", str(home))
+    (home / "big.urdf").write_text(urdf(name="big"))
+    (home / "big.yaml").write_text("")
+    entry = "{x: 0, y: 0, model: ~/big.urdf, params_file: ~/big.yaml}"
+    [robot] = of_file(tmp_path, f"robots:\n  a: {entry}\n")
+    assert (robot.description.robot_name, robot.params_file) == ("big", home / "big.yaml")
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [

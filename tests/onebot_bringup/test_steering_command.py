@@ -131,13 +131,14 @@ def test_frames_of_a_robot_yet_to_come_are_named_as_by_a_bringup(ros_domain):
 
 
 def test_with_a_viewer_it_starts_none(peer, tmp_path):
-    """The robot's own view is beside the pad."""
+    """The robot's own view is beside the pad; a warning says that another is not shown."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         viewer = peer.node.create_publisher(String, "/left/rerun_viewer/page", LATCHED)
         viewer.publish(String(data=_page(server.getsockname()[1])))
-        with running(tmp_path, "steer", "namespace:=left", *QUIET) as command:
+        with running(tmp_path, "steer", "namespace:=left", "view:=none", *QUIET) as command:
             with PageClient(_address(command)) as page:
                 wait_for(lambda: page.state["view"], "the view")
                 assert page.state["topic"] == "/left/velocity_controller/cmd_vel"
             assert "steering_viewer" not in command.out
+            assert "warning: view:=none is not used" in command.err
             assert command.interrupt() == 0

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -14,6 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from trajectory_msgs.msg import JointTrajectory
 
+from onebot_bringup.steering.joint_commands import JointCommands
 from onebot_bringup.steering.joint_motion import STEP, SteeredJoint, short_motion
 from onebot_bringup.testing.domains import used_domain
 from onebot_description.elements.description import Joint
@@ -51,6 +53,22 @@ def test_a_joint_gets_to_its_velocity_and_ends_at_rest():
     assert short_motion(STEERED, 0.1, 0.5, 0.0, 0.0) == pytest.approx((*[0.125] * 3, 0.0))
     assert short_motion(STEERED, 0.1, 0.5, 0.5, 0.1) == pytest.approx((0.2, 0.25, 0.275, 0.5))
     assert short_motion(STEERED, 0.3, 0.0, 0.0, 0.1) == (0.3, 0.3, 0.3, 0.0)
+
+
+class OfLeavingRobot(JointCommands):
+    """The node's thread removes the lock right after it was looked at."""
+
+    def __init__(self) -> None:
+        self.locks = iter([SimpleNamespace(locked=True)])
+
+    @property
+    def _robot_lock(self) -> Any:
+        return next(self.locks, None)
+
+
+def test_the_lock_of_a_robot_that_leaves_can_still_be_read():
+    robot = OfLeavingRobot()
+    assert [robot.locked, robot.locked] == [True, False]
 
 
 _speed = st.floats(-2.0, 2.0)

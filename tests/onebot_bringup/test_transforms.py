@@ -6,10 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
+from rclpy.serialization import serialize_message
 from scipy.spatial.transform import Rotation, Slerp
 
 from onebot_bringup.introspection.transforms import FrameTree, TransformError
-from onebot_description.ros.wire.messages import TfArrays
+from onebot_description.ros.wire.messages import (
+    TfArrays,
+    tf_arrays,
+    time_message,
+    transforms_message,
+)
 from tests.support import assert_time_grows_with_size
 
 SECOND = 1_000_000_000
@@ -29,7 +35,7 @@ def add(
 ) -> list[str]:
     return tree.add(
         TfArrays(
-            [parent], [child], np.array([int(seconds * SECOND)]),
+            (parent,), (child,), np.array([int(seconds * SECOND)]),
             np.array([translation], float), np.array([rotation], float),
         ),
         static=static,
@@ -119,7 +125,7 @@ def test_history() -> None:
     assert tree.span("b") == (22.5 * SECOND, 31 * SECOND)
     add(tree, "a", "b", 1.0)  # the simulation was reset
     assert tree.span("b") == (SECOND, SECOND)
-    add(tree, "/c", "/b", 2.0)  # with the slash of tf, before tf2
+    add(tree, "c", "b", 2.0)
     assert tree.names == {"b", "c"} and tree.span("c") is None
     add(tree, "c", "b", static=True)
     assert tree.span("b") is None
@@ -129,7 +135,7 @@ def joined(parents: Sequence[str], children: Sequence[str], x: float = 1.0) -> T
     """A message in which each child is ``x`` metres along x of its parent."""
     count = len(parents)
     places, turns = np.tile([x, 0.0, 0.0], (count, 1)), np.tile(NO_TURN, (count, 1))
-    return TfArrays(list(parents), list(children), np.zeros(count, np.int64), places, turns)
+    return TfArrays(tuple(parents), tuple(children), np.zeros(count, np.int64), places, turns)
 
 
 def test_poses_chain_transforms() -> None:
@@ -212,6 +218,20 @@ def test_a_pose_at_a_time() -> None:
     for seconds in (1.0, 2.0):  # the clock was set back
         add(tree, "odom", "base", seconds, (8.0, 0.0, 0.0))
     np.testing.assert_allclose(laser(1.5), [9, 0])
+
+
+def test_poses_at_a_time_of_many_robots() -> None:
+    """Also of more robots than names are cached for; each message is read from its bytes."""
+    tree, robots = FrameTree(), [f"robot{number}" for number in range(200)]
+    turn = np.array([[0.0, 0.0, 0.0, 1.0]])
+    for second in range(3):
+        for robot in robots:
+            values = np.hstack([[[float(second), 0.0, 0.0]], turn])
+            names = [f"{robot}/odom"], [f"{robot}/base"]
+            message = transforms_message(time_message(second * SECOND), *names, values)
+            tree.update(tf_arrays(bytes(serialize_message(message))))
+    for robot in robots:
+        assert tree.pose(f"{robot}/base", f"{robot}/odom", SECOND // 2)[0, 3] == 0.5
 
 
 def test_a_transform_that_comes_late_takes_its_place_in_the_history() -> None:

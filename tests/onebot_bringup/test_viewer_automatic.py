@@ -6,6 +6,7 @@ import pkgutil
 import pytest
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
+from visualization_msgs.msg import Marker
 
 from onebot_bringup.viewer import displays
 from onebot_bringup.viewer.automatic import MOST_SHOWN, TopicSelection
@@ -162,6 +163,34 @@ def test_a_flood_is_dropped_but_for_the_newest(tmp_path, monkeypatch):
     assert [sentence for sentence in said if "dropped" in sentence] == [
         "path: more comes than can be shown without delay: old messages are dropped"
     ]
+
+
+def test_of_a_flood_of_single_markers_none_is_dropped(tmp_path, monkeypatch):
+    """Each is one of many, or deletes another; they are drawn later, together."""
+    for name in ("_SHARE", "_SAVED"):
+        monkeypatch.setattr(f"onebot_bringup.viewer.core.inbox.{name}", 1e-9)
+    now = [0.0]
+    shown = Shown(tmp_path, live=True, clock=lambda: now[0])
+    for number in range(400):
+        marker = Marker(id=number, type=Marker.SPHERE)
+        marker.header.frame_id = "base"
+        marker.scale.x = marker.scale.y = marker.scale.z = marker.color.a = 1.0
+        shown.send("/marks", marker)
+        if number % 100 == 99:
+            now[0] = float(number)
+            assert shown.tick(START_NS + number * 10**9) == []
+    centers = column(shown.end(), "/marker/marks/spheres", "InstancePoses3D:translations")
+    assert len(centers) < 400 and len(centers[-1]) == 400
+
+
+def test_what_may_not_be_dropped_is_bounded_by_its_size(tmp_path, monkeypatch):
+    """The oldest are dropped, and a warning says so; a single large message is kept."""
+    monkeypatch.setattr("onebot_bringup.viewer.core.inbox._MOST_BYTES", 1000)
+    now = [0.0]
+    shown = Shown(tmp_path, live=True, clock=lambda: now[0])
+    for number in range(10):
+        shown.send("/marks", Marker(text="x" * 2000, id=number))
+    assert any("marker: more comes" in sentence for sentence in shown.tick())
 
 
 def test_a_type_without_a_definition_is_said(tmp_path):

@@ -65,7 +65,7 @@ def test_what_is_no_transform_is_ignored_as_tf2_does(shift, turn, static, tmp_pa
     stream = TransformStream(recording.stream, tree)
     rows = np.array([[1.0, 0, 0], shift]), np.array([NO_TURN, turn])
     stamps = np.array([START_NS, START_NS])
-    message = TfArrays(["odom", "base"], ["base", "arm"], stamps, *rows)
+    message = TfArrays(("odom", "base"), ("base", "arm"), stamps, *rows)
     if static:
         stream.add_static(message)
     else:

@@ -42,7 +42,7 @@ def test_the_picture_has_all_of_them(tmp_path):
     require_renderer()
     # Looks along x, to the right of the robot.
     place, turn = np.array([[0.0, -1.5, 0.3]]), np.array([[-0.5, 0.5, -0.5, 0.5]])
-    lens = TfArrays(["base"], ["lens"], np.array([START_NS]), place, turn)
+    lens = TfArrays(("base",), ("lens",), np.array([START_NS]), place, turn)
     places = np.stack(np.meshgrid(np.linspace(-2, -1, 9), np.linspace(1, 2, 9), [0.0]), -1)
     calibration, picture = camera(), image("rgb8", np.full((30, 40, 3), CYAN, np.uint8))
     calibration.header.frame_id = "lens"

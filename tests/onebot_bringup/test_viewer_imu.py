@@ -42,7 +42,7 @@ def test_axes_and_acceleration(tmp_path):
 def test_the_orientation_is_that_in_the_fixed_frame(tmp_path):
     """The sensor's frame has turned by as much: in it, there is no turn left."""
     shown = Shown(tmp_path, "fixed_frame: odom", robot=False)
-    turned = TfArrays(["odom"], ["tip"], np.array([START_NS]), np.ones((1, 3)), np.array([LEFT]))
+    turned = TfArrays(("odom",), ("tip",), np.array([START_NS]), np.ones((1, 3)), np.array([LEFT]))
     take_tf(shown.view, turned)
     shown.send(TOPIC, imu(LEFT))
     [found] = arrows(shown.end())

@@ -219,6 +219,16 @@ def test_a_trail_in_another_frame_waits_for_it_and_says_so(tmp_path):
     assert len(strips(shown.end(), "truth")) == 40
 
 
+def test_frames_of_ros_1(tmp_path):
+    """They begin with a slash, on /tf and in messages, and are the same frames without it."""
+    shown = Shown(tmp_path, "{fixed_frame: base, trails: {truth: {topic: truth}}}")
+    take_tf(shown.view, transforms("/world", "/base", 0.0), static=True)
+    for step in range(3):
+        take_odometry(shown.view, "truth", START_NS + step, odometry(0.1 * step, frame="/world"))
+    assert shown.tick() == []
+    assert len(strips(shown.end(), "truth")) == 2
+
+
 # --- covariances ----------------------------------------------------------------------------------
 
 

@@ -219,7 +219,7 @@ def test_static_transforms_all_survive_in_a_file(tmp_path):
         count = len(names)
         shifts, turns = np.full((count, 3), 2.0), np.tile([0.0, 0.0, 0.0, 1.0], (count, 1))
         stamps = np.zeros(count, np.int64)
-        arrays = TfArrays(["base"] * count, [*names], stamps, shifts, turns)
+        arrays = TfArrays(("base",) * count, (*names,), stamps, shifts, turns)
         take_tf(shown.view, arrays, static=True)
         shown.tick()
     file = shown.end()

@@ -23,7 +23,6 @@ from onebot_bringup.viewer.display_server import (
     Child,
     DisplayServer,
     WebPage,
-    native_window,
     open_recording,
 )
 from onebot_bringup.viewer.rendering import headless_viewer, render
@@ -377,12 +376,24 @@ def test_a_large_library_is_imported_only_where_it_is_used(module, library):
     assert subprocess.run([sys.executable, "-c", code], timeout=PATIENCE).returncode == 0
 
 
-def test_a_window_without_a_display_is_a_clear_error(monkeypatch):
-    """It says what to use in its place."""
+@pytest.mark.parametrize(
+    ("viewer", "port", "said"),
+    [
+        ("native", 0, "needs a display.*viewer:=web"),
+        ("web", 99999, "web_port:=99999 is no port"),
+    ],
+)
+def test_a_refused_viewer_leaves_the_file(tmp_path, monkeypatch, viewer, port, said):
+    """The error says what to use in its place, and the file's last recording is still there."""
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    with pytest.raises(OneBotError, match="needs a display.*viewer:=web"):
-        native_window("rerun+http://127.0.0.1:1/proxy")
+    file = tmp_path / "x.rrd"
+    file.write_text("the last recording")
+    log = SimpleNamespace(info=print, warning=print)
+    ports = {"grpc_port": 0, "web_port": port}
+    with pytest.raises(OneBotError, match=said):
+        DisplayServer(viewer, file, **ports, memory_limit="1MB", open_browser=False, log=log)
+    assert file.read_text() == "the last recording"
 
 
 @pytest.mark.parametrize(

@@ -127,8 +127,8 @@ def drawn(folder: Path, view: str, *messages) -> Path:
 def transforms(parent, child, y, stamp_ns=START_NS):
     """One transform: ``child`` stands ``y`` metres along y of ``parent``."""
     return TfArrays(
-        [parent],
-        [child],
+        (parent,),
+        (child,),
         np.array([stamp_ns]),
         np.array([[0.0, y, 0.0]]),
         np.array([[0.0, 0.0, 0.0, 1.0]]),

@@ -65,8 +65,8 @@ def _stamped(stamp, edge):
 def test_tf_reads_as_rclpy_wrote_it(stamp, edges):
     data = serialize_message(TFMessage(transforms=[_stamped(stamp, edge) for edge in edges]))
     tf = tf_arrays(data)
-    assert tf.parents == [edge[0] for edge in edges]
-    assert tf.children == [edge[1] for edge in edges]
+    assert tf.parents == tuple(edge[0].removeprefix("/") for edge in edges)
+    assert tf.children == tuple(edge[1].removeprefix("/") for edge in edges)
     assert tf.stamps_ns.tolist() == [stamp[0] * 10**9 + stamp[1]] * len(edges)
     numbers = np.array([edge[2] for edge in edges]).reshape(-1, 7)
     np.testing.assert_array_equal(np.hstack((tf.translations, tf.rotations)), numbers)
@@ -103,7 +103,14 @@ def _tf_bytes(names, number=0.0, sec=1):
     return serialize_message(TFMessage(transforms=[_stamped((sec, 7), edge) for edge in edges]))
 
 
-def test_names_that_repeat_are_the_same_lists():
+def test_frames_are_without_the_slash_of_ros_1():
+    """As tf2 strips it; the slashes of a frame prefix stay."""
+    tf = tf_arrays(_tf_bytes(["/odom", "base", "/robot/base"]))
+    assert tf.parents == ("odom", "base", "robot/base")
+    assert tf.children == ("odomx", "basex", "robot/basex")
+
+
+def test_names_that_repeat_are_the_same_tuples():
     first, other, second = (tf_arrays(_tf_bytes(n)) for n in (["a", "b"], ["r", "s"], ["a", "b"]))
     assert second.children is first.children and second.parents is first.parents
-    assert other.children == ["rx", "sx"]
+    assert other.children == ("rx", "sx")

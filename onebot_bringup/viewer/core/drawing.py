@@ -65,6 +65,7 @@ class Drawing(Generic[S]):
     message_types: ClassVar[tuple[str, ...]]  # full names, such as "nav_msgs/msg/Path"
     high_bandwidth: ClassVar[bool] = False  # megabytes per second: few are shown automatically
     stamped_when_sent: ClassVar[bool] = True  # see ``MessageType``
+    replaces_previous: ClassVar[bool] = True  # see ``MessageType``
     period_ns: ClassVar[int] = 0  # see ``Display``
     rviz_classes: ClassVar[tuple[str, ...]] = ()  # RViz's names besides the key in title case
     # Types of further topics to subscribe to, by the suffix of their names after the topic's.
@@ -351,7 +352,11 @@ class MessageDisplay(DrawingsDisplay[Any]):
     def _subscriptions(self, topic: str, settings: TopicSettings) -> Sequence[WantedTopic]:
         """Return the subscriptions of a topic, with its type's definition and its QoS."""
         draws, name = self.draws, self._offered[topic]
-        kind = self.stage.message_type(name, stamped_when_sent=draws.stamped_when_sent)
+        kind = self.stage.message_type(
+            name,
+            stamped_when_sent=draws.stamped_when_sent,
+            replaces_previous=draws.replaces_previous,
+        )
         subscription = WantedTopic(
             topic,
             (kind,),

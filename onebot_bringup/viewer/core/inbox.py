@@ -1,7 +1,7 @@
 """The inbox: queues messages until they are decoded in batches and passed to the displays.
 
 A message is shown at the time of its stamp (``Stamps``). If more messages come than can be drawn,
-old ones are dropped (``LoadLimit``).
+old ones are dropped (``LoadLimit``), or if messages build on each other, they are drawn less often.
 """
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -18,6 +18,7 @@ from onebot_description.ros.wire.schema import Schema
 T = TypeVar("T")
 Report = Callable[[Exception], object]
 
+_MOST_BYTES = 64_000_000  # in the queue of a topic whose messages build on each other
 OTHER_CLOCK_NS = 10_000_000_000  # times further apart than this come from different clocks
 WARN_AFTER = 3.0  # seconds before a missing link, frame or transform is reported
 _TF = "tf2_msgs/msg/TFMessage"
@@ -37,21 +38,26 @@ class MessageType(Generic[T]):
     stamp_ns: Callable[[T], int]  # returns the header's stamp, nanoseconds; 0 for none
     # Stamps are close to the sending time; False for types that are latched for long, such as plans
     stamped_when_sent: bool = True
+    replaces_previous: bool = True  # False: messages build on earlier ones, so none may be dropped
 
 
 @lru_cache(maxsize=256)
-def message_type(name: str, definition: str, stamped_when_sent: bool = True) -> "MessageType[Any]":
+def message_type(
+    name: str, definition: str, *, stamped_when_sent: bool = True, replaces_previous: bool = True
+) -> "MessageType[Any]":
     """Return a message type whose messages are decoded by its definition; see ``Schema``.
 
     Args:
         name: the type's name, such as "nav_msgs/msg/Odometry".
         definition: the text of its definition, with the definitions of the types in it.
         stamped_when_sent: see ``MessageType``.
+        replaces_previous: see ``MessageType``.
 
     Raises:
         ValueError: the definition cannot be read.
     """
-    return _read_by(name, Schema.from_definition(name, definition), stamped_when_sent)
+    kind = _read_by(name, Schema.from_definition(name, definition))
+    return replace(kind, stamped_when_sent=stamped_when_sent, replaces_previous=replaces_previous)
 
 
 def known_type(name: str) -> "MessageType[Any]":
@@ -59,8 +65,8 @@ def known_type(name: str) -> "MessageType[Any]":
     return _read_by(name, known_schema(name))
 
 
-def _read_by(name: str, schema: Schema, stamped_when_sent: bool = True) -> "MessageType[Any]":
-    return MessageType(name, one_by_one(schema.read), _stamp_of(schema), stamped_when_sent)
+def _read_by(name: str, schema: Schema) -> "MessageType[Any]":
+    return MessageType(name, one_by_one(schema.read), _stamp_of(schema))
 
 
 def _stamp_of(schema: Schema) -> Callable[[Any], int]:
@@ -184,10 +190,13 @@ class Inbox:
         for (name, kind_name), queue in queues.items():
             limits = [receiver.limit for receiver, *_ in queue.receivers]
             if all(limits):
-                queue.limits, queue.most = [limit for limit in limits if limit], topics[name].depth
+                queue.limits = [limit for limit in limits if limit]
+            if all(kind.replaces_previous for *_, kind in queue.receivers):
+                queue.most = topics[name].depth
             previous_queue = self._queues.get((name, kind_name))
             if previous_queue is not None:
-                queue.messages, queue.times = previous_queue.empty()
+                for data, time_ns in zip(*previous_queue.empty(), strict=True):
+                    queue.append(data, time_ns)
         self._queues, self.topics = queues, topics
         return problems
 
@@ -221,7 +230,8 @@ class Inbox:
                     decoded[kind] = self._decoded(topic, kind, messages, times)
                 admitted = decoded[kind]
                 if receiver.limit is not None:
-                    admitted = receiver.limit.admit(admitted, map(len, messages))
+                    sizes = map(len, messages)
+                    admitted = receiver.limit.admit(admitted, sizes, thin=kind.replaces_previous)
                 receiver.add(name, kind, admitted)
 
     def descriptions(self, topic: str) -> Sequence[tuple[int, str]]:
@@ -247,14 +257,20 @@ class _Queue:
     times: list[int] = field(default_factory=list)
     # A receiver, its name for the topic, and the type that decodes its messages.
     receivers: list[tuple[Receiver, str, MessageType[Any]]] = field(default_factory=list)
-    # Set if each receiver has a limit; more than ``most`` messages then drop the oldest.
+    # Set if each receiver has a limit; more than ``most`` messages, or if none may be dropped too
+    # many bytes, then drop the oldest.
     limits: "list[LoadLimit]" = field(default_factory=list)
-    most: int = 0
+    most: int | None = None
+    size: int = 0  # bytes
 
     def append(self, data: bytes, time_ns: int) -> None:
         self.messages.append(data)
         self.times.append(time_ns)
-        if self.limits and len(self.messages) > self.most:
+        self.size += len(data)
+        count = len(self.messages)
+        is_full = self.size > _MOST_BYTES if self.most is None else count > self.most
+        if self.limits and is_full and count > 1:
+            self.size -= len(self.messages[0])
             del self.messages[0], self.times[0]
             for limit in self.limits:
                 limit.dropped += 1
@@ -262,7 +278,7 @@ class _Queue:
     def empty(self) -> tuple[list[bytes], list[int]]:
         """Remove and return the messages and their receive times."""
         waiting = self.messages, self.times
-        self.messages, self.times = [], []
+        self.messages, self.times, self.size = [], [], 0
         return waiting
 
 
@@ -347,14 +363,17 @@ class LoadLimit:
         self._at = now
         return self._left > 0.0
 
-    def admit(self, messages: Sequence[T], sizes: Iterable[int]) -> Sequence[T]:
+    def admit(
+        self, messages: Sequence[T], sizes: Iterable[int], *, thin: bool = True
+    ) -> Sequence[T]:
         """Return the newest messages, as many as there is time to draw but at least one.
 
         Args:
             messages: the messages that have come, oldest first.
             sizes: their sizes, bytes.
+            thin: drop messages; False: return all, so that the display is ready later.
         """
-        cost = self._seconds / self._messages if self._messages else 0.0
+        cost = self._seconds / self._messages if thin and self._messages else 0.0
         most = max(1, int(self._left / cost)) if cost else len(messages)
         self.dropped += max(0, len(messages) - most)
         admitted = messages[-most:]

@@ -62,14 +62,16 @@ class Stage:
         self.transform_timeout_ns = _TRANSFORM_TIMEOUT_NS  # how long messages wait for transforms
         self.robot_size = 0.0  # the diagonal of the smallest robot, metres; 0: not known yet
 
-    def message_type(self, name: str, *, stamped_when_sent: bool = True) -> MessageType[Any]:
+    def message_type(self, name: str, **properties: bool) -> MessageType[Any]:
         """Return a message type whose messages are decoded by its definition.
+
+        ``properties`` are fields of ``MessageType``.
 
         Raises:
             OneBotError: there is no definition of it.
             ValueError: the definition cannot be read.
         """
-        return message_type(name, self._definitions(name), stamped_when_sent)
+        return message_type(name, self._definitions(name), **properties)
 
     # --- what is logged ---------------------------------------------------------------------------
 

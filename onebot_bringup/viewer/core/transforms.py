@@ -114,8 +114,8 @@ class TransformStream:
         bad = int(np.argmin(usable))
         self.ignored = self.ignored or transforms.children[bad]
         return TfArrays(
-            list(compress(transforms.parents, usable)),
-            list(compress(transforms.children, usable)),
+            tuple(compress(transforms.parents, usable)),
+            tuple(compress(transforms.children, usable)),
             transforms.stamps_ns[usable],
             transforms.translations[usable],
             transforms.rotations[usable],
@@ -157,8 +157,7 @@ class TransformStream:
         now = time.monotonic()
         for item in batch:
             self._frames.update(item)
-        # The list of frames is usually the same object, so look at each only once.
-        for children in {id(item.children): item.children for item in batch}.values():
+        for children in {item.children for item in batch}:
             self._logged.update(dict.fromkeys(children, now))
         if is_old(self._repeated_at):
             self._repeated_at = now

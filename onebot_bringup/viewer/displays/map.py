@@ -33,6 +33,7 @@ MSG: std_msgs/Header
 builtin_interfaces/Time stamp
 string frame_id
 """,
+    replaces_previous=False,
 )
 _COLORMAPS = {
     "map": rr.components.Colormap.RvizMap,

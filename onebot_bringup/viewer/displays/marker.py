@@ -250,7 +250,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
     key = "marker"
     message_types = ("visualization_msgs/msg/Marker", "visualization_msgs/msg/MarkerArray")
     rviz_classes = ("MarkerArray",)
-    stamped_when_sent = False
+    stamped_when_sent, replaces_previous = False, False
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)

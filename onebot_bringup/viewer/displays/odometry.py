@@ -105,9 +105,6 @@ class OdometryDisplay(NamedDisplay[M]):
 class PlaceDrawing(Drawing[T]):
     """Base class of drawings at the poses of odometry."""
 
-    def frame_of(self, message: Any) -> str:
-        return str(message.header.frame_id)
-
     def place_of(self, message: Any) -> Floats | None:
         """Return where to draw: (3,) metres; None if it is not finite."""
         place = message.pose.pose.position.array() + (0.0, 0.0, self.settings.height)

@@ -32,8 +32,8 @@ _UNKNOWN: Floats = np.zeros(_COVARIANCE)
 class TfArrays(NamedTuple):
     """A TFMessage; one row a transform."""
 
-    parents: list[str]  # header.frame_id of each transform, N of them
-    children: list[str]  # child_frame_id of each
+    parents: tuple[str, ...]  # header.frame_id of each transform, N of them
+    children: tuple[str, ...]  # child_frame_id of each
     stamps_ns: NDArray[np.int64]  # (N,) nanoseconds
     translations: Floats  # (N, 3) metres
     rotations: Floats  # (N, 4) quaternions x y z w
@@ -75,19 +75,22 @@ def known_schema(name: str) -> Schema:
 
 
 def tf_arrays(data: bytes) -> TfArrays:
-    """Read a serialized tf2_msgs/msg/TFMessage; names that come again are the same lists."""
+    """Read a serialized tf2_msgs/msg/TFMessage; names that come again are the same tuples.
+
+    The names are without the slash that they began with before tf2.
+    """
     transforms = known_schema("tf2_msgs/msg/TFMessage").read(data).transforms
     header = transforms.header
     values = transforms.transform.array()
     stamps = header.stamp.sec.astype(np.int64) * NS_PER_S + header.stamp.nanosec
-    lists = _lists if len(data) <= LARGEST_KEPT else _lists.__wrapped__
-    parents, children = lists(tuple(header.frame_id), tuple(transforms.child_frame_id))
-    return TfArrays(parents, children, stamps, values[:, :3], values[:, 3:])
+    bare = _bare if len(data) <= LARGEST_KEPT else _bare.__wrapped__
+    names = bare(tuple(header.frame_id)), bare(tuple(transforms.child_frame_id))
+    return TfArrays(*names, stamps, values[:, :3], values[:, 3:])
 
 
-@functools.lru_cache(maxsize=64)
-def _lists(parents: tuple[str, ...], children: tuple[str, ...]) -> tuple[list[str], list[str]]:
-    return list(parents), list(children)
+@functools.lru_cache(maxsize=128)
+def _bare(names: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(name.removeprefix("/") for name in names)
 
 
 def one_joint_state(data: bytes) -> JointStateArrays:
