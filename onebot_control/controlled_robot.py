@@ -506,17 +506,9 @@ class ControlledRobot:
         self._continue_arms(other)
 
     def _continue_arms(self, other: "ControlledRobot") -> None:
-        """Take over the arms' positions; arms with the same joints keep moving."""
+        """Hold the arms where they are; arms with the same joints keep moving."""
         self.finished = other.finished
-        if not self.arms:
-            return
-        present = dict(zip(other.joints, other._joints.positions, strict=True))
-        starts = dict(zip(self.plant.joints, self.plant.starts, strict=True))
-        positions = {
-            name: present.get(name, at) if name in self._starts else at
-            for name, at in starts.items()
-        }
-        self.plant.put(self.plant.pose, list(positions.values()))
+        positions = dict(zip(self.plant.joints, self.plant.positions, strict=True))
         for name, arm in self.arms.items():
             old = other.arms.get(name)
             if old and old.joints == arm.joints:

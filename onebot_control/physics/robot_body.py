@@ -294,6 +294,13 @@ class RobotBody:
         self._efforts = other._efforts
         self._update(self._read_joints())
 
+    def continue_joints(self, other: "RobotBody") -> None:
+        """Take over the joint positions of the robot that this one replaces, except of wheels."""
+        positions = {**self.spawn.starts}
+        present = zip(other.joints, other.positions, strict=True)
+        positions.update((name, at) for name, at in present if name in positions)
+        self.put(self.pose, [positions.get(name, 0.0) for name in self.joints])
+
     def check(self) -> None:
         """Raise OneBotError if the world is closed, or the robot's last state was not finite."""
         self.world.check_open()

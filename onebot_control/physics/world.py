@@ -155,8 +155,9 @@ class World:
     def replaced(self, row: int, spawn: RobotSpawn, settings: Settings) -> "World":
         """Return a new world in which ``spawn``, at rest, replaces one robot.
 
-        The other robots continue from their current state; this world does not change. The start
-        poses stay, whether there is room there or not. The scene's boxes are at their current
+        The other robots continue from their current state, the new one from the joint positions of
+        the old one; this world does not change. The start poses stay, whether there is room there
+        or not. The scene's boxes are at their current
         poses, at rest.
 
         Args:
@@ -176,7 +177,9 @@ class World:
             if self.scene is not None and world.scene is not None:
                 world.scene.put(self.scene.poses)
             for index, (new, old) in enumerate(zip(world.robots, self.robots, strict=True)):
-                if index != row:
+                if index == row:
+                    new.continue_joints(old)
+                else:
                     new.continue_from(old)
             world.robots[row].teleport(spawn.x, spawn.y, spawn.yaw)
         except BaseException:

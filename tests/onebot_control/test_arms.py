@@ -17,10 +17,15 @@ import trimesh
 from scipy.special import ellipk
 
 from onebot_control import RobotSetup, Simulation
+from onebot_control.controlled_robot import DEFAULT_CONTROLLER
+from onebot_control.fleet import Fleet, Member
 from onebot_control.physics import RobotSpawn, World
 from onebot_control.sensing.readings import JointState
+from onebot_control.trajectories.goal import TrajectoryGoal
+from onebot_control.trajectories.trajectory import Waypoint
 from onebot_description.description import Description, parse_description
 from onebot_description.errors import OneBotError
+from onebot_description.geometry.poses import PlanarPose
 from onebot_description.model import RobotModel
 from tests.onebot_control import control_support
 from tests.onebot_control.arm_models import (
@@ -498,6 +503,22 @@ def test_base_stands_on_what_is_below_it() -> None:
             simulation.robot.teleport(-0.8, 0.0)
     with simulate(on_post("base_link"), {"elbow": -1.5}, table(0.8)) as simulation:
         assert simulation.robot.pose.z == 0.0
+
+
+def test_a_live_description_of_a_standing_arm_stands_with_its_joints_as_they_are() -> None:
+    """Where its hand would be in a table with the joint at its start, which is 0."""
+    setup = control_support.config()
+    member = Member(on_post("base_link"), setup, controllers=[DEFAULT_CONTROLLER], stands=True)
+    with Fleet.from_members([member], scene=table(-0.8)) as fleet:
+        [follower] = fleet.robots[0].arms.values()
+        follower.start(TrajectoryGoal(("elbow",), (Waypoint(0.5, (-1.5,)),)))
+        for _ in range(100):
+            fleet.cycle()
+        fleet.robots[0].teleport(PlanarPose(-1.6, 0.0, 0.0))
+        fleet.replace(0, on_post("base_link"))
+        [snapshot] = fleet.cycle()
+        assert snapshot.joints.positions == pytest.approx((-1.5,), abs=1e-3)
+        assert snapshot.pose.translation == pytest.approx((-1.6, 0.0, 0.0), abs=1e-9)
 
 
 def test_arm_of_world_that_starts_in_something_gets_a_warning(
