@@ -36,7 +36,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "onebot_control/controlled_robot.py": _control(
         "controlled_robot", "fleet", "joint_state_broadcaster"
     ),
-    "onebot_control/fleet.py": _control("fleet"),
+    "onebot_control/fleet.py": _control("fleet", "control_loop"),
     "onebot_control/frame_names.py": _control("frame_names"),
     "onebot_control/nodes/control_loop.py": _control("control_loop"),
     "onebot_control/drive/wheels/finding.py": _control("wheels_finding", "wheels_geometry"),
