@@ -27,12 +27,12 @@ __all__ = [
     "JointState",
     "OdometryReading",
     "OneBotError",
+    "PlanarVelocity",
     "RobotPose",
     "RobotSetup",
     "Scan",
     "SimulatedRobot",
     "Simulation",
-    "PlanarVelocity",
     "__version__",
 ]
 

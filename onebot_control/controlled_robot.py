@@ -251,9 +251,9 @@ class ControlledRobot:
     Attributes:
         config: the parameters in force.
         geometry: separation and radius of the wheels, before multipliers.
-        plant: the simulated robot.
+        body: the simulated robot.
         arms: the followers that move joints, by the names of their controllers.
-        joints: names of the moving joints: the plant's, then those that mimic them.
+        joints: names of the moving joints: the body's, then those that mimic them.
         held: positions of the joints that are held still, by name.
         finished: goals of arms that have ended, as (controller, outcome); the reader empties it.
         ticks: number of control cycles done.
@@ -265,30 +265,32 @@ class ControlledRobot:
         prepared: PreparedRobot,
         description: Description,
         config: ControlConfig,
-        plant: RobotBody,
+        body: RobotBody,
     ) -> None:
-        """Start at rest where the plant is, with odometry at zero.
+        """Start at rest where the body is, with odometry at zero.
 
         Args:
             prepared: the robot, prepared for its world.
             description: the robot as read, before it was prepared.
             config: its parameters.
-            plant: the simulated robot.
+            body: the simulated robot.
 
         Raises:
             OneBotError: see ``fitted``.
         """
-        self.wheels, self.plant, self.held = prepared.wheels, plant, prepared.held
-        self.joints = (*plant.joints, *(follower.name for follower in prepared.followers))
+        self.wheels, self.body, self.held = prepared.wheels, body, prepared.held
+        self.joints = (*body.joints, *(follower.name for follower in prepared.followers))
         self._followers = [
             (self.joints.index(follower.mimic.joint), follower) for follower in prepared.followers
         ]
         self.description, self._starts = description, prepared.spawn.starts
         self._left, self._right = (
-            Side(names, self.wheels.directions if self.wheels else {}, plant.joints)
+            Side(names, self.wheels.directions if self.wheels else {}, body.joints)
             for names in ((self.wheels.left, self.wheels.right) if self.wheels else ((), ()))
         )
-        self.controllers = {controller.name: controller for controller in prepared.controllers}
+        self.joint_controllers = {
+            controller.name: controller for controller in prepared.controllers
+        }
         self._controlled = prepared.controlled
         self.arms: dict[str, JointFollower] = {}
         self.finished: list[tuple[str, Outcome]] = []
@@ -301,26 +303,26 @@ class ControlledRobot:
             OneBotError: see ``fitted``.
         """
         self.geometry, kinematics, self.broadcaster = self.fitted(config)
-        self.controller = DiffDriveController(config, kinematics)
+        self.diff_drive = DiffDriveController(config, kinematics)
         self._use(config)
         self.ticks, self._observed = 0, -1
         self._command = WheelCommand(0.0, 0.0, 0.0, 0.0)
         self.drift = DriftCheck(skids=self.wheels is not None and len(self.wheels.names) > 2)
         self._reset_arms()
         self.arms = {
-            name: self._follower(controller) for name, controller in self.controllers.items()
+            name: self._follower(controller) for name, controller in self.joint_controllers.items()
         }
         self._arm_rows = {
-            name: [self.plant.joints.index(joint) for joint in arm.names]
+            name: [self.body.joints.index(joint) for joint in arm.names]
             for name, arm in self.arms.items()
         }
-        self.move_into(self.plant)
+        self.move_into(self.body)
         self._read_state()
         self.place_odometry(PlanarPose())
 
-    def move_into(self, plant: RobotBody) -> None:
+    def move_into(self, body: RobotBody) -> None:
         """Control the same robot in another world from now on."""
-        self.plant, plant.reference = plant, self._reference
+        self.body, body.reference = body, self._reference
 
     def _follower(self, controller: JointController[Any]) -> JointFollower:
         """Return the follower that moves a controller's joints from their start positions."""
@@ -368,7 +370,7 @@ class ControlledRobot:
             OneBotError: they do not suit the robot; then nothing has changed.
         """
         self.geometry, kinematics, self.broadcaster = self.fitted(config)
-        self.controller.configure(config, kinematics)
+        self.diff_drive.configure(config, kinematics)
         self._use(config)
 
     def _use(self, config: ControlConfig) -> None:
@@ -377,19 +379,19 @@ class ControlledRobot:
 
     def accept(self, linear: float, angular: float, age: float | None = None) -> str | None:
         """Command a velocity; see ``DiffDriveController.accept``."""
-        return self.controller.accept(linear, angular, age)
+        return self.diff_drive.accept(linear, angular, age)
 
     def begin(self, stamp: int = 0) -> Snapshot:
         """Read the robot's state and update the controllers with it, at a ``stamp`` in ns."""
         self.observe()
-        self._command = self.controller.decide(self.period)
+        self._command = self.diff_drive.decide(self.period)
         for name, arm in self.arms.items():
             positions, velocities, _ = self.states(name)
             motion = JointMotion(positions, velocities, ())
             self._finish(name, arm.update(motion, stamp, self.period))
         snapshot = self.snapshot()
         if self.wheels and self.ticks % self._drift_cycles == 0:
-            self.drift.update(snapshot.odometry, self.true_pose, lambda: self.plant.obstructed)
+            self.drift.update(snapshot.odometry, self.true_pose, lambda: self.body.obstructed)
         return snapshot
 
     def observe(self) -> None:
@@ -401,13 +403,13 @@ class ControlledRobot:
         left, left_velocity = self._left.mean(self._joints)
         right, right_velocity = self._right.mean(self._joints)
         wheels = WheelStates(left, right, left_velocity, right_velocity)
-        self.controller.observe(wheels, self.period)
+        self.diff_drive.observe(wheels, self.period)
 
     def turn(self) -> None:
         """Set the wheel velocities that ``begin`` decided on, for the world's next step."""
         left, right = self._command.left, self._command.right
         # ``Wheels.names`` are the driven joints.
-        self.plant.turn(self._left.velocities(left) + self._right.velocities(right))
+        self.body.turn(self._left.velocities(left) + self._right.velocities(right))
         self.ticks += 1
 
     def _reset_arms(self) -> None:
@@ -422,7 +424,7 @@ class ControlledRobot:
 
     def configure_arm(self, controller: JointController[Any]) -> None:
         """Apply changed parameters of one joint controller."""
-        self.controllers[controller.name] = controller
+        self.joint_controllers[controller.name] = controller
         controller.configure(self.arms[controller.name])
 
     def _finish(self, arm: str, outcomes: Iterable[Outcome | None]) -> None:
@@ -439,7 +441,7 @@ class ControlledRobot:
 
     def snapshot(self) -> Snapshot:
         """Return the state of the robot as last read."""
-        odometry, pace = self.controller.odometry, self.controller.pace
+        odometry, pace = self.diff_drive.odometry, self.diff_drive.pace
         return Snapshot(
             self.ticks,
             self._joints,
@@ -454,30 +456,30 @@ class ControlledRobot:
 
     def reset(self) -> None:
         """Move the robot back to its start, with odometry at zero; time and parameters stay."""
-        self.plant.reset()
+        self.body.reset()
         self.begin_at_rest()
 
     def begin_at_rest(self) -> None:
-        """Begin with odometry at zero where the plant was placed at rest, as after ``reset``."""
-        self.controller.halt()
+        """Begin with odometry at zero where the body was placed at rest, as after ``reset``."""
+        self.diff_drive.halt()
         self._reset_arms()
         self._read_state()
-        self.controller.odometry.reset()
+        self.diff_drive.odometry.reset()
         self.place_odometry(PlanarPose())
         self._observed = -1
 
     def teleport(self, pose: PlanarPose) -> None:
         """Move the robot to another pose in the world, at rest; its odometry does not change."""
-        self.plant.teleport(*pose)
-        self.controller.halt()
-        self.controller.odometry.forget_wheels()
+        self.body.teleport(*pose)
+        self.diff_drive.halt()
+        self.diff_drive.odometry.forget_wheels()
         self.drift.restart()
         self._read_state()
         self._observed = -1
 
     def place_odometry(self, pose: PlanarPose) -> None:
         """Set the odometry's current pose to ``pose``, with zero covariance."""
-        self.controller.odometry.set_pose(*pose)
+        self.diff_drive.odometry.set_pose(*pose)
         self._odom_placed = self.true_pose.compose(pose.inverse())
         self.drift.restart()
 
@@ -488,19 +490,19 @@ class ControlledRobot:
         On bare ground it changes only when the odometry is set; in a scene, where wheels slip, it
         changes all the time.
         """
-        if self.plant.world.scene is None:
+        if self.body.world.scene is None:
             return self._odom_placed
-        return self.true_pose.compose(self.controller.odometry.pose.inverse())
+        return self.true_pose.compose(self.diff_drive.odometry.pose.inverse())
 
     @property
     def world_frame(self) -> str:
         """Name of the frame of true poses; "" if they are in the odometry's frame."""
-        return self.config.world_frame(in_scene=self.plant.world.scene is not None)
+        return self.config.world_frame(in_scene=self.body.world.scene is not None)
 
     def continue_from(self, other: "ControlledRobot") -> None:
         """Take over odometry, cycle count and arms of the robot that this one replaces."""
-        odometry = other.controller.odometry
-        self.controller.odometry.set_pose(*odometry.pose, odometry.covariance)
+        odometry = other.diff_drive.odometry
+        self.diff_drive.odometry.set_pose(*odometry.pose, odometry.covariance)
         self._odom_placed, self.ticks = other._odom_placed, other.ticks
         self.drift.restart()
         self._continue_arms(other)
@@ -508,7 +510,7 @@ class ControlledRobot:
     def _continue_arms(self, other: "ControlledRobot") -> None:
         """Hold the arms where they are; arms with the same joints keep moving."""
         self.finished = other.finished
-        positions = dict(zip(self.plant.joints, self.plant.positions, strict=True))
+        positions = dict(zip(self.body.joints, self.body.positions, strict=True))
         for name, arm in self.arms.items():
             old = other.arms.get(name)
             if old and old.joints == arm.joints:
@@ -519,12 +521,12 @@ class ControlledRobot:
             self._finish(name, [old.abort(text) if old else None])
 
     def _read_state(self) -> None:
-        self._joints, self._pose, self._mass_velocity = self.plant.state()
+        self._joints, self._pose, self._mass_velocity = self.body.state()
         if self._followers:
             self._joints = self._followed(self._joints)
 
     def _followed(self, states: JointStates) -> JointStates:
-        """Return the states of the plant's joints, then of the joints that mimic them."""
+        """Return the states of the body's joints, then of the joints that mimic them."""
         positions, velocities, efforts = map(list, states)
         for leader, follower in self._followers:
             at = follower.at(positions[leader])

@@ -178,11 +178,11 @@ class Fleet:
                 another robot is in the way; then nothing has changed.
         """
         old = self.robots[row]
-        controllers = [*old.controllers.values()]
+        controllers = [*old.joint_controllers.values()]
         member = Member(description, old.config, controllers=controllers, stands=old.wheels is None)
         prepared = _prepared(member)
         here = prepared.spawn._replace(**old.true_pose._asdict())
-        spawns = [robot.plant.spawn for robot in self.robots]
+        spawns = [robot.body.spawn for robot in self.robots]
         spawns[row] = here
         world = self.world.replaced(row, here, _converging(self._settings, spawns))
         try:
@@ -193,8 +193,8 @@ class Fleet:
         robot.continue_from(old)
         self.world.close()
         self.world, self.robots[row] = world, robot
-        for robot, plant in zip(self.robots, world.robots, strict=True):
-            robot.move_into(plant)
+        for robot, body in zip(self.robots, world.robots, strict=True):
+            robot.move_into(body)
 
     def close(self) -> None:
         """Free the world."""
@@ -260,9 +260,9 @@ def _check_rates(members: Sequence[Member]) -> None:
             raise OneBotError(f"{text}; it is the same for all robots of a world")
 
 
-def _controlled(member: Member, prepared: PreparedRobot, plant: RobotBody) -> ControlledRobot:
+def _controlled(member: Member, prepared: PreparedRobot, body: RobotBody) -> ControlledRobot:
     with located(member):
-        return ControlledRobot(prepared, member.description, member.config, plant)
+        return ControlledRobot(prepared, member.description, member.config, body)
 
 
 @contextmanager

@@ -312,7 +312,7 @@ class ControlLoop:
                 self._pacer.next(self._wait)
                 if self._pacer.lag and not self.simulated:  # simulated time has lost nothing
                     for robot in self.fleet.robots:
-                        robot.controller.stalled(self._pacer.lag)
+                        robot.diff_drive.stalled(self._pacer.lag)
                 if paused:
                     self._meter.skip(self._pacer.due)
                 else:
@@ -325,7 +325,7 @@ class ControlLoop:
     def _publish_paused(self) -> None:
         """Publish while paused: system time continues, and transforms have to be current."""
         for robot in self.fleet.robots:
-            robot.controller.wait(robot.period)
+            robot.diff_drive.wait(robot.period)
         self._publish([robot.snapshot() for robot in self.fleet.robots], self.now_ns())
 
     def _cycle(self, stamp: int) -> None:

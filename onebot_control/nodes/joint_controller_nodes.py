@@ -51,8 +51,8 @@ class JointControllerNodes:
         robot = slot.robot
         robot.finished.clear()  # goals of earlier nodes, whose clients have gone
         self._arms: dict[str, ControllerNode[Any]] = {}
-        kinds = controller_nodes() if robot.controllers else {}
-        for name, controller in robot.controllers.items():
+        kinds = controller_nodes() if robot.joint_controllers else {}
+        for name, controller in robot.joint_controllers.items():
             node = Node(name, context=beside.context, namespace=beside.get_namespace())
             self._arms[name] = kinds[type(controller)](
                 node,

@@ -72,7 +72,7 @@ class Publishers:
     def use(self, robot: ControlledRobot, frames: Frames) -> None:
         """Publish this robot from now on, with its current parameters and ``frames``."""
         self._robot, config = robot, robot.config
-        self._in_scene = robot.plant.world.scene is not None  # there, odom drifts from the truth
+        self._in_scene = robot.body.world.scene is not None  # there, odom drifts from the truth
         self.world_frame, odom, base, _ = frames
         self.odom_frame = odom
         self._stamp = Time()  # shared by all messages of a cycle

@@ -255,6 +255,6 @@ class RobotInterface:
 def _check_joints(robot: ControlledRobot, description: Description) -> None:
     """Raise OneBotError if a joint controller would have no joint in another description."""
     wheels = wheels_of(description, robot.config) if robot.wheels else None
-    for name, controller in robot.controllers.items():
+    for name, controller in robot.joint_controllers.items():
         if not joints_of(controller, description, wheels):
             raise OneBotError(f"{name} would have no joint to move; restart the node")

@@ -103,7 +103,7 @@ def _timed(work: Callable[[], object], fleet: Fleet, cycles: int) -> float:
 def _check_arcs(fleet: Fleet, duration: float) -> None:
     """Drive for ``duration`` s; every robot is on the arc of its limited commands."""
     starts = [robot.true_pose for robot in fleet.robots]
-    plans = [Odometry(robot.controller.odometry.kinematics) for robot in fleet.robots]
+    plans = [Odometry(robot.diff_drive.odometry.kinematics) for robot in fleet.robots]
     for _ in range(round(duration / fleet.period)):
         for plan, snapshot in zip(plans, _drive(fleet), strict=True):
             command = snapshot.command

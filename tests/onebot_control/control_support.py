@@ -161,5 +161,5 @@ def cycle(drive: ControlledRobot) -> Snapshot:
     """Do a control cycle of the only robot of a world; how it was at its beginning."""
     snapshot = drive.begin()
     drive.turn()
-    drive.plant.world.step(drive.period)
+    drive.body.world.step(drive.period)
     return snapshot

@@ -189,7 +189,7 @@ def test_velocities_are_by_the_clock_that_stamps_them() -> None:
     """After a stall as long as a cycle they are half of those in the simulation's time."""
     drive = ideal_drive(position_feedback=False, velocity_rolling_window_size=1)
     full = run(drive, 0.6, 0.3, 5)
-    drive.controller.stalled(drive.period)
+    drive.diff_drive.stalled(drive.period)
     half = drive.begin()
     assert (full.twist, half.twist) == (pytest.approx((0.6, 0.3)), pytest.approx((0.3, 0.15)))
     assert half.joint_states.velocities == pytest.approx(
@@ -326,6 +326,6 @@ def test_mimic_joints_stand_where_their_masters_have_them() -> None:
                 assert velocities[name] == pytest.approx(velocity, abs=1e-9), name
         assert turned > 1.0 and len(names) == len(set(names)) == 9
         # The physics has them there, too.
-        held = {joint.name: joint for joint in drive.plant.spawn.description.joints}
+        held = {joint.name: joint for joint in drive.body.spawn.description.joints}
         assert held["tip_joint"].origin.rpy[2] == pytest.approx(0.6)
         assert held["gear_joint"].origin.rpy[2] == pytest.approx(0.5)

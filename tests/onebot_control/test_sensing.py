@@ -339,7 +339,7 @@ def test_onebot_pushed_against_a_wall_looks_at_it_from_outside(yaw: float):
     with Fleet.from_members([Member(onebot, config)], scene=scene) as fleet:
         fleet.robots[0].accept(0.3, 0.0)
         state = [fleet.cycle()[0] for _ in range(300)][-1]
-        plant, held = fleet.robots[0].plant, fleet.robots[0].held
+        plant, held = fleet.robots[0].body, fleet.robots[0].held
     around = Surroundings(scene, [SensedRobot(onebot, plant.joints, held)])
     placed = Placed(around, (), [RobotState(*state.pose, state.joints.positions)])
     camera_link = placed.link(0, "camera_link")
@@ -459,7 +459,7 @@ def test_an_imu_feels_no_cycle_that_comes_late():
         [driven] = fleet.robots
         driven.accept(0.5, 1.0)
         snapshots = [fleet.cycle()[0] for _ in range(200)]
-        driven.controller.stalled(fleet.period)
+        driven.diff_drive.stalled(fleet.period)
         snapshots.append(fleet.cycle()[0])
     [(angular, linear)] = inertia(sensed(driven), snapshots[-2:], "base_link")
     assert snapshots[-1].pace == pytest.approx(10 / 11)
@@ -553,7 +553,7 @@ def sensing_of(*sensors: Sensor, patient: bool = False, **subscribers: Subscribe
             )
             for each in sensors
         ]
-        sensing.enter(0, SensedRobot(description, driven.plant.joints, driven.held), found)
+        sensing.enter(0, SensedRobot(description, driven.body.joints, driven.held), found)
 
         def cycle() -> frozenset[int]:
             """Do a cycle, publish it twice, as while paused; return whose sensor was due."""

@@ -318,8 +318,8 @@ def test_a_hub_is_no_joint_of_the_robot() -> None:
     """The wheels' inertia follows from their mass, and what holds them is not published."""
     with alone(base(*FOUR), CONFIG) as fleet:
         [drive] = fleet.robots
-        assert sorted(drive.plant.joints) == sorted(drive.broadcaster.names)
-        assert sorted(drive.plant.joints) == sorted(Wheels(base(*FOUR)).names)
+        assert sorted(drive.body.joints) == sorted(drive.broadcaster.names)
+        assert sorted(drive.body.joints) == sorted(Wheels(base(*FOUR)).names)
         for _ in range(100):
             drive.accept(0.2, 0.5)
             fleet.cycle()
