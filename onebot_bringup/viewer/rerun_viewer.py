@@ -71,6 +71,8 @@ class RerunViewer(Node):
         self._live_view = LiveView(
             self, parameters, self._apply_view, lambda file: self._view.use_blueprint(file)
         )
+        robots = parameters.robots_to_show(self.resolve_topic_name)
+        # After the checks of the parameters and the view, since it replaces the file.
         self._server = DisplayServer(
             parameters.viewer,
             parameters.recording,
@@ -85,7 +87,7 @@ class RerunViewer(Node):
             self._server.stream,
             self._live_view.source.view,
             blueprint=self._live_view.source.blueprint_file,
-            robots=parameters.robots_to_show(self.resolve_topic_name),
+            robots=robots,
             resolve=self.resolve_topic_name,
             report=self._report,
             live=True,

@@ -24,6 +24,7 @@ from onebot_bringup.viewer.live_view import LiveView
 from onebot_bringup.viewer.rerun_viewer import PageCameras, RerunViewer
 from onebot_bringup.viewer.view_config import load_view
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
+from onebot_description.errors import OneBotError
 from onebot_description.ros.parameters.reader import ConfigError, declare, read
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_bringup.drive_support import chunks, stamps, while_written
@@ -277,6 +278,15 @@ def test_without_a_file_the_view_is_the_robot_s_own(ros_domain, tmp_path):
         Robot(peer, ARM.replace('name="arm"', 'name="mrm"'))
         wait_for(lambda: "mrm_description/config/view.yaml" in node.output, "MRM's view")
         assert peer.parameter(NODE, "joint_plot.limits") is True
+
+
+def test_refused_parameters_leave_the_recording_that_they_would_replace(start_node, tmp_path):
+    file = tmp_path / "x.rrd"
+    file.write_text("the last recording")
+    given = {"viewer": "none", "save": file, "view": "none", "robots": "[a, b]", "plots": "[c]"}
+    with pytest.raises(OneBotError, match="plots: no"):
+        start_node(RerunViewer, **given)
+    assert file.read_text() == "the last recording"
 
 
 def test_a_parameter_given_at_the_start_overrides_the_file(start_node, tmp_path):
