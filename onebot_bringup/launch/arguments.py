@@ -8,7 +8,7 @@ import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, NoReturn
 
 from onebot_bringup.steering.page_parameters import PageParameters
@@ -193,11 +193,11 @@ def node_parameters(
 class Arguments:
     """A command line split into its parts, before the names are checked."""
 
-    given: Mapping[str, str] = field(default_factory=dict)  # values of all name:=value, by name
-    positional: tuple[str, ...] = ()  # words of any other form
-    ros_args: tuple[str, ...] = ()  # the words after --ros-args
-    help: bool = False  # --help was given
-    show: bool = False  # --show-args was given
+    given: Mapping[str, str]  # values of all name:=value, by name
+    positional: tuple[str, ...]  # words of any other form
+    ros_args: tuple[str, ...]  # the words after --ros-args
+    help: bool  # --help was given
+    show: bool  # --show-args was given
 
 
 def split(argv: Sequence[str]) -> Arguments:

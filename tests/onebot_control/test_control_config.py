@@ -114,6 +114,7 @@ def test_a_wheel_is_on_one_side() -> None:
         ),
         ({"joint_state_broadcaster__interfaces": ["position"] * 2}, '"position" is there twice'),
         ({"joint_state_broadcaster__joints": ["a", "b", "a"]}, '"a" is there twice'),
+        ({"joint_state_broadcaster__extra_joints": ["a", "a"]}, '"a" is there twice'),
         ({"joint_state_broadcaster__frameid": "a"}, "did you mean"),
         ({"wheel_seperation": 0.3}, 'did you mean "wheel_separation"?'),
         ({"use_stamped_vel": False}, "no longer a parameter; write cmd_vel_type"),

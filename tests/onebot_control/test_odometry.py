@@ -24,6 +24,7 @@ def drive(
     for step in range(steps + 1):
         t = step * DT
         odometry.update_from_positions(start[0] + left * t, start[1] + right * t, DT)
+    assert not any(odometry.covariance), "of wheels without noise"
     return odometry
 
 

@@ -195,6 +195,16 @@ def test_what_a_parameter_gives_is_not_asked_of_the_description() -> None:
 
 def test_several_axles_skid() -> None:
     """The friction turns the robot less: by the wheelbase, and by where the mass is."""
+    axles = (("front", 0.2), ("rear", -0.2))
+    wheels = [
+        wheel(f"{axle}_{side}", y).replace(f'xyz="0 {y} 0"', f'xyz="{x} {y} 0"')
+        for axle, x in axles
+        for side, y in (("left", 0.25), ("right", -0.25))
+    ]
+    lefts, rights = (
+        [f"{axle}_{side}_wheel_joint" for axle, _ in axles] for side in ("left", "right")
+    )
+    assert 0.55 < Wheels(robot(*wheels), lefts, rights).separation <= 0.5 + 0.4**2 / 0.5
     four = np.array([0.2, -0.2, 0.2, -0.2])
     assert skid_separation(0.5, four, 0.0) == pytest.approx(0.5 + 0.4**2 / 0.5)
     assert skid_separation(0.5, four + 3.0, 3.0) == pytest.approx(0.5 + 0.4**2 / 0.5)

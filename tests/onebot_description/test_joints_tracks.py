@@ -95,6 +95,7 @@ def test_a_sweep_stays_in_its_range_at_its_speed(speed: float, time: float, star
 def test_sine(time: float) -> None:
     wanted = 0.1 + 0.5 * math.sin(2.0 * math.pi * 0.2 * time + 0.3)
     assert at(Sine(0.5, 0.2, 0.3, 0.1), time) == pytest.approx(wanted, abs=1e-9)
+    assert at(Sine(0.5, 0.2), 0.0) == 0.0
 
 
 def test_sweep_goes_to_and_fro() -> None:
