@@ -485,9 +485,13 @@ class SimulatedRobot:
         for name in positions:
             if name not in arms:
                 raise OneBotError(f'no joint "{name}" is commanded{did_you_mean(name, arms)}')
-        moved = {arms[name].names: arms[name] for name in positions}.values()
-        goals = [(arm, _goal(arm, positions, seconds)) for arm in moved]
-        if problems := [text for arm, goal in goals for text in arm.problems(goal, stamp)]:
+        problems, goals = list[str](), list[tuple[TrajectoryFollower, TrajectoryGoal]]()
+        for arm in {arms[name].names: arms[name] for name in positions}.values():
+            moved = {name: positions[name] for name in arm.names if name in positions}
+            present = dict(zip(arm.names, arm.reference(0.0), strict=True))
+            problems += arm.problems(_goal({**present, **moved}, seconds), stamp)
+            goals.append((arm, _goal(moved, seconds)))
+        if problems:
             raise OneBotError("\n".join(problems))
         for arm, goal in goals:
             arm.start(goal, held=set(arm.names) - set(positions), absolute=True)
@@ -753,14 +757,11 @@ def _values(setup: RobotSetup, parameters: Mapping[str, Any]) -> dict[str, Any]:
     return {**defaults.values, **parameters, **start}
 
 
-def _goal(
-    arm: TrajectoryFollower, positions: Mapping[str, float], seconds: float
-) -> TrajectoryGoal:
-    """Return a goal for all joints of an arm; those without a position are held."""
-    held = dict(zip(arm.names, arm.reference(0.0), strict=True))
-    zeros = (0.0,) * len(held)
-    goals = tuple([float(positions.get(name, at)) for name, at in held.items()])
-    return TrajectoryGoal(tuple(held), (Waypoint(seconds, goals, zeros, zeros),))
+def _goal(positions: Mapping[str, float], seconds: float) -> TrajectoryGoal:
+    """Return a goal for joints, at which they are at rest after ``seconds``."""
+    zeros = (0.0,) * len(positions)
+    point = Waypoint(seconds, tuple(map(float, positions.values())), zeros, zeros)
+    return TrajectoryGoal(tuple(positions), (point,))
 
 
 def _checked_seed(seed: int) -> int:

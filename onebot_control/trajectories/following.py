@@ -165,8 +165,8 @@ class TrajectoryFollower:
             token: identifies an action goal in ``active`` and in its outcome; None for a message
                 of the topic, which leaves an active goal active: the new trajectory decides it.
             tolerances: those of an action goal; None for the defaults.
-            held: joints that begin at the last command instead of the measured motion, so that a
-                finger that presses on something keeps pressing.
+            held: joints that begin at rest at the last command instead of the measured motion, so
+                that a finger that presses on something keeps pressing.
             absolute: continuous joints make whole turns to the goal's positions; otherwise they
                 take the shortest way to its first one, as joint_trajectory_controller's.
 
@@ -367,14 +367,15 @@ class TrajectoryFollower:
         )
 
     def _with_commands(self, start: JointMotion, held: Collection[str]) -> JointMotion:
-        """Return ``start`` with the last command for the joints that are ``held``."""
+        """Return ``start`` with the joints that are ``held`` at rest at their last command."""
         zeros = (0.0,) * len(self.joints)
+        at_rest = JointMotion(self._command().positions, zeros, zeros)
         values = [
             tuple(
                 command if name in held else value
                 for name, command, value in zip(self.names, commands, row or zeros, strict=True)
             )
-            for commands, row in zip(self._command(), start, strict=True)
+            for commands, row in zip(at_rest, start, strict=True)
         ]
         return JointMotion(*values)
 
