@@ -196,11 +196,8 @@ class Lockstep(Generic[S]):
         while True:
             # Without a timeout it runs all that is ready.
             self._robots.spin_until_future_complete(Future(), 0.0)
-            busy = [executor for executor in executors if not executor.is_idle()]
-            if not busy:
+            if not any([executor.run_ready() for executor in executors if not executor.is_idle()]):
                 return
-            for executor in busy:
-                executor.run_ready()
 
     def close(self) -> None:
         """Destroy the nodes; the simulation continues without ROS."""
@@ -284,14 +281,21 @@ class _Executor(SingleThreadedExecutor):
             while clock is not None and (taken := clock.handle.take_message(clock.msg_type, False)):
                 clock.callback(taken[0])
 
-    def run_ready(self) -> None:
-        """Run the callbacks that are ready now."""
+    def run_ready(self) -> bool:
+        """Run the callbacks that are ready now; return whether there were any.
+
+        A coroutine that is suspended is resumed, but counts only when it ends: it may await what
+        takes simulated time.
+        """
+        suspended, ran = [task for task, _, _ in self._tasks], False
         with suppress(TimeoutException):  # raised after the last one
             while True:
                 handler, _, _ = self.wait_for_ready_callbacks(timeout_sec=0.0)
                 handler()
                 if (error := handler.exception()) is not None:
                     raise error
+                ran |= handler.done() or handler not in suspended
+        return ran
 
     def is_idle(self) -> bool:
         """Return whether no callback is ready."""

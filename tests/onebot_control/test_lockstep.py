@@ -7,6 +7,7 @@ import pytest
 import rclpy
 from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
 from sensor_msgs.msg import Image, JointState, LaserScan
@@ -14,8 +15,10 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from onebot_control import OneBotError, Simulation
+from onebot_control.nodes.lockstep import Lockstep
 from onebot_description.ros.topic_qos import LATCHED
 from onebot_description.ros.wire.interfaces import TFMessage
+from tests.onebot_control.arm_support import ArmClient, goal, point
 
 COMMANDS = "velocity_controller/cmd_vel"
 MAZE = {"world": "maze", "x": 1.3, "y": 0.8, "sensors": True, "seed": 3}
@@ -107,6 +110,26 @@ def test_latched_messages_are_there_when_a_node_is_added() -> None:
             node.create_subscription(String, "/world_description", received.append, LATCHED)
             ros.add(node)
             assert len(received) == count
+
+
+def test_a_coroutine_may_await_what_takes_simulated_time(
+    ros_simulation: Callable[..., Lockstep[Simulation]],
+) -> None:
+    """An action's result, as rclpy's users await it in a timer."""
+    ros = ros_simulation("package://mrm_description/urdf/mrm.xacro")
+    client, ended = ArmClient(), list[tuple[float, int]]()
+
+    async def move() -> None:
+        timer.cancel()
+        handle = await client.action.send_goal_async(goal(point(1.0, 0.3)))
+        answer = await handle.get_result_async()
+        ended.append((ros.simulation.time, answer.result.error_code))
+
+    timer = client.create_timer(0.5, move, ReentrantCallbackGroup())
+    ros.add(client)
+    ros.simulation.run(2.0)
+    [(time, code)] = ended
+    assert code == 0 and time == pytest.approx(1.5, abs=0.1)
 
 
 class Listener(Node):
