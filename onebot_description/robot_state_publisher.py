@@ -20,7 +20,8 @@ Subscribes:
 
 All parameters can be changed while it runs; an invalid change is rejected with the reason.
 JointState has no poses: planar joints are published at their origin, as static transforms, and
-floating ones not at all, because another node, such as an odometry, publishes where they are.
+floating ones only with hold_floating_joints, because usually another node, such as an odometry,
+publishes where they are.
 """
 
 if __name__ == "__main__":  # first: the imports take a second
@@ -136,14 +137,17 @@ class RobotStatePublisher(Node):
             ignore_timestamp=self._settings.ignore_timestamp,
             warn=self._warn,
         )
-        self._tf_static.publish(self._converter.static_transforms(self._now_ns()))
+        floating = self._settings.hold_floating_joints
+        transforms = self._converter.static_transforms(self._now_ns(), floating=floating)
+        self._tf_static.publish(transforms)
 
     def _apply_description(self) -> None:
         """Publish the accepted description, and use it for transforms from now on."""
         description, self._model = self._accepted
         for notice in description.notices:
             self.get_logger().warning(notice)
-        if links := self._model.floating:
+        links = self._model.floating
+        if links and not self._settings.hold_floating_joints:
             self.get_logger().warning(
                 f"the transforms of floating joints are not published, because joint states have "
                 f"no poses: another node, such as an odometry, has to publish that of "

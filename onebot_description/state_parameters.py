@@ -21,6 +21,9 @@ class StateParameters:
     )
     ignore_timestamp: bool = parameter(False, "publish joint states whatever their stamp is")
     frame_prefix: str = parameter("", "prepended to every frame as it is")
+    hold_floating_joints: bool = parameter(
+        False, "publish floating joints at their origin, for a robot that no other node places"
+    )
 
     def check(self) -> Iterator[Problem]:
         """Reject rates below 0.001 Hz, whose interval would be too long for a stamp."""

@@ -183,7 +183,13 @@ def _state_parameters(launch: Launch) -> Parameters:
     return {
         "robot_description": launch.description.urdf,
         "frame_prefix": launch.values["frame_prefix"],
+        # Where the joint states are made up, nobody knows where the robot is.
+        "hold_floating_joints": _makes_joint_states(launch),
     }
+
+
+def _makes_joint_states(launch: Launch) -> bool:
+    return launch.is_true("joint_states") and not launch.is_true("sim")
 
 
 def _followed_files(launch: Launch) -> list[str]:
@@ -274,7 +280,7 @@ NODES = (
         "joint_state_publisher",
         "onebot_description.joint_state_publisher",
         _joint_parameters,
-        starts=lambda launch: launch.is_true("joint_states") and not launch.is_true("sim"),
+        starts=_makes_joint_states,
     ),
     VIEWER := NodeRow(
         "rerun_viewer",

@@ -261,10 +261,13 @@ def test_robot_state_publisher_gets_the_robot(make: Make) -> None:
     assert parameters_of(nodes, "robot_state_publisher") == {
         "robot_description": nodes.description.urdf,
         "frame_prefix": "",
+        "hold_floating_joints": True,  # nobody else places it
         "publish_frequency": 0.0,
         "ignore_timestamp": False,
         "use_sim_time": False,
     }
+    real = parameters_of(make(sim="false", joint_states="false"), "robot_state_publisher")
+    assert not real["hold_floating_joints"]
 
 
 def test_joint_state_publisher_has_a_file_or_swings(make: Make, arm: Path) -> None:

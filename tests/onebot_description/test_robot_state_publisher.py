@@ -152,6 +152,8 @@ def test_live_changes_take_effect_or_are_rejected_with_the_reason(ros_domain, ar
         assert result.successful, result.reason
         wait_for(lambda: len(static[-1].transforms) == 1, "the joint that floats now")
         wait_for(lambda: "has to publish that of link1" in node.output, "the warning")
+        [result] = peer.set_parameters("robot_state_publisher", hold_floating_joints=True)
+        wait_for(lambda: len(static[-1].transforms) == 2, "the joint that is held now")
         loose = fixed.replace("</robot>", '<link name="lost"/></robot>')
         [result] = peer.set_parameters("robot_state_publisher", robot_description=loose)
         assert not result.successful and "falls into 2 parts" in result.reason

@@ -116,6 +116,8 @@ def test_a_floating_joint_is_left_to_another_node():
     frames = {each.child_frame_id: each.header.frame_id for each in found}
     assert frames == {"a/table": "a/world", "a/lidar": "a/base"}
     assert [each.transform.translation.x for each in found] == [1.0, 1.0]
+    held = StateConverter(model).static_transforms(0, floating=True).transforms
+    assert {each.child_frame_id for each in held} == {"base", "table", "lidar"}
     assert model.link_matrices({})["base"][0, 3] == 1.0
 
 

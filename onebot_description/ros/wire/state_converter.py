@@ -323,13 +323,16 @@ class StateConverter:
         self._compiled = _CompiledCall(self._times)
         self.convert_bytes = self._compiled.bind(self.convert_message)
 
-    def static_transforms(self, stamp_ns: int) -> TFMessage:
+    def static_transforms(self, stamp_ns: int, *, floating: bool = False) -> TFMessage:
         """Return the TFMessage of the joints that never move.
 
-        Floating joints are left out: what moves their link, such as an odometry, publishes it.
+        Args:
+            stamp_ns: of the transforms, ns.
+            floating: with the floating joints; usually what moves their link, such as an odometry,
+                publishes them.
         """
-        links = self._model.fixed.children
-        rows = [row for row, link in enumerate(links) if link not in self._model.floating]
+        links, left_out = self._model.fixed.children, set() if floating else self._model.floating
+        rows = [row for row, link in enumerate(links) if link not in left_out]
         fixed = self._model.fixed.take(rows)
         parents = [self._prefix + parent for parent in fixed.parents]
         children = [self._prefix + child for child in fixed.children]
