@@ -31,6 +31,7 @@ class Guard:
         # Both ends stay open and do not block, so writing is harmless if the guard has died.
         self._read, self._write = os.pipe()
         os.set_blocking(self._write, False)
+        self._closed = False
         try:
             self._process: subprocess.Popen[bytes] | None = subprocess.Popen(
                 [sys.executable, "-I", "-S", __file__],
@@ -55,7 +56,10 @@ class Guard:
         self._write_line(str(folder))
 
     def close(self) -> None:
-        """End the guard, which ends the groups that it still knows."""
+        """End the guard, which ends the groups that it still knows; again, it does nothing."""
+        if self._closed:
+            return
+        self._closed = True
         os.close(self._write)
         os.close(self._read)
         if self._process is None:
@@ -67,6 +71,8 @@ class Guard:
             self._process.wait()
 
     def _write_line(self, line: str) -> None:
+        if self._closed:
+            return  # the descriptor may be another file's by now
         with contextlib.suppress(OSError):
             os.write(self._write, f"{line}\n".encode())
 

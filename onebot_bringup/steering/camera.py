@@ -27,6 +27,7 @@ _MODES = {
     "mono8": ("L", "L"),
 }
 _SIZE = (480, 360)  # maximum, pixels
+_OLD = 3.0  # s after which a picture is not shown any more: the robot may be elsewhere
 _UNUSED = 3.0  # s without a request after which a camera is unsubscribed
 
 
@@ -53,12 +54,14 @@ class _Camera:
         shows: whether people can look at its pictures; None if that is not known yet.
         used: when a picture was last requested.
         newest: the last message while it is followed.
+        received: when that was.
         drawn: cache of a message and its JPEG.
     """
 
     shows: bool | None = None
     used: float = -math.inf
     newest: bytes | None = None
+    received: float = -math.inf
     drawn: tuple[bytes | None, bytes | None] = None, None
 
     @property
@@ -102,14 +105,14 @@ class CameraFeed:
         camera = self._cameras.get(name)
         if camera is None:
             return  # its publisher is gone
-        camera.newest = data
+        camera.newest, camera.received = data, time.monotonic()
         if camera.shows is None:
             camera.shows = deserialize_message(data, ImageMessage).encoding in _MODES
 
     def picture(self, name: str) -> bytes | None:
         """Return a camera's newest picture as JPEG, and follow the camera for a while.
 
-        It may be called from any thread. It returns None if there is no picture (yet).
+        It may be called from any thread. It returns None if there is none, or only an old one.
         """
         camera = self._cameras.get(name)
         if camera is None:
@@ -118,4 +121,5 @@ class CameraFeed:
         data, drawn = camera.newest, camera.drawn
         if data is not None and data is not drawn[0]:
             camera.drawn = drawn = data, jpeg(deserialize_message(data, ImageMessage))
-        return drawn[1] if data is not None else None
+        is_new = time.monotonic() < camera.received + _OLD
+        return drawn[1] if data is not None and is_new else None

@@ -113,7 +113,7 @@ class Ground:
         odometry = self._odometry.sample
         frame = frame or self._frame(odometry)
         robot = None
-        if odometry is not None:
+        if odometry is not None and self._odometry.age < _OLD:
             pose = of_arrays(odometry.translation, odometry.rotation)
             robot = self._pose(frame, odometry.frame_id, pose)
         base = odometry.child_frame_id if odometry is not None else ""

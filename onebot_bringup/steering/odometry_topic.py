@@ -75,13 +75,18 @@ class OdometryTopic:
         except ValueError:
             return None
 
+    @property
+    def age(self) -> float:
+        """Seconds since the latest odometry was received; infinite if there is none."""
+        return math.inf if self._data is None else time.monotonic() - self._data[1]
+
     def fields(self) -> dict[str, Any] | None:
         """Return the latest odometry for the page's state: m, rad, m/s, rad/s, and its age in s.
 
         It is None if there is none, if it cannot be decoded, or if its numbers are not finite.
         """
-        data, sample = self._data, self.sample
-        if data is None or sample is None:
+        sample, age = self.sample, self.age
+        if sample is None:
             return None
         values = {
             "x": float(sample.translation[0]),
@@ -89,7 +94,7 @@ class OdometryTopic:
             "yaw": yaw_of(*sample.rotation.tolist()),
             "linear": float(sample.linear[0]),
             "angular": float(sample.angular[2]),
-            "age": time.monotonic() - data[1],
+            "age": age,
         }
         if not all(map(math.isfinite, values.values())):
             return None

@@ -543,6 +543,8 @@ def test_a_press_on_the_map_is_published_with_its_heading(peer: Peer, tab: Page)
         wait_for(lambda: points, "the point")
         assert (points[0].point.x, points[0].point.y) == pytest.approx((1.0, 1.0), abs=0.02)
         tab.find("[data-tool=goal]").click()
+        tab.find("[name=publish]").click()
+        wait_for(lambda: "Write numbers" in tab.text("#ground [role=status]"), "the fields' note")
         for name, words in {"x": "3", "y": "-0,5", "yaw": "180"}.items():
             tab.enter(f"#ground [name={name}]", words)
         tab.find("[name=publish]").click()
@@ -772,6 +774,37 @@ def test_a_gamepad_drives(gamepad: None, page: Page, heard: list[Twist]) -> None
     _drive_by_stick(page, at(heard, 0.0, 1.0), x=-1.0)
     _stick(page, x=-1.0, there="false")
     wait_to_stop(page, heard)
+
+
+def test_a_gamepad_that_is_plugged_in_has_to_be_at_rest_first(
+    gamepad: None, page: Page, heard: list[Twist]
+) -> None:
+    """It may be another one, with a lever that has no middle."""
+    _stick(page)
+    page.wait_for_states(3)
+    for change in ("disconnected", "connected"):
+        _stick(page, y=-1.0, there="true" if change == "connected" else "false")
+        page.driver.execute_script(
+            f"const event = new Event('gamepad{change}');"
+            "event.gamepad = { index: 0 }; window.dispatchEvent(event);"
+        )
+    with at_rest(page, heard):
+        page.wait_for_states(3)
+    _drive_by_stick(page, at(heard, 0.5, 0.0), y=-1.0)
+    _stick(page)
+    wait_to_stop(page, heard)
+
+
+def test_a_browser_without_gamepads_drives(tab: Page, heard: list[Twist], node: Steering) -> None:
+    """Firefox has none at the address of another computer."""
+    source = "navigator.getGamepads = undefined"
+    hook = tab.devtools("Page.addScriptToEvaluateOnNewDocument", source=source)
+    tab.open(node.address)
+    tab.drive_by_keys("w", at(heard, 0.5, 0.0))
+    tab.driver.execute_script("window.dispatchEvent(new Event('blur'))")
+    wait_for_zero(tab, heard)
+    tab.act().key_up("w").perform()
+    tab.devtools("Page.removeScriptToEvaluateOnNewDocument", **hook)
 
 
 def _drive_by_stick(page: Page, reached: Callable[[], bool], **axis: float) -> None:

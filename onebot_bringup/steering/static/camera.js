@@ -24,9 +24,14 @@ export class Camera {
     picture.src = toolAddress("camera.jpg", { topic, number: this.number++ });
     await picture.decode().then(
       () => this.pane.querySelector("img").replaceWith(picture),
-      () => {}, // no picture yet
+      () => this.forget(), // no picture yet, or none any more
     );
     this.busy = false;
+  }
+
+  /** Show no picture, rather than an old one. */
+  forget() {
+    this.pane.querySelector("img").replaceWith(new Image());
   }
 
   /** Have a choice of these topics; the one that is shown stays. */

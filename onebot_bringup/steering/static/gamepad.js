@@ -18,7 +18,7 @@ export class Gamepads {
     this.label = "gamepad";
     this.driving = null; // index of the pad that does
     this.centred = new Set(); // indices of pads whose sticks were at rest since they last lost hold
-    window.addEventListener("gamepadconnected", () => this.watch());
+    window.addEventListener("gamepadconnected", (event) => this.plug(event.gamepad));
     window.addEventListener("gamepaddisconnected", (event) => this.unplug(event.gamepad));
     if (pads().length > 0) this.watch();
   }
@@ -34,7 +34,13 @@ export class Gamepads {
     this.timer ??= setInterval(() => this.poll(), PERIOD_MS);
   }
 
+  plug(pad) {
+    this.centred.delete(pad.index); // of another pad, perhaps; this one has to be seen at rest
+    this.watch();
+  }
+
   unplug(pad) {
+    this.centred.delete(pad.index);
     this.stop.release(presser(pad));
     this.poll();
   }
@@ -72,7 +78,8 @@ export class Gamepads {
 }
 
 function pads() {
-  return [...navigator.getGamepads()].filter((pad) => pad && pad.connected);
+  // Firefox has none where the page is neither of this computer nor of HTTPS.
+  return [...(navigator.getGamepads?.() ?? [])].filter((pad) => pad && pad.connected);
 }
 
 /** Its name for the stop. */

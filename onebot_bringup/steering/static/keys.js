@@ -32,7 +32,7 @@ export class Keys {
 
   press(event) {
     if (event.ctrlKey || event.altKey || event.metaKey) return;
-    if (isText(event.target) || movesJoint(event)) return;
+    if (isText(event.target) || movesSlider(event)) return;
     this.slow = event.shiftKey;
     if (KEYS[event.code]) event.preventDefault(); // it would scroll, or move a slider
     if (KEYS[event.code] && !event.repeat) this.down.add(event.code);
@@ -70,7 +70,7 @@ function isText(element) {
   );
 }
 
-/** Whether the slider of a joint has the focus, whose keys the arrows are then. */
-function movesJoint({ target, code }) {
-  return code.startsWith("Arrow") && target.closest?.("#joints input");
+/** Whether the slider of a joint or a parameter has the focus, whose keys the arrows are then. */
+function movesSlider({ target, code }) {
+  return code.startsWith("Arrow") && target.closest?.(".sheet input");
 }

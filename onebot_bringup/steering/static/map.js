@@ -188,10 +188,9 @@ export class GroundMap {
   }
 
   publishTyped() {
-    const [x, y, turn] = ["x", "y", "yaw"].map((name) =>
-      Number(this.input(name).value.replace(",", ".")),
-    );
-    if ([x, y, turn].every(Number.isFinite)) this.publish({ x, y, yaw: (turn * Math.PI) / 180 });
+    const texts = ["x", "y", "yaw"].map((name) => this.input(name).value.trim().replace(",", "."));
+    const [x, y, turn] = texts.map(Number);
+    if (texts[0] && texts[1] && [x, y, turn].every(Number.isFinite)) this.publish({ x, y, yaw: (turn * Math.PI) / 180 });
     else this.say("Write numbers, such as 0.5.");
   }
 

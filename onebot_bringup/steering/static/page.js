@@ -101,6 +101,7 @@ function down(reason) {
   joints.forget();
   readout.forget();
   braking.forget();
+  camera.forget();
   limits.forget();
   write(element("connection"), "Connection lost");
   write(element("driver"), "");
