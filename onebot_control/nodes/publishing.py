@@ -5,6 +5,7 @@ The messages are created once and filled again in each cycle, because rclpy has 
 """
 
 from collections import deque
+from collections.abc import Sequence
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -226,11 +227,11 @@ class ScenePublisher:
 
         Args:
             node: the publisher.
-            scene: the bodies of the scene.
+            scene: the bodies of the scene, of which only names and description are kept.
             world_frame: parent of all frames.
             rate: picks the cycles in which /tf is due.
         """
-        self._scene, self._world, self._rate = scene, world_frame, rate
+        self._scene, self._world, self._rate = scene.description, world_frame, rate
         self._tf = node.create_publisher(TFMessage, "/tf", _DEPTH)
         self._tf_static = node.create_publisher(TFMessage, "/tf_static", LATCHED)
         self._description = node.create_publisher(String, "/world_description", LATCHED)
@@ -242,16 +243,20 @@ class ScenePublisher:
         self._message = TFMessage(transforms=self._transforms)
         self._announced = False
 
-    def publish(self, stamp_ns: int) -> None:
-        """Publish the poses if they are due; call it in each control cycle."""
+    def publish(self, stamp_ns: int, poses: Sequence[Transform]) -> None:
+        """Publish the poses if they are due; call it in each control cycle.
+
+        Args:
+            stamp_ns: of the cycle, ns.
+            poses: of the movable bodies in the world.
+        """
         if not self._announced:
             self._announced = True
-            description = self._scene.description
-            self._tf_static.publish(scene_transforms(description, self._world, stamp_ns))
+            self._tf_static.publish(scene_transforms(self._scene, self._world, stamp_ns))
         if not self._rate.due() or not self._transforms or not _is_subscribed(self._tf):
             return
         self._stamp.sec, self._stamp.nanosec = divmod(stamp_ns, NS_PER_S)
-        for transform, pose in zip(self._transforms, self._scene.poses, strict=True):
+        for transform, pose in zip(self._transforms, poses, strict=True):
             _fill_transform(transform.transform, pose)
         self._tf.publish(self._message)
 

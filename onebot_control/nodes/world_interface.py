@@ -235,9 +235,10 @@ class WorldInterface:
             if robot.step_topics.chosen:
                 robot.step_topics.measured(sensing.asked(row), stamp)
             robot.publish(snapshot, stamp, sensed=row in sensed)
+        poses = world.scene.poses if world.scene else ()
         if self._scene_publisher is not None:
-            self._scene_publisher.publish(stamp)
-        sensing.take(stamp, snapshots, world.scene.poses if world.scene else ())
+            self._scene_publisher.publish(stamp, poses)
+        sensing.take(stamp, snapshots, poses)
 
     def poll(self) -> None:
         """Look for publishers of commands and localizers; call it several times a second.

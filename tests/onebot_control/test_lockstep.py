@@ -1,6 +1,7 @@
 """Nodes in step with a Simulation behave in the same way each time, at any speed."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -172,6 +173,23 @@ def test_topics_and_services_are_those_of_the_controller() -> None:
         with pytest.raises(OneBotError, match="already"):
             simulation.ros()
     assert not rclpy.ok()
+
+
+def test_boxes_are_published_where_they_are_after_the_description_has_changed() -> None:
+    """Another description is simulated in another world; the box there is pushed on."""
+    with Simulation(world="maze", x=1.0) as simulation, simulation.ros() as ros:
+        node, robot = Listener(), simulation.robot
+        ros.add(node)
+        bare = replace(robot.description.links[0], visuals=())
+        links = (bare, *robot.description.links[1:])
+        simulation._fleet.replace(0, replace(robot.description, links=links))
+        box, start = next(iter(simulation.boxes.items()))
+        robot.drive(0.5)
+        simulation.run(until=lambda: simulation.boxes[box].x > start.x + 0.1, timeout=10.0)
+        simulation.run(0.1)
+        found = [each for tf in node.received["/tf"] for each in tf.transforms]
+        seen = [each.transform.translation.x for each in found if each.child_frame_id == box]
+        assert seen[-1] == pytest.approx(simulation.boxes[box].x, abs=0.02)
 
 
 def test_what_a_callback_raises_is_raised_by_run() -> None:
