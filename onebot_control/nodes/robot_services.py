@@ -70,10 +70,12 @@ class RobotServices:
 
     def _teleport(self, robot: ControlledRobot, frame: str, pose: PlanarPose) -> None:
         world, odom = robot.world_frame, self._odom_frame()
-        if frame == odom or not (frame or world):
+        frame = frame or world or odom  # of a standing robot, which has no odometry, it may be ""
+        if odom and frame == odom:
             pose = robot.odom_in_world.compose(pose)
-        elif frame not in ("", world):
-            raise OneBotError(f'no frame "{frame}" here; write {world or odom} or {odom}')
+        elif frame != world:
+            frames = " or ".join(filter(None, (world, odom))) or "none"
+            raise OneBotError(f'no frame "{frame}" here; write {frames}')
         robot.teleport(pose)
 
     def _place_odometry(self, robot: ControlledRobot, frame: str, pose: PlanarPose) -> None:

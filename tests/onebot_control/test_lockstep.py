@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 import rclpy
-from geometry_msgs.msg import Twist, TwistStamped
+from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
@@ -19,6 +19,7 @@ from onebot_control import OneBotError, Simulation
 from onebot_control.nodes.lockstep import Lockstep
 from onebot_description.ros.topic_qos import LATCHED
 from onebot_description.ros.wire.interfaces import TFMessage
+from tests.onebot_control.arm_models import rod
 from tests.onebot_control.arm_support import ArmClient, goal, point
 
 COMMANDS = "velocity_controller/cmd_vel"
@@ -190,6 +191,21 @@ def test_boxes_are_published_where_they_are_after_the_description_has_changed() 
         found = [each for tf in node.received["/tf"] for each in tf.transforms]
         seen = [each.transform.translation.x for each in found if each.child_frame_id == box]
         assert seen[-1] == pytest.approx(simulation.boxes[box].x, abs=0.02)
+
+
+@pytest.mark.parametrize(("frame", "world"), [("", ""), ("", "map"), ("map", "map")])
+def test_a_standing_robot_is_teleported_to_a_pose_in_the_world(frame: str, world: str) -> None:
+    """Not relative to where it started; it has no odometry, so "" is no name of its frame."""
+    chosen = {"world_frame_id": world}
+    with Simulation(rod(), x=1.0, parameters=chosen) as simulation, simulation.ros() as ros:
+        node = Node("mover")
+        publisher = node.create_publisher(PoseStamped, "controller_manager/teleport", 10)
+        ros.add(node)
+        pose = PoseStamped()
+        pose.header.frame_id, pose.pose.position.x, pose.pose.orientation.w = frame, 3.0, 1.0
+        publisher.publish(pose)
+        ros.settle()
+        assert simulation.robot.pose.x == pytest.approx(3.0)
 
 
 def test_what_a_callback_raises_is_raised_by_run() -> None:
