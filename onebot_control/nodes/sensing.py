@@ -86,7 +86,8 @@ class Sensing:
         self._sensors = sensors
         self._channels: dict[int, list[Channel]] = {}
         self._due: list[tuple[Channel, frozenset[str]]] = []
-        self._last: Sequence[Snapshot] | None = None
+        self._last: Sequence[Snapshot] | None = None  # of these robots
+        self._tick: int | None = None  # of the last cycle
 
     def start(self) -> None:
         """Start measuring.
@@ -103,7 +104,7 @@ class Sensing:
     def restart(self, seed: int) -> None:
         """Start again from the beginning, with noise of this seed."""
         self.flush()
-        self._last = None
+        self._last = self._tick = None
         self._sensors.restart()
         for channels in self._channels.values():
             for channel in channels:
@@ -130,13 +131,14 @@ class Sensing:
             robot: as sensors see it.
             channels: its sensors.
         """
-        self._sensors.enter(row, robot)
+        if self._sensors.enter(row, robot):
+            self._last = None  # motion between two robots is none
         self._channels[row] = sorted(channels, key=lambda channel: -channel.instrument.waiting)
 
     def due(self, tick: int) -> frozenset[int]:
         """Find the measurements due in a control cycle; return the rows of their robots."""
         self._due = []
-        if self._last is None or self._last[0].tick != tick:  # else simulated time is paused
+        if self._tick != tick:  # else simulated time is paused
             for channels in self._channels.values():
                 for channel in channels:
                     if channel.divider.due() and (topics := channel.outlet.wanted()):
@@ -154,7 +156,7 @@ class Sensing:
         frame = self._sensors.frame(stamp, snapshots, self._last, boxes)
         for channel, topics in self._due:
             self._measure(channel, topics, frame)
-        self._last = snapshots
+        self._last, self._tick = snapshots, snapshots[0].tick
 
     def _measure(self, channel: Channel, topics: frozenset[str], frame: Frame) -> None:
         outputs = channel.instrument.measure(self._sensors.world(frame), topics)

@@ -47,11 +47,16 @@ class Sensors:
         self._built: tuple[Sequence[SensedRobot], Surroundings, Painter] | None = None
         self._placed: SensedWorld | None = None
 
-    def enter(self, row: int, robot: SensedRobot) -> None:
-        """Set the robot of a row; the surroundings are built again only if it is a new one."""
+    def enter(self, row: int, robot: SensedRobot) -> bool:
+        """Set the robot of a row; return whether it is a new one.
+
+        Only then the surroundings are built again.
+        """
         last = self._robots[row] if row < len(self._robots) else None
-        if last is None or last.description is not robot.description:
-            self._robots = (*self._robots[:row], robot, *self._robots[row + 1 :])
+        if last is not None and last.description is robot.description:
+            return False
+        self._robots = (*self._robots[:row], robot, *self._robots[row + 1 :])
+        return True
 
     def restart(self) -> None:
         """Start again: the next frame is the first one."""

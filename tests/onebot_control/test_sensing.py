@@ -17,7 +17,7 @@ from onebot_control.controlled_robot import ControlledRobot, Snapshot
 from onebot_control.drive.diff_drive import WheelCommand
 from onebot_control.drive.parameters import ControlConfig
 from onebot_control.fleet import Fleet, Member
-from onebot_control.nodes.sensing import Channel, SensingThread
+from onebot_control.nodes.sensing import Channel, Sensing, SensingThread
 from onebot_control.physics import JointStates, MassVelocity, Pose
 from onebot_control.sensing import camera, imu, instrument, lidar, noise, painter, rays
 from onebot_control.sensing.rays import NOTHING, Rays, cast
@@ -532,8 +532,34 @@ class Subscriber:
     def publish(self, stamp: int, outputs: Mapping[str, object]) -> None:
         if self.go:
             self.go.acquire()
+        self.last = outputs
         self.stamps.append(stamp)
         self.published.append(frozenset(outputs))
+
+
+@pytest.mark.parametrize("joints", [("pan",), ("pan", "tilt")])
+def test_an_imu_feels_no_motion_from_a_robot_to_the_one_that_replaces_it(joints: tuple[str, ...]):
+    """Whose joints may be others, and stand still where the old ones turned."""
+
+    def arm(*names: str) -> SensedRobot:
+        links = "".join(
+            f'<link name="{name}"/><joint name="{name}" type="continuous"><parent link="base"/>'
+            f'<child link="{name}"/><axis xyz="0 0 1"/></joint>'
+            for name in names
+        )
+        text = f'<robot name="r"><link name="base"/>{links}</robot>'
+        return SensedRobot(parse_description(text), names, {})
+
+    outlet, sensing = Subscriber("imu"), Sensing(Sensors(None, 100.0, 9.81))
+    sensor = Sensor("imu", "pan", MOUNT, 100.0, {"imu": "imu"}, "pan", Imu())
+    instrument = imu.ImuInstrument(sensor, 0, "/", 100.0, noisy=False)
+    channel = Channel(instrument, outlet, 100.0)
+    for tick, names, speed in ((0, ("pan",), 2.0), (1, joints, 0.0)):
+        sensing.enter(0, arm(*names), [channel])
+        snapshot = still(tick, (0.0,) * len(names), (speed,) * len(names))
+        assert sensing.due(tick) == {0}
+        sensing.take(tick, [snapshot], ())
+    np.testing.assert_allclose(outlet.last["imu"][2], GRAVITY, atol=1e-9)
 
 
 @contextmanager
