@@ -36,6 +36,7 @@ from onebot_description.geometry.poses import PlanarPose, scaled, yaw_of
 from onebot_description.ros.parameters.reader import ConfigError, Problem
 
 _STANDING = WheelGeometry(1.0, 1.0)  # placeholder for a robot without wheels: its odometry is zero
+_NO_COMMAND = WheelCommand(0.0, 0.0, 0.0, 0.0)
 _DRIFT_PERIOD = 0.1  # s between comparisons of odometry and truth
 
 
@@ -306,7 +307,7 @@ class ControlledRobot:
         self.diff_drive = DiffDriveController(config, kinematics)
         self._use(config)
         self.ticks, self._observed = 0, -1
-        self._command = WheelCommand(0.0, 0.0, 0.0, 0.0)
+        self._command = _NO_COMMAND
         self.drift = DriftCheck(skids=self.wheels is not None and len(self.wheels.names) > 2)
         self._reset_arms()
         self.arms = {
@@ -461,7 +462,7 @@ class ControlledRobot:
 
     def begin_at_rest(self) -> None:
         """Begin with odometry at zero where the body was placed at rest, as after ``reset``."""
-        self.diff_drive.halt()
+        self._halt()
         self._reset_arms()
         self._read_state()
         self.diff_drive.odometry.reset()
@@ -471,11 +472,16 @@ class ControlledRobot:
     def teleport(self, pose: PlanarPose) -> None:
         """Move the robot to another pose in the world, at rest; its odometry does not change."""
         self.body.teleport(*pose)
-        self.diff_drive.halt()
+        self._halt()
         self.diff_drive.odometry.forget_wheels()
         self.drift.restart()
         self._read_state()
         self._observed = -1
+
+    def _halt(self) -> None:
+        """Drop the command, and what ``begin`` decided if ``turn`` is still to come."""
+        self.diff_drive.halt()
+        self._command = _NO_COMMAND
 
     def place_odometry(self, pose: PlanarPose) -> None:
         """Set the odometry's current pose to ``pose``, with zero covariance."""

@@ -1,5 +1,6 @@
 """Simulation and controller together, one cycle at a time."""
 
+from collections.abc import Callable
 from typing import Any, cast
 
 import numpy as np
@@ -129,6 +130,24 @@ def test_reset_leaves_nothing_but_time_and_parameters() -> None:
         assert mine.command == fresh.command
         assert mine.odometry == pytest.approx(fresh.odometry, abs=1e-12)
         assert mine.twist == pytest.approx(fresh.twist, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    "place",
+    [ControlledRobot.reset, lambda drive: drive.teleport(PlanarPose(5.0, 6.0, 1.0))],
+    ids=["reset", "teleport"],
+)
+def test_a_robot_that_is_placed_during_a_cycle_stays(
+    place: Callable[[ControlledRobot], None],
+) -> None:
+    """As by a callback of a node in step: what the cycle has decided is not carried out."""
+    plant = IdealPlant()
+    drive = ideal_drive(plant)
+    run(drive, 0.5, 0.3, 20)
+    drive.begin()
+    place(drive)
+    drive.turn()
+    assert plant.targets == [0.0, 0.0]
 
 
 def test_after_a_teleport_it_starts_from_rest() -> None:
