@@ -145,7 +145,12 @@ class Fleet:
         self.world.step(self.period)
 
     def restart(self) -> None:
-        """Go back to the start, to the same state as a new fleet of these robots."""
+        """Go back to the start, to the same state as a new fleet of these robots.
+
+        Raises:
+            OneBotError: they cannot stand there together, as after ``replace``; then nothing has
+                changed.
+        """
         self.world.restart()
         for robot in self.robots:
             robot.start(robot.config)

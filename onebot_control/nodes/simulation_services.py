@@ -115,9 +115,9 @@ class SimulationServices:
         stopped = target == states.STATE_STOPPED
 
         def change() -> None:
-            self._loop.pause(target != states.STATE_PLAYING)
             if stopped:
-                self._restart()
+                self._restart()  # first, as it may be refused
+            self._loop.pause(target != states.STATE_PLAYING)
 
         self._do(answer, change)
         self._reset_paused = stopped and answer.result.result == self._result.OK

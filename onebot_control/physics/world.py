@@ -1,7 +1,8 @@
 """Worlds in which robots move on the same ground, among the same walls."""
 
 import weakref
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 
 from onebot_control.physics.engine import engine
 from onebot_control.physics.physics_settings import Settings
@@ -102,7 +103,12 @@ class World:
         """Go back to the start by building the world again, so that runs repeat bit by bit.
 
         Restoring a saved state is not enough: PyBullet's solver keeps its order of contacts.
+
+        Raises:
+            OneBotError: the robots cannot stand there together; then nothing has changed.
         """
+        with self._undone_if_refused():
+            self._place_at_starts()
         engine.resetSimulation(physicsClientId=self.client)
         self._build()
         self._start()
@@ -128,8 +134,7 @@ class World:
         """
         self.check_usable()
         stances: dict[RobotBody, tuple[Transform, Sequence[float]]] = {}
-        present: int = engine.saveState(physicsClientId=self.client)
-        try:
+        with self._undone_if_refused():
             if len(self.robots) == len(places) and (at_start or self.scene is None):
                 # Without other robots, the saved state, with all contacts at rest, can be restored.
                 engine.restoreState(self._saved, physicsClientId=self.client)
@@ -142,15 +147,22 @@ class World:
             for robot, where in places.items():
                 self._check_boxes(robot, where)
             self._check_overlaps(places)
+        for robot, stance in stances.items():
+            robot.put(*stance)
+        if self.scene is not None:
+            self.scene.read()
+
+    @contextmanager
+    def _undone_if_refused(self) -> Iterator[None]:
+        """Undo what the ``with`` block does to PyBullet's world if it raises a OneBotError."""
+        present: int = engine.saveState(physicsClientId=self.client)
+        try:
+            yield
         except OneBotError:
             engine.restoreState(present, physicsClientId=self.client)
             raise
         finally:
             engine.removeState(present, physicsClientId=self.client)
-        for robot, stance in stances.items():
-            robot.put(*stance)
-        if self.scene is not None:
-            self.scene.read()
 
     def replaced(self, row: int, spawn: RobotSpawn, settings: Settings) -> "World":
         """Return a new world in which ``spawn``, at rest, replaces one robot.
@@ -239,12 +251,24 @@ class World:
 
     def _start(self) -> None:
         """Place all robots at their starts, from the saved state, as ``RobotBody.reset`` does."""
+        for robot, pose in zip(self.robots, self._place_at_starts(), strict=True):
+            robot.put(pose)
+        self.check_usable()
+
+    def _place_at_starts(self) -> list[Transform]:
+        """Place the bodies of all robots as at the start, and return their poses.
+
+        Raises:
+            OneBotError: the robots cannot stand there together.
+        """
         engine.restoreState(self._saved, physicsClientId=self.client)
+        poses = []
         for robot in self.robots:
-            robot.put(self._pose_at(robot, robot.start, robot.starts))
+            poses.append(self._pose_at(robot, robot.start, robot.starts))
+            robot.parts.place(poses[-1], robot.starts)
             self._check_boxes(robot, robot.start)
         self._check_overlaps(self.robots)
-        self.check_usable()
+        return poses
 
     def _pose_at(self, robot: RobotBody, where: SpawnPose, positions: Sequence[float]) -> Transform:
         """Place the robot at rest on what stands still there; return its pose.

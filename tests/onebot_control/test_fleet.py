@@ -241,7 +241,30 @@ def test_a_description_needs_room_where_the_robot_is_not_at_its_start(walled: bo
             with pytest.raises(OneBotError, match="/r1 and /r2"):
                 fleet.reset()
             assert [repr(drive.body.base_pose()) for drive in fleet.robots] == poses
+        stands = [drive.true_pose for drive in fleet.robots]
+        with pytest.raises(OneBotError, match="link wall of w.urdf" if walled else "/r1 and /r2"):
+            fleet.restart()
         fleet.cycle()
+        for drive, pose in zip(fleet.robots, stands, strict=True):
+            drive.observe()
+            assert (drive.true_pose, drive.ticks) == (pytest.approx(pose, abs=1e-5), 1)
+
+
+def test_a_restart_is_refused_where_a_box_started_that_was_pushed_away() -> None:
+    """While a reset leaves the box where it is."""
+    start = PlanarPose(1.0, 0.0, 0.0)
+    with fleet_of(start, scene=load_world("maze"), **LIMITS) as fleet:
+        scene = fleet.world.scene
+        assert scene is not None
+        run(fleet, 0, 0.5, 0.0, 500)
+        fleet.robots[0].teleport(PlanarPose(0.0, 0.0, 0.0))
+        fleet.replace(0, nosed(0.5))
+        before = repr((fleet.robots[0].body.state(), fleet.world.scene.poses))
+        with pytest.raises(OneBotError, match="of .*maze.* is there"):
+            fleet.restart()
+        fleet.robots[0].body.read(1)
+        fleet.world.scene.read()
+        assert repr((fleet.robots[0].body.state(), fleet.world.scene.poses)) == before
 
 
 def test_the_boxes_of_a_world_stay_where_they_were_pushed_when_a_robot_is_replaced() -> None:
