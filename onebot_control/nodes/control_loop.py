@@ -285,7 +285,7 @@ class ControlLoop:
         """
         if not (text := self._missing()):
             return
-        timeout = self.fleet.robots[0].config.step_timeout
+        timeout = max(robot.config.step_timeout for robot in self.fleet.robots)
         deadline = time.monotonic() + timeout
         while text := self._missing():
             left = deadline - time.monotonic()

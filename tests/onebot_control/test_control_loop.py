@@ -69,6 +69,17 @@ class Run:
         assert self.plant.closed
 
 
+def test_a_step_waits_as_long_as_any_robot_asks_for() -> None:
+    drives = [ideal_drive(step_timeout=timeout) for timeout in (0.001, 0.02, 0.01)]
+    plants = IdealWorld([cast(IdealPlant, drive.body) for drive in drives])
+    loop = ControlLoop(
+        Fleet(drives, cast(World, plants)), lambda *_: None, missing=lambda: "no command came"
+    )
+    loop.paused = True
+    with pytest.raises(OneBotError, match=r"no command came within 0\.02 s \(step_timeout\)"):
+        loop.step()
+
+
 def test_one_thread_alone_touches_the_robot() -> None:
     """Jobs run in the control thread, and a mistake in one reaches who asked for it."""
     with Run() as run:
