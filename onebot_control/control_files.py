@@ -33,6 +33,7 @@ from onebot_description.ros.parameters.reader import (
 CONTROLLER_TYPE = "diff_drive_controller/DiffDriveController"
 BROADCASTER_TYPE = "joint_state_broadcaster/JointStateBroadcaster"
 _TYPE = ".type"  # suffix of the parameters that name a controller's type
+_IGNORED = "enforce_command_limits"  # of controller_manager; limits are always enforced
 
 
 def default_control_file() -> Path:
@@ -121,11 +122,11 @@ def _read_control_file(file: Path, namespace: str, controller: str) -> Parameter
     manager = section(MANAGER, unknown[MANAGER])
     drive = manager if controller == MANAGER else section(controller, unknown[controller])
     broadcaster = section(BROADCASTER, unknown[BROADCASTER])
-    types = {name: drive.values.pop(name) for name in [*drive.values] if name.endswith(_TYPE)}
-    problems += _wrong_types({**manager.values, **types}, controller)
+    undeclared = {name: drive.values.pop(name) for name in [*drive.values] if _is_undeclared(name)}
+    problems += _wrong_types({**manager.values, **undeclared}, controller)
     if problems:
         raise ConfigError(problems, {**broadcaster.places, **manager.places, **drive.places})
-    for name in types:
+    for name in undeclared:
         del drive.places[name]
     _add(drive, manager, {"update_rate": "update_rate"})
     _add(drive, broadcaster, {name: f"{BROADCASTER}.{name}" for name in broadcaster.values})
@@ -170,9 +171,14 @@ def _manager_values(file: Path) -> Mapping[str, Any]:
     return values
 
 
+def _is_undeclared(name: str) -> bool:
+    """Return whether a parameter of controller_manager is right, but no node here declares it."""
+    return name.endswith(_TYPE) or name == _IGNORED
+
+
 def _unknown_of_manager(declared: type | None, written: Iterable[str]) -> list[Problem]:
-    """Report names other than update_rate, types of controllers and ``declared`` parameters."""
-    names = [name for name in written if not name.endswith(_TYPE)]
+    """Report names that are neither ``declared`` parameters nor others of controller_manager."""
+    names = [name for name in written if not _is_undeclared(name)]
     if declared:
         return unknown_parameters(declared, names)
     return [

@@ -75,15 +75,12 @@ def _names(names: Iterable[str]) -> str:
     for name in names:
         group, _, end = name.rpartition(".")
         ends.setdefault(group, []).append(end)
+    cells = [f"`{end}`" for end in ends.pop("", [])]
     groups: dict[tuple[str, ...], list[str]] = {}
     for group, names_in_it in ends.items():
         groups.setdefault(tuple(names_in_it), []).append(group)
-    return ", ".join(
-        f"`{_braces(groups_alike)}.{_braces(ends_alike)}`"
-        if groups_alike != [""]
-        else ", ".join(f"`{end}`" for end in ends_alike)
-        for ends_alike, groups_alike in groups.items()
-    )
+    cells += [f"`{_braces(alike)}.{_braces(last)}`" for last, alike in groups.items()]
+    return ", ".join(cells)
 
 
 def _braces(words: Sequence[str]) -> str:

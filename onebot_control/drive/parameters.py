@@ -8,6 +8,7 @@ from onebot_control.controller_names import BROADCASTER
 from onebot_control.drive.odometry import DiffDriveKinematics
 from onebot_control.drive.speed_limiter import SpeedLimits
 from onebot_control.frame_names import WORLD_FRAME
+from onebot_control.ignored_parameters import IN_EACH_CYCLE, ignored
 from onebot_description.ros.parameters.reader import (
     Problem,
     group,
@@ -23,7 +24,17 @@ INTERFACES = ("position", "velocity", "effort")
 _MOST_HERTZ = 10_000.0
 _LEAST_CYCLES, _MOST_CYCLES = 0.001, 1000.0  # update_rate, Hz
 _FROM_URDF = "0: read from the URDF"
+_NO_HARDWARE = "there are no other interfaces than these"
 _NOISE = 0.005  # m after 1 m; typical of a wheel on a hard floor
+
+
+@dataclass(frozen=True)
+class InterfaceNames:
+    """joint_state_broadcaster's parameters ``map_interface_to_joint_state.*``."""
+
+    position: str = ignored("position", _NO_HARDWARE)
+    velocity: str = ignored("velocity", _NO_HARDWARE)
+    effort: str = ignored("effort", _NO_HARDWARE)
 
 
 @dataclass(frozen=True)
@@ -41,6 +52,20 @@ class BroadcasterConfig:
     )
     extra_joints: tuple[str, ...] = parameter((), "joints published as well, at 0", unique=True)
     frame_id: str = parameter("base_link", "frame_id of the message's header")
+    use_local_topics: bool = parameter(
+        False, "only false: joint_states is in the robot's namespace"
+    )
+    use_urdf_to_filter: bool = ignored(True, "all joints are of the URDF")
+    publish_dynamic_joint_states: bool = ignored(True, "there is no topic dynamic_joint_states")
+    map_interface_to_joint_state: InterfaceNames = group(InterfaceNames)
+    update_rate: int = ignored(0, IN_EACH_CYCLE)
+    is_async: bool = ignored(False, IN_EACH_CYCLE)
+
+    def check(self) -> Iterator[Problem]:
+        """Report a value that joint_state_broadcaster supports and this one does not."""
+        if self.use_local_topics:
+            text = "only false: joint_states is in the robot's namespace; remap it instead"
+            yield Problem("use_local_topics", text)
 
 
 def _wheels() -> Any:
@@ -105,7 +130,9 @@ class SimulationConfig:
         unique=True,
     )
     step_timeout: float = parameter(
-        5.0, "how long a step waits for such a command, s of the wall's time", above=0.0
+        5.0,
+        "how long a step waits for such a command, s of the wall's time; of robots the longest",
+        above=0.0,
     )
     world_frame_id: str = parameter(
         WORLD_FRAME,
@@ -171,6 +198,7 @@ class ControlConfig(SimulationConfig):
     )
     linear: SpeedLimits = group(SpeedLimits, "linear.x")
     angular: SpeedLimits = group(SpeedLimits, "angular.z")
+    is_async: bool = ignored(False, IN_EACH_CYCLE)
 
     # What to write instead of parameters of older diff_drive_controllers.
     REMEDIES: ClassVar[Mapping[str, str]] = {

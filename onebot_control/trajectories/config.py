@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from onebot_control.ignored_parameters import IN_EACH_CYCLE, ignored
 from onebot_description.errors import did_you_mean
 from onebot_description.ros.parameters.reader import (
     ConfigError,
@@ -19,13 +20,8 @@ from onebot_description.ros.parameters.reader import (
 
 _INTERFACES = ("position", "velocity", "acceleration")
 _STATE_INTERFACES = [set(_INTERFACES[:count]) for count in (1, 2, 3)]
-_NO_EFFECT = "accepted, without effect"
 MOST_SCALING = 1000.0  # of speed; with more, times would soon be beyond ROS's
 _CONSTRAINTS, _GAINS = "constraints.", "gains."
-
-
-def _ignored(default: Any, reason: str) -> Any:
-    return parameter(default, f"{_NO_EFFECT}: {reason}", read_only=True)
 
 
 @dataclass(frozen=True)
@@ -39,16 +35,16 @@ class SpeedScaling:
         at_most=MOST_SCALING,
         read_only=True,
     )
-    state_interface: str = _ignored("", "no hardware scales the speed")
-    command_interface: str = _ignored("", "no hardware scales the speed")
+    state_interface: str = ignored("", "no hardware scales the speed", read_only=True)
+    command_interface: str = ignored("", "no hardware scales the speed", read_only=True)
 
 
 @dataclass(frozen=True)
 class Constraints:
     """The parameters ``constraints.*`` that all joints share."""
 
-    stopped_velocity_tolerance: float = parameter(
-        0.01, f"{_NO_EFFECT}: of position interfaces the velocity is not compared", at_least=0.0
+    stopped_velocity_tolerance: float = ignored(
+        0.01, "of position interfaces the velocity is not compared", at_least=0.0
     )
     goal_time: float = parameter(
         0.0, "how late the goal may be reached, s; 0: waits for ever", at_least=0.0
@@ -136,7 +132,9 @@ class TrajectoryConfig:
         "time after the last point until the measured position is held, s; 0: never",
         at_least=0.0,
     )
-    state_publish_rate: float = _ignored(0.0, "~/controller_state is of each cycle")
+    state_publish_rate: float = ignored(0.0, "~/controller_state is of each cycle", read_only=True)
+    update_rate: int = ignored(0, IN_EACH_CYCLE)
+    is_async: bool = ignored(False, IN_EACH_CYCLE)
     enforce_command_limits: bool = parameter(
         True, "refuse positions beyond the joints' limits, and command none"
     )

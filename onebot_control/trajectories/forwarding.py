@@ -13,6 +13,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from onebot_control.drive.speed_limiter import clamp
+from onebot_control.ignored_parameters import IN_EACH_CYCLE, ignored
 from onebot_control.trajectories.following import Outcome
 from onebot_control.trajectories.goal import FollowedJoint, field_problems
 from onebot_control.trajectories.trajectory import JointMotion
@@ -31,6 +32,8 @@ class ForwardConfig:
         read_only=True,
     )
     interface_name: str = parameter("position", "what is commanded: position", read_only=True)
+    update_rate: int = ignored(0, IN_EACH_CYCLE, read_only=True)
+    is_async: bool = ignored(False, IN_EACH_CYCLE, read_only=True)
 
     def check(self) -> Iterator[Problem]:
         """Report values that forward_command_controller supports and this one does not."""

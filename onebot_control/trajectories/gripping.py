@@ -14,8 +14,8 @@ Example:
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
+from onebot_control.ignored_parameters import IN_EACH_CYCLE, ignored
 from onebot_control.trajectories.following import (
     GOAL_TOLERANCE_VIOLATED,
     PREEMPTED,
@@ -30,10 +30,7 @@ from onebot_control.trajectories.goal import FollowedJoint
 from onebot_control.trajectories.trajectory import JointMotion
 from onebot_description.ros.parameters.reader import REQUIRED, parameter
 
-
-def _ignored(default: Any, **rules: Any) -> Any:
-    text = "accepted, without effect: a motor has the effort and velocity of <limit>"
-    return parameter(default, text, **rules)
+_BY_LIMIT = "a motor has the effort and velocity of <limit>"
 
 
 @dataclass(frozen=True)
@@ -41,9 +38,8 @@ class GripperConfig:
     """parallel_gripper_action_controller's parameters."""
 
     joint: str = parameter(REQUIRED, "the joint it moves", not_empty=True, read_only=True)
-    state_interfaces: tuple[str, ...] = parameter(
-        ("position", "velocity"),
-        "accepted, without effect: position, velocity and effort are measured",
+    state_interfaces: tuple[str, ...] = ignored(
+        ("position", "velocity"), "position, velocity and effort are measured"
     )
     goal_tolerance: float = parameter(
         0.01, "the goal is reached at a smaller position error, rad or m", at_least=0.0
@@ -58,10 +54,12 @@ class GripperConfig:
     action_monitor_rate: float = parameter(
         20.0, "feedback of the action, Hz", at_least=0.1, read_only=True
     )
-    max_effort: float = _ignored(10.0, at_least=0.0)
-    max_velocity: float = _ignored(0.1, at_least=0.0)
-    max_effort_interface: str = _ignored("")
-    max_velocity_interface: str = _ignored("")
+    max_effort: float = ignored(10.0, _BY_LIMIT, at_least=0.0)
+    max_velocity: float = ignored(0.1, _BY_LIMIT, at_least=0.0)
+    max_effort_interface: str = ignored("", _BY_LIMIT)
+    max_velocity_interface: str = ignored("", _BY_LIMIT)
+    update_rate: int = ignored(0, IN_EACH_CYCLE)
+    is_async: bool = ignored(False, IN_EACH_CYCLE)
 
 
 class GripperFollower(PositionForwarder):

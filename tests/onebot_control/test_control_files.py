@@ -105,6 +105,7 @@ def test_onebots_own_file_is_right_in_every_namespace() -> None:
             ":4: velocity_controller.type: mecanum_drive_controller/MecanumDriveController is not",
         ),
         ("{max_velocity: 0.7}", "{max_velocity: 0.7", ":16: invalid YAML"),
+        ("joints: [right_wheel_joint, left_wheel_joint]", "use_local_topics: true", ":8: joint_st"),
         ("[right_wheel_joint, left_wheel_joint]", "[a, a]", ":8: joint_state_broadcaster.joints: "),
         ("update_rate: 200", "use_stamped_vel: true", ":3: use_stamped_vel: no such parameter"),
         ("wheel_radius: 0.1", "update_rate: fast", ':13: update_rate: "fast" is a string'),
@@ -148,6 +149,42 @@ def test_all_of_the_broadcasters_parameters_are_read(file: Path) -> None:
     places = read_control_files([file], "/", "velocity_controller").places
     assert places["joint_state_broadcaster.frame_id"] == f"{file}:11"
     assert places["update_rate"] == f"{file}:3"
+
+
+USUAL = """\
+controller_manager:
+  ros__parameters:
+    update_rate: 200
+    enforce_command_limits: true
+    arm: {type: joint_trajectory_controller/JointTrajectoryController}
+    head: {type: forward_command_controller/ForwardCommandController}
+    hand: {type: parallel_gripper_action_controller/GripperActionController}
+    joint_state_broadcaster: {type: joint_state_broadcaster/JointStateBroadcaster}
+joint_state_broadcaster:
+  ros__parameters:
+    use_local_topics: false
+    use_urdf_to_filter: true
+    publish_dynamic_joint_states: false
+    map_interface_to_joint_state: {position: position, velocity: velocity, effort: effort}
+    update_rate: 50
+    is_async: false
+arm:
+  ros__parameters: {joints: [elbow], update_rate: 100, is_async: false}
+head:
+  ros__parameters: {joints: [pan], update_rate: 100, is_async: false}
+hand:
+  ros__parameters: {joint: finger, update_rate: 100, is_async: false}
+"""
+
+
+@pytest.mark.parametrize("controller", [MANAGER, "velocity_controller"])
+def test_usual_parameters_of_ros2_control_are_accepted(file: Path, controller: str) -> None:
+    """Those without effect here, too, so that its files work; the rate is the manager's."""
+    drive = "velocity_controller: {ros__parameters: {is_async: false}}\n"
+    file.write_text(USUAL + drive)
+    values = read_control_files([file], "/", controller).values
+    assert ControlConfig.from_parameters(values).update_rate == 200
+    assert len(read_joint_controllers([file], "/").controllers) == 3
 
 
 def test_the_controller_may_have_another_name(file: Path) -> None:
@@ -301,9 +338,9 @@ def test_without_a_name_trajectories_are_followed(file: Path) -> None:
             "stall_timeout: 0.5",
             "stal_timeout: 0.5",
             '{file}:17: stal_timeout: no such parameter (did you mean "stall_timeout"? known: '
-            "action_monitor_rate, allow_stalling, goal_tolerance, joint, max_effort, "
-            "max_effort_interface, max_velocity, max_velocity_interface, stall_timeout, "
-            "stall_velocity_threshold, state_interfaces)",
+            "stall_timeout, stall_velocity_threshold, state_interfaces, goal_tolerance, "
+            "allow_stalling, max_effort, max_velocity, action_monitor_rate, max_effort_interface, "
+            "max_velocity_interface, joint, update_rate, and 1 more)",
         ),
         (
             "joints: [yaw]",
