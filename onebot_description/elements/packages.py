@@ -17,6 +17,7 @@ import contextlib
 import os
 import re
 import sys
+import threading
 import zlib
 from pathlib import Path
 from typing import NamedTuple
@@ -350,10 +351,10 @@ def cache_folder() -> Path:
 
 
 def _link(link: Path, target: Path) -> None:
-    """Point ``link`` at ``target``; safe when several processes do so at once."""
+    """Point ``link`` at ``target``; safe when several processes and threads do so at once."""
     if link.is_symlink() and Path(os.readlink(link)) == target:
         return
-    fresh = link.with_name(f".{link.name}-{os.getpid()}")
+    fresh = link.with_name(f".{link.name}-{os.getpid()}-{threading.get_ident()}")
     fresh.unlink(missing_ok=True)
     fresh.symlink_to(target)
     fresh.replace(link)

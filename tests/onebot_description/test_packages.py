@@ -4,12 +4,14 @@ import contextlib
 import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
 from onebot_description.elements.packages import (
     Resources,
+    _link,
     cache_folder,
     package_share,
     resolve,
@@ -277,3 +279,14 @@ def test_a_description_of_endless_packages_is_soon_read(monkeypatch):
     with pytest.raises(OneBotError, match="more than 100 packages"):
         resources.locate("package://p200/a.stl")
     assert resources.locate("package://p7/a.stl").path == Path("/x/a.stl")
+
+
+def test_threads_link_a_checkout_at_once(tmp_path):
+    """A robot and its world are read by two threads; none is left over."""
+    targets = [tmp_path / "one", tmp_path / "other"]
+    with ThreadPoolExecutor(8) as executor:
+        for _ in executor.map(
+            lambda number: _link(tmp_path / "link", targets[number % 2]), range(400)
+        ):
+            pass
+    assert [path.name for path in tmp_path.iterdir()] == ["link"]
