@@ -58,7 +58,7 @@ class BroadcasterConfig:
     use_urdf_to_filter: bool = ignored(True, "all joints are of the URDF")
     publish_dynamic_joint_states: bool = ignored(True, "there is no topic dynamic_joint_states")
     map_interface_to_joint_state: InterfaceNames = group(InterfaceNames)
-    update_rate: int = ignored(0, IN_EACH_CYCLE)
+    update_rate: float = ignored(0.0, IN_EACH_CYCLE)
     is_async: bool = ignored(False, IN_EACH_CYCLE)
 
     def check(self) -> Iterator[Problem]:

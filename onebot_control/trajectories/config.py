@@ -133,7 +133,7 @@ class TrajectoryConfig:
         at_least=0.0,
     )
     state_publish_rate: float = ignored(0.0, "~/controller_state is of each cycle", read_only=True)
-    update_rate: int = ignored(0, IN_EACH_CYCLE)
+    update_rate: float = ignored(0.0, IN_EACH_CYCLE)
     is_async: bool = ignored(False, IN_EACH_CYCLE)
     enforce_command_limits: bool = parameter(
         True, "refuse positions beyond the joints' limits, and command none"

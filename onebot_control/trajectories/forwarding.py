@@ -32,7 +32,7 @@ class ForwardConfig:
         read_only=True,
     )
     interface_name: str = parameter("position", "what is commanded: position", read_only=True)
-    update_rate: int = ignored(0, IN_EACH_CYCLE, read_only=True)
+    update_rate: float = ignored(0.0, IN_EACH_CYCLE, read_only=True)
     is_async: bool = ignored(False, IN_EACH_CYCLE, read_only=True)
 
     def check(self) -> Iterator[Problem]:

@@ -58,7 +58,7 @@ class GripperConfig:
     max_velocity: float = ignored(0.1, _BY_LIMIT, at_least=0.0)
     max_effort_interface: str = ignored("", _BY_LIMIT)
     max_velocity_interface: str = ignored("", _BY_LIMIT)
-    update_rate: int = ignored(0, IN_EACH_CYCLE)
+    update_rate: float = ignored(0.0, IN_EACH_CYCLE)
     is_async: bool = ignored(False, IN_EACH_CYCLE)
 
 
