@@ -33,7 +33,7 @@ from onebot_description.ros.parameters.reader import (
 CONTROLLER_TYPE = "diff_drive_controller/DiffDriveController"
 BROADCASTER_TYPE = "joint_state_broadcaster/JointStateBroadcaster"
 _TYPE = ".type"  # suffix of the parameters that name a controller's type
-_IGNORED = "enforce_command_limits"  # of controller_manager; limits are always enforced
+_IGNORED = "enforce_command_limits"  # controller_manager's; limits are always enforced
 
 
 def default_control_file() -> Path:

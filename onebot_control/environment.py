@@ -111,9 +111,9 @@ class OneBotEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         """
         robot = self.simulation.robot
         robot.drive(*(_FASTEST * action).tolist())
-        before = robot.pose
+        start = robot.pose
         self.simulation.run(self._seconds)
-        self._driven = _distance_forward(before, robot.pose)
+        self._driven = _distance_forward(start, robot.pose)
         self._steps += 1
         truncated = self._steps >= self._max_steps
         return self._observation(), self.reward(robot), self.is_over(robot), truncated, {}
@@ -144,8 +144,8 @@ class OneBotEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         }
 
 
-def _distance_forward(before: RobotPose, after: RobotPose) -> float:
+def _distance_forward(start: RobotPose, end: RobotPose) -> float:
     """Return how far a robot has moved along its heading in the middle of two poses, m."""
-    heading = before.yaw + math.remainder(after.yaw - before.yaw, math.tau) / 2.0
-    dx, dy = after.x - before.x, after.y - before.y
+    heading = start.yaw + math.remainder(end.yaw - start.yaw, math.tau) / 2.0
+    dx, dy = end.x - start.x, end.y - start.y
     return dx * math.cos(heading) + dy * math.sin(heading)

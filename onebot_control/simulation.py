@@ -728,8 +728,9 @@ def _described(
         if arguments:
             raise OneBotError("arguments are for a xacro file; a Description has been expanded")
         return model
-    if optional and _SENSORS in {known.name for known in xacro_arguments(str(model)).arguments}:
-        arguments = {_SENSORS: "true", **arguments}
+    if optional:
+        names = [argument.name for argument in xacro_arguments(str(model)).arguments]
+        arguments = {_SENSORS: "true", **arguments} if _SENSORS in names else arguments
     return load_description(model, arguments)
 
 

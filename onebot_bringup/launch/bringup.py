@@ -303,7 +303,7 @@ def with_view(
         frame = world_frame(values, given_params_files(values), command.controller)
         frame = "" if frame == WORLD_FRAME else frame  # the view already has that one
     elif command.control and values["sim"] == "false":
-        frame = values["frame_prefix"] + root_link  # without the simulation, there is no odom
+        frame = values["frame_prefix"] + root_link  # there is no odom
     values["fixed_frame"] = values["fixed_frame"] or frame
     return values
 

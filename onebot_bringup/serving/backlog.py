@@ -54,8 +54,9 @@ class Backlog:
             await self._came.wait()
         if self._old:
             message = self._old.pop(next(iter(self._old)))
-            while self._old and self._old[other := next(iter(self._old))] is message:
-                del self._old[other]  # the subjects of a message are one after the other
+            # The subjects of a message are one after the other.
+            while self._old and self._old[subject := next(iter(self._old))] is message:
+                del self._old[subject]
             return message
         return self._pop_recent() if self._recent else b""
 

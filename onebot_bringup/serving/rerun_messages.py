@@ -43,8 +43,8 @@ def subjects(message: bytes) -> Sequence[Hashable]:
             rows = stream.read_next_batch().column(_CHILDREN)
             frames = rows.flatten().unique().to_pylist() or frames
         entity = schema.metadata[b"rerun:entity_path"]
-        of = bytes(fields[_STORE_ID]), fields.get(_IS_STATIC), entity, tuple(schema.names)
-        return [(*of, frame) for frame in frames]
+        store, is_static = bytes(fields[_STORE_ID]), fields.get(_IS_STATIC)
+        return [(store, is_static, entity, tuple(schema.names), frame) for frame in frames]
     except (*_BAD_MESSAGE, pa.ArrowException, StopIteration):
         return [object()]
 

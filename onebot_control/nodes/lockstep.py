@@ -277,9 +277,9 @@ class _Executor(SingleThreadedExecutor):
     def take_time(self) -> None:
         """Pass /clock on to the nodes' clocks, which takes ten times as long by a wait."""
         for node in self.get_nodes():
-            clock = node._time_source._clock_sub
-            while clock is not None and (taken := clock.handle.take_message(clock.msg_type, False)):
-                clock.callback(taken[0])
+            if (clock := node._time_source._clock_sub) is not None:
+                while message := clock.handle.take_message(clock.msg_type, False):
+                    clock.callback(message[0])
 
     def run_ready(self) -> bool:
         """Run the callbacks that are ready now; return whether there were any.

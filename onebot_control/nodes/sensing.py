@@ -86,8 +86,8 @@ class Sensing:
         self._sensors = sensors
         self._channels: dict[int, list[Channel]] = {}
         self._due: list[tuple[Channel, frozenset[str]]] = []
-        self._last: Sequence[Snapshot] | None = None  # of these robots
-        self._tick: int | None = None  # of the last cycle
+        self._last: Sequence[Snapshot] | None = None  # the last states of these robots
+        self._tick: int | None = None  # the last cycle's
 
     def start(self) -> None:
         """Start measuring.

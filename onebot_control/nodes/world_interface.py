@@ -148,7 +148,7 @@ class WorldInterface:
         )
         # Exclude long-lived objects from garbage collection.
         gc.freeze()
-        steady = Clock(clock_type=ClockType.STEADY_TIME)  # so that results are sent while paused
+        steady = Clock(clock_type=ClockType.STEADY_TIME)  # results are sent while paused, too
         self.start(loop, sensing, steady)
         if self.arm_nodes:
             self._arms_thread = NodeThread(self.arm_nodes, "arms", self._fail)

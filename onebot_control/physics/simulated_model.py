@@ -131,13 +131,17 @@ def commandable(description: Description, wheels: Wheels | None) -> list[str]:
     joints = [joint.name for joint in description.moving_joints if joint.mimic is None]
     positioned = _positioned_names(description) - {*(wheels.names if wheels else ())}
     named = [joint for joint in joints if joint in positioned]
-    left_out = {*description.interfaces, *(_rolling(wheels) if wheels else ())}
-    return named or [joint for joint in joints if joint not in left_out]
+    excluded_names = {*description.interfaces, *(_rolling(wheels) if wheels else ())}
+    return named or [joint for joint in joints if joint not in excluded_names]
 
 
 def _positioned_names(description: Description) -> set[str]:
     """Return the joints with a position command interface in ``<ros2_control>``."""
-    return {name for name, it in description.interfaces.items() if "position" in it.commands}
+    return {
+        name
+        for name, interfaces in description.interfaces.items()
+        if "position" in interfaces.commands
+    }
 
 
 def _rolling(wheels: Wheels) -> set[str]:

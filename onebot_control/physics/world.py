@@ -169,8 +169,7 @@ class World:
 
         The other robots continue from their current state, the new one from the joint positions of
         the old one; this world does not change. The start poses stay, whether there is room there
-        or not. The scene's boxes are at their current
-        poses, at rest.
+        or not. The scene's boxes are at their current poses, at rest.
 
         Args:
             row: index of the robot to replace.

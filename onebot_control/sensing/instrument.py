@@ -167,8 +167,8 @@ class Instrument(ABC, Generic[M]):
             start = (back @ (pose.position - targets.positions[index])).astype(np.float32)
             directions = some @ (back @ pose.rotation).T.astype(np.float32)
             limits = np.full(len(some), least, np.float32)
-            found = targets.surfaces[index].cast(np.tile(start, (len(some), 1)), directions, limits)
-            if (found.faces >= 0).mean() > 0.5:
+            hits = targets.surfaces[index].cast(np.tile(start, (len(some), 1)), directions, limits)
+            if (hits.faces >= 0).mean() > 0.5:
                 yield link
 
     def seen_from(

@@ -20,7 +20,7 @@ from onebot_description.ros.parameters.reader import (
 
 _INTERFACES = ("position", "velocity", "acceleration")
 _STATE_INTERFACES = [set(_INTERFACES[:count]) for count in (1, 2, 3)]
-MOST_SCALING = 1000.0  # of speed; with more, times would soon be beyond ROS's
+MOST_SCALING = 1000.0  # above it, times would soon exceed what ROS can stamp
 _CONSTRAINTS, _GAINS = "constraints.", "gains."
 
 

@@ -7,7 +7,7 @@ from onebot_control.trajectories.config import JointConstraint, TrajectoryConfig
 from onebot_description.errors import did_you_mean, printable
 
 _OFF = -1.0  # value by which a goal switches a tolerance off
-FLOAT_EPSILON = 1.1920929e-07  # of a float32, with which joint_trajectory_controller compares
+FLOAT_EPSILON = 1.1920929e-07  # a float32's; joint_trajectory_controller compares with it
 
 
 class ToleranceGiven(NamedTuple):

@@ -137,11 +137,11 @@ def _emptied(comment: re.Match[bytes]) -> bytes:
 def _dashed_comments(data: bytes) -> Iterator[range]:
     """Yield the lines of each comment with "--" inside."""
     line, counted = 1, 0
-    for found in _COMMENT.finditer(data):
-        line += data.count(b"\n", counted, found.start())
-        counted = found.start()
-        if found[1] and (b"--" in found[1] or found[1].endswith(b"-")):
-            yield range(line, line + found[0].count(b"\n") + 1)
+    for comment in _COMMENT.finditer(data):
+        line += data.count(b"\n", counted, comment.start())
+        counted = comment.start()
+        if comment[1] and (b"--" in comment[1] or comment[1].endswith(b"-")):
+            yield range(line, line + comment[0].count(b"\n") + 1)
 
 
 def parse(

@@ -190,7 +190,8 @@ export class GroundMap {
   publishTyped() {
     const texts = ["x", "y", "yaw"].map((name) => this.input(name).value.trim().replace(",", "."));
     const [x, y, turn] = texts.map(Number);
-    if (texts[0] && texts[1] && [x, y, turn].every(Number.isFinite)) this.publish({ x, y, yaw: (turn * Math.PI) / 180 });
+    const isPlace = texts[0] && texts[1] && [x, y, turn].every(Number.isFinite);
+    if (isPlace) this.publish({ x, y, yaw: (turn * Math.PI) / 180 });
     else this.say("Write numbers, such as 0.5.");
   }
 

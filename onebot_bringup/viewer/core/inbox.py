@@ -18,7 +18,7 @@ from onebot_description.ros.wire.schema import Schema
 T = TypeVar("T")
 Report = Callable[[Exception], object]
 
-_MOST_BYTES = 64_000_000  # in the queue of a topic whose messages build on each other
+_MOST_BYTES = 64_000_000  # bound of a queue whose messages build on each other
 OTHER_CLOCK_NS = 10_000_000_000  # times further apart than this come from different clocks
 WARN_AFTER = 3.0  # seconds before a missing link, frame or transform is reported
 _TF = "tf2_msgs/msg/TFMessage"

@@ -331,8 +331,8 @@ class StateConverter:
             floating: with the floating joints; usually what moves their link, such as an odometry,
                 publishes them.
         """
-        links, left_out = self._model.fixed.children, set() if floating else self._model.floating
-        rows = [row for row, link in enumerate(links) if link not in left_out]
+        links, moved_by_others = self._model.fixed.children, self._model.floating
+        rows = [row for row, link in enumerate(links) if floating or link not in moved_by_others]
         fixed = self._model.fixed.take(rows)
         parents = [self._prefix + parent for parent in fixed.parents]
         children = [self._prefix + child for child in fixed.children]
