@@ -502,18 +502,25 @@ def checked_values(declared: list[Argument], given: Mapping[str, str]) -> dict[s
         raise UsageError("left_wheel:= and right_wheel:= belong together: name both, or neither")
     if values.get("robots"):
         _check_robots(values, given)
-    for name in _OF_SIMULATION if values.get("sim") == "false" else ():
-        if name in given and values[name] not in ("", "false"):
-            raise UsageError(f"{name}:={given[name]} is for the simulation: write sim:=true")
-    for name in _OF_JOINTS if values.get("sim") == "true" else ():
-        if name in given:
-            text = "is without effect, since the simulation moves the joints: leave it out"
-            raise UsageError(f"{name}:={given[name]} {text}, or write sim:=false")
+    _check_effect(values, given)
+    return values
+
+
+def _check_effect(values: Mapping[str, str], given: Mapping[str, str]) -> None:
+    """Reject arguments of what is switched off."""
+    if values.get("sim") == "false":
+        for name in _OF_SIMULATION:
+            if name in given and values[name] not in ("", "false"):
+                raise UsageError(f"{name}:={given[name]} is for the simulation: write sim:=true")
+    if values.get("sim") == "true":
+        for name in _OF_JOINTS:
+            if name in given:
+                text = "is without effect, since the simulation moves the joints: leave it out"
+                raise UsageError(f"{name}:={given[name]} {text}, or write sim:=false")
     if values.get("steer") == "false":
         for name in _OF_STEERING:
             if name in given:
                 raise UsageError(f"{name}:={given[name]} is the steering page's: add steer:=true")
-    return values
 
 
 def _check_robots(values: Mapping[str, str], given: Mapping[str, str]) -> None:
