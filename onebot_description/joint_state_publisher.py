@@ -35,7 +35,6 @@ from typing import Any
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 from rclpy.validate_topic_name import validate_topic_name
@@ -70,6 +69,7 @@ from onebot_description.ros.parameters.values import plain
 from onebot_description.ros.run_node import run_described_node
 from onebot_description.ros.steady_timer import steady_timer
 from onebot_description.ros.throttled import Throttled
+from onebot_description.ros.topic_qos import ANY_PUBLISHER
 
 
 class JointParameters:
@@ -311,8 +311,6 @@ class JointFiles:
             self._log.warning(live.warning)
 
 
-# Best effort matches publishers of either reliability.
-_ANY_SENDER = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 _EMPTY = array("d")
 
 
@@ -379,7 +377,10 @@ class JointStatesIn:
             self._node.destroy_subscription(self._subscriptions.pop(topic))
         for topic in set(topics).difference(self._subscriptions):
             self._subscriptions[topic] = self._node.create_subscription(
-                JointState, topic, lambda message, t=topic: self._received(t, message), _ANY_SENDER
+                JointState,
+                topic,
+                lambda message, t=topic: self._received(t, message),
+                ANY_PUBLISHER,
             )
 
 

@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import Any
 
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile
+from rclpy.qos import LivelinessPolicy, QoSProfile
 
 from onebot_bringup.bags.writer import BagWriter, Qos, RecordedTopic
 from onebot_bringup.introspection.interfaces import is_hidden, message_class
@@ -50,6 +50,7 @@ from onebot_description.ros.topic_qos import (
     exceeds,
     is_reliable,
     is_transient_local,
+    make_qos,
 )
 from onebot_description.ros.topic_subscription import (
     TopicSubscription,
@@ -66,7 +67,7 @@ _LEAST_IDLE = 10.0  # minimum pause between checkpoints, as a multiple of a chec
 _AWAY = 3.0  # seconds between two polls after which the recorder must have been stopped
 _DEPTH = 1000  # messages that can queue up while the disk is slow: 10 s at 100 Hz
 _DEFAULT = QoSProfile(depth=_DEPTH)
-_LATCHED = QoSProfile(depth=_DEPTH, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_LATCHED = make_qos(_DEPTH, reliable=True, latched=True)
 _FOREVER = 2**63 - 1  # ns; DDS's infinite duration
 _LIVELINESS = {
     LivelinessPolicy.AUTOMATIC: "automatic",

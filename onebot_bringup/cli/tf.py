@@ -179,9 +179,8 @@ class _Transforms:
     """Receives /tf and /tf_static in a session."""
 
     def __init__(self, session: Session) -> None:
-        from rclpy.qos import DurabilityPolicy, QoSProfile
-
         from onebot_bringup.introspection.transforms import FrameTree
+        from onebot_description.ros.topic_qos import make_qos
         from onebot_description.ros.wire.interfaces import TFMessage
 
         self.frames = FrameTree()
@@ -190,9 +189,7 @@ class _Transforms:
         self.session = session
         self.warn = cache(warn)  # each text once
         for topic in _TOPICS:
-            qos = QoSProfile(depth=_DEPTH)
-            if topic == _STATIC:
-                qos.durability = DurabilityPolicy.TRANSIENT_LOCAL
+            qos = make_qos(_DEPTH, reliable=True, latched=topic == _STATIC)
             received = partial(self._receive, topic)
             session.node.create_subscription(TFMessage, topic, received, qos, raw=True)
 

@@ -13,7 +13,6 @@ from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.clock import Clock
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from onebot_control.controlled_robot import ControlledRobot
 from onebot_control.joint_controllers import JointController, JointFollower, named
@@ -24,9 +23,6 @@ from onebot_description.ros.parameters.reader import declare, follow_changes, re
 from onebot_description.ros.parameters.values import plain
 from onebot_description.ros.throttled import Throttled
 from onebot_description.ros.wire.interfaces import load_interface
-
-ANY_PUBLISHER = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""QoS of a subscription that matches any publisher, as SystemDefaultsQoS with Fast DDS."""
 
 MOST_PROBLEMS = 5
 """Greatest number of problems of one goal that are logged."""

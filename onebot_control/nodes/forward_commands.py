@@ -6,8 +6,9 @@ from typing import Any
 
 from std_msgs.msg import Float64MultiArray
 
-from onebot_control.nodes.controller_node import ANY_PUBLISHER, ControllerNode, first_lines
+from onebot_control.nodes.controller_node import ControllerNode, first_lines
 from onebot_control.trajectories.forwarding import PositionForwarder
+from onebot_description.ros.topic_qos import ANY_PUBLISHER
 
 
 class ForwardCommands(ControllerNode[PositionForwarder]):

@@ -5,12 +5,10 @@ from typing import Any, NamedTuple
 
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from onebot_control.joint_controllers import TrajectoryController
 from onebot_control.nodes.controller_node import (
-    ANY_PUBLISHER,
     MOST_PROBLEMS,
     Cancelled,
     GoalNode,
@@ -31,19 +29,16 @@ from onebot_control.trajectories.tolerances import (
 from onebot_control.trajectories.trajectory import JointMotion, Waypoint
 from onebot_description.errors import OneBotError
 from onebot_description.ros.parameters.reader import ConfigError, Problem, declare
+from onebot_description.ros.topic_qos import ANY_PUBLISHER, make_qos
 from onebot_description.ros.wire.cdr import NS_PER_S, nanoseconds
 from onebot_description.ros.wire.interfaces import load_interface
 from onebot_description.ros.wire.messages import time_message
 
 # As joint_trajectory_controller's SystemDefaultsQoS with Fast DDS: the state is latched.
-_LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_LATCHED = make_qos(10, reliable=True, latched=True)
 
 # As joint_trajectory_controller has it with Fast DDS; only latched publishers match it.
-_LATCHED_BY_ANY = QoSProfile(
-    depth=10,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
-    reliability=ReliabilityPolicy.BEST_EFFORT,
-)
+_LATCHED_BY_ANY = make_qos(10, reliable=False, latched=True)
 
 
 class _CycleState(NamedTuple):

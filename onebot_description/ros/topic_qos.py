@@ -17,6 +17,10 @@ def make_qos(depth: int, *, reliable: bool, latched: bool) -> QoSProfile:
     )
 
 
+ANY_PUBLISHER = make_qos(10, reliable=False, latched=False)
+"""QoS of a subscription that matches any publisher, as SystemDefaultsQoS with Fast DDS."""
+
+
 def compatible_qos(offers: Iterable[QoSProfile], depth: int) -> QoSProfile:
     """Return the strictest QoS that receives from all publishers.
 
