@@ -205,7 +205,7 @@ def _xacro_problem(folder: Path, *lines: str) -> str:
         ),
         (
             ['<link name="$(arg side)"/>', '<xacro:arg name="side" default="left"/>'],
-            '2: argument "side" has no value here; move its <xacro:arg name="side"> above',
+            '2: argument "side" has no value here; give side:=<value>, or declare it above',
         ),
         (
             ["<a><xacro:b>", "</a>"],
@@ -254,7 +254,7 @@ def test_an_argument_in_the_root_is_given(tmp_path: Path) -> None:
     path = tmp_path / "robot.xacro"
     head = '<robot name="$(arg name)" xmlns:xacro="http://www.ros.org/wiki/xacro">'
     path.write_text(f'{head}<xacro:arg name="name" default="ur"/><link name="base"/></robot>')
-    with pytest.raises(DescriptionError, match=r'"name" has no value here; give name:=VALUE$'):
+    with pytest.raises(DescriptionError, match='"name" has no value here; give name:=<value>'):
         load_description(path)
     assert load_description(path, {"name": "ur5e"}).robot_name == "ur5e"
 
