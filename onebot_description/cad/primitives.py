@@ -8,6 +8,8 @@ import trimesh
 from manifold3d import CrossSection, FillRule, Manifold, Mesh64
 from numpy.typing import NDArray
 
+from onebot_description.model.rigid_bodies import Body
+
 Points = Sequence[tuple[float, float]]
 Vector = tuple[float, float, float]
 
@@ -165,15 +167,11 @@ def weigh_box(mass: float, center: NDArray[np.float64], size: Vector) -> MassPro
 
 
 def total(bodies: Sequence[MassProperties]) -> MassProperties:
-    """Return the mass properties of bodies fixed to each other (parallel axis theorem)."""
-    mass = sum(body.mass for body in bodies)
-    moments = np.array([body.mass * body.center for body in bodies])
-    center = np.asarray(moments.sum(axis=0) / mass, float)
-    inertia = np.zeros((3, 3))
+    """Return the mass properties of bodies fixed to each other."""
+    whole = Body("")
     for body in bodies:
-        arm = body.center - center
-        inertia += body.inertia + body.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    return MassProperties(mass, center, inertia)
+        whole.add_mass(body.mass, body.center, body.inertia)
+    return MassProperties(whole.mass, whole.center, whole.inertia)
 
 
 def weigh_all(
