@@ -3,6 +3,7 @@
 import copy
 import random
 import struct
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -190,32 +191,34 @@ MSG: {name}/A
 """
 
 
+def of_rosbags(definition: str, make: Callable[[dict[str, Any]], Any]) -> tuple[Any, bytes]:
+    """The message of the type test/T that ``make`` returns, given its classes, and its bytes."""
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_msg(definition, "test/msg/T"))
+    message = make(store.types)
+    return message, bytes(store.serialize_cdr(message, "test/msg/T"))
+
+
 @pytest.mark.parametrize(
     "inner", [TIGHT, LOOSE, f"{TIGHT}uint16 end", "uint8 a\nuint8 b", "bool a", ""]
 )
 @pytest.mark.parametrize("count", [0, 1, 2, 5])
 def test_padding_is_that_of_rosbags(inner, count):
     definition = ALL.format(name="test") + inner
-    store = get_typestore(Stores.EMPTY)
-    store.register(get_types_from_msg(definition, "test/msg/All"))
-    kinds = store.types
+    names = [line.split()[1] for line in inner.split("\n") if line] or [EMPTY]
 
-    def one(number: int) -> Any:
-        values = {"flag": number, "value": number / 2, "end": number, "a": number % 2, "b": 7}
-        names = [line.split()[1] for line in inner.split("\n") if line] or [EMPTY]
-        return kinds["test/msg/A"](**{name: values.get(name, 0) for name in names})
+    def make(kinds: dict[str, Any]) -> Any:
+        def one(number: int) -> Any:
+            values = {"flag": number, "value": number / 2, "end": number, "a": number % 2, "b": 7}
+            return kinds["test/msg/A"](**{name: values.get(name, 0) for name in names})
 
-    message = kinds["test/msg/All"](
-        many=[one(number) for number in range(count)],
-        before=3,
-        two=[one(8), one(9)],
-        one=one(10),
-        none=np.empty(0),
-        after=65535,
-    )
-    ours = Schema.from_definition("test/msg/All", definition).read(
-        bytes(store.serialize_cdr(message, "test/msg/All"))
-    )
+        many, two = [one(number) for number in range(count)], [one(8), one(9)]
+        return kinds["test/msg/T"](
+            many=many, before=3, two=two, one=one(10), none=np.empty(0), after=65535
+        )
+
+    message, data = of_rosbags(definition, make)
+    ours = Schema.from_definition("test/msg/T", definition).read(data)
     assert (ours.before, ours.after, len(ours.none)) == (3, 65535, 0)
     assert len(ours.many) == count
     tables = ((ours.many, message.many), (ours.two, message.two), ([ours.one], [message.one]))
@@ -242,30 +245,22 @@ bool[] flags
 @pytest.mark.parametrize("seed", range(8))
 def test_structs_of_equal_and_of_other_lengths(seed):
     chance = random.Random(seed)
-    store = get_typestore(Stores.EMPTY)
-    store.register(get_types_from_msg(MIXED, "test/msg/Mixed"))
-    kinds = store.types
-    many: list[Any] = []
-    for _ in range(6):
-        name, values = "x" * chance.randrange(9), chance.randrange(3)
-        flags = [chance.random() < 0.5 for _ in range(chance.randrange(3))]
-        many += [
-            kinds["test/msg/A"](
-                number=number,
-                name=name,
-                flag=chance.random() < 0.5,
-                values=np.arange(values, dtype=float),
-                last=chance.random(),
-                flags=np.array(flags, bool),
-            )
-            for number in range(chance.randrange(6))
-        ]
-    message = kinds["test/msg/Mixed"](many=many, after=4_000_000_001)
-    data = bytes(store.serialize_cdr(message, "test/msg/Mixed"))
-    schema = Schema.from_definition("test/msg/Mixed", MIXED)
+
+    def make(kinds: dict[str, Any]) -> Any:
+        many: list[Any] = []
+        for _ in range(6):
+            name, values = "x" * chance.randrange(9), np.arange(chance.randrange(3), dtype=float)
+            flags = np.array([chance.random() < 0.5 for _ in range(chance.randrange(3))], bool)
+            for number in range(chance.randrange(6)):
+                flag, last = chance.random() < 0.5, chance.random()
+                many.append(kinds["test/msg/A"](number, name, flag, values, last, flags))
+        return kinds["test/msg/T"](many=many, after=4_000_000_001)
+
+    message, data = of_rosbags(MIXED, make)
+    schema = Schema.from_definition("test/msg/T", MIXED)
     ours = schema.read(data)
     assert ours.after == 4_000_000_001
-    for row, expected in zip(ours.many, many, strict=True):
+    for row, expected in zip(ours.many, message.many, strict=True):
         assert (row.number, row.name, row.last) == (expected.number, expected.name, expected.last)
         assert (row.flag, row["values"].tolist()) == (expected.flag, expected.values.tolist())
         assert row.flags.tolist() == expected.flags.tolist()
