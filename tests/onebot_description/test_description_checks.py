@@ -106,11 +106,7 @@ def test_limits_that_are_fine(kind, limit, found):
             "revolute",
             ["velocity is 0, so the joint cannot move; the simulation takes 0 for no limit"],
         ),
-        (
-            _limit("-1", "1"),
-            "continuous",
-            [ENDLESS],
-        ),
+        (_limit("-1", "1"), "continuous", [ENDLESS]),
         (_limit("-1", None), "continuous", [ENDLESS]),
         (_limit(None, "1"), "continuous", [ENDLESS]),
         (_limit("0", "0"), "continuous", []),

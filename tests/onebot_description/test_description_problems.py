@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
@@ -61,10 +60,6 @@ def moved(description: Description, **positions: float) -> dict[str, str]:
     data = converter.convert_bytes(serialize_message(message), 5 * 10**9)
     transforms = [] if data is None else deserialize_message(data, TFMessage).transforms
     transforms += converter.static_transforms(0).transforms
-    for transform in transforms:
-        rotation = transform.transform.rotation
-        norm = np.linalg.norm([rotation.x, rotation.y, rotation.z, rotation.w])
-        assert norm == pytest.approx(1.0)
     return {transform.child_frame_id: transform.header.frame_id for transform in transforms}
 
 
@@ -111,7 +106,6 @@ FIXED = hinge("f", "b", "", "fixed")
     ("mimic", "other", "problem"),
     [
         ('<mimic joint="x"/>', "", 'no joint "x" to mimic'),
-        ('<mimic joint="j"/>', "", "mimics itself"),
         ("<mimic/>", "", "names no joint"),
         ('<mimic joint="k" offset="x"/>', hinge("k", "b"), '"x" is not'),
         ('<mimic joint="f"/>', FIXED, "is fixed"),
