@@ -31,6 +31,11 @@ def warnings(text):
     return [warning.removeprefix("r:") for warning in description.warnings]
 
 
+def assert_begin(found, starts):
+    assert len(found) == len(starts), found
+    assert all(map(str.startswith, found, starts)), found
+
+
 def joint(inside=LIMIT, kind="revolute"):
     """A robot of one joint; ``inside`` of it stands in line 4."""
     return (
@@ -120,10 +125,8 @@ def test_limits_that_are_fine(kind, limit, found):
     ],
 )
 def test_limits_that_are_hardly_meant(limit, kind, texts):
-    found = warnings(joint(limit, kind))
-    assert len(found) == len(texts)
-    for text, warning in zip(texts, found, strict=True):
-        assert warning.startswith(f'4: joint "j" <limit>: {text}')
+    starts = [f'4: joint "j" <limit>: {text}' for text in texts]
+    assert_begin(warnings(joint(limit, kind)), starts)
 
 
 @pytest.mark.parametrize("kind", ["continuous", "floating", "planar", "fixed"])
@@ -183,9 +186,8 @@ def test_a_joint_without_axis_may_have_a_zero_one(kind):
 
 def test_a_missing_kind_is_one_problem():
     kinds = "fixed, revolute, continuous, prismatic, floating, planar"
-    assert problems(joint().replace(' type="revolute"', "")) == [
-        f'3: joint "j": has no type; write one of: {kinds}'
-    ]
+    found = problems(joint().replace(' type="revolute"', ""))
+    assert found == [f'3: joint "j": has no type; write one of: {kinds}']
 
 
 def test_an_unknown_kind_is_one_problem():
@@ -283,19 +285,14 @@ def _followers(*leaders, kinds=()):
         (("a",), ['3: joint "a" <mimic>: the joint mimics itself; name another joint']),
         (("b", "b"), ['5: joint "b" <mimic>: the joint mimics itself; name another joint']),
         (("x",), ['3: joint "a" <mimic>: there is no joint "x" to mimic']),
-        (("",), None),
-        (("b", "c", ""), None),
-        (("c", "c", "", "c"), None),
+        (("",), []),
+        (("b", "c", ""), []),
+        (("c", "c", "", "c"), []),
     ],
 )
 def test_who_follows_whom(leaders, found):
     text = _followers(*leaders)
-    if found is None:
-        assert warnings(text) == []
-        return
-    given = problems(text)
-    assert len(given) == len(found)
-    assert all(one.startswith(start) for one, start in zip(given, found, strict=True))
+    assert_begin(problems(text) if found else warnings(text), found)
 
 
 @pytest.mark.parametrize("kind", ["fixed", "floating", "planar"])
@@ -434,10 +431,8 @@ def test_a_mass_below_zero_is_one_problem():
     ],
 )
 def test_sizes_of_zero_are_a_warning(shape, count):
-    found = warnings(visual(shape))
-    tag = shape[1:].split()[0]
-    assert len(found) == count
-    assert all(text.startswith(f'3: link "a" <visual> <geometry> <{tag}>: ') for text in found)
+    start = f'3: link "a" <visual> <geometry> <{shape[1:].split()[0]}>: '
+    assert_begin(warnings(visual(shape)), [start] * count)
     [read] = parse_description(visual(shape)).links
     assert len(read.visuals) == 1
 
@@ -503,81 +498,61 @@ RED = _color("1 0 0 1")
 def test_colours_go_from_0_to_1(rgba, good):
     use = '<material name="m"/>'
     text = link(_visual(use) + _visual(use), f'<material name="m">{_color(rgba)}</material>')
-    if good:
-        assert warnings(text) == []
-    else:
-        (problem,) = problems(text)
-        assert problem.startswith(f'1: material "m" <color>: rgba="{rgba}" leaves 0 to 1; divide')
+    start = f'1: material "m" <color>: rgba="{rgba}" leaves 0 to 1; divide'
+    assert_begin(warnings(text) if good else problems(text), [] if good else [start])
+
+
+def _material(inside, name="m"):
+    return f'<material name="{name}">{inside}</material>'
+
+
+GREEN = _color("0 1 0 1")
+USED = 'link "a" <visual> material "m":'
+CLASH = [f"4: {USED} a material of that name looks different elsewhere"]
 
 
 @pytest.mark.parametrize(
-    ("shared", "first", "second", "text"),
+    ("shared", "first", "second", "starts"),
     [
-        ('<material name="m"><color rgba="1 0 0 1"/></material>', "", "", None),
-        ("", RED, "", None),
-        ("", "", RED, None),
-        ("", RED, RED, None),
-        ("", RED, _color("1.0 0 0 1"), None),
-        ("", "", "", "no material of that name is defined"),
-        ("", RED, _color("0 1 0 1"), "a material of that name looks different elsewhere"),
-        (
-            '<material name="m"><color rgba="1 0 0 1"/></material>',
-            RED,
-            _color("0 1 0 1"),
-            "a material of that name looks different elsewhere",
-        ),
-        ('<material name="m"/>', RED, RED, "defines neither <color> nor <texture>"),
+        (_material(RED), "", "", []),
+        ("", RED, "", []),
+        ("", "", RED, []),
+        ("", RED, RED, []),
+        ("", RED, _color("1.0 0 0 1"), []),
+        ("", "", "", [f"{line}: {USED} no material of that name is defined" for line in (3, 4)]),
+        ("", RED, GREEN, CLASH),
+        (_material(RED), RED, GREEN, CLASH),
+        (_material(""), RED, RED, ['1: material "m": defines neither <color> nor <texture>']),
     ],
 )
-def test_materials_used_by_two_visuals(shared, first, second, text):
-    uses = [f'<material name="m">{inside}</material>' for inside in (first, second)]
-    found = warnings(link("\n".join(map(_visual, uses)), shared))
-    if text is None:
-        assert found == []
-    elif text.startswith("no material"):
-        assert [one.split(":")[0] for one in found] == ["3", "4"]
-        assert all(text in one for one in found)
-    else:
-        (warning,) = found
-        assert text in warning
-        assert warning.startswith("4:" if "elsewhere" in text else "1:")
-
-
-def test_a_material_is_found_wherever_it_is_defined():
-    uses = _visual('<material name="m"/>') + _visual(f'<material name="m">{RED}</material>')
-    [read] = parse_description(link(uses)).links
-    assert [visual.color for visual in read.visuals] == [(1.0, 0.0, 0.0, 1.0)] * 2
+def test_materials_used_by_two_visuals(shared, first, second, starts):
+    uses = [_visual(_material(inside)) for inside in (first, second)]
+    assert_begin(warnings(link("\n".join(uses), shared)), starts)
 
 
 def test_the_first_material_of_a_name_colours_all_visuals_of_that_name():
     """As in urdfdom: the robot's before the visuals'; without a name each has its own."""
-    blue, green = _color("0 0 1 1"), _color("0 1 0 1")
-    uses = "".join(
-        _visual(f'<material name="{name}">{color}</material>')
-        for name, color in (("m", RED), ("m", green), ("", green), ("n", green), ("n", RED))
-    )
+    materials = (("", "m"), (RED, "m"), (GREEN, "m"), (GREEN, ""), (GREEN, "n"), (RED, "n"))
+    uses = "".join(_visual(_material(*material)) for material in materials)
 
     def colors(shared):
         [read] = parse_description(link(uses, shared)).links
         return [visual.color for visual in read.visuals]
 
     r, g, b = (1.0, 0.0, 0.0, 1.0), (0.0, 1.0, 0.0, 1.0), (0.0, 0.0, 1.0, 1.0)
-    assert colors("") == [r, r, g, g, g]
-    assert colors(f'<material name="m">{blue}</material>') == [b, b, g, g, g]
+    assert colors("") == [r, r, r, g, g, g]
+    assert colors(_material(_color("0 0 1 1"))) == [b, b, b, g, g, g]
 
 
 def test_materials_of_the_robot_are_defined_once():
-    both = f'<material name="m">{RED}</material>\n<material name="m">{{}}</material>'
-    assert warnings(robot(both.format(RED), '<link name="a"/>')) == []
-    (problem,) = problems(robot(both.format(_color("0 0 0 1")), '<link name="a"/>'))
+    assert warnings(robot(_material(RED), _material(RED), '<link name="a"/>')) == []
+    (problem,) = problems(robot(_material(RED), _material(GREEN), '<link name="a"/>'))
     assert problem.startswith('3: material "m": there is another material of that name that looks')
 
 
 def test_materials_without_a_name_are_each_their_own():
-    uses = _visual(f'<material name="">{RED}</material>') + _visual(
-        f'<material name="">{_color("0 1 0 1")}</material>'
-    )
-    assert warnings(link(uses)) == []
+    uses = [_visual(_material(color, "")) for color in (RED, GREEN)]
+    assert warnings(link("".join(uses))) == []
     (warning,) = warnings(link(_visual('<material name=""/>')))
     assert "neither a name nor a <color>, so it does nothing" in warning
     (problem,) = problems(link(_visual(f"<material>{RED}</material>")))
@@ -610,21 +585,14 @@ def test_textures_are_files():
     ],
 )
 def test_elements_that_urdf_does_not_know(inside, texts):
-    found = warnings(link(inside))
-    assert len(found) == len(texts)
-    assert all(
-        one.startswith(f'3: link "a" {text}') for one, text in zip(found, texts, strict=True)
-    )
+    assert_begin(warnings(link(inside)), [f'3: link "a" {text}' for text in texts])
 
 
 def test_attributes_that_urdf_does_not_know():
     text = joint('<limit lowr="-1" lower="-1" upper="1" effort="1" velocity="1" jerk="1" x="2"/>')
     found = warnings(text)
-    assert len(found) == 2
-    assert found[0].startswith(
-        '4: joint "j" <limit>: unknown attribute "lowr", so it is ignored (did'
-    )
-    assert 'unknown attribute "x"' in found[1]
+    start = '4: joint "j" <limit>: unknown attribute'
+    assert_begin(found, [f'{start} "lowr", so it is ignored (did you', f'{start} "x", so it is'])
     assert warnings(link("").replace('name="a"', 'name="a" type="t" x:y="1" xmlns:x="u"')) == []
 
 
@@ -733,12 +701,8 @@ def _links(names):
 def test_links_make_one_tree(joints, found):
     rows = [hinge(f"j{row}", *ends) for row, ends in enumerate(joints)]
     text = robot(_links("abc"), *rows)
-    if not found:
-        assert parse_description(text).root_link == "a"
-        return
-    given = problems(text)
-    assert len(given) == len(found), given
-    assert all(one.startswith(part) for one, part in zip(given, found, strict=True)), given
+    assert_begin(problems(text) if found else warnings(text), found)
+    assert found or parse_description(text).root_link == "a"
 
 
 def test_ends_that_are_missing_are_one_problem_each():

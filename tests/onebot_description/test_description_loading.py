@@ -172,11 +172,7 @@ def _macro(name: str, body: str = "<a/>") -> str:
         ),
         ([_macro("wheel"), "<xacro:whel/>"], '3: unknown macro "whel" (did you mean "wheel"?'),
         (
-            [
-                _macro("inner", '\n<a b="${1 + y}"/>'),
-                _macro("outer", "\n<xacro:inner/>"),
-                "<xacro:outer/>",
-            ],
+            [_macro("in", '\n<a b="${1 + y}"/>'), _macro("out", "\n<xacro:in/>"), "<xacro:out/>"],
             '3 (called at 5, from 6): unknown property "y" in ${1 + y}',
         ),
         (
