@@ -260,10 +260,8 @@ def test_what_can_be_no_package_is_not_looked_for(name, tmp_path):
 
 def test_a_description_of_endless_packages_is_soon_read(monkeypatch):
     looked = []
-    monkeypatch.setattr(
-        "onebot_description.elements.packages._in_index",
-        lambda name: looked.append(name) or Path("/x"),
-    )
+    in_index = "onebot_description.elements.packages._in_index"
+    monkeypatch.setattr(in_index, lambda name: looked.append(name) or Path("/x"))
     resources = Resources(None)
     for number in range(200):
         with contextlib.suppress(OneBotError):
@@ -276,10 +274,7 @@ def test_a_description_of_endless_packages_is_soon_read(monkeypatch):
 
 def test_threads_link_a_checkout_at_once(tmp_path):
     """A robot and its world are read by two threads; none is left over."""
-    targets = [tmp_path / "one", tmp_path / "other"]
+    targets = [tmp_path / "one", tmp_path / "other"] * 200
     with ThreadPoolExecutor(8) as executor:
-        for _ in executor.map(
-            lambda number: _link(tmp_path / "link", targets[number % 2]), range(400)
-        ):
-            pass
+        list(executor.map(_link, [tmp_path / "link"] * 400, targets))
     assert [path.name for path in tmp_path.iterdir()] == ["link"]
