@@ -2,7 +2,7 @@
 
 import argparse
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import yaml
@@ -48,16 +48,10 @@ def write_robot(source: Path, folder: Path) -> dict[Path, str]:
         written[path] = f"{len(data) / 1000:.0f} kB, {part.inertial.mass:.4f} kg"
     path = folder / "config" / "inertials.yaml"
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(inertials_yaml(parts), encoding="utf-8")
+    inertials = {part.name: _as_mapping(part.inertial) for part in parts}
+    path.write_text(_HEADER + yaml.safe_dump(inertials, sort_keys=False), encoding="utf-8")
     written[path] = "mass, centre of mass and inertia of each part"
     return written
-
-
-def inertials_yaml(parts: Iterable[Part]) -> str:
-    """Return the content of config/inertials.yaml."""
-    return _HEADER + yaml.safe_dump(
-        {part.name: _as_mapping(part.inertial) for part in parts}, sort_keys=False
-    )
 
 
 def _as_mapping(inertial: MassProperties) -> dict[str, object]:
