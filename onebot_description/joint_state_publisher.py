@@ -26,9 +26,10 @@ if __name__ == "__main__":  # first: the imports take a second
 import sys
 import time
 from array import array
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -363,27 +364,6 @@ class JointStatesOut:
             self._publisher.publish(message)
 
 
-class JointStatesIn:
-    """Subscribes to the topics whose values override all motions."""
-
-    def __init__(self, node: Node, received: Callable[[str, JointState], None]) -> None:
-        """Call ``received`` with topic and message; ``subscribe`` sets the topics."""
-        self._node, self._received = node, received
-        self._subscriptions: dict[str, Subscription] = {}
-
-    def subscribe(self, topics: Sequence[str]) -> None:
-        """Subscribe to these topics and no others."""
-        for topic in set(self._subscriptions).difference(topics):
-            self._node.destroy_subscription(self._subscriptions.pop(topic))
-        for topic in set(topics).difference(self._subscriptions):
-            self._subscriptions[topic] = self._node.create_subscription(
-                JointState,
-                topic,
-                lambda message, t=topic: self._received(t, message),
-                ANY_PUBLISHER,
-            )
-
-
 _NO_ARGUMENTS = RosArguments()
 
 
@@ -408,7 +388,7 @@ class JointStatePublisher(Node):
         self._settings = JointParameters(self, arguments)
         self.state = JointsState(self._settings.values, self._settings.config)
         self._output = JointStatesOut(self)
-        self._input = JointStatesIn(self, self._on_joint_state)
+        self._sources: dict[str, Subscription] = {}  # topics whose values override all motions
         self._files = JointFiles(self, description_file, self._settings.live)
         self._start(description_file)
         follow_changes(self, self._check, self._accept)
@@ -422,7 +402,7 @@ class JointStatePublisher(Node):
         elif text:
             self._use(described_by(text))
         else:
-            self._input.subscribe(self.state.config.source_list)
+            self._subscribe(self.state.config.source_list)
             DescriptionTopic(self, lambda: self.state.description, self.replace)
 
     # Parameters ------------------------------------------------------------------------------
@@ -506,7 +486,7 @@ class JointStatePublisher(Node):
                 joints = f"joints: {moved or 'no joint moves, nothing to publish'}"
                 self.get_logger().info(f"robot description applied; {joints}")
             self._output.use(state.source, state.config)
-        self._input.subscribe(state.config.source_list)
+        self._subscribe(state.config.source_list)
 
     def _report(self) -> None:
         """Log once which parameters exceed limits or do not suit the robot."""
@@ -520,6 +500,15 @@ class JointStatePublisher(Node):
         self._reported = set(state.source.reports)
 
     # Messages --------------------------------------------------------------------------------
+
+    def _subscribe(self, topics: Sequence[str]) -> None:
+        """Subscribe to these topics of other nodes' joint states and no others."""
+        for topic in set(self._sources).difference(topics):
+            self.destroy_subscription(self._sources.pop(topic))
+        for topic in set(topics).difference(self._sources):
+            self._sources[topic] = self.create_subscription(
+                JointState, topic, partial(self._on_joint_state, topic), ANY_PUBLISHER
+            )
 
     def _on_joint_state(self, topic: str, message: JointState) -> None:
         if self.state.source is None:

@@ -264,7 +264,7 @@ class ScenePublisher:
 def scene_transforms(description: Description, world_frame: str, stamp_ns: int) -> TFMessage:
     """Return the transforms of a scene's fixed links, below ``world_frame``."""
     fixed = [joint for joint in description.joints if joint.kind == "fixed"]
-    joints = JointArrays.from_joints(fixed)
+    joints = JointArrays(fixed)
     parents, children, values = list(joints.parents), list(joints.children), joints.constant
     if description.root_link != world_frame:
         parents.append(world_frame)

@@ -2,7 +2,7 @@
 
 import argparse
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import yaml
@@ -48,31 +48,21 @@ def write_robot(source: Path, folder: Path) -> dict[Path, str]:
         written[path] = f"{len(data) / 1000:.0f} kB, {part.inertial.mass:.4f} kg"
     path = folder / "config" / "inertials.yaml"
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(inertials_yaml(parts), encoding="utf-8")
+    inertials = {part.name: _as_mapping(part.inertial) for part in parts}
+    path.write_text(_HEADER + yaml.safe_dump(inertials, sort_keys=False), encoding="utf-8")
     written[path] = "mass, centre of mass and inertia of each part"
     return written
-
-
-def inertials_yaml(parts: Iterable[Part]) -> str:
-    """Return the content of config/inertials.yaml."""
-    return _HEADER + yaml.safe_dump(
-        {part.name: _as_mapping(part.inertial) for part in parts}, sort_keys=False
-    )
 
 
 def _as_mapping(inertial: MassProperties) -> dict[str, object]:
     axes = {"x": 0, "y": 1, "z": 2}
     moments = {
-        f"i{a}{b}": _rounded(inertial.inertia[axes[a], axes[b]])
+        # Rounded, so that the result is the same on every machine.
+        f"i{a}{b}": round(float(inertial.inertia[axes[a], axes[b]]), 12) + 0.0
         for a, b in ("xx", "xy", "xz", "yy", "yz", "zz")
     }
     center = [round(float(value), 8) + 0.0 for value in inertial.center]
     return {"mass": round(inertial.mass, 8), "center": center, **moments}
-
-
-def _rounded(moment: float) -> float:
-    """Round to 1e-12 kg m2, so that the result is the same on every machine."""
-    return round(float(moment), 12) + 0.0
 
 
 def main(args: Sequence[str] | None = None) -> int:
@@ -84,20 +74,16 @@ def main(args: Sequence[str] | None = None) -> int:
     parser.add_argument("--dimensions", type=Path, help="another file of dimensions")
     parser.add_argument("--output", type=Path, help="another folder than the package's own")
     arguments = parser.parse_args(args)
+    share = package_share("onebot_description")
+    source = arguments.dimensions or share / "config/dimensions.yaml"
     try:
-        _write(arguments.dimensions, arguments.output)
+        written = write_robot(source, arguments.output or share)
     except OneBotError as error:
         print(error, file=sys.stderr)
         return 1
-    return 0
-
-
-def _write(dimensions: Path | None, output: Path | None) -> None:
-    share = package_share("onebot_description")
-    for path, note in write_robot(
-        dimensions or share / "config/dimensions.yaml", output or share
-    ).items():
+    for path, note in written.items():
         print(f"{path.resolve()}: {note}")
+    return 0
 
 
 if __name__ == "__main__":

@@ -36,8 +36,6 @@ _RAMP = 0.028  # length of the rise from the bottom to the tail's
 NOSE_HEIGHT = -0.027  # the foremost point's
 TAIL_HEIGHT = 0.031
 
-_MAX_DENSITY = 7850.0  # the ballast's, kg/m3: steel
-
 _FAR = 1.0  # m, beyond all parts, for cuts
 _DEPTH = 0.006  # m, of insets in the shell
 _HIDDEN = 0.005  # m; anything deeper inside the shell is not drawn
@@ -116,8 +114,8 @@ def _section() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 def solve_ballast(dimensions: Dimensions, rest: MassProperties, room: Manifold) -> MassProperties:
     """Return the ballast that, with the ``rest``, has the wanted mass and centre of mass.
 
-    Raises OneBotError if its mass would be negative, it would be denser than steel, or stick out of
-    the ``room`` inside the hull.
+    Raises OneBotError if its mass would be negative, or it would stick out of the ``room`` inside
+    the hull.
     """
     mass = dimensions.base_mass - rest.mass
     if mass <= 0:
@@ -128,11 +126,6 @@ def solve_ballast(dimensions: Dimensions, rest: MassProperties, room: Manifold) 
     center = (moment - rest.mass * rest.center) / mass
     block = dimensions.base.ballast
     size = (block.length, block.width, block.height)
-    density = mass / float(np.prod(size))
-    if density > _MAX_DENSITY:
-        raise OneBotError(
-            f"the ballast would have {density:.0f} kg/m3, more than steel: enlarge it"
-        )
     low, high = center - np.array(size) / 2, center + np.array(size) / 2
     outside = (box(tuple(low), tuple(high)) - room).volume() / float(np.prod(size))
     if outside > 1e-6:

@@ -20,8 +20,8 @@ from manifold3d import Manifold
 from numpy.typing import NDArray
 
 from onebot_description.arrays import Floats
-from onebot_description.cad.dimensions import Vector
 from onebot_description.cad.primitives import Part, to_mesh
+from onebot_description.geometry.poses import Triple
 
 _EDGE = math.radians(38.0)  # surfaces are shaded smoothly up to this angle between faces
 _TOLERANCE = 1e-4  # m, that a surface may move when points are removed
@@ -47,7 +47,7 @@ def corner_normals(mesh: trimesh.Trimesh, edge: float) -> Floats:
     return result
 
 
-def to_collada(part: Part, colors: dict[str, Vector]) -> bytes:
+def to_collada(part: Part, colors: dict[str, Triple]) -> bytes:
     """Return the file's content; colors are sRGB, 0 to 1, by material."""
     document = collada.Collada()
     document.assetInfo.created = document.assetInfo.modified = _DATE
@@ -66,7 +66,7 @@ def to_collada(part: Part, colors: dict[str, Vector]) -> bytes:
     return buffer.getvalue()
 
 
-def _material(document: collada.Collada, name: str, color: Vector) -> Material:
+def _material(document: collada.Collada, name: str, color: Triple) -> Material:
     gloss = 0.25 if name in ("glass", "metal", "shell") else 0.05
     effect = Effect(
         f"{name}-effect",

@@ -3,10 +3,9 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from onebot_description.geometry.poses import Triple
 from onebot_description.ros.parameters.files import read_map, read_text
 from onebot_description.ros.parameters.reader import read
-
-Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -113,9 +112,9 @@ class Dimensions:
     caster: Caster
     base: Base
     base_mass: float
-    base_center_of_mass: Vector
+    base_center_of_mass: Triple
     densities: dict[str, float]
-    colors: dict[str, Vector]
+    colors: dict[str, Triple]
 
 
 def read_dimensions(path: Path) -> Dimensions:

@@ -8,8 +8,10 @@ import trimesh
 from manifold3d import CrossSection, FillRule, Manifold, Mesh64
 from numpy.typing import NDArray
 
+from onebot_description.geometry.poses import Triple
+from onebot_description.model.rigid_bodies import Body
+
 Points = Sequence[tuple[float, float]]
-Vector = tuple[float, float, float]
 
 
 def loft(sections: NDArray[np.float64]) -> Manifold:
@@ -64,7 +66,7 @@ def lathe_y(profile: Points, segments: int) -> Manifold:
     return lathe(profile, segments).rotate((-90.0, 0.0, 0.0))
 
 
-def box(low: Vector, high: Vector) -> Manifold:
+def box(low: Triple, high: Triple) -> Manifold:
     """Return the box from one corner to the opposite one."""
     size = np.subtract(high, low)
     return Manifold.cube((float(size[0]), float(size[1]), float(size[2]))).translate(low)
@@ -100,7 +102,7 @@ def cylinder_y(radius: float, low: float, high: float, segments: int = 48) -> Ma
     return solid.rotate((-90.0, 0.0, 0.0)).translate((0.0, low, 0.0))
 
 
-def tube(path: NDArray[np.float64], across: Vector, width: float, height: float) -> Manifold:
+def tube(path: NDArray[np.float64], across: Triple, width: float, height: float) -> Manifold:
     """Sweep an ellipse along a path.
 
     Args:
@@ -158,22 +160,18 @@ def weigh(solid: Manifold, density: float) -> MassProperties:
     return MassProperties(float(properties.mass), center, np.asarray(properties.inertia, float))
 
 
-def weigh_box(mass: float, center: NDArray[np.float64], size: Vector) -> MassProperties:
+def weigh_box(mass: float, center: NDArray[np.float64], size: Triple) -> MassProperties:
     """Return the mass properties of a homogeneous box along the axes."""
     squares = np.square(size)
     return MassProperties(mass, center, np.diag(mass * (squares.sum() - squares) / 12))
 
 
 def total(bodies: Sequence[MassProperties]) -> MassProperties:
-    """Return the mass properties of bodies fixed to each other (parallel axis theorem)."""
-    mass = sum(body.mass for body in bodies)
-    moments = np.array([body.mass * body.center for body in bodies])
-    center = np.asarray(moments.sum(axis=0) / mass, float)
-    inertia = np.zeros((3, 3))
+    """Return the mass properties of bodies fixed to each other."""
+    whole = Body("")
     for body in bodies:
-        arm = body.center - center
-        inertia += body.inertia + body.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    return MassProperties(mass, center, inertia)
+        whole.add_mass(body.mass, body.center, body.inertia)
+    return MassProperties(whole.mass, whole.center, whole.inertia)
 
 
 def weigh_all(

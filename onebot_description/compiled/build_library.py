@@ -6,6 +6,7 @@ The build hook of the wheel loads this file by its path, before the package can 
 the standard library may be used here.
 """
 
+import argparse
 import importlib.util
 import os
 import platform
@@ -66,12 +67,12 @@ def find_system_compilers() -> list[list[str]]:
     return [command for command in candidates if shutil.which(command[0])]
 
 
-def find_zig() -> list[str] | None:
-    """Return the command of the C compiler in the ``ziglang`` wheel, None without one."""
+def find_zig() -> list[list[str]]:
+    """List the command of the C compiler in the ``ziglang`` wheel, if there is one."""
     target = _ZIG_TARGETS.get(platform.machine())
     if target is None or importlib.util.find_spec("ziglang") is None:
-        return None
-    return [sys.executable, "-m", "ziglang", "cc", "-target", target]
+        return []
+    return [[sys.executable, "-m", "ziglang", "cc", "-target", target]]
 
 
 def build(target: Path) -> None:
@@ -79,15 +80,12 @@ def build(target: Path) -> None:
 
     ``target`` is replaced in one step: a process that has the old one loaded keeps it.
     """
-    commands = find_system_compilers()
-    if zig := find_zig():
-        commands.append(zig)
+    commands = [*find_system_compilers(), *find_zig()]
     failures: list[str] = []
     try:
         with tempfile.TemporaryDirectory(dir=target.parent, prefix=".build-") as folder:
             for command in commands:
-                # A new name for each: the dynamic loader knows a library by its file.
-                library = Path(folder) / f"{len(failures)}.so"
+                library = Path(folder) / LIBRARY.name
                 failure = _compile(command, library)
                 if failure is None:
                     os.replace(library, target)
@@ -99,7 +97,7 @@ def build(target: Path) -> None:
 
 
 def _compile(command: list[str], library: Path) -> str | None:
-    """Run one compiler and load what it made; return what went wrong, None if nothing."""
+    """Run one compiler; return what went wrong, None if nothing."""
     digest = f'-DONEBOT_SOURCE_DIGEST="{source_digest()}"'
     arguments = [*command, *_FLAGS, digest, "-o", str(library), *map(str, SOURCES), "-lm"]
     # Zig keeps what it built in a folder that would stay behind, or may be read-only.
@@ -114,15 +112,6 @@ def _compile(command: list[str], library: Path) -> str | None:
     if result.returncode != 0:
         output = (result.stderr or result.stdout).strip()
         return f"failed with exit code {result.returncode}: {output[-2000:]}"
-    # Loaded by a process that ends: here the file would stay mapped, and writing to it later would
-    # kill this process (SIGBUS) when it ends.
-    load = "import ctypes, sys; ctypes.CDLL(sys.argv[1])"
-    loaded = subprocess.run(
-        [sys.executable, "-I", "-S", "-c", load, str(library)], capture_output=True, text=True
-    )
-    if loaded.returncode != 0:
-        why = (loaded.stderr.strip().splitlines() or ["no reason given"])[-1]
-        return f"made a library that this Python cannot load: {why}"
     return None
 
 
@@ -140,13 +129,9 @@ def _explain(failures: list[str]) -> str:
 
 def main(arguments: list[str] | None = None) -> int:
     """Build the library in place or as the one argument; return the exit code."""
-    arguments = sys.argv[1:] if arguments is None else arguments
-    if len(arguments) > 1 or any(argument.startswith("-") for argument in arguments):
-        print(
-            "usage: python -m onebot_description.compiled.build_library [TARGET]", file=sys.stderr
-        )
-        return 2
-    target = Path(arguments[0]) if arguments else LIBRARY
+    parser = argparse.ArgumentParser(prog="python -m onebot_description.compiled.build_library")
+    parser.add_argument("target", nargs="?", type=Path, default=LIBRARY, metavar="TARGET")
+    target = parser.parse_args(arguments).target
     try:
         build(target)
     except BuildError as error:

@@ -125,7 +125,7 @@ def _fork(function: str, request: Any, bounds: Bounds) -> bytes:
         os.kill(child, signal.SIGKILL)
         raise
     finally:
-        code = _exit_code(child)
+        code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
     if answer and code == 0:
         return answer
     met = {-signal.SIGXCPU: f"{bounds.processor} s of processor time"}
@@ -134,13 +134,6 @@ def _fork(function: str, request: Any, bounds: Bounds) -> bytes:
         return json.dumps({"met": [met[code], place.read()]}).encode()
     text = f"the process of {place.read() or 'a bounded function'} ended with {code}"
     return json.dumps({"failed": text}).encode()
-
-
-def _exit_code(child: int) -> int:
-    try:
-        return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-    except ChildProcessError:  # this process ignores SIGCHLD, and its children leave no code
-        return 0
 
 
 def _in_child(function: str, request: Any, bounds: Bounds, place: Place, out: int) -> NoReturn:
@@ -181,7 +174,5 @@ def _limit(bounds: Bounds) -> None:
 
 def _lower(kind: int, limit: int) -> None:
     soft, hard = resource.getrlimit(kind)
-    for bound in (soft, hard):
-        if bound != resource.RLIM_INFINITY:
-            limit = min(limit, bound)
-    resource.setrlimit(kind, (limit, hard))
+    bounds = [bound for bound in (soft, hard) if bound != resource.RLIM_INFINITY]
+    resource.setrlimit(kind, (min([limit, *bounds]), hard))

@@ -99,6 +99,7 @@ def check_tree(
             above[child] = joint
     parents = {child: ends[joint][0] for child, joint in above.items()}
     for loop in cycles(parents):
+        loop.reverse()  # from parent to child
         names = " -> ".join([*loop, loop[0]])
         findings.error(
             joints[above[loop[0]]], f"the links {names} form a loop; remove one of its joints"
@@ -115,20 +116,17 @@ def check_tree(
 
 
 def cycles(parents: Mapping[str, str]) -> list[list[str]]:
-    """Return the cycles in a map of child to parent, each from parent to child."""
+    """Return the cycles in a map of child to parent, each from child to parent."""
     loops = []
     done: set[str] = set()
-    for start in parents:
+    for link in parents:
         path: list[str] = []
-        on_path: set[str] = set()
-        link = start
-        while link in parents and link not in done and link not in on_path:
+        while link in parents and link not in done:
+            done.add(link)
             path.append(link)
-            on_path.add(link)
             link = parents[link]
-        if link in on_path:
-            loops.append(path[path.index(link) :][::-1])
-        done.update(path)
+        if link in path:
+            loops.append(path[path.index(link) :])
     return loops
 
 
@@ -150,17 +148,14 @@ def check_mimics(
         elif master == name:
             wrong[name] = "the joint mimics itself; name another joint"
         elif master not in joints:
-            hint = findings.hint(master, moving, "joints", without=name)
+            hint = findings.hint(master, [joint for joint in moving if joint != name], "joints")
             wrong[name] = f'there is no joint "{master}" to mimic{hint}'
         elif joints[master].kind and joints[master].kind not in MOVING_KINDS:
             wrong[name] = f'joint "{master}" is {joints[master].kind} and has no position to mimic'
     circles = cycles({name: master for name, master in masters.items() if name not in wrong})
-    order = {name: number for number, name in enumerate(masters)}
     for circle in circles:
-        first = min(circle, key=order.__getitem__)
-        here = circle.index(first)
-        names = " -> ".join([*circle[here::-1], *circle[:here:-1], first])
-        wrong[first] = f"the joints {names} mimic each other in a circle"
+        names = " -> ".join([*circle, circle[0]])
+        wrong[circle[0]] = f"the joints {names} mimic each other in a circle"
     for name, text in wrong.items():
         element = elements[name].find("mimic")
         assert element is not None  # a Mimic was read from it

@@ -132,8 +132,10 @@ class _Run:
 
     def replace_functions(self, file: str) -> None:
         """Make xacro call the methods below; ``file`` is its first file."""
-        for name in ("open", "parse", "message", "warning", "error", "print_location"):
+        for name in ("open", "parse", "message", "warning"):
             setattr(xacro, name, getattr(self, name))
+        xacro.error = self.warning
+        xacro.print_location = lambda *_: None  # places are in the messages already
         xacro.handle_macro_call = self.handle_macro_call
         setattr(minidom, "NodeList", _Children)  # noqa: B010 (which elements are made with)
         xacro.safe_eval = evaluate
@@ -177,12 +179,6 @@ class _Run:
         stack = xacro.filestack
         place = f"{shown_path(stack[-1])}: " if stack and stack[-1] else ""
         self.warnings.append(place + "xacro: " + " ".join(" ".join(map(str, words)).split()))
-
-    def error(self, *words: object, **_: object) -> None:
-        self.warning(*words)
-
-    def print_location(self, *_: object, **__: object) -> None:
-        """Print nothing: places are in the messages already."""
 
     def handle_macro_call(self, node: Any, macros: Any, symbols: Any) -> bool:
         """Replace ``xacro.handle_macro_call``, which is called for every element: notes places."""
@@ -249,7 +245,7 @@ def _cause(chain: list[Exception], frames: list[FrameType], arguments: list[str]
     if isinstance(inner, FileNotFoundError) and inner.filename:
         return missing_file(Path(str(inner.filename)))
     if type(inner).__name__ == "ArgException":
-        return _argument_without_value(str(inner), frames, arguments)
+        return _argument_without_value(str(inner), arguments)
     text = " ".join(str(inner).split()) or repr(inner)
     expression = _expression(chain)
     if isinstance(inner, _UNKNOWN) and (name := re.search(r"'(.+?)'", text)):
@@ -268,18 +264,14 @@ def _cause(chain: list[Exception], frames: list[FrameType], arguments: list[str]
     return f"xacro: {text}"
 
 
-def _argument_without_value(name: str, frames: list[FrameType], arguments: list[str]) -> str:
-    if name not in arguments:
-        hint = did_you_mean(name, arguments, "declared")
-        return (
-            f'argument "{name}" has no value{hint}; give {name}:=<value>, '
-            f'or declare <xacro:arg name="{name}" default="..."/>'
-        )
-    nodes = [node for frame in frames if (node := _node(frame)) is not None]
-    # Nothing can stand above the outermost element.
-    in_root = nodes and nodes[-1].parentNode is nodes[-1].ownerDocument
-    remedy = f"give {name}:=VALUE" if in_root else f'move its <xacro:arg name="{name}"> above'
-    return f'argument "{name}" has no value here; {remedy}'
+def _argument_without_value(name: str, arguments: list[str]) -> str:
+    if name in arguments:
+        return f'argument "{name}" has no value here; give {name}:=<value>, or declare it above'
+    hint = did_you_mean(name, arguments, "declared")
+    return (
+        f'argument "{name}" has no value{hint}; give {name}:=<value>, '
+        f'or declare <xacro:arg name="{name}" default="..."/>'
+    )
 
 
 def _expression(chain: list[Exception]) -> str:

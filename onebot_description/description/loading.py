@@ -157,10 +157,8 @@ def parse_description(urdf: str, name: str = "<string>") -> Description:
     Raises:
         DescriptionError: the robot cannot be published; the text lists all problems.
     """
-    try:
-        data, warnings = xml.mended(urdf.encode("utf-8"), name)
-    except UnicodeEncodeError as error:
-        raise DescriptionError([f"{name}: contains an invalid character ({error})"]) from None
+    # What UTF-8 cannot encode is refused as any other character that is not XML's.
+    data, warnings = xml.mended(urdf.encode("utf-8", "surrogatepass"), name)
     document = xml.parse(data, name, _folder(name), "utf-8")
     places = _kept_places(urdf)
     if len(places) == len(document.places):
@@ -181,7 +179,7 @@ def _kept_places(urdf: str) -> list[str]:
     try:
         file = _places_file(urdf)
         return list(json.loads(file.read_text())) if file else []
-    except (OSError, UnicodeEncodeError):
+    except OSError:
         return []
 
 

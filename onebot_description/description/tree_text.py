@@ -2,10 +2,9 @@
 
 from collections.abc import Callable, Iterable, Sequence
 
-from onebot_description.errors import printable
+from onebot_description.errors import printable, shortened
 
 _MOST_INDENT = 60  # characters before a name; of longer indents, only the end is drawn
-_MOST_CELL = 100  # characters
 
 
 def branches(roots: Iterable[str], below: Callable[[str], Sequence[str]]) -> list[tuple[str, str]]:
@@ -31,8 +30,7 @@ def _shortened(indent: str) -> str:
 
 def cell(text: str) -> str:
     """Return ``text`` for a table cell: printable, and not too long."""
-    line = printable(text)
-    return line if len(line) <= _MOST_CELL else line[: _MOST_CELL - 1] + "…"
+    return shortened(printable(text))
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:

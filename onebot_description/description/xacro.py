@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 from xml.etree.ElementTree import Element
 
 from onebot_description.description.bounded_process import BoundExceeded, Bounds, run_bounded
@@ -39,28 +39,18 @@ def expand(
         raise DescriptionError([text]) from None
     except (OSError, RuntimeError) as error:  # such as too many processes, or one that was killed
         raise DescriptionError([f"{name}: cannot be expanded: {error}"]) from None
-    problems = [*answer["problems"], *_unknown_arguments(name, arguments, answer["arguments"])]
+    problems, declared = answer["problems"], answer["arguments"]
+    for argument in arguments:
+        if argument not in declared:
+            hint = did_you_mean(argument, declared, "declared")
+            problems.append(f'{name}: takes no argument "{argument}"{hint}')
     if problems:
         raise DescriptionError(problems)
-    return _to_document(answer, path), tuple(map(Path, answer["files"])), tuple(answer["warnings"])
-
-
-def _unknown_arguments(
-    shown: str, arguments: Mapping[str, str], declared: list[str]
-) -> Iterator[str]:
-    for name in arguments:
-        if name not in declared:
-            hint = did_you_mean(name, declared, "declared")
-            yield f'{shown}: takes no argument "{name}"{hint}'
-
-
-def _to_document(found: Mapping[str, Any], path: Path) -> xml.Document:
-    """Parse the expanded text, keeping the places of its elements."""
-    name = xml.shown_path(path)
-    data = found["text"].encode("utf-8", "replace")
+    data = answer["text"].encode("utf-8", "replace")
     root = xml.parse(data, f"{name} (expanded)", encoding="utf-8").root
-    places = dict(zip(root.iter(), found["places"], strict=True))
-    return xml.Document(root, places, name, path.parent)
+    places = dict(zip(root.iter(), answer["places"], strict=True))
+    document = xml.Document(root, places, name, path.parent)
+    return document, tuple(map(Path, answer["files"])), tuple(answer["warnings"])
 
 
 # Arguments may be used without being declared.

@@ -40,9 +40,9 @@ class Frames:
 
     def __init__(self, links: Iterable[str], joints: Iterable[Joint]) -> None:
         self._joints = [*joints]
-        self._links = {name: name for name in links}
         # A joint's frame is the one of the link that it moves.
-        self._names = {joint.name: joint.child for joint in self._joints} | self._links
+        self._names = {joint.name: joint.child for joint in self._joints}
+        self._names |= {name: name for name in links}
 
     @property
     def names(self) -> list[str]:

@@ -6,9 +6,8 @@ RViz shows, but yourdfpy ignores: the <unit> of a Collada file, and surfaces wit
 import.
 """
 
+import io
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
@@ -22,7 +21,6 @@ from onebot_description.geometry.poses import Triple
 if TYPE_CHECKING:
     import numpy as np
     import trimesh
-    import yourdfpy
     from numpy.typing import NDArray
 
 _MOST_LISTINGS = 20  # a description; each compares the names of a folder
@@ -77,7 +75,7 @@ def mesh_scene(mesh: Mesh, *, materials: bool = True) -> "trimesh.Scene":
         if path.suffix.lower() == ".dae":
             scene = _collada_scene(path, materials).convert_units("meters")
         else:
-            scene = geometry_scene(_mesh_geometry(path))
+            scene = _load(path)
     except OneBotError:
         raise
     except Exception as error:  # trimesh and its parsers raise exceptions of many types
@@ -122,10 +120,11 @@ def read_mesh(mesh: Mesh) -> "tuple[NDArray[np.float64], NDArray[np.intp]]":
     return corners, np.concatenate(faces)
 
 
-def geometry_scene(geometry: "yourdfpy.Geometry") -> "trimesh.Scene":
-    """Load a shape with yourdfpy."""
+def _load(path: Path) -> "trimesh.Scene":
+    """Load a mesh file with yourdfpy."""
     import yourdfpy
 
+    geometry = yourdfpy.Geometry(mesh=yourdfpy.Mesh(str(path)))
     visual = yourdfpy.Visual(name="shape", geometry=geometry)
     robot = yourdfpy.Robot("robot", links=[yourdfpy.Link("link", visuals=[visual])])
     return yourdfpy.URDF(robot=robot, filename_handler=lambda fname: fname).scene
@@ -146,32 +145,22 @@ def _collada_scene(path: Path, materials: bool) -> "trimesh.Scene":
     """Load a Collada file; without colours if a broken material would lose surfaces."""
     scene, drawn = None, 0
     if materials:
-        scene = geometry_scene(_mesh_geometry(path))
+        scene = _load(path)
         drawn = len(scene.graph.nodes_geometry)
         if drawn >= path.read_bytes().count(b"<instance_geometry"):
             return scene
-    with _without_materials(path) as copy:
-        plain = geometry_scene(_mesh_geometry(copy))
+    plain = _without_materials(path)
     return scene if scene is not None and len(plain.graph.nodes_geometry) <= drawn else plain
 
 
-@contextmanager
-def _without_materials(path: Path) -> Iterator[Path]:
-    """Yield a temporary copy of a Collada file with only its surfaces."""
+def _without_materials(path: Path) -> "trimesh.Scene":
+    """Load the surfaces of a Collada file alone."""
+    import trimesh
+
     root = ElementTree.parse(path).getroot()
     for parent in list(root.iter()):
         for child in list(parent):
             if child.tag.rpartition("}")[2] in _LOOKS:
                 parent.remove(child)
-    from tempfile import NamedTemporaryFile
-
-    with NamedTemporaryFile(suffix=".dae") as file:
-        file.write(ElementTree.tostring(root))
-        file.flush()
-        yield Path(file.name)
-
-
-def _mesh_geometry(path: Path) -> "yourdfpy.Geometry":
-    import yourdfpy
-
-    return yourdfpy.Geometry(mesh=yourdfpy.Mesh(str(path)))
+    surfaces_alone = io.BytesIO(ElementTree.tostring(root))
+    return trimesh.load_scene(surfaces_alone, file_type="dae", ignore_broken=True)

@@ -117,13 +117,16 @@ class Resources:
     def _on_ros_path(self, name: str) -> Path | None:
         """Return the package of that name in ROS_PACKAGE_PATH, or else a folder of that name."""
         tops = [Path(entry) for entry in _entries(_ROS_PATH)]
-        packages = [below[name] for top in tops if name in (below := self._packages_below(top))]
-        folders = (
-            folder for top in tops for folder in (top, top / name, *self._below[top].values())
-        )
-        named = (folder for folder in folders if folder.name == name and os.path.isdir(folder))
-        first = next(iter(packages), None) or next(named, None)
+        below = [folder for top in tops for folder in self._packages_below(top).values()]
+        near = [folder for top in tops for folder in (top, top / name)]
+        first = self._first(name, tops, near + below)
         return first and first.resolve()
+
+    def _first(self, name: str, tops: list[Path], folders: list[Path]) -> Path | None:
+        """Return the package of that name in or below ``tops``, or else the folder so named."""
+        packages = (below[name] for top in tops if name in (below := self._packages_below(top)))
+        named = (folder for folder in folders if folder.name == name and os.path.isdir(folder))
+        return next(packages, None) or next(named, None)
 
     def _around(self, name: str, folder: Path) -> Path | None:
         """Return the package in the source tree around ``folder``: above it, or near those above.
@@ -134,12 +137,9 @@ class Resources:
         for source in (source for parent in above for source in (parent, parent / name)):
             if _package_name(source) == name:
                 return source
-        for parent in _source_tree(folder):  # the nearest first: a tree may hold several robots
-            if name in (below := self._packages_below(parent)):
-                return below[name]
-        named = [parent for parent in above if parent.name == name]
-        named += [folder / name, folder.parent / name]
-        return next((source for source in named if os.path.isdir(source)), None)
+        # The nearest first: a tree may hold several robots.
+        folders = [*above, folder / name, folder.parent / name]
+        return self._first(name, _source_tree(folder), folders)
 
     def _packages_below(self, top: Path) -> dict[str, Path]:
         """Return the packages in and below ``top``, by name; the nearest one of each name."""

@@ -32,7 +32,14 @@ from onebot_description.elements.description import (
 from onebot_description.elements.meshes import locate_mesh
 from onebot_description.elements.packages import Resources
 from onebot_description.elements.xml import Document
-from onebot_description.errors import DescriptionError, clipped, did_you_mean, listing, printable
+from onebot_description.errors import (
+    DescriptionError,
+    clipped,
+    did_you_mean,
+    listing,
+    printable,
+    shortened,
+)
 from onebot_description.geometry.poses import ZERO, Origin, Triple
 
 Element = ElementTree.Element
@@ -77,17 +84,10 @@ class Findings:
         message = printable(clipped(f"{self.where(element)}: {self.label(element)}: {text}"))
         self.texts.append((severity, message))
 
-    def hint(
-        self, name: str, candidates: Iterable[str], what: str = "known", without: str = ""
-    ) -> str:
-        """Return the hint of ``did_you_mean``; after many calls "", because it takes time.
-
-        The candidate ``without`` is not suggested.
-        """
+    def hint(self, name: str, candidates: Iterable[str], what: str = "known") -> str:
+        """Return the hint of ``did_you_mean``; after many calls "", because it takes time."""
         self._hints += 1
-        if self._hints > _MOST_HINTS:
-            return ""
-        return did_you_mean(name, [item for item in candidates if item != without], what)
+        return did_you_mean(name, candidates, what) if self._hints <= _MOST_HINTS else ""
 
     def by_severity(self, *severities: Severity) -> tuple[str, ...]:
         """Return the findings of these severities, in the order they were found."""
@@ -320,8 +320,7 @@ def number_fault(word: str) -> str | None:
 
 def _cut(text: str) -> str:
     """Shorten a text to fit in one line."""
-    flat = " ".join(text.split())
-    return flat if len(flat) <= 60 else flat[:57] + "..."
+    return shortened(" ".join(text.split()), 60)
 
 
 def _read_origin(findings: Findings, element: Element, *, needed: bool = False) -> Origin | None:

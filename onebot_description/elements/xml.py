@@ -7,7 +7,6 @@ bombs and external entities, and so is absurd nesting. The line of every element
 import codecs
 import os
 import re
-import stat
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -67,15 +66,10 @@ def read_bytes(path: Path) -> bytes:
     """
     name = shown_path(path)
     try:
-        mode = path.stat().st_mode
-        if stat.S_ISDIR(mode):
-            raise DescriptionError([f"{name}: is a folder; name the file{_choices(path, '')}"])
-        if not stat.S_ISREG(mode):  # a pipe would have the reader wait, a device may never end
+        if not path.is_file():  # a pipe would have the reader wait, a device may never end
             raise DescriptionError([missing_file(path)])
         with path.open("rb") as file:
             data = file.read(MOST_BYTES + 1)
-    except FileNotFoundError:
-        raise DescriptionError([missing_file(path)]) from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise DescriptionError([f"{name}: cannot be read: {reason}"]) from None
@@ -89,8 +83,10 @@ def missing_file(path: Path) -> str:
     folder, name = path.parent, shown_path(path)
     if not folder.is_dir():
         return f"{name}: no such file (there is no folder {shown_path(folder)})"
+    if path.is_dir():
+        return f"{name}: is a folder; name the file{_choices(path, '')}"
     if path.exists():
-        return f"{name}: is a {'folder' if path.is_dir() else 'device or pipe'}, not a file"
+        return f"{name}: is a device or pipe, not a file"
     return f"{name}: no such file{_choices(folder, path.name)}"
 
 

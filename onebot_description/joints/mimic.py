@@ -68,7 +68,7 @@ def resolve(
 
     for name, text in _without_leader(joints, all_joints, mimics).items():
         leave_out(name, text)
-    for circle in _circles(mimics):
+    for circle in cycles({name: mimic.joint for name, mimic in mimics.items()}):
         names = " -> ".join([*circle, circle[0]])
         # Without one of them the others can follow; prefer one that the parameters name.
         name = next((joint for joint in circle if joint in dependent), circle[0])
@@ -105,12 +105,6 @@ def _without_leader(
         hint = did_you_mean(mimic.joint, names, "joints that move")
         problems[name] = f'joint "{name}" follows "{mimic.joint}", which {wrong}{hint}'
     return problems
-
-
-def _circles(mimics: _Mimics) -> list[list[str]]:
-    """Return each circle as its joints, in the order in which they follow."""
-    parents = {name: mimic.joint for name, mimic in mimics.items()}
-    return [circle[::-1] for circle in cycles(parents)]
 
 
 def _reduced(joints: Sequence[Joint], mimics: _Mimics) -> Following:

@@ -64,26 +64,20 @@ def make_plan(all_joints: Sequence[Joint], config: JointsConfig) -> Plan:
         *problems,
         *more,
     ]
+    follows = following.follows
     endless = np.array([joint.kind == "continuous" for joint in joints], dtype=bool)
-    endless[following.leader[following.follows]] = False
-    endless &= ~following.follows
+    endless[following.leader[follows]] = False
+    endless &= ~follows
     reports = [*config.notes, *problems, *_unknown_zeros(joints, config)]
-    planners = [
-        _JointPlanner(joint, _allowed(joint, narrowed, row), row / len(joints), config, reports)
-        for row, joint in enumerate(joints)
-    ]
-    zeros = [
-        planner.zero(zero_position(lower, upper))
-        for planner, lower, upper in zip(
-            planners, limits.lower.tolist(), limits.upper.tolist(), strict=True
-        )
-    ]
-    motions = tuple(
-        Keyframes.hold(0.0) if follows else planner.motion(zero, turns)
-        for planner, zero, turns, follows in zip(
-            planners, zeros, endless.tolist(), following.follows.tolist(), strict=True
-        )
-    )
+    planners, zeros, motions = list[_JointPlanner](), list[float](), list[Motion]()
+    for row, joint in enumerate(joints):
+        share = row / len(joints)
+        planner = _JointPlanner(joint, _allowed(joint, narrowed, row), share, config, reports)
+        zero = planner.zero(zero_position(float(limits.lower[row]), float(limits.upper[row])))
+        motion = Keyframes.hold(0.0) if follows[row] else planner.motion(zero, bool(endless[row]))
+        planners.append(planner)
+        zeros.append(zero)
+        motions.append(motion)
     _report_poses(planners, following, config)
     return Plan(
         config=config,
@@ -91,7 +85,7 @@ def make_plan(all_joints: Sequence[Joint], config: JointsConfig) -> Plan:
         limits=narrowed,
         endless=endless,
         zeros=np.array(zeros, np.float64),
-        motions=motions,
+        motions=tuple(motions),
         unsuitable=tuple(problem for problem in problems if problem.key),
         reports=tuple(reports),
     )

@@ -82,27 +82,10 @@ class JointArrays:
         address: of the struct joints; valid while this object exists.
     """
 
-    def __init__(
-        self,
-        parents: Sequence[str],
-        children: Sequence[str],
-        half_turns: Floats,
-        constant: Floats,
-        sine: Floats,
-        slide: Floats,
-    ) -> None:
-        self.parents, self.children = tuple(parents), tuple(children)
-        arrays = (half_turns, constant, sine, slide)
-        contiguous = [np.ascontiguousarray(array, float) for array in arrays]
-        self.half_turns, self.constant, self.sine, self.slide = contiguous
-        addresses = [array.ctypes.data for array in contiguous]
-        self._structure = _Joints(len(half_turns), *addresses)
-        self.address = ctypes.addressof(self._structure)
-
-    @classmethod
-    def from_joints(cls, joints: Sequence[Joint]) -> "JointArrays":
-        """Return the arrays of these joints."""
-        count = len(joints)
+    def __init__(self, joints: Sequence[Joint]) -> None:
+        self._joints, count = joints, len(joints)
+        self.parents = tuple(joint.parent for joint in joints)
+        self.children = tuple(joint.child for joint in joints)
         rpy = np.array([joint.origin.rpy for joint in joints], float).reshape(count, 3)
         rotation = quaternions.from_rpy(rpy)
         axis = np.array([joint.axis for joint in joints], float).reshape(count, 3)
@@ -110,14 +93,13 @@ class JointArrays:
         turns = np.array([joint.kind in ("revolute", "continuous") for joint in joints], bool)
         pure = np.concatenate((axis, np.zeros((count, 1))), axis=1)
         translation = np.array([joint.origin.xyz for joint in joints], float).reshape(count, 3)
-        return cls(
-            [joint.parent for joint in joints],
-            [joint.child for joint in joints],
-            np.where(turns, 0.5, 0.0),
-            np.concatenate((translation, rotation), axis=1),
-            quaternions.multiply(rotation, pure) * turns[:, None],
-            quaternions.rotate(rotation, axis) * slides[:, None],
-        )
+        self.half_turns = np.where(turns, 0.5, 0.0)
+        self.constant = np.concatenate((translation, rotation), axis=1)
+        self.sine = np.ascontiguousarray(quaternions.multiply(rotation, pure) * turns[:, None])
+        self.slide = np.ascontiguousarray(quaternions.rotate(rotation, axis) * slides[:, None])
+        arrays = (self.half_turns, self.constant, self.sine, self.slide)
+        self._structure = _Joints(count, *(array.ctypes.data for array in arrays))
+        self.address = ctypes.addressof(self._structure)
 
     def transforms(self, positions: Floats) -> Floats:
         """Return the parent-to-child transforms of the joints.
@@ -138,13 +120,7 @@ class JointArrays:
 
     def take(self, rows: Sequence[int]) -> "JointArrays":
         """Return the arrays of the joints in these rows."""
-        index = np.asarray(rows, np.intp)
-        arrays = (self.half_turns, self.constant, self.sine, self.slide)
-        return JointArrays(
-            [self.parents[row] for row in rows],
-            [self.children[row] for row in rows],
-            *(array[index] for array in arrays),
-        )
+        return JointArrays([self._joints[row] for row in rows])
 
 
 class LinkTree:
@@ -218,7 +194,7 @@ class RobotModel:
         fixed = [joint for joint in description.joints if joint.kind not in MOVING_KINDS]
         self.floating = {joint.child for joint in fixed if joint.kind == "floating"}
         self.joints = tuple(joint.name for joint in moving)
-        self.moving, self.fixed = JointArrays.from_joints(moving), JointArrays.from_joints(fixed)
+        self.moving, self.fixed = JointArrays(moving), JointArrays(fixed)
         self.lower, self.upper = np.array([joint.range for joint in moving]).reshape(-1, 2).T
         speeds = [math.inf if joint.velocity is None else joint.velocity for joint in moving]
         self.velocity: Floats = np.array(speeds, float)

@@ -1,11 +1,12 @@
 """Small robots for the tests of joint positions."""
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+from onebot_description.arrays import Floats
 from onebot_description.description import Joint, Mimic
 from onebot_description.joints.config import JointsConfig
 from onebot_description.joints.source import JointStateSource
-from onebot_description.ros.parameters.reader import Problem
 
 
 def joint(name: str, kind: str = "revolute", **changes: Any) -> Joint:
@@ -26,7 +27,21 @@ def mimic(joint_name: str, multiplier: float = 1.0, offset: float = 0.0) -> Mimi
     return Mimic(joint=joint_name, multiplier=multiplier, offset=offset)
 
 
-def configure(source: JointStateSource, config: JointsConfig) -> tuple[Problem, ...]:
-    """Apply new parameters, and return the warnings on them."""
-    source.apply(source.prepare(config))
-    return source.reports
+def constant(position: float) -> dict[str, Any]:
+    """The parameters of a motion that holds a position."""
+    return {"type": "constant", "position": position}
+
+
+def source_from(joints: Sequence[Joint], parameters: Mapping[str, Any]) -> JointStateSource:
+    """What moves these joints with these parameters."""
+    return JointStateSource(joints, JointsConfig.from_parameters(parameters))
+
+
+def rest_of(joints: Sequence[Joint], parameters: Mapping[str, Any]) -> Floats:
+    """Where these joints are at first with these parameters."""
+    return source_from(joints, parameters).sample(0.0)[0]
+
+
+def configure(source: JointStateSource, parameters: Mapping[str, Any]) -> None:
+    """Apply new parameters."""
+    source.apply(source.prepare(JointsConfig.from_parameters(parameters)))

@@ -16,8 +16,9 @@ import pytest
 from packaging.tags import sys_tags
 from packaging.utils import parse_wheel_filename
 
-from onebot_description.compiled import build_library
+from onebot_description.compiled import build_library, library
 from onebot_description.compiled.build_library import BuildError
+from onebot_description.errors import OneBotError
 
 pytestmark = pytest.mark.checkout
 
@@ -28,17 +29,7 @@ HAS_ZIG = importlib.util.find_spec("ziglang") is not None
 needs_compiler = pytest.mark.skipif(
     not (build_library.find_system_compilers() or HAS_ZIG), reason="no C compiler here"
 )
-USE_MESSAGE = """
-from rclpy.serialization import deserialize_message, serialize_message
-from geometry_msgs.msg import TransformStamped
-from onebot_description.compiled.build_library import LIBRARY
-from onebot_description.compiled.library import load_library
-from onebot_description.ros.wire.interfaces import TFMessage
-message = TFMessage(transforms=[TransformStamped()])
-assert deserialize_message(serialize_message(message), TFMessage) == message
-assert load_library().onebot_link_poses
-print(LIBRARY)
-"""
+LOAD = "from onebot_description.compiled import library; print(library.load_library()._name)"
 PYPROJECT = """
 [build-system]
 requires = ["hatchling"]
@@ -68,7 +59,7 @@ def run(*command: str | Path, cwd: Path, **environment: str) -> subprocess.Compl
 
 @pytest.fixture
 def checkout(tmp_path: Path) -> Path:
-    """A project with just what TFMessage needs, nothing compiled in it."""
+    """A project with just what the library needs, nothing compiled in it."""
     project = tmp_path / "project"
     unwanted = shutil.ignore_patterns("*.so", "__pycache__", ".build-*")
     for folder in (FOLDER, WIRE):
@@ -97,59 +88,31 @@ def write_program(path: Path, text: str) -> Path:
     return path
 
 
-@needs_compiler
-def test_missing_library(checkout: Path) -> None:
-    result = run("-c", USE_MESSAGE, cwd=checkout)
-    assert result.returncode == 1
-    last = result.stderr.splitlines()[-1]
-    command = "python -m onebot_description.compiled.build_library"
-    assert last.endswith(f"_library.so is not built. Build it with: {command}")
-
-    built = run(*command.split()[1:], cwd=checkout)
-    assert built.returncode == 0, built.stderr
-    library = checkout / FOLDER / "_library.so"
-    assert built.stdout.split() == [str(library)]
-    assert not built.stderr
-    result = run("-c", USE_MESSAGE, cwd=checkout)
-    assert result.returncode == 0, result.stderr
-    assert result.stdout.split() == [str(library)]
-    assert not list(library.parent.glob(".build-*"))
-
-
-def test_node_without_library(ros_domain: int) -> None:
-    code = """
-from pathlib import Path
-from onebot_description.compiled import build_library
-build_library.LIBRARY = Path("missing.so")
-from onebot_description.robot_state_publisher import main
-raise SystemExit(main(["robot_state_publisher", "onebot_description/urdf/onebot.urdf.xacro"]))
-"""
-    result = run("-c", code, cwd=CHECKOUT)
-    assert result.returncode == 1
-    [line] = result.stderr.splitlines()
-    assert line.startswith("error: The compiled library missing.so is not built. Build it with: ")
-
-
-@needs_compiler
-def test_outdated_or_broken_library(checkout: Path) -> None:
-    library = checkout / FOLDER / "_library.so"
-    shutil.copy(build_library.LIBRARY, library)  # of the same sources
-    source = checkout / WIRE / "_type_support.c"
-    source.write_text(source.read_text() + "\n")
-    outdated = run("-c", USE_MESSAGE, cwd=checkout)
-    assert "is not built from the present source. Build it with: python -m" in outdated.stderr
-    source.unlink()  # an installation without sources
-    assert run("-c", USE_MESSAGE, cwd=checkout).returncode == 0
-    library.write_bytes(b"not a library")
-    assert "cannot be loaded" in run("-c", USE_MESSAGE, cwd=checkout).stderr.splitlines()[-1]
+def test_a_library_that_cannot_be_used(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    load = library.load_library.__wrapped__  # not cached
+    remedy = "Build it with: python -m onebot_description.compiled.build_library"
+    monkeypatch.setattr(build_library, "LIBRARY", tmp_path / "missing.so")
+    with pytest.raises(OneBotError, match=f"missing.so is not built. {remedy}$"):
+        load()
+    (tmp_path / "missing.so").write_bytes(b"not a library")
+    with pytest.raises(OneBotError, match="missing.so cannot be loaded"):
+        load()
+    monkeypatch.undo()
+    monkeypatch.setattr(build_library, "SOURCES", build_library.SOURCES[:1])
+    with pytest.raises(OneBotError, match=f"is not built from the present source. {remedy}$"):
+        load()
+    monkeypatch.setattr(build_library, "SOURCES", (tmp_path / "none.c",))
+    assert load().onebot_link_poses  # an installation without sources
 
 
 @pytest.mark.skipif(not build_library.find_system_compilers(), reason="no C compiler here")
-def test_no_warnings(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_no_warnings(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capfd) -> None:
     compiler = build_library.find_system_compilers()[0][0]
     monkeypatch.setenv("CC", f"{compiler} -Wall -Wextra -Wpedantic -Wshadow -Werror")
-    build_library.build(tmp_path / "library.so")
-    assert (tmp_path / "library.so").stat().st_size > 0
+    target = tmp_path / "library.so"
+    assert build_library.main([str(target)]) == 0
+    assert capfd.readouterr() == (f"{target}\n", "")
+    assert list(tmp_path.iterdir()) == [target] and target.stat().st_size > 0
 
 
 def test_failing_compiler(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -166,37 +129,26 @@ def test_failing_compiler(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> No
     assert list(tmp_path.iterdir()) == [compiler]
 
 
-def test_useless_output(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    script = 'while [ "$1" != -o ]; do shift; done; echo rubbish > "$2"'
-    monkeypatch.setenv("CC", str(write_program(tmp_path / "mycc", script)))
-    if HAS_ZIG:
-        pytest.skip("ziglang makes a good one")
-    with pytest.raises(BuildError, match="made a library that this Python cannot load"):
-        build_library.build(tmp_path / "library.so")
-
-
 @pytest.mark.skipif(HAS_ZIG, reason="ziglang is a compiler")
-def test_no_compiler(tmp_path: Path) -> None:
-    target = str(tmp_path / "library.so")
-    arguments = ("-m", "onebot_description.compiled.build_library", target)
-    result = run(*arguments, cwd=CHECKOUT, PATH=str(tmp_path), CC="")
-    assert result.returncode == 1
-    assert "There is no C compiler: none of cc, gcc and clang is on the PATH." in result.stderr
-    assert "run `pip install ziglang`" in result.stderr
-    assert "Traceback" not in result.stderr
-    result = run(*arguments, cwd=CHECKOUT, PATH=str(tmp_path), CC="mycc -m64")
-    assert "The environment variable CC names 'mycc -m64'" in result.stderr
+@pytest.mark.parametrize(
+    ("named", "words"),
+    [
+        ("", "There is no C compiler: none of cc, gcc and clang is on the PATH.\nInstall gcc"),
+        ("mycc -m64", "The environment variable CC names 'mycc -m64', which is no program here."),
+    ],
+)
+def test_no_compiler(monkeypatch, tmp_path: Path, capsys, named: str, words: str) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setenv("CC", named)
+    assert build_library.main([str(tmp_path / "library.so")]) == 1
+    error = capsys.readouterr().err
+    assert words in error and "run `pip install ziglang`" in error
 
 
 @needs_compiler
 def test_target_that_cannot_be_written(tmp_path: Path) -> None:
     with pytest.raises(BuildError, match=r"cannot write .*nowhere/library\.so: No such file"):
         build_library.build(tmp_path / "nowhere" / "library.so")
-
-
-def test_usage() -> None:
-    assert build_library.main(["a", "b"]) == 2
-    assert build_library.main(["--help"]) == 2
 
 
 def build_backend(project: Path, call: str, **environment: str) -> str:
@@ -225,7 +177,7 @@ def test_source_distribution_and_wheel(checkout: Path, tmp_path: Path) -> None:
         wheel.extractall(unpacked)
     metadata = (unpacked / "onebot-0.1.0.dist-info" / "WHEEL").read_text()
     assert "Root-Is-Purelib: false" in metadata
-    result = run("-c", USE_MESSAGE, cwd=unpacked)
+    result = run("-c", LOAD, cwd=unpacked)
     assert result.returncode == 0, result.stderr
     assert result.stdout.split() == [str(unpacked / FOLDER / "_library.so")]
     check_platform(tmp_path / name)
@@ -263,9 +215,8 @@ def check_platform(wheel: Path) -> None:
 
 def test_build_requirements(checkout: Path, tmp_path: Path) -> None:
     compiler = write_program(tmp_path / "gcc", "exit 0")
-    for hook in ("get_requires_for_build_wheel()", "get_requires_for_build_editable()"):
-        with_compiler = build_backend(checkout, hook, PATH=str(compiler.parent), CC="")
-        assert "ziglang" not in with_compiler
-        assert "ziglang" in build_backend(checkout, hook, PATH=str(tmp_path / "empty"), CC="")
+    hook = "get_requires_for_build_wheel()"
+    assert "ziglang" not in build_backend(checkout, hook, PATH=str(compiler.parent), CC="")
+    assert "ziglang" in build_backend(checkout, hook, PATH=str(tmp_path / "empty"), CC="")
     sdist = build_backend(checkout, "get_requires_for_build_sdist()", PATH="/nowhere", CC="")
     assert "ziglang" not in sdist

@@ -1,9 +1,8 @@
 """The committed meshes and inertials are what the dimensions say."""
 
 import functools
-import subprocess
+import importlib
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import collada
@@ -93,10 +92,6 @@ def test_a_ballast_that_cannot_be_is_refused():
         solve_ballast(DIMENSIONS, heavy, room)
     with pytest.raises(OneBotError, match="sticks out of the hull by 100.0%"):
         solve_ballast(DIMENSIONS, rest, box((1, 1, 1), (2, 2, 2)))
-    small = replace(DIMENSIONS.base.ballast, height=0.002)
-    thin = replace(DIMENSIONS, base=replace(DIMENSIONS.base, ballast=small))
-    with pytest.raises(OneBotError, match="more than steel"):
-        solve_ballast(thin, rest, room)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -126,17 +121,6 @@ def _check_normals(triangles) -> None:
     faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     faces /= np.linalg.norm(faces, axis=1, keepdims=True)
     assert np.einsum("fi,fci->fc", faces, normals).min() > 0.5
-
-
-def test_the_robot_stands_level(parts):
-    """Caster and wheels touch the ground at the same height, and nothing else does."""
-    wheel, caster = DIMENSIONS.wheel, DIMENSIONS.caster
-    ground = -wheel.radius
-    axle = ground + caster.mount_height + axle_position(caster)[2]
-    assert axle - caster.wheel.radius == pytest.approx(ground, abs=1e-12)
-    assert _whole(parts["base_link"]).bounding_box()[2] > ground + 0.008
-    fork = _whole(parts["caster_base2"]).bounding_box()
-    assert fork[2] + ground + caster.mount_height > ground + 0.008
 
 
 def test_nothing_touches_what_turns(parts):
@@ -176,14 +160,9 @@ def test_the_command_tells_what_is_wrong(tmp_path, capsys):
     assert 'radiu: no such parameter (did you mean "radius"' in error
 
 
-def test_without_manifold3d_the_command_says_what_to_install(tmp_path):
-    code = (
-        "import sys; sys.modules['manifold3d'] = None\n"
-        "from onebot_description.cad.__main__ import main\n"
-        f"sys.exit(main(['--output', {str(tmp_path)!r}]))"
-    )
-    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert result.returncode == 1
-    assert result.stderr.splitlines() == [
-        "the CAD needs manifold3d: pip install 'onebot-robots[cad]'"
-    ]
+def test_without_manifold3d_the_command_says_what_to_install(monkeypatch):
+    for name in [name for name in sys.modules if name.startswith("onebot_description.cad.")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "manifold3d", None)
+    with pytest.raises(SystemExit, match="needs manifold3d: pip install 'onebot-robots.cad.'"):
+        importlib.import_module("onebot_description.cad.__main__")

@@ -31,6 +31,11 @@ def warnings(text):
     return [warning.removeprefix("r:") for warning in description.warnings]
 
 
+def assert_begin(found, starts):
+    assert len(found) == len(starts), found
+    assert all(map(str.startswith, found, starts)), found
+
+
 def joint(inside=LIMIT, kind="revolute"):
     """A robot of one joint; ``inside`` of it stands in line 4."""
     return (
@@ -97,23 +102,6 @@ def test_limits_that_are_fine(kind, limit, found):
 
 
 @pytest.mark.parametrize(
-    ("limit", "problem"),
-    [
-        (_limit("1", "0.5"), "lower 1 is above upper 0.5; swap them"),
-        (_limit(None, "-1"), "lower 0 is above upper -1; swap them"),
-        (_limit("1", None), "lower 1 is above upper 0; swap them"),
-        (_limit(effort="-1"), 'effort="-1" is negative; it must not be'),
-        (_limit(velocity="-1e-300"), 'velocity="-1e-300" is negative; it must not be'),
-        (_limit(effort=None), 'has no effort; write effort="..."'),
-        (_limit(velocity=None), 'has no velocity; write velocity="..."'),
-        (_limit(lower="x"), 'lower="x": "x" is not a number'),
-    ],
-)
-def test_limits_that_are_none(limit, problem):
-    assert problems(joint(limit)) == [f'4: joint "j" <limit>: {problem}']
-
-
-@pytest.mark.parametrize(
     ("limit", "kind", "texts"),
     [
         (_limit("0", "0"), "revolute", ["lower and upper are both 0, so the joint cannot move"]),
@@ -123,11 +111,7 @@ def test_limits_that_are_none(limit, problem):
             "revolute",
             ["velocity is 0, so the joint cannot move; the simulation takes 0 for no limit"],
         ),
-        (
-            _limit("-1", "1"),
-            "continuous",
-            [ENDLESS],
-        ),
+        (_limit("-1", "1"), "continuous", [ENDLESS]),
         (_limit("-1", None), "continuous", [ENDLESS]),
         (_limit(None, "1"), "continuous", [ENDLESS]),
         (_limit("0", "0"), "continuous", []),
@@ -141,24 +125,14 @@ def test_limits_that_are_none(limit, problem):
     ],
 )
 def test_limits_that_are_hardly_meant(limit, kind, texts):
-    found = warnings(joint(limit, kind))
-    assert len(found) == len(texts)
-    for text, warning in zip(texts, found, strict=True):
-        assert warning.startswith(f'4: joint "j" <limit>: {text}')
+    starts = [f'4: joint "j" <limit>: {text}' for text in texts]
+    assert_begin(warnings(joint(limit, kind)), starts)
 
 
 @pytest.mark.parametrize("kind", ["continuous", "floating", "planar", "fixed"])
 def test_kinds_without_limits_have_none(kind):
     (read,) = parse_description(joint(_limit(), kind)).joints
     assert (read.lower, read.upper, read.velocity, read.effort) == (None, None, 1.0, 1.0)
-
-
-def test_a_limit_that_is_missing():
-    for kind in ("revolute", "prismatic"):
-        (problem,) = problems(joint("", kind))
-        assert problem.startswith(
-            f'3: joint "j": a {kind} joint needs a limit; write <limit lower='
-        )
 
 
 @pytest.mark.parametrize("length", [0.9991, 1.0, 1.0009])
@@ -212,9 +186,8 @@ def test_a_joint_without_axis_may_have_a_zero_one(kind):
 
 def test_a_missing_kind_is_one_problem():
     kinds = "fixed, revolute, continuous, prismatic, floating, planar"
-    assert problems(joint().replace(' type="revolute"', "")) == [
-        f'3: joint "j": has no type; write one of: {kinds}'
-    ]
+    found = problems(joint().replace(' type="revolute"', ""))
+    assert found == [f'3: joint "j": has no type; write one of: {kinds}']
 
 
 def test_an_unknown_kind_is_one_problem():
@@ -226,6 +199,59 @@ def test_an_unknown_kind_is_one_problem():
     assert problem.startswith(
         '3: joint "j": unknown joint type "revolut" (did you mean "revolute"?'
     )
+
+
+def _origin(xyz):
+    return f'<origin xyz="{xyz}"/>{LIMIT}'
+
+
+NO_NUMBERS = {
+    "1_000": '"1_000" is not a number',
+    "٣": '"٣" is not a number',
+    "1e": '"1e" is not a number',
+    ".": '"." is not a number',
+    "NaN": "NaN is not a finite number",
+    "-inf": "-inf is not a finite number",
+    "+Infinity": "+Infinity is not a finite number",
+    "-1e309": "-1e309 is too large for a number",
+}
+
+
+@pytest.mark.parametrize(
+    ("inside", "problem"),
+    [
+        (_limit("1", "0.5"), "<limit>: lower 1 is above upper 0.5; swap them"),
+        (_limit(None, "-1"), "<limit>: lower 0 is above upper -1; swap them"),
+        (_limit("1", None), "<limit>: lower 1 is above upper 0; swap them"),
+        (_limit(effort="-1"), '<limit>: effort="-1" is negative; it must not be'),
+        (_limit(velocity="-1e-300"), '<limit>: velocity="-1e-300" is negative; it must not be'),
+        (_limit(effort=None), '<limit>: has no effort; write effort="..."'),
+        (_limit(velocity=None), '<limit>: has no velocity; write velocity="..."'),
+        (_limit(lower="x"), '<limit>: lower="x": "x" is not a number'),
+        (_limit(lower="0 1"), '<limit>: lower="0 1" holds 2; it takes 1 number'),
+        (f"{LIMIT}<mimic/>", '<mimic>: names no joint; write <mimic joint="..."/>'),
+        (f'{LIMIT}<mimic joint=""/>', '<mimic>: names no joint; write <mimic joint="..."/>'),
+        (  # MuJoCo's, with which the robot would be turned wrongly
+            f'<origin quat_xyzw="0 0 0 1"/>{LIMIT}',
+            "<origin>: quat_xyzw is not supported; write rpy in radians",
+        ),
+        (_origin("0,0,0"), '<origin>: xyz="0,0,0" has commas; separate the numbers by spaces'),
+        (_origin("0, 0, 0"), '<origin>: xyz="0, 0, 0" has commas; separate the numbers by spaces'),
+        (_origin("0,0"), '<origin>: xyz="0,0": "0,0" is not a number'),
+        (_origin("0 0 0 0"), '<origin>: xyz="0 0 0 0" holds 4; it takes 3 numbers'),
+        (_origin(""), '<origin>: xyz="" holds 0; it takes 3 numbers'),
+        *((_origin(f"0 0 {word}"), f'<origin>: xyz="0 0 {word}": {NO_NUMBERS[word]}')
+          for word in NO_NUMBERS),
+    ],
+)  # fmt: skip
+def test_a_joint_with_one_problem(inside, problem):
+    assert problems(joint(inside)) == [f'4: joint "j" {problem}']
+
+
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+def test_a_limit_that_is_missing(kind):
+    (problem,) = problems(joint("", kind))
+    assert problem.startswith(f'3: joint "j": a {kind} joint needs a limit; write <limit lower=')
 
 
 # ---------------------------------------------------------------------------------------- mimics
@@ -259,19 +285,14 @@ def _followers(*leaders, kinds=()):
         (("a",), ['3: joint "a" <mimic>: the joint mimics itself; name another joint']),
         (("b", "b"), ['5: joint "b" <mimic>: the joint mimics itself; name another joint']),
         (("x",), ['3: joint "a" <mimic>: there is no joint "x" to mimic']),
-        (("",), None),
-        (("b", "c", ""), None),
-        (("c", "c", "", "c"), None),
+        (("",), []),
+        (("b", "c", ""), []),
+        (("c", "c", "", "c"), []),
     ],
 )
 def test_who_follows_whom(leaders, found):
     text = _followers(*leaders)
-    if found is None:
-        assert warnings(text) == []
-        return
-    given = problems(text)
-    assert len(given) == len(found)
-    assert all(one.startswith(start) for one, start in zip(given, found, strict=True))
+    assert_begin(problems(text) if found else warnings(text), found)
 
 
 @pytest.mark.parametrize("kind", ["fixed", "floating", "planar"])
@@ -301,12 +322,6 @@ def test_a_misspelt_leader_is_not_answered_with_the_follower_itself():
 def test_numbers_of_a_mimic(attributes, multiplier, offset):
     text = _followers("b", "").replace('joint="b"/>', f'joint="b" {attributes}/>')
     assert parse_description(text).joints[0].mimic == Mimic("b", multiplier, offset)
-
-
-def test_a_mimic_without_joint_is_one_problem():
-    for mimic in ("<mimic/>", '<mimic joint=""/>'):
-        (problem,) = problems(joint(LIMIT + mimic))
-        assert problem.startswith('4: joint "j" <mimic>: names no joint')
 
 
 # ----------------------------------------------------------------------------------------- links
@@ -356,40 +371,40 @@ def test_inertias_are_judged_by_their_eigenvalues(xx, xy, xz, yy, yz, zz, scale)
 
 
 @pytest.mark.parametrize(
-    ("moments", "text"),
+    ("text", "problem"),
     [
-        ({"ixx": -1}, 'ixx="-1" is negative; it must not be'),
-        ({"iyy": -1}, 'iyy="-1" is negative; it must not be'),
-        ({"izz": -1}, 'izz="-1" is negative; it must not be'),
-        ({"izz": -2e-9}, 'izz="-2e-09" is negative; it must not be'),
-        ({"ixx": -2e-15, "iyy": 1e-9, "izz": 1e-9}, 'ixx="-2e-15" is negative; it must not be'),
+        *((inertial(**moments), f"<inertial> <inertia>: {name} is negative; it must not be")
+          for moments, name in [
+            ({"ixx": -1}, 'ixx="-1"'),
+            ({"iyy": -1}, 'iyy="-1"'),
+            ({"izz": -1}, 'izz="-1"'),
+            ({"izz": -2e-9}, 'izz="-2e-09"'),
+            ({"ixx": -2e-15, "iyy": 1e-9, "izz": 1e-9}, 'ixx="-2e-15"'),
+        ]),
+        *((inertial().replace(f' {name}="{value}"', ""),
+           f'<inertial> <inertia>: has no {name}; write {name}="..."')
+          for name, value in {"ixx": 1, "ixy": 0, "ixz": 0, "iyy": 1, "iyz": 0, "izz": 1}.items()),
+        *((visual(f"<{shape}/>"), f"<visual> <geometry> <{shape.split()[0]}>: {text}")
+          for shape, text in [
+            ('box size="0 -1 -2"', 'size="0 -1 -2" is negative; sizes are in m and above 0'),
+            ('box size="1 1"', 'size="1 1" holds 2; it takes 3 numbers'),
+            ('sphere radius="-1e-9"', 'radius="-1e-9" is negative; sizes are in m and above 0'),
+            ("sphere", 'has no radius; write radius="..."'),
+            ('cylinder radius="1"', 'has no length; write length="..."'),
+            ('cylinder length="1"', 'has no radius; write radius="..."'),
+            ('mesh filename=""', 'names no file; write filename="package://<package>/<path>"'),
+            (f'mesh filename="{CUBE}" scale="1"', 'scale="1" holds 1; it takes 3 numbers'),
+        ]),
     ],
-)
-def test_moments_below_zero_are_problems(moments, text):
-    assert problems(inertial(**moments)) == [f'3: link "a" <inertial> <inertia>: {text}']
+)  # fmt: skip
+def test_a_link_with_one_problem(text, problem):
+    assert problems(text) == [f'3: link "a" {problem}']
 
 
-@pytest.mark.parametrize("name", ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"])
-def test_a_moment_left_out_is_one_problem(name):
-    text = inertial().replace(f'{name}="{0 if name[1] != name[2] else 1}"', "")
-    assert problems(text) == [
-        f'3: link "a" <inertial> <inertia>: has no {name}; write {name}="..."'
-    ]
-
-
-@pytest.mark.parametrize(
-    ("mass", "found"),
-    [
-        (
-            '<mass value="0"/>',
-            "<mass>: the mass is 0; a simulation takes a base of mass 0 for fixed",
-        ),
-        ('<mass value="1e-300"/>', None),
-    ],
-)
-def test_a_mass_of_zero_is_a_warning(mass, found):
-    expected = [f'3: link "a" <inertial> {found}'] if found else []
-    assert warnings(inertial(mass)) == expected
+def test_a_mass_of_zero_is_a_warning():
+    text = "<mass>: the mass is 0; a simulation takes a base of mass 0 for fixed"
+    assert warnings(inertial('<mass value="0"/>')) == [f'3: link "a" <inertial> {text}']
+    assert warnings(inertial('<mass value="1e-300"/>')) == []
 
 
 def test_a_mass_below_zero_is_one_problem():
@@ -416,34 +431,10 @@ def test_a_mass_below_zero_is_one_problem():
     ],
 )
 def test_sizes_of_zero_are_a_warning(shape, count):
-    found = warnings(visual(shape))
-    tag = shape[1:].split()[0]
-    assert len(found) == count
-    assert all(text.startswith(f'3: link "a" <visual> <geometry> <{tag}>: ') for text in found)
+    start = f'3: link "a" <visual> <geometry> <{shape[1:].split()[0]}>: '
+    assert_begin(warnings(visual(shape)), [start] * count)
     [read] = parse_description(visual(shape)).links
     assert len(read.visuals) == 1
-
-
-@pytest.mark.parametrize(
-    ("shape", "text"),
-    [
-        ('<box size="0 -1 -2"/>', 'size="0 -1 -2" is negative; sizes are in m and above 0'),
-        ('<box size="1 1"/>', 'size="1 1" holds 2; it takes 3 numbers'),
-        ('<sphere radius="-1e-9"/>', 'radius="-1e-9" is negative; sizes are in m and above 0'),
-        ("<sphere/>", 'has no radius; write radius="..."'),
-        ('<cylinder radius="1"/>', 'has no length; write length="..."'),
-        ('<cylinder length="1"/>', 'has no radius; write radius="..."'),
-        (
-            '<cylinder radius="1" length="-1"/>',
-            'length="-1" is negative; sizes are in m and above 0',
-        ),
-        ('<mesh filename=""/>', 'names no file; write filename="package://<package>/<path>"'),
-        (f'<mesh filename="{CUBE}" scale="1"/>', 'scale="1" holds 1; it takes 3 numbers'),
-    ],
-)
-def test_shapes_that_are_none(shape, text):
-    tag = shape[1:].split()[0].rstrip("/>")
-    assert problems(visual(shape)) == [f'3: link "a" <visual> <geometry> <{tag}>: {text}']
 
 
 @pytest.mark.parametrize("tag", ["visual", "collision"])
@@ -459,12 +450,6 @@ def test_geometry_of_one_shape(tag):
     assert problem.endswith(f"give the link a second <{tag}>")
     (problem,) = problems(link(f"<{tag}><geometry><bx/></geometry></{tag}>"))
     assert problem.startswith(f'3: link "a" <{tag}> <geometry> <bx>: unknown shape')
-
-
-def test_quaternions_are_refused():
-    """MuJoCo's, with which the robot would be turned wrongly."""
-    found = problems(joint(f'<origin quat_xyzw="0 0 0 1"/>{LIMIT}'))
-    assert found == ['4: joint "j" <origin>: quat_xyzw is not supported; write rpy in radians']
 
 
 def test_every_origin_is_checked():
@@ -513,81 +498,61 @@ RED = _color("1 0 0 1")
 def test_colours_go_from_0_to_1(rgba, good):
     use = '<material name="m"/>'
     text = link(_visual(use) + _visual(use), f'<material name="m">{_color(rgba)}</material>')
-    if good:
-        assert warnings(text) == []
-    else:
-        (problem,) = problems(text)
-        assert problem.startswith(f'1: material "m" <color>: rgba="{rgba}" leaves 0 to 1; divide')
+    start = f'1: material "m" <color>: rgba="{rgba}" leaves 0 to 1; divide'
+    assert_begin(warnings(text) if good else problems(text), [] if good else [start])
+
+
+def _material(inside, name="m"):
+    return f'<material name="{name}">{inside}</material>'
+
+
+GREEN = _color("0 1 0 1")
+USED = 'link "a" <visual> material "m":'
+CLASH = [f"4: {USED} a material of that name looks different elsewhere"]
 
 
 @pytest.mark.parametrize(
-    ("shared", "first", "second", "text"),
+    ("shared", "first", "second", "starts"),
     [
-        ('<material name="m"><color rgba="1 0 0 1"/></material>', "", "", None),
-        ("", RED, "", None),
-        ("", "", RED, None),
-        ("", RED, RED, None),
-        ("", RED, _color("1.0 0 0 1"), None),
-        ("", "", "", "no material of that name is defined"),
-        ("", RED, _color("0 1 0 1"), "a material of that name looks different elsewhere"),
-        (
-            '<material name="m"><color rgba="1 0 0 1"/></material>',
-            RED,
-            _color("0 1 0 1"),
-            "a material of that name looks different elsewhere",
-        ),
-        ('<material name="m"/>', RED, RED, "defines neither <color> nor <texture>"),
+        (_material(RED), "", "", []),
+        ("", RED, "", []),
+        ("", "", RED, []),
+        ("", RED, RED, []),
+        ("", RED, _color("1.0 0 0 1"), []),
+        ("", "", "", [f"{line}: {USED} no material of that name is defined" for line in (3, 4)]),
+        ("", RED, GREEN, CLASH),
+        (_material(RED), RED, GREEN, CLASH),
+        (_material(""), RED, RED, ['1: material "m": defines neither <color> nor <texture>']),
     ],
 )
-def test_materials_used_by_two_visuals(shared, first, second, text):
-    uses = [f'<material name="m">{inside}</material>' for inside in (first, second)]
-    found = warnings(link("\n".join(map(_visual, uses)), shared))
-    if text is None:
-        assert found == []
-    elif text.startswith("no material"):
-        assert [one.split(":")[0] for one in found] == ["3", "4"]
-        assert all(text in one for one in found)
-    else:
-        (warning,) = found
-        assert text in warning
-        assert warning.startswith("4:" if "elsewhere" in text else "1:")
-
-
-def test_a_material_is_found_wherever_it_is_defined():
-    uses = _visual('<material name="m"/>') + _visual(f'<material name="m">{RED}</material>')
-    [read] = parse_description(link(uses)).links
-    assert [visual.color for visual in read.visuals] == [(1.0, 0.0, 0.0, 1.0)] * 2
+def test_materials_used_by_two_visuals(shared, first, second, starts):
+    uses = [_visual(_material(inside)) for inside in (first, second)]
+    assert_begin(warnings(link("\n".join(uses), shared)), starts)
 
 
 def test_the_first_material_of_a_name_colours_all_visuals_of_that_name():
     """As in urdfdom: the robot's before the visuals'; without a name each has its own."""
-    blue, green = _color("0 0 1 1"), _color("0 1 0 1")
-    uses = "".join(
-        _visual(f'<material name="{name}">{color}</material>')
-        for name, color in (("m", RED), ("m", green), ("", green), ("n", green), ("n", RED))
-    )
+    materials = (("", "m"), (RED, "m"), (GREEN, "m"), (GREEN, ""), (GREEN, "n"), (RED, "n"))
+    uses = "".join(_visual(_material(*material)) for material in materials)
 
     def colors(shared):
         [read] = parse_description(link(uses, shared)).links
         return [visual.color for visual in read.visuals]
 
     r, g, b = (1.0, 0.0, 0.0, 1.0), (0.0, 1.0, 0.0, 1.0), (0.0, 0.0, 1.0, 1.0)
-    assert colors("") == [r, r, g, g, g]
-    assert colors(f'<material name="m">{blue}</material>') == [b, b, g, g, g]
+    assert colors("") == [r, r, r, g, g, g]
+    assert colors(_material(_color("0 0 1 1"))) == [b, b, b, g, g, g]
 
 
 def test_materials_of_the_robot_are_defined_once():
-    both = f'<material name="m">{RED}</material>\n<material name="m">{{}}</material>'
-    assert warnings(robot(both.format(RED), '<link name="a"/>')) == []
-    (problem,) = problems(robot(both.format(_color("0 0 0 1")), '<link name="a"/>'))
+    assert warnings(robot(_material(RED), _material(RED), '<link name="a"/>')) == []
+    (problem,) = problems(robot(_material(RED), _material(GREEN), '<link name="a"/>'))
     assert problem.startswith('3: material "m": there is another material of that name that looks')
 
 
 def test_materials_without_a_name_are_each_their_own():
-    uses = _visual(f'<material name="">{RED}</material>') + _visual(
-        f'<material name="">{_color("0 1 0 1")}</material>'
-    )
-    assert warnings(link(uses)) == []
+    uses = [_visual(_material(color, "")) for color in (RED, GREEN)]
+    assert warnings(link("".join(uses))) == []
     (warning,) = warnings(link(_visual('<material name=""/>')))
     assert "neither a name nor a <color>, so it does nothing" in warning
     (problem,) = problems(link(_visual(f"<material>{RED}</material>")))
@@ -620,21 +585,14 @@ def test_textures_are_files():
     ],
 )
 def test_elements_that_urdf_does_not_know(inside, texts):
-    found = warnings(link(inside))
-    assert len(found) == len(texts)
-    assert all(
-        one.startswith(f'3: link "a" {text}') for one, text in zip(found, texts, strict=True)
-    )
+    assert_begin(warnings(link(inside)), [f'3: link "a" {text}' for text in texts])
 
 
 def test_attributes_that_urdf_does_not_know():
     text = joint('<limit lowr="-1" lower="-1" upper="1" effort="1" velocity="1" jerk="1" x="2"/>')
     found = warnings(text)
-    assert len(found) == 2
-    assert found[0].startswith(
-        '4: joint "j" <limit>: unknown attribute "lowr", so it is ignored (did'
-    )
-    assert 'unknown attribute "x"' in found[1]
+    start = '4: joint "j" <limit>: unknown attribute'
+    assert_begin(found, [f'{start} "lowr", so it is ignored (did you', f'{start} "x", so it is'])
     assert warnings(link("").replace('name="a"', 'name="a" type="t" x:y="1" xmlns:x="u"')) == []
 
 
@@ -743,12 +701,8 @@ def _links(names):
 def test_links_make_one_tree(joints, found):
     rows = [hinge(f"j{row}", *ends) for row, ends in enumerate(joints)]
     text = robot(_links("abc"), *rows)
-    if not found:
-        assert parse_description(text).root_link == "a"
-        return
-    given = problems(text)
-    assert len(given) == len(found), given
-    assert all(one.startswith(part) for one, part in zip(given, found, strict=True)), given
+    assert_begin(problems(text) if found else warnings(text), found)
+    assert found or parse_description(text).root_link == "a"
 
 
 def test_ends_that_are_missing_are_one_problem_each():
@@ -789,50 +743,11 @@ def test_numbers_are_read(text, value):
     assert read.origin.xyz == (value, 0.0, value)
 
 
-@pytest.mark.parametrize(
-    ("text", "fault"),
-    [
-        ("1_000", '"1_000" is not a number'),
-        ("٣", '"٣" is not a number'),
-        ("1e", '"1e" is not a number'),
-        (".", '"." is not a number'),
-        ("NaN", "NaN is not a finite number"),
-        ("-inf", "-inf is not a finite number"),
-        ("+Infinity", "+Infinity is not a finite number"),
-        ("-1e309", "-1e309 is too large for a number"),
-    ],
-)
-def test_what_is_no_number(text, fault):
-    written = f"{text} {text} {text}"
-    assert problems(joint(f'<origin xyz="{written}"/>{LIMIT}')) == [
-        f'4: joint "j" <origin>: xyz="{written}": {fault}'
-    ]
-
-
-@pytest.mark.parametrize(
-    ("text", "fault"),
-    [
-        ("0,0,0", 'xyz="0,0,0" has commas; separate the numbers by spaces'),
-        ("0, 0, 0", 'xyz="0, 0, 0" has commas; separate the numbers by spaces'),
-        ("0,0", 'xyz="0,0": "0,0" is not a number'),
-        ("0 0 0 0", 'xyz="0 0 0 0" holds 4; it takes 3 numbers'),
-        ("", 'xyz="" holds 0; it takes 3 numbers'),
-    ],
-)
-def test_numbers_of_another_count(text, fault):
-    assert problems(joint(f'<origin xyz="{text}"/>{LIMIT}')) == [f'4: joint "j" <origin>: {fault}']
-
-
-def test_one_number_is_not_two():
-    found = problems(joint(_limit(lower="0 1")))
-    assert found == ['4: joint "j" <limit>: lower="0 1" holds 2; it takes 1 number']
-
-
 @pytest.mark.parametrize(("length", "cut"), [(60, False), (61, True)])
 def test_long_texts_are_cut(length, cut):
     text = "x" * length
     (problem,) = problems(joint(f'<origin xyz="{text}"/>{LIMIT}'))
-    shown = "x" * 57 + "..." if cut else text
+    shown = "x" * 60 + "..." if cut else text
     assert f'xyz="{shown}": "{shown}" is not a number' in problem
 
 

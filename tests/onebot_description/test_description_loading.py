@@ -108,20 +108,23 @@ def test_unknown_argument_is_refused() -> None:
         load_description(ROBOTS / "good_all_kinds.urdf", {"sides": "3"})
 
 
-def test_argument_used_but_not_declared_may_be_given(tmp_path: Path) -> None:
-    text = (ROBOTS / "xacro_argument_without_value.xacro").read_text()
-    path = tmp_path / "robot.xacro"
-    path.write_text(text)
+def test_argument_used_but_not_declared_may_be_given() -> None:
+    path = ROBOTS / "xacro_argument_without_value.xacro"
     assert load_description(path, {"sied": "left"}).link_names == ("left_wheel",)
+
+
+def _xacro_file(folder: Path, *lines: str) -> Path:
+    """A xacro file of a link "base" whose lines these are, from line 2 on."""
+    path = folder / "robot.xacro"
+    head = '<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+    path.write_text("\n".join([head, *lines, '<link name="base"/></robot>']))
+    return path
 
 
 def test_xacro_warnings_are_collected(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """What xacro would print becomes a warning with the file's name."""
-    path = tmp_path / "robot.xacro"
-    path.write_text(
-        '<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="base"/>'
-        "<xacro:include filename=\"parts/*.xacro\"/>${xacro.warning('wheels are small')}</robot>"
-    )
+    include = '<xacro:include filename="parts/*.xacro"/>'
+    path = _xacro_file(tmp_path, include, "${xacro.warning('wheels are small')}")
     warnings = load_description(path).warnings
     assert any("matched no files" in text for text in warnings)
     assert any("robot.xacro: xacro: wheels are small" in text for text in warnings)
@@ -129,11 +132,7 @@ def test_xacro_warnings_are_collected(tmp_path: Path, capfd: pytest.CaptureFixtu
 
 
 def test_optional_include_may_be_missing(tmp_path: Path) -> None:
-    path = tmp_path / "robot.xacro"
-    path.write_text(
-        '<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="base"/>'
-        '<xacro:include filename="none.xacro" optional="true"/></robot>'
-    )
+    path = _xacro_file(tmp_path, '<xacro:include filename="none.xacro" optional="true"/>')
     assert load_description(path).link_names == ("base",)
 
 
@@ -152,14 +151,16 @@ def test_extensions_of_other_programs_stay() -> None:
 
 
 def _xacro_problem(folder: Path, *lines: str) -> str:
-    """The one problem of a xacro file whose lines these are, from line 2 on, without its name."""
-    path = folder / "robot.xacro"
-    head = '<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro">'
-    path.write_text("\n".join([head, *lines, '<link name="base"/></robot>']))
+    """The one problem of a ``_xacro_file``, without its name."""
+    path = _xacro_file(folder, *lines)
     with pytest.raises(DescriptionError) as caught:
         load_description(path)
     (problem,) = caught.value.problems
     return problem.replace(f"{path}:", "")
+
+
+def _macro(name: str, body: str = "<a/>") -> str:
+    return f'<xacro:macro name="{name}">{body}</xacro:macro>'
 
 
 @pytest.mark.parametrize(
@@ -169,31 +170,16 @@ def _xacro_problem(folder: Path, *lines: str) -> str:
             ['<xacro:property name="radius" value="1"/>', '<link name="${radus}"/>'],
             '3: unknown property "radus" in ${radus} (did you mean "radius"?',
         ),
+        ([_macro("wheel"), "<xacro:whel/>"], '3: unknown macro "whel" (did you mean "wheel"?'),
         (
-            [
-                '<xacro:macro name="wheel" params="side"><link name="${side}"/></xacro:macro>',
-                "<xacro:whel/>",
-            ],
-            '3: unknown macro "whel" (did you mean "wheel"?',
+            [_macro("in", '\n<a b="${1 + y}"/>'), _macro("out", "\n<xacro:in/>"), "<xacro:out/>"],
+            '3 (called at 5, from 6): unknown property "y" in ${1 + y}',
         ),
         (
             [
-                '<xacro:macro name="inner" params="x">',
-                '<link name="${x + y}"/></xacro:macro>',
-                '<xacro:macro name="outer" params="x">',
-                '<xacro:inner x="${x}"/></xacro:macro>',
-                '<xacro:outer x="b"/>',
-            ],
-            '3 (called at 5, from 6): unknown property "y" in ${x + y}',
-        ),
-        (
-            [
-                '<xacro:macro name="m1" params="x"><link name="${x + y}"/></xacro:macro>',
-                *(
-                    f'<xacro:macro name="m{n}" params="x"><xacro:m{n - 1} x="a"/></xacro:macro>'
-                    for n in (2, 3, 4, 5)
-                ),
-                '<xacro:m5 x="b"/>',
+                _macro("m1", '<a b="${y}"/>'),
+                *(_macro(f"m{n}", f"<xacro:m{n - 1}/>") for n in (2, 3, 4, 5)),
+                "<xacro:m5/>",
             ],
             '2 (called at 3, from 4, from 5): unknown property "y"',
         ),
@@ -205,7 +191,7 @@ def _xacro_problem(folder: Path, *lines: str) -> str:
         ),
         (
             ['<link name="$(arg side)"/>', '<xacro:arg name="side" default="left"/>'],
-            '2: argument "side" has no value here; move its <xacro:arg name="side"> above',
+            '2: argument "side" has no value here; give side:=<value>, or declare it above',
         ),
         (
             ["<a><xacro:b>", "</a>"],
@@ -225,18 +211,12 @@ def _xacro_problem(folder: Path, *lines: str) -> str:
         (['<xacro:if value="maybe"/>'], '2: xacro: Xacro conditional "maybe"'),
         (['<link name="$(find onebot_descripton)"/>'], '2: no ROS package "onebot_descripton"'),
         (
-            ['<xacro:macro name="m"><link name="base"/></xacro:macro>', "<xacro:m/>"],
+            [_macro("m", '<link name="base"/>'), "<xacro:m/>"],
             '4: link "base": there is a link of that name already, at 2 (called at 3); rename',
         ),
+        ([_macro("m", "<xacro:m/>"), "<xacro:m/>"], 'macro "m" calls itself without end'),
         (
-            ['<xacro:macro name="m"><xacro:m/></xacro:macro>', "<xacro:m/>"],
-            'macro "m" calls itself without end',
-        ),
-        (
-            [
-                '<xacro:macro name="m"><a b="${1' + "+1" * 20_000 + '}"/></xacro:macro>',
-                "<xacro:m/>",
-            ],
+            [_macro("m", '<a b="${1' + "+1" * 20_000 + '}"/>'), "<xacro:m/>"],
             "2 (called at 3): what is evaluated here is nested too deeply, or refers to itself",
         ),
     ],
@@ -254,7 +234,7 @@ def test_an_argument_in_the_root_is_given(tmp_path: Path) -> None:
     path = tmp_path / "robot.xacro"
     head = '<robot name="$(arg name)" xmlns:xacro="http://www.ros.org/wiki/xacro">'
     path.write_text(f'{head}<xacro:arg name="name" default="ur"/><link name="base"/></robot>')
-    with pytest.raises(DescriptionError, match=r'"name" has no value here; give name:=VALUE$'):
+    with pytest.raises(DescriptionError, match='"name" has no value here; give name:=<value>'):
         load_description(path)
     assert load_description(path, {"name": "ur5e"}).robot_name == "ur5e"
 

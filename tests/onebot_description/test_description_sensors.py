@@ -12,8 +12,7 @@ from onebot_description.description.sensors.imu import Imu
 from onebot_description.description.sensors.lidar import Fan, Lidar
 from onebot_description.description.sensors.noise import Noise
 from onebot_description.geometry.poses import Origin
-from tests.onebot_bringup.cli_support import onebot
-from tests.onebot_description.sensor_blocks import RAY, VALUES, block, camera, read
+from tests.onebot_description.sensor_blocks import RAY, VALUES, block, camera, rays, read
 
 BLOCKS = Path(__file__).parents[1] / "robots" / "sensors"
 
@@ -122,9 +121,8 @@ def test_what_is_not_simulated_is_one_warning():
 
 
 def test_check_lists_the_sensors():
-    run = onebot("check", str(BLOCKS / "linorobot2.urdf"))
-    assert run.returncode == 0 and not run.stderr
-    heading, laser, points, imu, camera, *others = run.stdout.splitlines()[-8:]
+    text = describe(load_description(BLOCKS / "linorobot2.urdf"))
+    heading, laser, points, imu, camera, *others = text.splitlines()[-8:]
     assert heading.split() == ["sensor", "measures", "rate", "topic", "type", "frame"]
     scan = ["scan", "sensor_msgs/msg/LaserScan", "laser"]
     assert laser.split() == ["laser", "360", "ranges", "to", "12", "m", "10", "Hz", *scan]
@@ -156,9 +154,9 @@ def test_check_lists_the_sensors():
         (block(link=""), 'lies in no link; write <gazebo reference="LINK"> around it'),
         (block(kind=""), "has no type; write one of: lidar, "),
         (block(name=""), 'has no name; write <sensor name="...">'),
-        (block(inside=RAY.format(**VALUES) + "<topic>2d/scan</topic>"), 'topic "2d/scan" is not'),
-        (block(inside=RAY.format(**VALUES) + "<pose>1 2</pose>"), "<pose>: holds 2 numbers; write"),
-        (block(inside=RAY.format(**VALUES) + "<noise><type>pink</type></noise>"), 'type "pink"'),
+        (rays("<topic>2d/scan</topic>"), 'topic "2d/scan" is not'),
+        (rays("<pose>1 2</pose>"), "<pose>: holds 2 numbers; write"),
+        (rays("<noise><type>pink</type></noise>"), 'type "pink"'),
         (camera(fov=0), "<horizontal_fov>: 0 is below 0.01; write a number from 0.01 to 3"),
         (camera(width=7680, height=4320), "7680 x 4320 pixels are more than 2304000 (1920 x 1200)"),
         (camera("<clip><near>2</near><far>1</far></clip>"), "<near> 2 is not below <far> 1"),
@@ -189,14 +187,14 @@ def test_all_faults_at_once_and_the_other_sensors_stay():
 
 
 def test_a_misspelt_element_is_a_warning():
-    (warning,) = read(block(inside=RAY.format(**VALUES) + "<updaterate>5</updaterate>")).warnings
+    (warning,) = read(rays("<updaterate>5</updaterate>")).warnings
     assert "<updaterate>: is not simulated inside <sensor>" in warning
     assert 'did you mean "update_rate"?' in warning
 
 
 def test_poses_are_in_the_frame_of_the_link():
     pose = '<pose degrees="true">1 2 3 90 0 0</pose>'
-    (sensor,) = read(block(inside=RAY.format(**VALUES) + pose)).sensors
+    (sensor,) = read(rays(pose)).sensors
     assert sensor.origin == Origin((1, 2, 3), (pytest.approx(1.5707963), 0, 0))
 
 
@@ -230,7 +228,7 @@ def test_a_pose_is_relative_to_the_frame_that_it_names(link, frame, xyz, yaw):
 
 def test_an_unknown_frame_of_a_pose_is_an_error_that_lists_those_that_exist():
     pose = '<pose relative_to="lasser">0.3 0 0 0 0 0</pose>'
-    found = read(block(inside=RAY.format(**VALUES) + pose), FRAMES)
+    found = read(rays(pose), FRAMES)
     assert not found.sensors and found.bad_sensors == ("s",)
     (problem,) = found.problems
     assert '<pose>: there is no frame "lasser"' in problem and 'did you mean "laser"?' in problem
@@ -297,7 +295,7 @@ def test_a_frame_that_is_not_where_the_scan_is_measured_is_a_warning(frame, pose
         '<child link="wheel"/><axis xyz="0 1 0"/></joint>'
     )
     names = f"<gz_frame_id>{frame}</gz_frame_id><pose>{pose}</pose>"
-    scan_block = block(inside=RAY.format(**VALUES) + names)
+    scan_block = rays(names)
     rows = "<vertical><samples>2</samples><max_angle>0.1</max_angle></vertical></scan>"
     cloud = scan_block.replace("</scan>", rows).replace('"s"', '"cloud"')
     found = read(scan_block, cloud, block("pictures", "camera", names), joints)

@@ -77,31 +77,19 @@ def test_branches_are_drawn_to_the_last() -> None:
     lines = describe(parse_description(f'<robot name="r">{links}{joints}</robot>')).splitlines()
     assert lines[:4] == ["r  (<string>)", "6 links · 5 joints (0 movable)", "", lines[3]]
     assert lines[3].split() == ["link", "joint", "kind"]
-    assert [line[:7].rstrip() for line in lines[4:]] == [
-        "a",
-        "├─ b",
-        "│  ├─ c",
-        "│  └─ d",
-        "└─ e",
-        "   └─ f",
-    ]
+    drawn = [line[:7].rstrip() for line in lines[4:]]
+    assert drawn == ["a", "├─ b", "│  ├─ c", "│  └─ d", "└─ e", "   └─ f"]
 
 
 def test_the_title_adds_up() -> None:
     mesh = ROBOTS / "meshes" / "cube.stl"
     shape = f'<geometry><mesh filename="{mesh}"/></geometry>'
     moments = 'ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"'
-    inside = "".join(
-        f'<inertial><mass value="{mass}"/><inertia {moments}/></inertial>' for mass in (1.25,)
-    )
+    inside = f'<inertial><mass value="1.25"/><inertia {moments}/></inertial>'
     parts = f"{inside}<visual>{shape}</visual><collision>{shape}</collision>"
     joint = '<joint name="j" type="fixed"><parent link="a"/><child link="b"/></joint>'
-    text = describe(
-        parse_description(
-            f'<robot name="r"><link name="a">{parts}</link><link name="b">{parts}</link>{joint}'
-            "</robot>"
-        )
-    )
+    links = f'<link name="a">{parts}</link><link name="b">{parts}</link>'
+    text = describe(parse_description(f'<robot name="r">{links}{joint}</robot>'))
     assert text.splitlines()[1] == "2 links · 1 joint (0 movable) · 2.5 kg · 1 mesh"
     assert text.count("1.25 kg") == 2 and text.count("cube.stl") == 2
     assert "no collision" not in text and "collision only" not in text

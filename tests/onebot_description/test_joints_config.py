@@ -16,23 +16,26 @@ def refused(parameters: dict[str, Any]) -> str:
     return str(caught.value)
 
 
+def motion(**written: object) -> dict[str, Any]:
+    """The parameters of a motion of the joint a."""
+    return {"motions": {"a": written}}
+
+
 def test_defaults_are_those_of_the_standard_node() -> None:
     config = JointsConfig.from_parameters({})
-    assert config.rate == 10.0
+    assert (config.rate, config.source_list, config.delta, config.moves) == (10.0, (), 0.0, False)
     assert config.publish_default_positions
-    assert not config.publish_default_velocities
-    assert not config.publish_default_efforts
-    assert config.use_mimic_tags
-    assert config.use_smallest_joint_limits
-    assert config.source_list == ()
-    assert config.delta == 0.0
-    assert not config.moves
+    assert not config.publish_default_velocities and not config.publish_default_efforts
+    assert config.use_mimic_tags and config.use_smallest_joint_limits
     config = JointsConfig.from_parameters({"dependent_joints.a.parent": "b"})
     assert config.dependent_joints == {"a": Dependent("b", 1.0, 0.0)}
 
 
+ONCE = {"blend": "minimum_jerk", "loop": False}
+
+
 @pytest.mark.parametrize(
-    ("written", "motion"),
+    ("written", "expected"),
     [
         ({"type": "constant", "position": 1}, Keyframes.hold(1.0)),
         ({"type": "sine", "amplitude": 1.0, "frequency": 0.1}, Sine(1.0, 0.1)),
@@ -46,23 +49,20 @@ def test_defaults_are_those_of_the_standard_node() -> None:
             Keyframes((0, 1), (0, 0.5)),
         ),
         (
-            {
-                "type": "keyframes",
-                "times": [0.0, 2.0],
-                "poses": ["up", "down"],
-                "blend": "minimum_jerk",
-                "loop": False,
-            },
-            Keyframes((0, 2), (0.75, -0.75), "minimum_jerk", False),
+            {"type": "keyframes", "times": [0.0, 2.0], "poses": ["up", "down"], **ONCE},
+            Keyframes((0, 2), (0.75, -0.75), **ONCE),
         ),
     ],
 )
-def test_every_kind_of_motion_is_read(written: dict[str, Any], motion: object) -> None:
+def test_every_kind_of_motion_is_read(written: dict[str, Any], expected: object) -> None:
     poses = {"up": {"elbow": 0.75}, "down": {"elbow": -0.75}}
     config = JointsConfig.from_parameters({"poses": poses, "motions": {"elbow": written}})
-    assert config.motions["elbow"] == motion
+    assert config.motions["elbow"] == expected
     assert config.moves
     assert config.notes == ()
+
+
+HOME = {"poses": {"home": {"a": 0}}}
 
 
 def test_sequence_is_read() -> None:
@@ -75,41 +75,17 @@ def test_sequence_is_read() -> None:
 @pytest.mark.parametrize(
     ("parameters", "words"),
     [
-        ({"motions": {"a": {"type": "sinus"}}}, 'motions.a.type: no "sinus" (did you mean "sine"?'),
-        (
-            {"motions": {"a": {"type": "keyframes", "times": [0, 1], "positions": [0]}}},
-            "2 times but 1 positions",
-        ),
-        (
-            {"motions": {"a": {"type": "keyframes", "times": [0, 1, 1], "positions": [0, 1, 2]}}},
-            "must increase, from 0 on",
-        ),
-        (
-            {"motions": {"a": {"type": "keyframes", "times": [-1e-9, 1], "positions": [0, 1]}}},
-            "must increase, from 0 on",
-        ),
-        ({"motions": {"a": {"type": "keyframes", "times": [0, 1]}}}, "either positions or poses"),
-        (
-            {"motions": {"a": {"type": "sine", "amplitude": 1, "frequency": -1}}},
-            "motions.a.frequency: -1 is below 0; write a number from 0",
-        ),
-        (
-            {"motions": {"a": {"type": "pose", "pose": "hme"}}, "poses": {"home": {"a": 0}}},
-            'did you mean "home"?',
-        ),
-        (
-            {"motions": {"a": {"type": "pose", "pose": "home"}}, "poses": {"home": {"b": 0}}},
-            "add poses.home.a",
-        ),
-        ({"pose": "up", "poses": {"home": {"a": 0}}}, 'pose: no pose "up" (poses: home)'),
-        (
-            {"poses": {"h": {"a": 0}}, "sequence": {"poses": ["h"], "durations": [1, 2]}},
-            "1 poses but 2 durations",
-        ),
-        (
-            {"poses": {"h": {"a": 0}}, "sequence": {"poses": ["h", "h"], "durations": [1, 0]}},
-            "0 is not above 0; write a number above 0",
-        ),
+        (motion(type="sinus"), 'motions.a.type: no "sinus" (did you mean "sine"?'),
+        (motion(type="keyframes", times=[0, 1], positions=[0]), "2 times but 1 positions"),
+        (motion(type="keyframes", times=[0, 1, 1], positions=[0, 1, 2]), "must increase, from 0"),
+        (motion(type="keyframes", times=[-1e-9, 1], positions=[0, 1]), "must increase, from 0 on"),
+        (motion(type="keyframes", times=[0, 1]), "either positions or poses"),
+        (motion(type="sine", amplitude=1, frequency=-1), "motions.a.frequency: -1 is below 0; wri"),
+        (motion(type="pose", pose="hme") | HOME, 'did you mean "home"?'),
+        (motion(type="pose", pose="home") | {"poses": {"home": {"b": 0}}}, "add poses.home.a"),
+        ({"pose": "up"} | HOME, 'pose: no pose "up" (poses: home)'),
+        ({"sequence": {"poses": ["home"], "durations": [1, 2]}} | HOME, "1 poses but 2 durations"),
+        ({"sequence": {"poses": ["home"] * 2, "durations": [1, 0]}} | HOME, "0 is not above 0; wr"),
         ({"sequence": {"poses": ["x"], "durations": [1]}}, 'no pose "x"'),
         (
             {"dependent_joints": {"a": {"factor": 1.0}}},
@@ -126,8 +102,7 @@ def test_mistakes_are_refused_with_the_remedy(parameters: dict[str, Any], words:
 
 
 def test_leftovers_of_another_type_are_only_noted() -> None:
-    written = {"type": "sine", "position": 1.0, "amplitude": 1.0}
-    config = JointsConfig.from_parameters({"motions": {"a": written}})
+    config = JointsConfig.from_parameters(motion(type="sine", position=1.0, amplitude=1.0))
     assert [note.key for note in config.notes] == ["motions.a.position", "motions.a"]
     assert "only by type constant" in config.notes[0].text
     assert "frequency" in config.notes[1].text
@@ -138,12 +113,10 @@ def test_the_edges_of_what_is_possible() -> None:
     assert JointsConfig.from_parameters({"rate": 0.001}).rate == 0.001
     assert refused({"rate": 1000.5}).startswith("rate: 1000.5 is above 1000")
     assert JointsConfig.from_parameters({"delta": 0}).delta == 0.0
-    motion = {"type": "keyframes", "times": [0.0], "positions": [1.0]}
-    assert JointsConfig.from_parameters({"motions": {"a": motion}}).motions == {
-        "a": Keyframes((0.0,), (1.0,))
-    }
-    still = {"type": "sine", "amplitude": 1.0, "frequency": 0.0}
-    assert JointsConfig.from_parameters({"motions": {"a": still}}).motions == {"a": Sine(1.0, 0.0)}
+    once = JointsConfig.from_parameters(motion(type="keyframes", times=[0.0], positions=[1.0]))
+    assert once.motions == {"a": Keyframes((0.0,), (1.0,))}
+    still = JointsConfig.from_parameters(motion(type="sine", amplitude=1.0, frequency=0.0))
+    assert still.motions == {"a": Sine(1.0, 0.0)}
 
 
 @pytest.mark.parametrize(
@@ -179,17 +152,14 @@ def test_half_a_sequence_is_noted(missing: str) -> None:
 def test_half_a_sine_is_noted(missing: str) -> None:
     written = {"type": "sine", "amplitude": 0.5, "frequency": 0.25, "offset": 0.125}
     del written[missing]
-    config = JointsConfig.from_parameters({"motions": {"a": written}})
+    config = JointsConfig.from_parameters(motion(**written))
     assert [note.text for note in config.notes] == [f"sine without {missing} does not swing"]
-    motion = config.motions["a"]
-    assert isinstance(motion, Sine) and motion.amplitude * motion.frequency == 0.0
+    still = config.motions["a"]
+    assert isinstance(still, Sine) and still.amplitude * still.frequency == 0.0
 
 
 def test_a_motion_names_its_type() -> None:
-    untyped = refused({"motions": {"a": {"position": 1.0}}})
     kinds = "the kind of motion, one of constant, sine, keyframes, pose"
-    assert untyped == f"motions.a: has no type, {kinds}"
-    both = {"type": "keyframes", "times": [0.0], "positions": [1.0], "poses": ["p"]}
-    assert "either positions or poses" in refused(
-        {"motions": {"a": both}, "poses": {"p": {"a": 1.0}}}
-    )
+    assert refused(motion(position=1.0)) == f"motions.a: has no type, {kinds}"
+    both = motion(type="keyframes", times=[0.0], positions=[1.0], poses=["home"])
+    assert "either positions or poses" in refused(both | HOME)

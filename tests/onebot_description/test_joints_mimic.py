@@ -8,18 +8,22 @@ from hypothesis import strategies as st
 from onebot_description.joints.config import JointsConfig
 from onebot_description.joints.source import JointStateSource
 from onebot_description.ros.parameters.reader import ConfigError
-from tests.onebot_description.joints_support import configure, joint, mimic
+from tests.onebot_description.joints_support import (
+    configure,
+    constant,
+    joint,
+    mimic,
+    rest_of,
+    source_from,
+)
 
-CHAIN = [
-    joint("a", mimic=mimic("b", -1.0)),
-    joint("b", mimic=mimic("c", 1.0, 0.1)),
-    joint("c"),
-]
+CHAIN = [joint("a", mimic=mimic("b", -1.0)), joint("b", mimic=mimic("c", 1.0, 0.1)), joint("c")]
 
 
-def refused(joints: list, config: JointsConfig) -> str:
+def refused(joints: list, parameters: dict) -> str:
     """The message with which parameters are refused; without them the robot is accepted."""
     JointStateSource(joints)
+    config = JointsConfig.from_parameters(parameters)
     with pytest.raises(ConfigError) as caught:
         JointStateSource(joints, config)
     reports = JointStateSource(joints, config, tolerant=True).reports
@@ -43,14 +47,14 @@ def test_a_circle_is_opened_and_reported() -> None:
     ]
     first, second = reported(joints)
     assert "circle: b -> c -> b" in first and "circle: d -> d" in second
-    config = JointsConfig.from_parameters({"zeros.b": 0.5})
-    assert JointStateSource(joints, config).sample(0.0)[0] == pytest.approx([0.5, 0.5, 0.5, 0.0])
+    assert rest_of(joints, {"zeros.b": 0.5}) == pytest.approx([0.5, 0.5, 0.5, 0.0])
 
 
 def test_a_circle_by_dependent_joints_is_refused() -> None:
     joints = [joint("a", mimic=mimic("b")), joint("b")]
-    config = JointsConfig.from_parameters({"dependent_joints.b.parent": "a", "zeros.b": 0.5})
-    assert "dependent_joints.b: joints follow one another in a circle" in refused(joints, config)
+    parameters = {"dependent_joints.b.parent": "a", "zeros.b": 0.5}
+    assert "dependent_joints.b: joints follow one another" in refused(joints, parameters)
+    config = JointsConfig.from_parameters(parameters)
     source = JointStateSource(joints, config, tolerant=True)
     assert source.sample(0.0)[0] == pytest.approx([0.5, 0.5])
 
@@ -59,27 +63,26 @@ def test_following_a_missing_joint_is_reported() -> None:
     joints = [joint("finger"), joint("thumb", mimic=mimic("fingr"))]
     [text] = reported(joints)
     assert 'follows "fingr", which does not exist (did you mean "finger"?' in text
-    config = JointsConfig.from_parameters({"dependent_joints.finger.parent": "hand"})
     said = 'dependent_joints.finger: joint "finger" follows "hand", which does not exist'
-    assert said in refused(joints, config)
+    assert said in refused(joints, {"dependent_joints.finger.parent": "hand"})
 
 
 def test_use_mimic_tags_false_lets_every_joint_move_alone() -> None:
     joints = [joint("thumb", mimic=mimic("nothing"))]
-    config = JointsConfig.from_parameters({"use_mimic_tags": False, "zeros.thumb": 0.25})
-    assert JointStateSource(joints, config).sample(0.0)[0] == [0.25]
+    assert rest_of(joints, {"use_mimic_tags": False, "zeros.thumb": 0.25}) == [0.25]
 
 
 def test_dependent_joints_make_a_joint_follow() -> None:
     joints = [joint("a"), joint("b", mimic=mimic("a")), joint("c")]
     written = {"b": {"parent": "c", "factor": 0.5, "offset": 0.25}, "a": {"parent": "b"}}
-    config = JointsConfig.from_parameters({"dependent_joints": written, "zeros.c": 0.5})
-    assert JointStateSource(joints, config).sample(0.0)[0] == pytest.approx([0.5, 0.5, 0.5])
+    assert rest_of(joints, {"dependent_joints": written, "zeros.c": 0.5}) == pytest.approx(
+        [0.5, 0.5, 0.5]
+    )
 
 
 def test_a_dependent_joint_that_is_missing_is_an_error() -> None:
-    config = JointsConfig.from_parameters({"dependent_joints.x.parent": "a"})
-    assert 'dependent_joints.x: the robot has no joint "x"' in refused([joint("a")], config)
+    text = refused([joint("a")], {"dependent_joints.x.parent": "a"})
+    assert 'dependent_joints.x: the robot has no joint "x"' in text
 
 
 @pytest.mark.parametrize("multiplier", [1.0, 0.0])
@@ -87,24 +90,22 @@ def test_limits_that_contradict_are_reported(multiplier: float) -> None:
     joints = [joint("a"), joint("b", mimic=mimic("a", multiplier, 3.0))]
     [text] = reported(joints)
     assert "no position suits both" in text
-    config = JointsConfig.from_parameters({"zeros.b": 0.25})
-    assert JointStateSource(joints, config).sample(0.0)[0] == pytest.approx([0.0, 0.25])
+    assert rest_of(joints, {"zeros.b": 0.25}) == pytest.approx([0.0, 0.25])
     joints[1] = joint("b")
     written = {"parent": "a", "factor": multiplier, "offset": 3.0}
-    config = JointsConfig.from_parameters({"dependent_joints.b": written})
-    assert refused(joints, config).startswith("dependent_joints.b: ")
+    assert refused(joints, {"dependent_joints.b": written}).startswith("dependent_joints.b: ")
 
 
 def test_a_follower_cannot_have_a_motion() -> None:
-    config = JointsConfig.from_parameters({"motions.a.type": "constant", "motions.a.position": 0.5})
-    assert 'joint "a" follows "c"; move that one' in refused(CHAIN, config)
+    assert 'joint "a" follows "c"; move that one' in refused(
+        CHAIN, {"motions.a.type": "constant", "motions.a.position": 0.5}
+    )
 
 
 def test_a_follower_takes_to_a_new_leader_without_a_jump() -> None:
     source = JointStateSource([joint("a"), joint("b")])
     source.sample(0.0)
-    config = JointsConfig.from_parameters({"dependent_joints.b": {"parent": "a", "offset": 1.0}})
-    configure(source, config)
+    configure(source, {"dependent_joints.b": {"parent": "a", "offset": 1.0}})
     positions, velocities = source.sample(1.0)
     assert np.allclose(positions, [0.0, 0.5])
     assert np.allclose(velocities, [0.0, 0.5])
@@ -124,10 +125,8 @@ def test_each_joint_of_a_chain_follows_the_one_before(
     for number, (factor, offset) in enumerate(links):
         wide = {"lower": -1e3, "upper": 1e3, "velocity": 1e3}
         joints.append(joint(f"j{number + 1}", mimic=mimic(f"j{number}", factor, offset), **wide))
-    config = JointsConfig.from_parameters(
-        {"motions": {"j0": {"type": "constant", "position": position}}}
-    )
-    source = JointStateSource(joints[::-1], config)  # the leader comes last
+    reverse = joints[::-1]  # the leader comes last
+    source = source_from(reverse, {"motions": {"j0": constant(position)}})
     for moment in (0.0, 0.5, 10.0):
         positions, velocities = (values[::-1] for values in source.sample(moment))
         for number, (factor, offset) in enumerate(links):
@@ -137,10 +136,7 @@ def test_each_joint_of_a_chain_follows_the_one_before(
 
 
 @settings(max_examples=30)
-@given(
-    st.lists(st.tuples(_factor, _offset), min_size=1, max_size=3),
-    st.sampled_from([-1.0, 1.0]),
-)
+@given(st.lists(st.tuples(_factor, _offset), min_size=1, max_size=3), st.sampled_from([-1.0, 1.0]))
 def test_a_leader_goes_as_far_and_as_fast_as_the_narrowest_follower(
     links: list[tuple[float, float]], toward: float
 ) -> None:
@@ -161,10 +157,7 @@ def test_a_leader_goes_as_far_and_as_fast_as_the_narrowest_follower(
         ends.append((min(pair), max(pair)))
     reached = max(low for low, _ in ends) if toward < 0 else min(high for _, high in ends)
     speed = min([0.5, *(0.4 / abs(factor) for factor, _ in links)])
-    config = JointsConfig.from_parameters(
-        {"motions": {"leader": {"type": "constant", "position": 9.0 * toward}}}
-    )
-    source = JointStateSource(joints, config)
+    source = source_from(joints, {"motions": {"leader": constant(9.0 * toward)}})
     start = source.sample(0.0)[0][0]
     positions, velocities = source.sample(1e-3)
     assert velocities[0] == pytest.approx(toward * speed)
@@ -176,8 +169,7 @@ def test_a_leader_goes_as_far_and_as_fast_as_the_narrowest_follower(
 @pytest.mark.parametrize("end", [-1.0, 1.0])
 def test_a_follower_that_never_moves_narrows_nothing(end: float) -> None:
     joints = [joint("a"), joint("b", velocity=0.0, mimic=mimic("a", 0.0, end))]
-    config = JointsConfig.from_parameters({"motions": {"a": {"type": "constant", "position": 1.0}}})
-    source = JointStateSource(joints, config)
+    source = source_from(joints, {"motions": {"a": constant(1.0)}})
     source.sample(0.0)
     assert source.sample(1.0)[0] == pytest.approx([0.5, end])
     assert source.reports == ()

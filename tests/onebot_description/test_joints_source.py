@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from onebot_description.joints.config import JointsConfig
 from onebot_description.joints.source import JointStateSource, wrapped
 from onebot_description.ros.parameters.reader import ConfigError
-from tests.onebot_description.joints_support import configure, joint, mimic
+from tests.onebot_description.joints_support import configure, constant, joint, mimic, source_from
 
 ROBOT = [
     joint("base", "fixed"),
@@ -56,7 +56,7 @@ def _sequence(durations: tuple[float, float], blend: str, loop: bool) -> dict[st
 
 _pieces = st.lists(st.tuples(_seconds, _number), min_size=1, max_size=5)
 _motion = st.one_of(
-    st.builds(lambda position: {"type": "constant", "position": position}, _number),
+    st.builds(constant, _number),
     st.builds(_sine, _number, st.floats(0.0, 20.0), _number, _number),
     st.builds(_keyframes, _pieces, _blend, st.booleans()),
 )
@@ -82,12 +82,12 @@ _edits = st.lists(
 @settings(deadline=None)
 @given(_edits)
 def test_limits_are_never_exceeded_and_velocities_integrate(edits: list) -> None:
-    source = JointStateSource(ROBOT, JointsConfig.from_parameters(edits[0][0]))
+    source = source_from(ROBOT, edits[0][0])
     now = 0.0
     before, velocities = source.sample(now)
     assert not velocities.any()
     for parameters, steps in edits:
-        configure(source, JointsConfig.from_parameters(parameters))
+        configure(source, parameters)
         for step in steps:
             now += step
             positions, velocities = source.sample(now)
@@ -103,7 +103,7 @@ def test_limits_are_never_exceeded_and_velocities_integrate(edits: list) -> None
 
 def source_of(parameters: dict[str, Any]) -> JointStateSource:
     """The robot above, so configured."""
-    return JointStateSource(ROBOT, JointsConfig.from_parameters(parameters))
+    return source_from(ROBOT, parameters)
 
 
 def settled(source: JointStateSource, at: float = 1000.0) -> dict[str, float]:
@@ -126,15 +126,9 @@ def test_zeros_say_where_joints_rest() -> None:
 
 def test_pose_comes_before_motions_before_sequence_before_delta() -> None:
     parameters = {
-        "poses": {
-            "one": {"elbow": 0.9},
-            "all": {"elbow": 0.5, "slide": 0.5, "wheel": 0.5},
-        },
+        "poses": {"one": {"elbow": 0.9}, "all": {"elbow": 0.5, "slide": 0.5, "wheel": 0.5}},
         "pose": "one",
-        "motions": {
-            "elbow": {"type": "constant", "position": 0.1},
-            "slide": {"type": "constant", "position": 0.3},
-        },
+        "motions": {"elbow": constant(0.1), "slide": constant(0.3)},
         "sequence": {"poses": ["all"], "durations": [1.0], "loop": False},
     }
     reached = settled(source_of(parameters))
@@ -161,7 +155,7 @@ def test_delta_sweeps_what_nothing_else_moves() -> None:
 
 
 def test_joints_that_nothing_else_moves_swing_within_limits() -> None:
-    parameters = {"swing": 8.0, "motions": {"slide": {"type": "constant", "position": 0.3}}}
+    parameters = {"swing": 8.0, "motions": {"slide": constant(0.3)}}
     source = source_of(parameters)
     assert source.reports == ()
     moments = np.arange(0.0, 400.0, 0.05)
@@ -193,12 +187,7 @@ def test_the_wheel_takes_the_short_way() -> None:
     for moment in np.arange(0.0, 101.0, 0.1):
         _, velocities = source.sample(moment)
     assert velocities[2] == pytest.approx(math.pi / 2.0)
-    configure(
-        source,
-        JointsConfig.from_parameters(
-            {"motions": {"wheel": {"type": "constant", "position": -3.0}}}
-        ),
-    )
+    configure(source, {"motions": {"wheel": constant(-3.0)}})
     stops = [t for t in np.arange(101.0, 110.0, 0.1) if source.sample(t)[0][2] == -3.0]
     assert stops[0] < 103.0
 
@@ -209,37 +198,24 @@ def test_an_edit_leaves_the_other_motions_alone() -> None:
     plain = source_of({"motions": {"elbow": sine}})
     for moment in np.arange(0.0, 10.0, 0.1):
         if moment > 3.0:
-            once = {
-                "type": "keyframes",
-                "times": [0.0, 1.0],
-                "positions": [0.4, 0.41],
-                "loop": False,
-            }
-            motions = {"elbow": sine, "slide": once}
-            configure(edited, JointsConfig.from_parameters({"motions": motions}))
+            once = _keyframes([(0.0, 0.4), (1.0, 0.41)], "linear", loop=False)
+            configure(edited, {"motions": {"elbow": sine, "slide": once}})
         assert edited.sample(moment)[0][0] == plain.sample(moment)[0][0]
     assert edited.sample(11.0)[0][1] == 0.41
 
 
 def test_a_refused_edit_changes_nothing() -> None:
-    source = source_of({"motions": {"elbow": {"type": "constant", "position": 0.5}}})
+    source = source_of({"motions": {"elbow": constant(0.5)}})
     with pytest.raises(ConfigError, match="joints that move: elbow, finger, slide, thumb, wheel"):
-        configure(
-            source,
-            JointsConfig.from_parameters(
-                {"motions": {"elbo": {"type": "constant", "position": 0.1}}}
-            ),
-        )
+        configure(source, {"motions": {"elbo": constant(0.1)}})
     with pytest.raises(ConfigError, match='joint "base" is fixed'):
-        configure(source, JointsConfig.from_parameters({"poses": {"p": {"base": 0.1}}}))
+        configure(source, {"poses": {"p": {"base": 0.1}}})
     assert settled(source)["elbow"] == 0.5
 
 
 def test_a_new_robot_leaves_out_what_does_not_suit_it() -> None:
     parameters = {
-        "motions": {
-            name: {"type": "constant", "position": 0.25} for name in ("elbow", "slide", "finger")
-        },
+        "motions": {name: constant(0.25) for name in ("elbow", "slide", "finger")},
         "poses": {"up": {"elbow": 0.5, "wheel": 0.1}},
     }
     old, config = source_of(parameters), JointsConfig.from_parameters(parameters)
@@ -255,11 +231,10 @@ def test_a_new_robot_leaves_out_what_does_not_suit_it() -> None:
         "poses.up.wheel": 'the robot has no joint "wheel"',
     }
     assert settled(source) == pytest.approx({"elbow": 0.25, "finger": 0.125})
-    configure(source, JointsConfig.from_parameters({**parameters, "pose": "up"}))
+    configure(source, {**parameters, "pose": "up"})
     assert settled(source, 2000.0) == pytest.approx({"elbow": 0.5, "finger": 0.25})
-    more = {**parameters, "dependent_joints.elbow.parent": "slide"}
     with pytest.raises(ConfigError) as caught:
-        configure(source, JointsConfig.from_parameters(more))
+        configure(source, {**parameters, "dependent_joints.elbow.parent": "slide"})
     assert [problem.key for problem in caught.value.problems] == ["dependent_joints.elbow"]
 
 
@@ -267,23 +242,18 @@ def test_a_joint_without_velocity_limit_jumps() -> None:
     source = JointStateSource([joint("a", velocity=None)])
     source.sample(0.0)
     for moment, position, velocity in ((0.01, 1.0, 100.0), (0.03, 1e-17, -50.0)):
-        motions = {"a": {"type": "constant", "position": position}}
-        configure(source, JointsConfig.from_parameters({"motions": motions}))
+        configure(source, {"motions": {"a": constant(position)}})
         positions, velocities = source.sample(moment)
         assert positions[0] == position
         assert velocities[0] == pytest.approx(velocity)
 
 
 def test_received_states_override_motions() -> None:
-    source = source_of({"motions": {"elbow": {"type": "constant", "position": 1.0}}})
+    source = source_of({"motions": {"elbow": constant(1.0)}})
     source.sample(0.0)
-    nothing = source.received.receive(
-        ["finger", "elbow", "thumb", "other"],
-        [0.5, math.nan, 0.3, 1.0],
-        [0.1, 0.2, 0.3, 0.4],
-        [1.0, 2.0, 3.0, 4.0],
-    )
-    assert nothing is None
+    names, numbers = ["finger", "elbow", "thumb", "other"], np.array([1.0, 2.0, 3.0, 4.0])
+    positions = [0.5, math.nan, 0.3, 1.0]
+    assert source.received.receive(names, positions, numbers / 10.0, numbers) is None
     source.received.receive(["elbow"], [math.inf], [], [])
     positions, velocities = source.sample(1.0)
     assert positions == pytest.approx([0.5, 0.4, 0.0, 0.5, -0.45])
@@ -296,7 +266,7 @@ def test_a_motion_begins_when_it_is_asked_for() -> None:
     for moment in (1e9, 1e9 + 40.0):
         source.sample(moment)
     sine = {"type": "sine", "amplitude": 0.5, "frequency": 0.1}
-    configure(source, JointsConfig.from_parameters({"motions": {"elbow": sine}}))
+    configure(source, {"motions": {"elbow": sine}})
     for since in np.arange(0.0, 5.0, 0.25):
         position = source.sample(1e9 + 40.0 + since)[0][0]
         assert position == pytest.approx(0.5 * math.sin(0.2 * math.pi * since), abs=1e-9)
@@ -304,15 +274,8 @@ def test_a_motion_begins_when_it_is_asked_for() -> None:
 
 def test_a_clock_set_back_goes_on_with_the_same_motion() -> None:
     steps = [0.5, 0.25, -100.0, 0.5, 1e6, 0.25]
-    source, plain = (
-        source_of(
-            {
-                "motions": {"elbow": {"type": "sine", "amplitude": 0.5, "frequency": 0.1}},
-                "delta": 0.01,
-            }
-        )
-        for _ in range(2)
-    )
+    sine = {"type": "sine", "amplitude": 0.5, "frequency": 0.1}
+    source, plain = (source_of({"motions": {"elbow": sine}, "delta": 0.01}) for _ in range(2))
     source.sample(200.0)
     plain.sample(0.0)
     now, elapsed = 200.0, 0.0
@@ -330,29 +293,16 @@ def test_a_first_pose_without_the_joint_is_where_the_loop_leaves_it(
     loop: bool, first: float
 ) -> None:
     """In a loop it stands as the last pose left it; else it rests at its zero position."""
-    source = source_of(
-        {
-            "zeros": {"elbow": 0.25},
-            "poses": {"a": {"wheel": 0.0}, "b": {"elbow": 0.4}, "c": {"elbow": 0.3}},
-            "sequence": {
-                "poses": ["a", "b", "c"],
-                "durations": [1.0, 1.0, 1.0],
-                "blend": "linear",
-                "loop": loop,
-            },
-        }
-    )
+    poses = {"a": {"wheel": 0.0}, "b": {"elbow": 0.4}, "c": {"elbow": 0.3}}
+    sequence = {"poses": [*poses], "durations": [1.0] * 3, "blend": "linear", "loop": loop}
+    source = source_of({"zeros": {"elbow": 0.25}, "poses": poses, "sequence": sequence})
     course = [float(source.sample(t)[0][0]) for t in np.arange(0.0, 4.1, 0.5)]
     begin = [0.25, (0.25 + first) / 2, first, (first + 0.4) / 2]
     assert course == pytest.approx([*begin, 0.4, 0.35, 0.3, 0.3, 0.3])
 
 
 def test_a_sequence_holds_its_last_pose_or_goes_back_to_its_first() -> None:
-    written = {
-        "poses": ["a", "b", "b"],
-        "durations": [0.5, 1.0, 2.0],
-        "blend": "linear",
-    }
+    written = {"poses": ["a", "b", "b"], "durations": [0.5, 1.0, 2.0], "blend": "linear"}
     poses = {"a": {"elbow": 0.1}, "b": {"elbow": 0.3}}
     wanted = {0.25: 0.05, 0.5: 0.1, 1.0: 0.2, 1.5: 0.3, 3.5: 0.3}
     ends = {True: {3.75: 0.2, 4.0: 0.1, 4.5: 0.2, 5.0: 0.3, 7.0: 0.3, 7.25: 0.2}, False: {9.0: 0.3}}
@@ -365,12 +315,9 @@ def test_a_sequence_holds_its_last_pose_or_goes_back_to_its_first() -> None:
 
 
 def test_poses_of_a_sequence_are_kept_within_limits() -> None:
-    source = source_of(
-        {
-            "poses": {"far": {"elbow": 5.0}, "low": {"elbow": -5.0}},
-            "sequence": {"poses": ["far", "low"], "durations": [9.0, 9.0], "blend": "linear"},
-        }
-    )
+    poses = {"far": {"elbow": 5.0}, "low": {"elbow": -5.0}}
+    sequence = {"poses": [*poses], "durations": [9.0, 9.0], "blend": "linear"}
+    source = source_of({"poses": poses, "sequence": sequence})
     source.sample(0.0)
     assert source.sample(9.0)[0][0] == 1.0
     assert source.sample(13.5)[0][0] == pytest.approx(0.0)
@@ -379,12 +326,9 @@ def test_poses_of_a_sequence_are_kept_within_limits() -> None:
 
 
 def test_a_sequence_too_fast_for_a_joint_is_reported_with_the_joint() -> None:
-    source = source_of(
-        {
-            "poses": {"a": {"elbow": 0.0}, "b": {"elbow": 1.0}},
-            "sequence": {"poses": ["a", "b"], "durations": [1.0, 1.0]},
-        }
-    )
+    poses = {"a": {"elbow": 0.0}, "b": {"elbow": 1.0}}
+    sequence = {"poses": [*poses], "durations": [1.0, 1.0]}
+    source = source_of({"poses": poses, "sequence": sequence})
     assert {report.key for report in source.reports} == {"sequence"}
     assert all(report.text.startswith('joint "elbow": from keyframe') for report in source.reports)
     assert all("rad/s, over its limit 0.5 rad/s" in report.text for report in source.reports)
@@ -393,7 +337,7 @@ def test_a_sequence_too_fast_for_a_joint_is_reported_with_the_joint() -> None:
 def test_a_sweep_too_fast_for_a_joint_is_reported_and_slower() -> None:
     source = source_of({"delta": 0.02, "rate": 10})
     assert [(report.key, report.text.partition(" is ")[0]) for report in source.reports] == [
-        ("delta", 'joint "slide": delta times rate'),
+        ("delta", 'joint "slide": delta times rate')
     ]
     assert "0.2 m/s, over its limit 0.1 m/s" in source.reports[0].text
     source.sample(0.0)
@@ -410,8 +354,7 @@ WHEELS = [
 def test_a_wheel_that_leads_is_not_wrapped() -> None:
     """Its follower would jump by half a turn with each of its turns."""
     speed = {"type": "keyframes", "times": [0.0, 10.0], "positions": [0.0, 2.0 * math.pi]}
-    config = JointsConfig.from_parameters({"motions": {"left": speed, "free": speed}})
-    source = JointStateSource(WHEELS, config)
+    source = source_from(WHEELS, {"motions": {"left": speed, "free": speed}})
     for moment in np.arange(0.0, 8.0, 0.1):
         (left, right, free), velocities = source.sample(moment)
         turned = moment * math.tau / 10.0
@@ -424,16 +367,10 @@ def test_a_wheel_that_leads_is_not_wrapped() -> None:
 
 def test_a_wheel_that_leads_takes_the_whole_way_to_its_new_motion() -> None:
     """The short way would not bring its follower to where it ought to be."""
-    source = JointStateSource(
-        WHEELS,
-        JointsConfig.from_parameters({"motions": {"left": {"type": "constant", "position": 5.0}}}),
-    )
+    source = source_from(WHEELS, {"motions": {"left": constant(5.0)}})
     source.sample(0.0)
     source.sample(100.0)
-    configure(
-        source,
-        JointsConfig.from_parameters({"motions": {"left": {"type": "constant", "position": -1.0}}}),
-    )
+    configure(source, {"motions": {"left": constant(-1.0)}})
     course = [source.sample(100.0 + t)[0] for t in (1.0, 2.0, 3.0, 9.0)]
     assert [left for left, _, _ in course] == pytest.approx([3.0, 1.0, -1.0, -1.0])
     assert [right for _, right, _ in course] == pytest.approx([-1.25, -0.25, 0.75, 0.75])
@@ -449,12 +386,12 @@ def test_wrapped_angles_are_the_same_angles(angles: list[float]) -> None:
 
 
 def test_a_new_description_keeps_time_motion_and_received_states() -> None:
-    parameters = {
-        "motions": {"elbow": {"type": "sine", "amplitude": 0.5, "frequency": 0.05}},
-        "poses": {"p": {"finger": 0.5}},
-        "sequence": {"poses": ["p"], "durations": [10.0], "loop": False, "blend": "linear"},
-    }
-    config = JointsConfig.from_parameters(parameters)
+    sine = {"type": "sine", "amplitude": 0.5, "frequency": 0.05}
+    sequence = {"poses": ["p"], "durations": [10.0], "loop": False, "blend": "linear"}
+    poses = {"p": {"finger": 0.5}}
+    config = JointsConfig.from_parameters(
+        {"motions": {"elbow": sine}, "poses": poses, "sequence": sequence}
+    )
     old, plain = JointStateSource(ROBOT, config), JointStateSource(ROBOT, config)
     for source in (old, plain):
         for moment in (5.0, 6.0, 7.0):
@@ -469,7 +406,7 @@ def test_a_new_description_keeps_time_motion_and_received_states() -> None:
 
 
 def test_received_velocities_or_efforts_alone_leave_the_positions() -> None:
-    source = source_of({"motions": {"elbow": {"type": "constant", "position": 1.0}}})
+    source = source_of({"motions": {"elbow": constant(1.0)}})
     source.sample(0.0)
     received = source.received
     assert received.kinds == (False, False, False)

@@ -75,11 +75,7 @@ def test_what_counts_as_a_whole_turn(beyond: float, whole: bool) -> None:
     assert at(backward, 1.5, endless=True) == pytest.approx(-(1.5 if whole else 0.5) * turn)
 
 
-@given(
-    st.floats(0.1, 3.0),
-    st.floats(0.0, 50.0),
-    st.floats(-1.0, 2.0),
-)
+@given(st.floats(0.1, 3.0), st.floats(0.0, 50.0), st.floats(-1.0, 2.0))
 def test_a_sweep_stays_in_its_range_at_its_speed(speed: float, time: float, start: float) -> None:
     motion = Keyframes.sweep(speed, start, -1.0, 2.0)
     here, next_ = at(motion, time), at(motion, time + 0.001)

@@ -84,11 +84,14 @@ OLD_NAMES = (
     "depthImageCameraInfoTopicName",
     "pointCloudTopicName",
 )
+
+
+def left_eye(*rules: str) -> str:
+    """What a plugin holds whose namespace is left and whose camera is eye."""
+    return ros(*rules, namespace="left") + child(camera_name="eye")
+
+
 DEFAULT = ("image_raw", "camera_info", "depth/image_raw", "depth/camera_info", "points")
-
-
-def of_cameras(*names: str) -> dict[str, str]:
-    return dict(zip(NAMES, names, strict=True))
 
 
 @pytest.mark.parametrize(
@@ -96,26 +99,18 @@ def of_cameras(*names: str) -> dict[str, str]:
     [
         ("", [f"s/{name}" for name in DEFAULT]),
         (child(camera_name="/eye"), [f"/eye/{name}" for name in DEFAULT]),
-        (
-            ros(namespace="/left") + child(camera_name="eye"),
-            [f"left/eye/{name}" for name in DEFAULT],
-        ),
+        (left_eye(), [f"left/eye/{name}" for name in DEFAULT]),
         # Relative, absolute, one after another, of each topic.
         (
-            ros(*[f"eye/{name}:=my/n{n}" for n, name in enumerate(DEFAULT)], namespace="left")
-            + child(camera_name="eye"),
+            left_eye(*[f"eye/{name}:=my/n{n}" for n, name in enumerate(DEFAULT)]),
             [f"left/my/n{n}" for n in range(5)],
         ),
         (
-            ros(
-                *[f"/left/eye/{name}:=/my/n{n}" for n, name in enumerate(DEFAULT)], namespace="left"
-            )
-            + child(camera_name="eye"),
+            left_eye(*[f"/left/eye/{name}:=/my/n{n}" for n, name in enumerate(DEFAULT)]),
             [f"/my/n{n}" for n in range(5)],
         ),
         (  # as the plugin's documentation has it: below the camera's name
-            ros("image_raw:=picture", "camera_info:=/info", namespace="left")
-            + child(camera_name="eye"),
+            left_eye("image_raw:=picture", "camera_info:=/info"),
             ["left/eye/picture", "/info", *[f"left/eye/{name}" for name in DEFAULT[2:]]],
         ),
         (
@@ -128,7 +123,7 @@ def of_cameras(*names: str) -> dict[str, str]:
 )
 def test_a_camera_s_topics_are_namespace_camera_name_and_topic(inside, expected):
     found = read(camera(plugin=plugin(inside, CLASSIC), kind="depth"))
-    assert topics(found) == of_cameras(*expected) and found.notices == ()
+    assert topics(found) == dict(zip(NAMES, expected, strict=True)) and found.notices == ()
 
 
 @pytest.mark.parametrize(
@@ -185,10 +180,8 @@ def test_sensors_of_one_name_on_two_links_have_the_link_in_their_topics():
 def test_a_sensor_s_name_becomes_a_part_of_a_topic():
     found = read(block("2d lidar"), block("Lidar é"))
     assert found.problems == ()
-    assert [each.topics["scan"] for each in found.sensors] == [
-        "sensor_2d_lidar/scan",
-        "Lidar__/scan",
-    ]
+    scans = [each.topics["scan"] for each in found.sensors]
+    assert scans == ["sensor_2d_lidar/scan", "Lidar__/scan"]
 
 
 @pytest.mark.parametrize("inside", ["", child(topic="__default_topic__")])
@@ -287,10 +280,8 @@ def test_without_a_plugin_a_lidar_has_a_scan_and_a_cloud_as_in_gz():
     one_row = {"scan": "scan", "points": "scan/points"}
     assert topics(read(rays())) == topics(read(rays(child(topic="scan"), rows=4))) == one_row
     assert topics(read(rays(rows=4))) == {"points": "points", "scan": "s/scan"}
-    assert topics(read(rays(child(topic="/base/scan")))) == {
-        "scan": "base/scan",
-        "points": "base/scan/points",
-    }
+    named = topics(read(rays(child(topic="/base/scan"))))
+    assert named == {"scan": "base/scan", "points": "base/scan/points"}
     assert topics(read(rays(plugin(file="dummyfile")))) == one_row
 
 
@@ -315,22 +306,13 @@ def test_a_type_that_is_not_made_is_one_warning():
 
 
 def test_each_plugin_of_a_sensor_publishes():
-    kinds = {
-        "LaserScan": "scan",
-        "PointCloud2": "points",
-        "PointCloud": "point_cloud",
-        "Range": "range",
-    }
-    plugins = [
-        plugin(
-            ros(f"~/out:={output}", namespace="/ray")
-            + child(output_type=f"sensor_msgs/{kind}", frame_name="a"),
-            name=output,
-        )
-        for kind, output in kinds.items()
-    ]
-    vector = plugin(child(output_type="geometry_msgs/Vector3"), name="vector")
-    found = read(rays(*plugins, vector))
+    kinds = dict(LaserScan="scan", PointCloud2="points", PointCloud="point_cloud", Range="range")
+    plugins = [plugin(child(output_type="geometry_msgs/Vector3"), name="vector")]
+    for kind, output in kinds.items():
+        asked = child(output_type=f"sensor_msgs/{kind}", frame_name="a")
+        renamed = ros(f"~/out:={output}", namespace="/ray")
+        plugins.append(plugin(renamed + asked, name=output))
+    found = read(rays(*plugins))
     assert topics(found) == {output: f"ray/{output}" for output in kinds.values()}
     assert len(found.warnings) == 1 and {each.name for each in found.sensors} == {"s"}
     listed = describe(found)
@@ -456,32 +438,23 @@ def located(tag: str) -> str:
     return child(**{tag: "a"})
 
 
+def gazebo(inside: str, link: str = "") -> str:
+    return f'<gazebo reference="{link}">{inside}</gazebo>' if link else child(gazebo=inside)
+
+
+REALSENSE = "librealsense_gazebo_plugin.so"
+
+
 @pytest.mark.parametrize(
     ("written", "link", "kind"),
     [
-        (f"<gazebo>{plugin(located('bodyName'), 'libgazebo_ros_imu.so')}</gazebo>", "a", "imu"),
-        (
-            f"<gazebo>{plugin(located('link'), 'librealsense_gazebo_plugin.so')}</gazebo>",
-            "a",
-            "rgbd_camera",
-        ),
-        (f"<gazebo>{plugin('', 'librealsense_gazebo_plugin.so')}</gazebo>", "LINK", "rgbd_camera"),
-        (
-            f'<gazebo reference="a">{plugin("", "libgazebo_ros_velodyne_laser.so")}</gazebo>',
-            "a",
-            "gpu_lidar",
-        ),
-        (f"<gazebo><x>{plugin('', 'libgazebo_ros_laser.so')}</x></gazebo>", "LINK", "gpu_lidar"),
-        (
-            f'<gazebo><plugin name="q">{plugin(located("body_name"), SONAR)}</plugin></gazebo>',
-            "a",
-            "ray",
-        ),
-        (
-            f'<gazebo reference="a"><link>{plugin("", "libgazebo_ros_camera.so")}</link></gazebo>',
-            "a",
-            "camera",
-        ),
+        (gazebo(plugin(located("bodyName"), "libgazebo_ros_imu.so")), "a", "imu"),
+        (gazebo(plugin(located("link"), REALSENSE)), "a", "rgbd_camera"),
+        (gazebo(plugin("", REALSENSE)), "LINK", "rgbd_camera"),
+        (gazebo(plugin("", "libgazebo_ros_velodyne_laser.so"), "a"), "a", "gpu_lidar"),
+        (gazebo(child(x=plugin("", "libgazebo_ros_laser.so"))), "LINK", "gpu_lidar"),
+        (gazebo(plugin(plugin(located("body_name"), SONAR), "q")), "a", "ray"),
+        (gazebo(child(link=plugin("", CLASSIC)), "a"), "a", "camera"),
         (plugin(located("bodyName"), "libgazebo_ros_openni_kinect.so"), "a", "rgbd_camera"),
     ],
 )
