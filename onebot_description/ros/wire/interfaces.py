@@ -38,7 +38,6 @@ from onebot_description.errors import OneBotError
 from onebot_description.ros.wire import type_support
 from onebot_description.ros.wire.interface_text import interface_text, own_interfaces
 from onebot_description.ros.wire.message_class import (
-    Hooks,
     MessageField,
     full_name,
     make_message_class,
@@ -120,7 +119,7 @@ def _make_message(message: Message, encoding: str = "implicit", text: str = "") 
         constant.name: bytes([constant.value]) if constant.type == "byte" else constant.value
         for constant in message.constants
     }
-    return make_message_class(name, fields, values, Hooks(load, restore))
+    return make_message_class(name, fields, values, load, restore)
 
 
 def restore(name: str, values: dict[str, Any], check_fields: bool) -> Any:

@@ -58,19 +58,6 @@ class MessageField(NamedTuple):
     default: Any = None
 
 
-class Hooks(NamedTuple):
-    """How a class gets its type support, and a message comes back from its pickled form.
-
-    Attributes:
-        load: called once with the class; sets the capsules that rclpy looks for on its metaclass.
-        restore: called with the class's full name, the values of its fields by name, and its
-            ``check_fields``; returns the message.
-    """
-
-    load: Callable[[Any], None]
-    restore: Callable[[str, dict[str, Any], bool], Any]
-
-
 _MADE: dict[str, Any] = {}  # classes made so far, by full name
 
 
@@ -125,7 +112,11 @@ def make_metaclass(name: str, load: Callable[[Any], None]) -> Any:
 
 
 def make_message_class(
-    name: str, fields: Sequence[MessageField], constants: Mapping[str, Any], hooks: Hooks
+    name: str,
+    fields: Sequence[MessageField],
+    constants: Mapping[str, Any],
+    load: Callable[[Any], None],
+    restore: Callable[[str, dict[str, Any], bool], Any],
 ) -> Any:
     """Return the class of a message type.
 
@@ -133,7 +124,9 @@ def make_message_class(
         name: ``package/msg/Type``; for a part of a service or an action, srv or action.
         fields: its fields; the classes of nested messages exist.
         constants: their values by name.
-        hooks: what the class calls.
+        load: called once with the class; sets the capsules that rclpy looks for on its metaclass.
+        restore: called with the class's full name, the values of its fields by name, and its
+            ``check_fields``, when a message is unpickled; returns the message.
     """
     package, folder, short = name.split("/")
     names = [field.name for field in fields]
@@ -161,7 +154,7 @@ def make_message_class(
     def __reduce__(self: Any) -> tuple[Any, ...]:
         # The module's name is not that of a real one.
         by_name = {field: getattr(self, field) for field in names}
-        return hooks.restore, (name, by_name, self._check_fields)
+        return restore, (name, by_name, self._check_fields)
 
     types = {field.name: _type_name(field.type) for field in fields}
     defaults = {
@@ -182,7 +175,7 @@ def make_message_class(
         **constants,
         **defaults,
     }
-    message_class = make_metaclass(short, hooks.load)(short, (), attributes)
+    message_class = make_metaclass(short, load)(short, (), attributes)
     _MADE[name] = message_class
     return message_class
 
