@@ -193,7 +193,7 @@ def edits(draw, messages):
     return data[:place] + byte + draw(st.sampled_from([data[place + len(byte) :], b"", data]))
 
 
-@settings(deadline=None, max_examples=100)
+@settings(deadline=None, max_examples=60)
 @given(
     robots(),
     st.data(),
@@ -336,7 +336,7 @@ def test_the_builtin_outlives_its_converter():
 # A plan's arithmetic ------------------------------------------------------------------------
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=50)
 @given(robots(), st.data())
 def test_a_plan_agrees_with_the_model(urdf, data):
     model = _model(urdf)
