@@ -179,13 +179,13 @@ def test_nothing_is_left_beside_a_file(tmp_path):
 @pytest.mark.parametrize("plugin", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
 @pytest.mark.parametrize("mode", [CompressionMode.NONE, CompressionMode.FILE])
 def test_is_not_read_into_memory(tmp_path, plugin, mode):
-    """Of 64 MB, a few messages at a time are."""
-    foreign(tmp_path / "bag", plugin, mode, [cdr("x" * 1_000_000)] * 64)
+    """Of 32 MB, a few messages at a time are."""
+    foreign(tmp_path / "bag", plugin, mode, [cdr("x" * 1_000_000)] * 32)
     (file,) = Bag(tmp_path / "bag").files
     tracemalloc.start()
     try:
         messages = Bag(file).messages(["/words"])
-        assert sum(len(message.data) for message in messages) > 64e6
+        assert sum(len(message.data) for message in messages) > 32e6
         assert tracemalloc.get_traced_memory()[1] < 16e6
     finally:
         tracemalloc.stop()

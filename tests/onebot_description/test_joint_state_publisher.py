@@ -15,6 +15,8 @@ from std_msgs.msg import String
 from onebot_description import description_files
 from onebot_description.description import Description, load_description
 from onebot_description.joint_state_publisher import JointStatePublisher
+from onebot_description.ros.wire.cdr import NS_PER_S, nanoseconds
+from onebot_description.ros.wire.messages import time_message
 from tests.ros_support import LATCHED, NodeProcess, Peer, refusals, ros_args, spin_until
 from tests.support import PATIENCE, wait_for
 
@@ -109,7 +111,7 @@ def mrm(tmp_path: Path) -> str:
 
 def seconds(state: JointState) -> float:
     """The stamp."""
-    return float(state.header.stamp.sec) + state.header.stamp.nanosec * 1e-9
+    return nanoseconds(state.header.stamp) / NS_PER_S
 
 
 def test_a_saved_file_moves_the_robot(
@@ -319,10 +321,7 @@ def test_sim_time_is_respected(start: Start, listener: Listener, mrm: str) -> No
     def tick() -> bool:
         nonlocal now
         now += 0.05
-        whole = int(now)
-        message = Clock()
-        message.clock.sec, message.clock.nanosec = whole, int((now - whole) * 1e9)
-        clock.publish(message)
+        clock.publish(Clock(clock=time_message(round(now * NS_PER_S))))
         return len(listener.states) > 20
 
     wait_for(tick, "twenty messages")

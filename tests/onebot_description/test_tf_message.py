@@ -128,6 +128,7 @@ def test_on_the_wire_it_is_tf2_msgs(node: Any) -> None:
 
 MANY_THREADS = """
     import threading, rclpy
+    from concurrent.futures import ThreadPoolExecutor
     from rclpy.executors import SingleThreadedExecutor
     from rclpy.serialization import serialize_message
     from geometry_msgs.msg import TransformStamped
@@ -161,15 +162,11 @@ MANY_THREADS = """
             node.destroy_subscription(raw)
             received[name] += len(messages)
 
-    publishers = [threading.Thread(target=publish, args=(name,)) for name in received]
-    subscribers = [threading.Thread(target=subscribe, args=(name,)) for name in received]
-    for thread in publishers + subscribers:
-        thread.start()
-    for thread in subscribers:
-        thread.join()
-    done.set()
-    for thread in publishers:
-        thread.join()
+    with ThreadPoolExecutor(2 * len(received)) as pool:
+        publishers = pool.map(publish, received)
+        list(pool.map(subscribe, received))
+        done.set()
+        list(publishers)
     print("finished")
     rclpy.try_shutdown()
 """
