@@ -403,6 +403,8 @@ class _Attribute:
         self._name, self._leaf, self._offset = name, leaf, offset
 
     def __get__(self, view: Any, owner: type) -> Any:
+        if view is None:
+            return self
         value = view._get(self._leaf, self._offset)
         setattr(view, self._name, value)  # Python finds it first
         return value

@@ -26,7 +26,6 @@ from onebot_description.arrays import Floats
 from onebot_description.compiled.library import load_library
 from onebot_description.errors import listing
 from onebot_description.model import RobotModel
-from onebot_description.ros.throttled import Warn
 from onebot_description.ros.wire.cdr import (
     DOUBLES_PER_TRANSFORM,
     NS_PER_S,
@@ -43,6 +42,7 @@ from onebot_description.ros.wire.messages import (
     transforms_message,
 )
 
+Warn = Callable[[str, str], None]
 ConvertBytes = Callable[[bytes, int], bytes | None]
 
 # Publishers of one topic, times the subsets of joints each sends; more only costs time. The same in
