@@ -69,10 +69,6 @@ _DEPTH = 1000  # messages that can queue up while the disk is slow: 10 s at 100 
 _DEFAULT = QoSProfile(depth=_DEPTH)
 _LATCHED = make_qos(_DEPTH, reliable=True, latched=True)
 _FOREVER = 2**63 - 1  # ns; DDS's infinite duration
-_LIVELINESS = {
-    LivelinessPolicy.AUTOMATIC: "automatic",
-    LivelinessPolicy.MANUAL_BY_TOPIC: "manual_by_topic",
-}
 # Type of each topic that our robots publish, and whether it is transient_local. The recorder
 # subscribes to them from the start, so that nothing is missed before publishers are discovered.
 _KNOWN = {
@@ -325,10 +321,11 @@ class TopicRecorder:
 
 def offered_qos(profile: QoSProfile) -> Qos:
     """Return a publisher's QoS in rosbag2's terms; DDS does not report its history."""
+    is_manual = profile.liveliness == LivelinessPolicy.MANUAL_BY_TOPIC
     return Qos(
         reliability="reliable" if is_reliable(profile) else "best_effort",
         durability="transient_local" if is_transient_local(profile) else "volatile",
-        liveliness=_LIVELINESS.get(profile.liveliness, "automatic"),
+        liveliness="manual_by_topic" if is_manual else "automatic",
         deadline=_limit(profile.deadline),
         lifespan=_limit(profile.lifespan),
         lease=_limit(profile.liveliness_lease_duration),

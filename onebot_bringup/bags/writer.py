@@ -29,7 +29,6 @@ class Qos:
     reliability: str = "reliable"  # the other value is best_effort
     durability: str = "volatile"  # the other value is transient_local
     liveliness: str = "automatic"  # the other value is manual_by_topic
-    history: str = "unknown"  # others are keep_last and keep_all; DDS does not report it
     depth: int = 0  # length of the history
     deadline: int | None = None  # ns; None for infinite, as in the next two
     lifespan: int | None = None
@@ -290,7 +289,7 @@ def _topic(topic: RecordedTopic, count: int) -> dict[str, Any]:
 
 def _qos(qos: Qos) -> dict[str, Any]:
     return {
-        "history": qos.history,
+        "history": "unknown",  # DDS does not report it
         "depth": qos.depth,
         "reliability": qos.reliability,
         "durability": qos.durability,

@@ -17,7 +17,6 @@ import yaml
 from rosidl_parser.definition import (
     AbstractGenericString,
     AbstractNestedType,
-    AbstractSequence,
     AbstractWString,
     Array,
     BasicType,
@@ -144,8 +143,6 @@ def _type_of(slot: Any) -> str:
         return str(slot.typename)
     if isinstance(slot, NamespacedType):
         return "/".join(slot.namespaced_name())
-    if isinstance(slot, AbstractSequence):
-        return f"list of {_type_of(slot.value_type)}"
     return "wstring" if isinstance(slot, AbstractWString) else "string"
 
 
@@ -307,8 +304,6 @@ def read_scalar(kind: str, text: str, finite: bool = True) -> Any:
         return _floating(kind, text, finite)
     if kind == "octet":
         return bytes([_integer("uint8", text)])
-    if kind in ("char", "wchar"):
-        return _character(text)
     return _integer(kind, text)
 
 
@@ -341,12 +336,9 @@ def _integer(kind: str, text: str) -> int:
         value = int(text, 0) if not text.lstrip("+-").isdigit() else int(text)
     except ValueError:
         value = _whole(kind, text)
-    bits = int(kind.lstrip("uint"))
-    low, high = (0, 2**bits - 1)
-    if not kind.startswith("u"):
-        low, high = -(2 ** (bits - 1)), 2 ** (bits - 1) - 1
-    if not low <= value <= high:
-        raise ValueError(f"is an {kind} from {low} to {high}, not {text}")
+    limits = np.iinfo(kind)
+    if not limits.min <= value <= limits.max:
+        raise ValueError(f"is an {kind} from {limits.min} to {limits.max}, not {text}")
     return value
 
 
@@ -359,12 +351,6 @@ def _whole(kind: str, text: str) -> int:
     if not math.isfinite(number) or number != int(number):
         raise ValueError(f'is an integer ({kind}), not "{text}"')
     return int(number)
-
-
-def _character(text: str) -> str:
-    if len(text) != 1:
-        raise ValueError(f'is one character, not "{text}"')
-    return text
 
 
 def _read_fields(text: str) -> dict[str, Any]:

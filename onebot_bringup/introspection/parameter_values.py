@@ -13,6 +13,8 @@ import yaml
 
 from onebot_description.errors import OneBotError
 from onebot_description.ros.parameters import bounded_yaml
+from onebot_description.ros.parameters.files import plain_value
+from onebot_description.ros.parameters.values import INT64
 
 NOT_SET, BOOL, INTEGER, DOUBLE, STRING = range(5)
 BYTES, BOOLS, INTEGERS, DOUBLES, STRINGS = range(5, 10)
@@ -117,18 +119,11 @@ def _inferred(text: str, value: Any) -> tuple[int, Any]:
     if isinstance(value, list):
         return _inferred_list(value)
     if isinstance(value, str) and value == text.strip():
-        number = _number(value)
-        return (STRING, value) if number is None else (DOUBLE, number)
+        # YAML 1.1 reads some numbers as strings, such as 1e-3.
+        number = plain_value(value)
+        is_number = isinstance(number, float) and math.isfinite(number)
+        return (DOUBLE, number) if is_number else (STRING, value)
     return STRING, value if isinstance(value, str) else text
-
-
-def _number(text: str) -> float | None:
-    """Parse a number that YAML 1.1 reads as a string, such as 1e-3; None if it is not a number."""
-    try:
-        number = float(text)
-    except ValueError:
-        return None
-    return number if math.isfinite(number) and any(c in "0123456789" for c in text) else None
 
 
 def _inferred_list(values: list[Any]) -> tuple[int, Any]:
@@ -157,7 +152,7 @@ def _adapted(kind: int, value: Any, declared: int) -> tuple[int, Any]:
 
 
 def _int64(value: int) -> int:
-    if not -(2**63) <= value < 2**63:
+    if value not in INT64:
         raise OneBotError(f"{value} is too large for an integer parameter (64 bits)")
     return value
 

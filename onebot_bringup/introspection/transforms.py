@@ -277,11 +277,12 @@ class FrameTree:
         block, row = self._places.get(frame, (None, 0))
         return block.span(row) if block is not None and block.history else None
 
-    def chain(self, target: str, source: str) -> list[str]:
-        """Return the frames from ``target`` to ``source``, through their common ancestor.
+    def lookup(self, target: str, source: str) -> StampedTransform:
+        """Return the pose of ``source`` in ``target`` at the latest common time.
 
         Raises:
-            TransformError: a frame does not exist, or they are not connected.
+            TransformError: a frame does not exist, they are not connected, or there is no common
+                time.
         """
         for name, role in ((target, "target_frame"), (source, "source_frame")):
             if name not in self.names:
@@ -297,23 +298,8 @@ class FrameTree:
                 f"Could not find a connection between '{target}' and '{source}' because they are "
                 "not part of the same tree. Tf has two or more unconnected trees."
             )
-        return [*up[: up.index(common) + 1], *reversed(down[: down.index(common)])]
-
-    def lookup(self, target: str, source: str) -> StampedTransform:
-        """Return the pose of ``source`` in ``target`` at the latest common time.
-
-        Raises:
-            TransformError: a frame does not exist, they are not connected, or there is no common
-                time.
-        """
-        chain = self.chain(target, source)
-        # For each pair of neighbours: the child, and whether it is the second of them.
-        steps = []
-        for frame, next_frame in zip(chain, chain[1:], strict=False):
-            block, row = self._places.get(next_frame, (None, 0))
-            down = block is not None and block.parents[row] == frame
-            steps.append((next_frame if down else frame, down))
-        spans = [span for child, _ in steps if (span := self.span(child)) is not None]
+        up, down = up[: up.index(common)], down[: down.index(common)]
+        spans = [span for child in (*up, *down) if (span := self.span(child)) is not None]
         time_ns = min((newest for _, newest in spans), default=0)
         oldest = max((oldest for oldest, _ in spans), default=0)
         if oldest > time_ns:
@@ -323,12 +309,19 @@ class FrameTree:
                 f"{oldest / NS_PER_S:.6f}, "
                 f"when looking up transform from frame [{source}] to frame [{target}]"
             )
-        transform = IDENTITY
-        for child, down in steps:
-            block, row = self._places[child]
-            step = of_arrays(*block.at(row, time_ns))
-            transform = compose(transform, step if down else inverse(step))
-        return StampedTransform(time_ns, transform)
+        ways = self._in_ancestor(up, time_ns), self._in_ancestor(down, time_ns)
+        return StampedTransform(time_ns, compose(inverse(ways[0]), ways[1]))
+
+    def _in_ancestor(self, frames: Iterable[str], time_ns: int) -> Transform:
+        """Return the pose of the first of ``frames``, each the parent of the one before.
+
+        It is given in the parent of the last one.
+        """
+        pose = IDENTITY
+        for frame in frames:
+            block, row = self._places[frame]
+            pose = compose(of_arrays(*block.at(row, time_ns)), pose)
+        return pose
 
 
 def _problem(parent: str, child: str, translation: Floats, rotation: Floats) -> str:

@@ -124,7 +124,7 @@ class TopicSubscription:
     def _subscribe(self, kind: str, qos: QoSProfile) -> None:
         received: Callable[..., None] = partial(self._receive, kind)
         if self._delivered is not None:
-            received = _WithInfo(partial(self._receive_dated, kind))
+            received = _WithInfo(received)
         try:
             self._subscription = self._node.create_subscription(
                 self._message_class(kind),
@@ -141,15 +141,13 @@ class TopicSubscription:
             ) from error
         self.type, self.qos = kind, qos
 
-    def _receive(self, kind: str, message: Any) -> None:
-        if kind == self.type:  # ignore messages in flight when the subscription was closed
-            self._received(kind, message)
-
-    def _receive_dated(self, kind: str, message: Any, info: Mapping[str, Any]) -> None:
-        if kind == self.type and self._delivered is not None:
+    def _receive(self, kind: str, message: Any, info: Mapping[str, Any] | None = None) -> None:
+        if kind != self.type:
+            return  # it was in flight when the subscription was closed
+        if self._delivered is not None and info is not None:
             sent, received = info["source_timestamp"], info["received_timestamp"]
             self._delivered(Delivery(sent, received, info["publication_sequence_number"]))
-            self._received(kind, message)
+        self._received(kind, message)
 
 
 class _WithInfo:
@@ -162,7 +160,7 @@ class _WithInfo:
         [Parameter(name, Parameter.POSITIONAL_ONLY) for name in ("message", "info")]
     )
 
-    def __init__(self, receive: Callable[[Any, Mapping[str, Any]], None]) -> None:
+    def __init__(self, receive: Callable[..., None]) -> None:
         self._receive = receive
 
     def __call__(self, *taken: Any) -> None:

@@ -3,11 +3,13 @@
 import sqlite3
 from contextlib import closing
 
+from geometry_msgs.msg import TransformStamped
 from rclpy.serialization import serialize_message
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from onebot_description.ros.wire.definition import type_name
+from onebot_description.ros.wire.interfaces import TFMessage
 
 SECOND = 10**9
 START = 1_700_000_000 * SECOND
@@ -19,6 +21,15 @@ float32 longitudinal_velocity
 float32 lateral_velocity
 float32 heading_rate
 """
+
+
+def transform(parent, child, x=0.0, time=0.0):
+    """A message of /tf with one transform."""
+    found = TransformStamped(child_frame_id=child)
+    found.header.frame_id = parent
+    found.header.stamp.sec, found.header.stamp.nanosec = divmod(START + int(time * SECOND), SECOND)
+    found.transform.translation.x = x
+    return TFMessage(transforms=[found])
 
 
 class OtherRobot:

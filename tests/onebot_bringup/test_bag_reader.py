@@ -4,6 +4,7 @@ import sqlite3
 import tempfile
 import tracemalloc
 from contextlib import closing
+from dataclasses import replace
 
 import pytest
 from mcap.writer import IndexType
@@ -28,14 +29,17 @@ uint32 nanosec
 """
 
 
-def foreign(folder, plugin, mode=CompressionMode.NONE, version=9):
+WORDS = [cdr(f"word {index}") for index in range(20)]
+
+
+def foreign(folder, plugin, mode=CompressionMode.NONE, words=WORDS):
     """A recording written by rosbags."""
-    writer = Writer(folder, version=version, storage_plugin=plugin)
+    writer = Writer(folder, version=9, storage_plugin=plugin)
     writer.set_compression(mode, CompressionFormat.ZSTD)
     with writer:
         one = writer.add_connection("/words", "std_msgs/msg/String", typestore=TYPES)
-        for index in range(20):
-            writer.write(one, 1000 + index, cdr(f"word {index}"))
+        for index, word in enumerate(words):
+            writer.write(one, 1000 + index, word)
 
 
 def write_foreign_types(folder, plugin):
@@ -67,7 +71,7 @@ def test_compressed_by_rosbag2(tmp_path, plugin, mode):
     """Files and messages that rosbag2 has compressed are read, without metadata.yaml too."""
     foreign(tmp_path / "bag", plugin, mode)
     bag = Bag(tmp_path / "bag")
-    assert words_of(bag) == [cdr(f"word {index}") for index in range(20)]
+    assert words_of(bag) == WORDS
     assert (bag.count, bag.warnings, bag.storage) == (20, [], plugin.name.lower())
     (file,) = bag.files
     assert (file.suffix == ".zstd") == (mode == CompressionMode.FILE)
@@ -102,7 +106,7 @@ def test_damaged_compression(tmp_path):
     metadata.write_text(text)
     change(tmp_path / "bag", "UPDATE messages SET data = substr(data, 1, 9) WHERE id > 1")
     bag = Bag(tmp_path / "bag")
-    assert words_of(bag) == [cdr("word 0")]
+    assert words_of(bag) == WORDS[:1]
     [warning] = bag.warnings
     assert "has messages of /words that cannot be decompressed" in warning
 
@@ -126,6 +130,7 @@ def test_definitions(tmp_path, plugin, indexed):
             bag.definition(kind)
 
 
+MANUAL = Qos("best_effort", liveliness="manual_by_topic")
 QOS = "[{{reliability: best_effort, liveliness: {}, deadline: {}, liveliness_lease_duration: {}}}]"
 
 
@@ -134,14 +139,7 @@ QOS = "[{{reliability: best_effort, liveliness: {}, deadline: {}, liveliness_lea
     [
         (
             QOS.format("manual_by_topic", "{sec: 1, nsec: 5}", "{sec: 2}"),
-            [
-                Qos(
-                    "best_effort",
-                    liveliness="manual_by_topic",
-                    deadline=1_000_000_005,
-                    lease=2_000_000_000,
-                )
-            ],
+            [replace(MANUAL, deadline=1_000_000_005, lease=2_000_000_000)],
         ),
         # Infinite: of today, and in Foxy; or none.
         (
@@ -150,7 +148,7 @@ QOS = "[{{reliability: best_effort, liveliness: {}, deadline: {}, liveliness_lea
         ),
         (
             QOS.format(3, "{sec: 0, nsec: -5}", "null"),
-            [Qos("best_effort", liveliness="manual_by_topic")],
+            [MANUAL],
         ),
         (QOS.format(1, "{sec: .inf}", "null"), []),
         ("", []),
@@ -181,18 +179,13 @@ def test_nothing_is_left_beside_a_file(tmp_path):
 @pytest.mark.parametrize("plugin", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
 @pytest.mark.parametrize("mode", [CompressionMode.NONE, CompressionMode.FILE])
 def test_is_not_read_into_memory(tmp_path, plugin, mode):
-    """Of 64 MB, a few messages at a time are."""
-    writer = Writer(tmp_path / "bag", version=9, storage_plugin=plugin)
-    writer.set_compression(mode, CompressionFormat.ZSTD)
-    with writer:
-        one = writer.add_connection("/words", "std_msgs/msg/String", typestore=TYPES)
-        for index in range(64):
-            writer.write(one, index, cdr("x" * 1_000_000))
+    """Of 32 MB, a few messages at a time are."""
+    foreign(tmp_path / "bag", plugin, mode, [cdr("x" * 1_000_000)] * 32)
     (file,) = Bag(tmp_path / "bag").files
     tracemalloc.start()
     try:
         messages = Bag(file).messages(["/words"])
-        assert sum(len(message.data) for message in messages) > 64e6
+        assert sum(len(message.data) for message in messages) > 32e6
         assert tracemalloc.get_traced_memory()[1] < 16e6
     finally:
         tracemalloc.stop()
@@ -224,7 +217,7 @@ def mcap(path, **options):
         schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
         words = writer.register_channel("/words", "cdr", schema)
         for index in range(10):
-            writer.add_message(words, 1000 + index, cdr(f"word {index}"), 0)
+            writer.add_message(words, 1000 + index, WORDS[index], 0)
         writer.finish()
 
 
@@ -249,7 +242,7 @@ def test_what_may_be_left_out_of_an_mcap_file(tmp_path, options):
     assert bag.topics == {"/words": "std_msgs/msg/String"}
     assert (bag.counts, bag.count) == ({"/words": 10}, 10)
     assert (bag.start_ns, bag.end_ns, bag.warnings) == (1000, 1009, [])
-    assert words_of(bag) == [cdr(f"word {index}") for index in range(10)]
+    assert words_of(bag) == WORDS[:10]
 
 
 def test_reads_a_truncated_file_as_far_as_it_goes(tmp_path):

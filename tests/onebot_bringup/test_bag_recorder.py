@@ -184,24 +184,14 @@ def test_a_type_that_the_executor_still_holds(tmp_path, ros_domain, peer):
         node.destroy_node()
 
 
-def test_only_wanted_topics(tmp_path, peer):
-    """Of topics:=[...], relative to the namespace, nothing else is recorded."""
+def test_wanted_topics_in_simulated_time(tmp_path, peer):
+    """Only topics:=[...], relative to the namespace; stamped by /clock, latched before it, too."""
     folder = tmp_path / "run"
-    space = ("-r", "__ns:=/left")
-    with record(folder, *space, topics="[words]"):
-        publisher = peer.publisher(String, "/left/words", LATCHED)
-        publisher.publish(String(data="yes"))
-        peer.node.create_publisher(String, "/words", LATCHED).publish(String(data="no"))
-        wait_for(lambda: counted(folder, "/left/words") == 1, "the wanted message")
-    assert set(read_all(folder)[1]) == {"/left/words"}
-
-
-def test_simulated_time(tmp_path, peer):
-    """With use_sim_time all messages are stamped by /clock, latched ones of before it, too."""
-    folder = tmp_path / "run"
-    peer.node.create_publisher(String, "robot_description", LATCHED).publish(String())
-    words = peer.node.create_publisher(String, "/words", MANY)
-    with record(folder, use_sim_time=True) as node:
+    peer.node.create_publisher(String, "/left/robot_description", LATCHED).publish(String())
+    peer.node.create_publisher(String, "/words", LATCHED).publish(String(data="no"))
+    words = peer.node.create_publisher(String, "/left/words", MANY)
+    parameters = {"use_sim_time": True, "topics": "[words, robot_description]"}
+    with record(folder, "-r", "__ns:=/left", **parameters) as node:
         clock = peer.publisher(Clock, "/clock")
         wait_for(lambda: "waiting for the first message on /clock" in node.output, "a notice")
         assert words.get_subscription_count() == 0
@@ -211,11 +201,13 @@ def test_simulated_time(tmp_path, peer):
         def recorded():
             clock.publish(tick)
             words.publish(String())
-            return counted(folder, "/words") and counted(folder, "/robot_description")
+            return counted(folder, "/left/words") and counted(folder, "/left/robot_description")
 
         wait_for(recorded, "both topics")
         assert node.output.count("waiting for") == 1
-    assert {stamp for _, stamp, _ in read_all(folder)[0]} == {42 * 10**9}
+    found, connections = read_all(folder)
+    assert {stamp for _, stamp, _ in found} == {42 * 10**9}
+    assert set(connections) == {"/left/words", "/left/robot_description"}
 
 
 def test_folder_that_vanishes(tmp_path, ros_domain):

@@ -1,63 +1,45 @@
 """``onebot replay``: recordings of any kind shown as the robot was."""
 
 import pytest
-from geometry_msgs.msg import TransformStamped, Twist
-from rclpy.serialization import serialize_message
+from geometry_msgs.msg import Twist
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.typesys import Stores
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from onebot_bringup.bags.bag_reader import Bag
 from onebot_bringup.bags.shown_bag import ShownBag, frame_prefix_of
-from onebot_bringup.bags.writer import BagWriter
 from onebot_bringup.cli.main import main
 from onebot_bringup.cli.snapshot import kind_of
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.rendering import headless_viewer
 from onebot_description.errors import OneBotError
-from onebot_description.ros.wire.interfaces import TFMessage
-from tests.onebot_bringup.bag_support import topic, write_words
+from tests.onebot_bringup.bag_support import write_words
 from tests.onebot_bringup.cli_support import running
 from tests.onebot_bringup.drive_support import chunks, column
+from tests.onebot_bringup.other_robots import SECOND, START, OtherRobot, transform
 from tests.onebot_bringup.viewer_support import ARM, VIEW
 from tests.support import wait_for
 from tests.support_rendering import require_renderer
 
-SECOND = 10**9
 GARBAGE = b"\0\1\0\0\xff\xff\xff\xff\0\0\0\0"
 SPEED = "{commanded: {topic: /cmd_vel, type: Twist}}"
-START = 1_700_000_000 * SECOND
-TF, JOINTS, TWIST = (
-    "tf2_msgs/msg/TFMessage",
-    "sensor_msgs/msg/JointState",
-    "geometry_msgs/msg/Twist",
-)
 
 
-def stamped(message, stamp):
-    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, SECOND)
-    return message
+def recorded(folder):
+    """A recording by ros2 bag."""
+    return OtherRobot(folder, Stores.ROS2_JAZZY, StoragePlugin.MCAP)
 
 
-def record_arm(folder, *, description=True, stamps_from=START, space="", prefix=""):
-    """The arm moving 1 m along y within 5 s, recorded at START; the stamps as ``stamps_from``."""
-    bag = BagWriter(folder)
-    if description:
-        number = bag.add_topic(topic(f"{space}/robot_description"))
-        bag.write(number, START, bytes(serialize_message(String(data=ARM))))
-    tf = bag.add_topic(topic("/tf", TF))
-    joints = bag.add_topic(topic(f"{space}/joint_states", JOINTS))
-    twists = bag.add_topic(topic(f"{space}/cmd_vel", TWIST))
-    for step in range(51):
-        time, stamp = START + step * SECOND // 10, stamps_from + step * SECOND // 10
-        y = step / 50
-        transform = stamped(TransformStamped(child_frame_id=f"{prefix}tip"), stamp)
-        transform.header.frame_id = f"{prefix}base"
-        transform.transform.translation.y = y
-        bag.write(tf, time, bytes(serialize_message(TFMessage(transforms=[transform]))))
-        state = stamped(JointState(name=["slide"], position=[y]), stamp)
-        bag.write(joints, time, bytes(serialize_message(state)))
-        bag.write(twists, time, bytes(serialize_message(Twist())))
-    bag.close()
+def record_arm(folder, *, space="", prefix=""):
+    """The arm moving 1 m along x within 5 s, recorded at START."""
+    with recorded(folder) as robot:
+        robot.write(f"{space}/robot_description", String(data=ARM))
+        for step in range(51):
+            time, x = step / 10, step / 50
+            robot.write("/tf", transform(f"{prefix}base", f"{prefix}tip", x, time), time)
+            robot.write(f"{space}/joint_states", JointState(name=["slide"], position=[x]), time)
+            robot.write(f"{space}/cmd_vel", Twist(), time)
 
 
 def to_rrd(folder, path, *, from_start=True, **options):
@@ -80,7 +62,7 @@ def test_shows_the_robot_where_it_was(tmp_path):
     assert shown.messages == 1 + 2 * 51
     assert shown.seconds == pytest.approx(5.0)
     [place] = column(tmp_path / "a.rrd", "/tf", "Transform3D:translation")[-1]
-    assert place == pytest.approx([0.0, 1.0, 0.0])
+    assert place == pytest.approx([1.0, 0.0, 0.0])
 
 
 @pytest.mark.slow
@@ -135,17 +117,12 @@ def test_frame_prefix(frames, namespace, prefix):
 def test_several_robots(tmp_path, capsys):
     """All are shown, each in its frames; namespace:= shows one; a wrong one is an error."""
     folder = tmp_path / "bag"
-    bag = BagWriter(folder)
-    for space, name in (("/a", "arm"), ("/b", "other")):
-        number = bag.add_topic(topic(f"{space}/robot_description"))
-        urdf = ARM.replace('name="arm"', f'name="{name}"')
-        bag.write(number, START, bytes(serialize_message(String(data=urdf))))
-    tf = bag.add_topic(topic("/tf", TF))
-    for frame in ("a/base", "a/tip", "b/base", "b/tip"):
-        transform = stamped(TransformStamped(child_frame_id=frame), START)
-        transform.header.frame_id = "world" if frame.endswith("base") else f"{frame[0]}/base"
-        bag.write(tf, START, bytes(serialize_message(TFMessage(transforms=[transform]))))
-    bag.close()
+    with recorded(folder) as robot:
+        for space, name in (("a", "arm"), ("b", "other")):
+            urdf = ARM.replace('name="arm"', f'name="{name}"')
+            robot.write(f"/{space}/robot_description", String(data=urdf))
+            robot.write("/tf", transform("world", f"{space}/base"))
+            robot.write("/tf", transform(f"{space}/base", f"{space}/tip"))
     shown, said = to_rrd(folder, tmp_path / "a.rrd")
     assert (shown.robot, shown.messages, said) == ("arm", 6, [])
     assert "showing the robots in /a, /b; namespace:= chooses one" in capsys.readouterr().out
@@ -166,22 +143,19 @@ def test_several_robots(tmp_path, capsys):
 def test_undecodable_messages(tmp_path, capsys, good):
     """Each topic's are told once, with their number; nothing else to show is an error."""
     folder = tmp_path / "bag"
-    bag = BagWriter(folder)
     topics = {
         "/robot_description": "std_msgs/msg/String",
-        "/joint_states": JOINTS,
-        "/tf": TF,
+        "/joint_states": "sensor_msgs/msg/JointState",
+        "/tf": "tf2_msgs/msg/TFMessage",
         "/odom": "nav_msgs/msg/Odometry",
-        "/cmd_vel": TWIST,
+        "/cmd_vel": "geometry_msgs/msg/Twist",
     }
-    numbers = {name: bag.add_topic(topic(name, kind)) for name, kind in topics.items()}
-    for step in range(20):
-        for number in numbers.values():
-            bag.write(number, START + step, GARBAGE)
-    if good:
-        description = bytes(serialize_message(String(data=ARM)))
-        bag.write(numbers["/robot_description"], START + 20, description)
-    bag.close()
+    with recorded(folder) as robot:
+        for step in range(20):
+            for name, kind in topics.items():
+                robot.write(name, GARBAGE, step / 1000, kind=kind)
+        if good:
+            robot.write("/robot_description", String(data=ARM), 1.0)
     view = tmp_path / "view.yaml"
     view.write_text(f"{VIEW}\ntrails: {{way: {{topic: /odom}}}}\nspeeds: {{lines: {SPEED}}}\n")
     words = ["viewer:=none", f"save:={tmp_path}/a.rrd", f"view:={view}"]

@@ -13,7 +13,6 @@ from geometry_msgs.msg import (
     PoseStamped,
     PoseWithCovarianceStamped,
     Quaternion,
-    TransformStamped,
 )
 from nav_msgs.msg import Odometry, Path
 from rcl_interfaces.msg import Log
@@ -29,9 +28,8 @@ from onebot_bringup.bags.shown_bag import ShownBag
 from onebot_bringup.cli.main import main
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_description.ros.wire.interface_text import full_definition
-from onebot_description.ros.wire.interfaces import TFMessage
-from tests.onebot_bringup.drive_support import chunks, column, entities, frames
-from tests.onebot_bringup.other_robots import SECOND, START, OtherRobot
+from tests.onebot_bringup.drive_support import column, entities, frames
+from tests.onebot_bringup.other_robots import OtherRobot, transform
 from tests.onebot_bringup.test_viewer_camera_info import camera
 from tests.onebot_bringup.test_viewer_image import image
 from tests.onebot_bringup.test_viewer_imu import imu
@@ -44,15 +42,6 @@ from tests.onebot_bringup.viewer_support import ARM
 
 PATH = "nav_msgs/msg/Path"
 NO_ROBOT = "holds no robot_description: showing the rest without the robot"
-
-
-def transform(parent, child, x=0.0, time=0.0):
-    """A message of /tf with one transform."""
-    found = TransformStamped(child_frame_id=child)
-    found.header.frame_id = parent
-    found.header.stamp.sec, found.header.stamp.nanosec = divmod(START + int(time * SECOND), SECOND)
-    found.transform.translation.x = x
-    return TFMessage(transforms=[found])
 
 
 def path(*xs):
@@ -99,15 +88,6 @@ class Replayed:
         """Where each of the paths of a topic ends, along x."""
         found = column(self.file, f"/path{topic}", "LineStrips3D:strips")
         return [row[0][-1][0] if row else None for row in found]
-
-    def times(self, topic):
-        """The times of the paths of a topic, seconds."""
-        return [
-            time.timestamp()
-            for chunk in chunks(self.file, f"/path{topic}")
-            if not chunk.is_static
-            for time in chunk.to_record_batch().column("ros_time").to_pylist()
-        ]
 
 
 @pytest.mark.parametrize(

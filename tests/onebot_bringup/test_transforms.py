@@ -81,8 +81,6 @@ def test_chain_between_branches() -> None:
     tree = FrameTree()
     for parent, child in (("odom", "base"), ("base", "left"), ("base", "arm"), ("arm", "tool")):
         add(tree, parent, child, 1.0, (1.0, 0.0, 0.0))
-    assert tree.chain("left", "tool") == ["left", "base", "arm", "tool"]
-    assert tree.chain("tool", "odom") == ["tool", "arm", "base", "odom"]
     assert tree.lookup("left", "tool").transform[0] == (1.0, 0.0, 0.0)
     assert tree.roots == ["odom"]
 
@@ -161,7 +159,7 @@ def test_each_frame_of_a_circle_is_its_own_top() -> None:
         assert tree.pose("tip", "link")[0, 3] == 1.0 and tree.pose("tip", "b")[0, 3] == 2.0
         assert tree.pose("a", "b") is None and tree.pose("a", "a")[0, 3] == 0.0
         assert tree.roots == ["a", *own_parent]
-        assert tree.chain("tip", "c") == ["tip", "link", "b", "a", "c"]
+        assert tree.lookup("tip", "a").transform[0] == (-1.0, 0.0, 0.0)
 
 
 def test_a_large_circle_takes_time_by_its_size() -> None:

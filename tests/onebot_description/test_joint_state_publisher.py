@@ -15,6 +15,8 @@ from std_msgs.msg import String
 from onebot_description import description_files
 from onebot_description.description import Description, load_description
 from onebot_description.joint_state_publisher import JointStatePublisher
+from onebot_description.ros.wire.cdr import NS_PER_S, nanoseconds
+from onebot_description.ros.wire.messages import time_message
 from tests.ros_support import LATCHED, NodeProcess, Peer, refusals, ros_args, spin_until
 from tests.support import PATIENCE, wait_for
 
@@ -109,7 +111,7 @@ def mrm(tmp_path: Path) -> str:
 
 def seconds(state: JointState) -> float:
     """The stamp."""
-    return float(state.header.stamp.sec) + state.header.stamp.nanosec * 1e-9
+    return nanoseconds(state.header.stamp) / NS_PER_S
 
 
 def test_a_saved_file_moves_the_robot(
@@ -186,8 +188,12 @@ def test_the_description_comes_from_the_topic(start: Start, listener: Listener) 
     says(node, "waiting for the robot description on /robot_description")
     listener.description.publish(String(data="<robot"))
     says(node, "robot_description not applied, still waiting for one:")
+    still = '<robot name="zero"><link name="a"/><link name="b"/></robot>'
+    listener.description.publish(String(data=still))
+    says(node, "no joint moves")
     listener.description.publish(String(data=MRM))
-    assert list(listener.hears(lambda s: True, "a message").name) == [JOINT]
+    listener.hears(lambda s: True, "a message")
+    assert all(list(state.name) == [JOINT] for state in listener.states)
     says(node, 'motions.elbow: the robot has no joint "elbow" (joints that move')
     two = urdf(joint(0), joint(1, "fixed_one", "fixed"), joint(2, "another"))
     listener.description.publish(String(data=two))
@@ -289,7 +295,9 @@ def test_a_joint_can_be_renamed_in_both_files(
     file.write_text(yaml(f"rate: 50\nmotions:\n  {JOINT}: {{type: constant, position: 0.1}}"))
     node = start(mrm, "--ros-args", "--params-file", str(file))
     listener.hears(lambda s: s.position[0] == 0.1, "the position")
-    Path(mrm).write_text(MRM.replace(JOINT, "elbow"))
+    # As in a test of the standard node: <robot> within another element.
+    Path(mrm).write_text(f"<urdf>{MRM.replace(JOINT, 'elbow')}</urdf>")
+    says(node, "let <robot> be the outermost element")
     says(node, f'motions.{JOINT}: the robot has no joint "{JOINT}"')
     listener.hears(lambda s: list(s.name) == ["elbow"], "the new joint")
     file.write_text(yaml("rate: 50\nmotions:\n  elbow: {type: constant, position: 0.2}"))
@@ -313,10 +321,7 @@ def test_sim_time_is_respected(start: Start, listener: Listener, mrm: str) -> No
     def tick() -> bool:
         nonlocal now
         now += 0.05
-        whole = int(now)
-        message = Clock()
-        message.clock.sec, message.clock.nanosec = whole, int((now - whole) * 1e9)
-        clock.publish(message)
+        clock.publish(Clock(clock=time_message(round(now * NS_PER_S))))
         return len(listener.states) > 20
 
     wait_for(tick, "twenty messages")
@@ -339,17 +344,3 @@ def test_mistakes_at_the_start_end_it(ros_domain: int, mrm: str) -> None:
     outputs = refusals("onebot_description.joint_state_publisher", lines)
     for output, (_, words) in zip(outputs, mistakes, strict=True):
         assert words in output
-
-
-def test_a_robot_that_cannot_move_publishes_nothing(
-    start: Start, listener: Listener, tmp_path: Path
-) -> None:
-    file = tmp_path / "fixed.urdf"
-    # As in a test of the standard node: links without joints, <robot> within another element.
-    file.write_text('<urdf><robot name="zero"><link name="a"/><link name="b"/></robot></urdf>')
-    node = start(str(file), "--ros-args", "-p", "rate:=100")
-    says(node, "no joint moves")
-    assert "let <robot> be the outermost element" in node.output
-    file.write_text(MRM)
-    listener.hears(lambda s: True, "a message")
-    assert all(list(state.name) == [JOINT] for state in listener.states)

@@ -1,10 +1,11 @@
 """ros.parameters.files: as rcl reads, with line numbers, and what a save changes."""
 
-import subprocess
-import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.node import Node
 
 from onebot_description.joints.config import JointsConfig
 from onebot_description.ros.parameters.files import (
@@ -16,7 +17,7 @@ from onebot_description.ros.parameters.files import (
     section_matches,
 )
 from onebot_description.ros.parameters.reader import ConfigError, defaults
-from tests.support import PATIENCE
+from onebot_description.ros.parameters.values import plain
 
 NODE, LIVE_NODE = "/ns/jsp", "/jsp"
 FILE = """\
@@ -52,27 +53,16 @@ ns:
 """
 
 
-def test_a_file_reads_as_rcl_reads_it(tmp_path: Path, ros_domain: int) -> None:
+def test_a_file_reads_as_rcl_reads_it(tmp_path: Path, start_node: Callable[..., Node]) -> None:
     (tmp_path / "file.yaml").write_text(FILE)
-    script = (
-        "import rclpy, sys; from rclpy.node import Node; rclpy.init(args=sys.argv)\n"
-        "names = sys.argv[1].split(','); node = Node('jsp')\n"
-        "for name in names:\n"
-        "    from rcl_interfaces.msg import ParameterDescriptor\n"
-        "    node.declare_parameter(name, None, ParameterDescriptor(dynamic_typing=True))\n"
-        "    value = node.get_parameter(name).value\n"
-        "    if value is not None:\n"
-        "        print(name, repr(value if isinstance(value, (str, bool, int, float))"
-        " else list(value)))\n"
-    )
-    ours = read_parameters(FILE, "file.yaml", NODE).values
-    names = ",".join([*ours, "empty", "elsewhere"])
     ros = ["--ros-args", "-r", "__ns:=/ns", "--params-file", str(tmp_path / "file.yaml")]
-    command = [sys.executable, "-c", script, names, *ros]
-    output = subprocess.run(
-        command, capture_output=True, text=True, timeout=PATIENCE, check=True
-    ).stdout
-    assert output.splitlines() == [f"{name} {value!r}" for name, value in ours.items()]
+    node = start_node(lambda: Node("jsp", cli_args=ros))
+    ours = read_parameters(FILE, "file.yaml", NODE).values
+    theirs = {}
+    for name in (*ours, "empty", "elsewhere"):
+        node.declare_parameter(name, None, ParameterDescriptor(dynamic_typing=True))
+        theirs[name] = plain(node.get_parameter(name).value)
+    assert repr(theirs) == repr({**ours, "empty": None, "elsewhere": None})
     assert ours["twice"] == "second"
 
 

@@ -87,6 +87,13 @@ def test_nan_where_it_means_something() -> None:
 
 
 _STRINGS = ValueType(str, Rule(not_empty=True), many=True)
+_LIMIT = ValueType(float, LIMIT)
+_NEAR_OR_FAR = ValueType(str, Rule(choices=("near", "far")))
+_ONLY_A = ValueType(str, Rule(pattern=re.compile("a")))
+_UNIQUE = ValueType(str, Rule(unique=True), many=True)
+_SIZE = ValueType(float, Rule("size", write="[width, height]"), many=True, length=2)
+_AT_START = ValueType(int, Rule(read_only=True))
+_BOOLEANS, _INTEGERS = ValueType(bool, many=True), ValueType(int, many=True)
 
 
 @pytest.mark.parametrize(
@@ -94,16 +101,8 @@ _STRINGS = ValueType(str, Rule(not_empty=True), many=True)
     [
         (ValueType(float), None, "has no value; write a number"),
         (ValueType(float), [1.0], "[1.0] is a list; write a number"),
-        (
-            ValueType(float, LIMIT),
-            -1.0,
-            "-1 is below 0; write a number from 0, or .nan for no limit",
-        ),
-        (
-            ValueType(float, Rule(write="a width, in m")),
-            "w",
-            '"w" is a string; write a width, in m',
-        ),
+        (_LIMIT, -1.0, "-1 is below 0; write a number from 0, or .nan for no limit"),
+        (ValueType(float, Rule(write="a width")), "w", '"w" is a string; write a width'),
         (ValueType(float), 1.001e60, "1.001e+60 is beyond 1e+60; write a number"),
         (ValueType(int), 1.0, "1.0 is a number; write an integer"),
         (ValueType(int), True, "true is a bool; write an integer"),
@@ -115,34 +114,14 @@ _STRINGS = ValueType(str, Rule(not_empty=True), many=True)
         (ValueType(str), True, "true is a bool; write a string"),
         (ValueType(str, Rule(not_empty=True)), "", "is empty; write a string"),
         (ValueType(str, Rule(choices=("a", "b"))), 1, "1 is a number; write one of a, b"),
-        (
-            ValueType(str, Rule(choices=("near", "far"))),
-            "farr",
-            'no "farr" (did you mean "far"? known: far, near)',
-        ),
-        (
-            ValueType(str, Rule(pattern=re.compile("a"))),
-            "ab",
-            '"ab" is not possible; write a string',
-        ),
+        (_NEAR_OR_FAR, "farr", 'no "farr" (did you mean "far"? known: far, near)'),
+        (_ONLY_A, "ab", '"ab" is not possible; write a string'),
         (_STRINGS, [], "is empty; write a list of strings, such as [first, second]"),
         ((_STRINGS, [""], "is empty; write a list of strings, such as [first, second]")),
         (_STRINGS, [None], "has no value; write a list of strings, such as [first, second]"),
-        (
-            ValueType(str, Rule(unique=True), many=True),
-            ["a", "b", "c", "c", "b"],
-            '"b" is there twice',
-        ),
-        (
-            ValueType(bool, many=True),
-            [1],
-            "1 is a number; write a list of booleans, such as [true, false]",
-        ),
-        (
-            ValueType(int, many=True),
-            [1.5],
-            "1.5 is a number; write a list of integers, such as [0, 1]",
-        ),
+        (_UNIQUE, ["a", "b", "c", "c", "b"], '"b" is there twice'),
+        (_BOOLEANS, [1], "1 is a number; write a list of booleans, such as [true, false]"),
+        (_INTEGERS, [1.5], "1.5 is a number; write a list of integers, such as [0, 1]"),
         (
             ValueType(float, many=True, length=4),
             1.0,
@@ -150,11 +129,7 @@ _STRINGS = ValueType(str, Rule(not_empty=True), many=True)
         ),
         (ValueType(int, Rule("x and y"), many=True, length=2), [1], "1 integers; write 2: x and y"),
         (ValueType(int, many=True, length=2), [1, 2, 3], "3 integers; write 2"),
-        (
-            ValueType(float, Rule("size", write="[width, height]"), many=True, length=2),
-            [1.0],
-            "1 numbers; write [width, height]",
-        ),
+        (_SIZE, [1.0], "1 numbers; write [width, height]"),
     ],
 )
 def test_values_that_are_wrong(kind: ValueType, value: Any, text: str) -> None:
@@ -171,14 +146,8 @@ def test_values_that_are_wrong(kind: ValueType, value: Any, text: str) -> None:
         (ValueType(float, Rule(at_most=5.0, write="a width")), "up to 5; a width"),
         (ValueType(str, Rule(choices=("a", "b"))), "one of a, b"),
         (ValueType(str, Rule(not_empty=True, unique=True), many=True), "not empty; no duplicates"),
-        (
-            ValueType(int, Rule(at_least=0, at_most=255), many=True, length=3),
-            "from 0 to 255; 3 integers",
-        ),
-        (
-            ValueType(int, Rule(read_only=True)),
-            "read when the node starts; restart it to change it",
-        ),
+        (ValueType(int, Rule(at_most=255), many=True, length=3), "up to 255; 3 integers"),
+        (_AT_START, "read when the node starts; restart it to change it"),
     ],
 )
 def test_rules_in_words(kind: ValueType, words: str) -> None:

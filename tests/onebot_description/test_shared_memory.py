@@ -1,14 +1,11 @@
 """onebot_description.ros.shared_memory: what keeps nodes from starting is removed."""
 
 import os
-import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 from onebot_description.ros.shared_memory import FOLDER, remove_broken_ports
-from tests.support import PATIENCE
+from tests.support import run_to_end
 
 READY = b"\2\0\0\0"
 START = """
@@ -39,18 +36,16 @@ def test_only_old_and_unfinished_ports_are_removed(tmp_path: Path) -> None:
     remove_broken_ports(tmp_path / "none")
 
 
-@pytest.mark.parametrize("content", [b"", bytes(52400)])
-def test_a_node_starts_where_ports_were_never_finished(ros_domain: int, content: bytes) -> None:
+def test_a_node_starts_where_ports_were_never_finished(ros_domain: int) -> None:
     """It would wait for minutes."""
     first = 7400 + 250 * ros_domain  # RTPS 2.2, section 9.6.1.1
-    files = [FOLDER / f"fastrtps_port{first + offset}" for offset in (11, 13)]
+    contents = {11: b"", 13: bytes(52400)}
+    files = {FOLDER / f"fastrtps_port{first + offset}": data for offset, data in contents.items()}
     try:
-        for file in files:
+        for file, content in files.items():
             file.write_bytes(content)
             os.utime(file, (0, 0))
-        done = subprocess.run(
-            [sys.executable, "-c", START], capture_output=True, text=True, timeout=PATIENCE
-        )
+        done = run_to_end([sys.executable, "-c", START])
     finally:
         for file in files:
             file.unlink(missing_ok=True)

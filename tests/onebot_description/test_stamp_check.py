@@ -1,10 +1,9 @@
 """Stamps of a clock that is off: which are noticed, which are not, and by the nodes on DDS."""
 
 import struct
-import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -17,6 +16,7 @@ from std_msgs.msg import Header
 from onebot_description.ros.stamp_check import StampCheck
 from onebot_description.ros.wire.cdr import ENCAPSULATION, HEADER, NS_PER_S, stamp_at
 from onebot_description.ros.wire.interfaces import TFMessage
+from onebot_description.ros.wire.messages import time_message
 from tests.ros_support import NodeProcess, Peer, ros_args
 from tests.support import wait_for
 
@@ -86,24 +86,15 @@ def test_stamp_of_serialized_messages() -> None:
     assert stamp_at(b"\0\0\0\0" + struct.pack(">II", 5, 7), HEADER) == 0
 
 
-@contextmanager
-def published(peer: Peer, message: type, topic: str, ahead: float) -> Iterator[None]:
-    """Publish at 10 Hz by a clock that is ``ahead`` s ahead, until the end of the context."""
+def publish(peer: Peer, message: type, topic: str, ahead: float) -> None:
+    """Publish at 10 Hz by a clock that is ``ahead`` s ahead."""
     publisher = peer.node.create_publisher(message, topic, 10)
-    ended = threading.Event()
 
-    def publish() -> None:
-        while not ended.wait(0.1):
-            seconds, rest = divmod(time.time_ns() + round(ahead * NS_PER_S), NS_PER_S)
-            publisher.publish(message(header=Header(stamp=Time(sec=seconds, nanosec=rest))))
+    def send() -> None:
+        stamp = time_message(time.time_ns() + round(ahead * NS_PER_S))
+        publisher.publish(message(header=Header(stamp=stamp)))
 
-    thread = threading.Thread(target=publish)
-    thread.start()
-    try:
-        yield
-    finally:
-        ended.set()
-        thread.join()
+    peer.node.create_timer(0.1, send)
 
 
 @pytest.mark.slow
@@ -121,8 +112,8 @@ def test_nodes_warn_of_a_host_whose_clock_is_off(ros_domain: int, tmp_path: Path
         state, viewer, controller = (
             stack.enter_context(NodeProcess(module, *words)) for module, words in nodes.items()
         )
-        stack.enter_context(published(peer, JointState, joints, 3.0))
-        stack.enter_context(published(peer, TwistStamped, commands, -3.0))
+        publish(peer, JointState, joints, 3.0)
+        publish(peer, TwistStamped, commands, -3.0)
         for node in (state, viewer):
             wait_for(lambda n=node: f"stamps of {joints} are " in n.output, "a warning")
             assert "ahead of this computer's clock: keep the clocks" in node.output

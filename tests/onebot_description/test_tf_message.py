@@ -5,7 +5,6 @@ import ctypes
 import gc
 import os
 import pickle
-import subprocess
 import sys
 import textwrap
 from collections.abc import Iterator
@@ -20,7 +19,7 @@ from onebot_description.compiled.library import load_library
 from onebot_description.ros.wire import interfaces, message_class, type_support
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.ros_support import node_here, spin_until
-from tests.support import lines_of_ours
+from tests.support import lines_of_ours, run_to_end
 
 # The folder that onebot_description is imported from.
 PACKAGES = Path(interfaces.__file__).parents[3]
@@ -37,21 +36,12 @@ def make_transform(child: Any = "wheel") -> TransformStamped:
     return message
 
 
-def run_python(code: str, *path: Path, **environment: str) -> subprocess.CompletedProcess[str]:
-    """Run a program in a Python of its own, with folders to import from."""
-    variables = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, path)), **environment}
-    return subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(code)],
-        env=variables,
-        capture_output=True,
-        text=True,
-        timeout=180,
-    )
-
-
-def test_many_transforms_are_the_same_again() -> None:
-    message = TFMessage(transforms=[make_transform(child=f"joint_{i}") for i in range(5000)])
-    assert deserialize_message(serialize_message(message), TFMessage) == message
+def run_python(code: str, *path: Path) -> str:
+    """Return what a program prints in a Python of its own, with folders to import from."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, path))}
+    return run_to_end(
+        [sys.executable, "-c", textwrap.dedent(code)], env=environment, check=True
+    ).stdout
 
 
 def test_equality() -> None:
@@ -138,6 +128,7 @@ def test_on_the_wire_it_is_tf2_msgs(node: Any) -> None:
 
 MANY_THREADS = """
     import threading, rclpy
+    from concurrent.futures import ThreadPoolExecutor
     from rclpy.executors import SingleThreadedExecutor
     from rclpy.serialization import serialize_message
     from geometry_msgs.msg import TransformStamped
@@ -171,24 +162,18 @@ MANY_THREADS = """
             node.destroy_subscription(raw)
             received[name] += len(messages)
 
-    publishers = [threading.Thread(target=publish, args=(name,)) for name in received]
-    subscribers = [threading.Thread(target=subscribe, args=(name,)) for name in received]
-    for thread in publishers + subscribers:
-        thread.start()
-    for thread in subscribers:
-        thread.join()
-    done.set()
-    for thread in publishers:
-        thread.join()
+    with ThreadPoolExecutor(2 * len(received)) as pool:
+        publishers = pool.map(publish, received)
+        list(pool.map(subscribe, received))
+        done.set()
+        list(publishers)
     print("finished")
     rclpy.try_shutdown()
 """
 
 
 def test_many_threads(ros_domain: int) -> None:
-    result = run_python(MANY_THREADS, PACKAGES)
-    assert result.returncode == 0, result.stderr
-    assert lines_of_ours(result.stdout)[0].startswith("finished"), result.stdout
+    assert lines_of_ours(run_python(MANY_THREADS, PACKAGES)) == ["finished"]
 
 
 GENUINE_LOOKALIKE = """
@@ -226,9 +211,7 @@ def test_a_tf2_msgs_that_cannot_be_loaded(tmp_path: Path, load: str) -> None:
         assert type(back) is TFMessage and back.transforms == message.transforms
         print(TFMessage is tf2_msgs.msg.TFMessage)
     """
-    result = run_python(code, tmp_path, PACKAGES)
-    assert result.returncode == 0, result.stderr
-    assert result.stdout.split() == ["False"]
+    assert run_python(code, tmp_path, PACKAGES).split() == ["False"]
 
 
 @own_only

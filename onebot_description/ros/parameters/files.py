@@ -24,6 +24,7 @@ from onebot_description.ros.parameters.reader import (
     is_parameter,
     unknown_parameters,
 )
+from onebot_description.ros.parameters.values import INT64
 
 _MARK = "ros__parameters"
 _BOOLS = {
@@ -33,7 +34,6 @@ _BOOLS = {
 _INTEGER = re.compile(r"[-+]?(0[xX][0-9a-fA-F]+|[0-9]+)")
 _DOUBLE = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _NOT_FINITE = re.compile(r"([-+]?)\.?(inf|infinity|nan)", re.IGNORECASE)
-_INT64 = range(-(2**63), 2**63)
 
 Unknown = Callable[[Iterable[str]], list[Problem]]
 """A function that returns a problem for each name that a node does not declare."""
@@ -203,7 +203,7 @@ def plain_value(text: str) -> bool | int | float | str:
     if _INTEGER.fullmatch(text):
         for base in (0, 8):  # 010 is octal, 09 is a double
             with suppress(ValueError):
-                if (value := int(text, base)) in _INT64:
+                if (value := int(text, base)) in INT64:
                     return value
     if word := _NOT_FINITE.fullmatch(text):
         return float(word[1] + word[2])

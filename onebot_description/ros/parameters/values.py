@@ -16,7 +16,9 @@ MAX_PORT = 65535
 LARGEST = 1e60
 """The greatest absolute value of a parameter: products of a few of them are finite."""
 
-_INT64 = range(-(2**63), 2**63)
+INT64 = range(-(2**63), 2**63)
+"""The integers that a parameter may have."""
+
 _LISTS = (list, tuple, array)
 
 _SINGULAR = {float: "a number", int: "an integer", bool: "true or false", str: "a string"}
@@ -104,7 +106,7 @@ class ValueType:
         fits = isinstance(value, int | float if self.base is float else self.base)
         if not fits or isinstance(value, bool) != (self.base is bool):
             raise ValueError(f"{shown(value)}; write {self.wanted(value)}")
-        if isinstance(value, int) and value not in _INT64:
+        if isinstance(value, int) and value not in INT64:
             raise ValueError(f"needs more than 64 bits; write {self.wanted(value)}")
         if isinstance(value, str):
             self._check_text(value)

@@ -81,7 +81,7 @@ def fields(kind: str, text: str) -> Iterator[Field]:
         if match is None:
             raise DefinitionError(f"{where} is no field of a .msg file, such as `float64[3] point`")
         name = match["name"]
-        size = int(match["size"]) if match["size"] else 0 if match["array"] else None
+        size = int(match["size"] or 0) if match["array"] else None
         if match["constant"]:
             continue
         if name in names:
@@ -89,9 +89,7 @@ def fields(kind: str, text: str) -> Iterator[Field]:
         if match["size"] and not 0 < int(match["size"]) <= _MAX_SIZE:
             raise DefinitionError(f"{where}: an array has 1 to {_MAX_SIZE} elements")
         names.add(name)
-        yield Field(
-            name, _full(match["type"], kind), size or (0 if match["array"] else None), where
-        )
+        yield Field(name, _full(match["type"], kind), size, where)
 
 
 def _full(name: str, home: str) -> str:

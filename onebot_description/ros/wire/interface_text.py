@@ -7,16 +7,14 @@ their names and types, which the type hash is made of, are those of ROS 2 Jazzy.
 
 import functools
 import os
-import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 from onebot_description.errors import OneBotError
-from onebot_description.ros.wire.definition import NUMBERS, STRINGS, section
+from onebot_description.ros.wire.definition import NUMBERS, STRINGS, fields, section
 
 _OWN = Path(__file__).with_name("definitions")
-_FIELD_TYPE = re.compile(r"^\s*([A-Za-z0-9_/]+)(?:<=\d+)?(?:\[[^]]*\])?\s", re.MULTILINE)
 
 
 @functools.cache
@@ -58,13 +56,9 @@ def full_definition(name: str) -> str:
 
 def _joined(name: str, seen: set[str]) -> str:
     text = interface_text(name)
-    package = name.partition("/")[0]
     parts = [text]
-    for kind in sorted({*_FIELD_TYPE.findall(text)} - {*NUMBERS, *STRINGS}):
-        full = kind if "/" in kind else f"{package}/{kind}"
-        if full not in seen:
-            seen.add(full)
-            home, _, short = full.rpartition("/")
-            nested = _joined(f"{home.partition('/')[0]}/msg/{short}", seen)
-            parts.append(section(full, nested))
+    for kind in sorted({field.type for field in fields(name, text)} - {*NUMBERS, *STRINGS}):
+        if kind not in seen:
+            seen.add(kind)
+            parts.append(section(kind, _joined(kind.replace("/", "/msg/"), seen)))
     return "".join(parts)

@@ -13,18 +13,22 @@ If that fails, it raises a ``OneBotError`` that is also an ``ImportError``.
 import functools
 import importlib
 import logging
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from rosidl_adapter import parser
 from rosidl_parser.definition import (
     AbstractType,
+    Action,
     Array,
     BasicType,
     BoundedSequence,
     BoundedString,
     BoundedWString,
+    Message,
     NamespacedType,
+    Service,
+    Structure,
     UnboundedSequence,
     UnboundedString,
     UnboundedWString,
@@ -34,8 +38,8 @@ from onebot_description.errors import OneBotError
 from onebot_description.ros.wire import type_support
 from onebot_description.ros.wire.interface_text import interface_text, own_interfaces
 from onebot_description.ros.wire.message_class import (
-    Hooks,
     MessageField,
+    full_name,
     make_message_class,
     make_metaclass,
     module_name,
@@ -86,28 +90,36 @@ def make_interface(name: str) -> Any:
 # ---- Messages ----
 
 
-def _message(package: str, name: str, text: str) -> Any:
-    specification = parser.parse_message_string(package, name, text)
-    return _make_message(
-        f"{package}/msg/{name}", _parsed(specification), specification.constants, "msg", text
-    )
+def _message(package: str, short: str, text: str) -> Any:
+    specification = parser.parse_message_string(package, short, text)
+    return _make_message(_parsed(package, "msg", short, specification), "msg", text)
 
 
-def _make_message(
-    name: str,
-    fields: Sequence[MessageField],
-    constants: Iterable[Any] = (),
-    encoding: str = "implicit",
-    text: str = "",
-) -> Any:
+def _parsed(package: str, kind: str, short: str, specification: Any) -> Message:
+    """Return a parsed definition as rosidl has it; the classes of the messages in it exist then."""
+    members = [
+        MessageField(field.name, _slot(field.type), field.default_value)
+        for field in specification.fields
+    ]
+    message = Message(Structure(NamespacedType([package, kind], short), members))
+    message.constants = specification.constants
+    return message
+
+
+def _make_message(message: Message, encoding: str = "implicit", text: str = "") -> Any:
     """Return a message class; ``text`` and its encoding are those of a file that defines it."""
+    name = full_name(message.structure.namespaced_type)
+    fields = [
+        MessageField(member.name, member.type, getattr(member, "default", None))
+        for member in message.structure.members
+    ]
     described = Definition(name, fields or [type_support.EMPTY], encoding, text.rstrip("\n"))
     load = functools.partial(type_support.support_message, definition=described)
     values = {
         constant.name: bytes([constant.value]) if constant.type == "byte" else constant.value
-        for constant in constants
+        for constant in message.constants
     }
-    return make_message_class(name, fields, values, Hooks(load, restore))
+    return make_message_class(name, fields, values, load, restore)
 
 
 def restore(name: str, values: dict[str, Any], check_fields: bool) -> Any:
@@ -121,14 +133,6 @@ def restore(name: str, values: dict[str, Any], check_fields: bool) -> Any:
     for part in parts:
         kind = getattr(kind, part, None) or getattr(kind.Impl, _IMPL[part])
     return kind(**values, check_fields=check_fields)
-
-
-def _parsed(specification: Any) -> list[MessageField]:
-    """Return the fields of a parsed definition; the classes of their messages exist then."""
-    return [
-        MessageField(field.name, _slot(field.type), field.default_value)
-        for field in specification.fields
-    ]
 
 
 def _slot(kind: Any) -> AbstractType:
@@ -156,50 +160,31 @@ def _item(kind: Any) -> AbstractType:
 
 # ---- Services ----
 
-_PARTS = ("Request", "Response", "Event")
-_UUID = NamespacedType(["unique_identifier_msgs", "msg"], "UUID")
-_TIME = NamespacedType(["builtin_interfaces", "msg"], "Time")
-_EVENT_INFO = NamespacedType(["service_msgs", "msg"], "ServiceEventInfo")
 
-
-def _service(package: str, name: str, text: str) -> Any:
-    specification = parser.parse_service_string(package, name, text)
-    halves = specification.request, specification.response
-    return _make_service(
-        f"{package}/srv/{name}",
-        (_parsed(halves[0]), _parsed(halves[1])),
-        (halves[0].constants, halves[1].constants),
-        ("srv", text),
+def _service(package: str, short: str, text: str) -> Any:
+    specification = parser.parse_service_string(package, short, text)
+    service = Service(
+        NamespacedType([package, "srv"], short),
+        _parsed(package, "srv", f"{short}_Request", specification.request),
+        _parsed(package, "srv", f"{short}_Response", specification.response),
     )
+    return _make_service(service, "srv", text)
 
 
-def _make_service(
-    name: str,
-    fields: tuple[Sequence[MessageField], Sequence[MessageField]],
-    constants: tuple[Iterable[Any], Iterable[Any]] = ((), ()),
-    source: tuple[str, str] = ("implicit", ""),
-) -> Any:
-    """Return a service class by the fields and constants of its request and its response.
-
-    ``source``: encoding and text of the file that defines it.
-    """
-    package, folder, short = name.split("/")
-    types = [NamespacedType([package, folder], f"{short}_{part}") for part in _PARTS]
-    event = [
-        MessageField("info", _EVENT_INFO),
-        MessageField("request", BoundedSequence(types[0], 1)),
-        MessageField("response", BoundedSequence(types[1], 1)),
-    ]
-    parts = {
-        "Request": _make_message(f"{name}_Request", fields[0], constants[0]),
-        "Response": _make_message(f"{name}_Response", fields[1], constants[1]),
-        "Event": _make_message(f"{name}_Event", event),
+def _make_service(service: Service, encoding: str = "implicit", text: str = "") -> Any:
+    """Return a service class; ``text`` and its encoding are those of a file that defines it."""
+    messages = {
+        "Request": service.request_message,
+        "Response": service.response_message,
+        "Event": service.event_message,
     }
     members = [
-        MessageField(f"{part.lower()}_message", slot)
-        for part, slot in zip(_PARTS, types, strict=True)
+        MessageField(f"{part.lower()}_message", message.structure.namespaced_type)
+        for part, message in messages.items()
     ]
-    described = Definition(name, members, source[0], source[1].rstrip("\n"))
+    parts = {part: _make_message(message) for part, message in messages.items()}
+    name = full_name(service.namespaced_type)
+    described = Definition(name, members, encoding, text.rstrip("\n"))
     return _make_class(described, parts, type_support.support_service)
 
 
@@ -223,54 +208,34 @@ _IMPL = {"SendGoal": "SendGoalService", "GetResult": "GetResultService"}
 
 def _action(package: str, short: str, text: str) -> Any:
     """Return an action class, with the services and the topic that ROS makes of it."""
-    name = f"{package}/action/{short}"
     specification = parser.parse_action_string(package, short, text)
     halves = {
         "Goal": specification.goal,
         "Result": specification.result,
         "Feedback": specification.feedback,
     }
-    parts = {
-        part: _make_message(f"{name}_{part}", _parsed(half), half.constants)
-        for part, half in halves.items()
+    messages = {
+        part: _parsed(package, "action", f"{short}_{part}", half) for part, half in halves.items()
     }
-    goal, result, feedback = (
-        NamespacedType([package, "action"], f"{short}_{part}") for part in halves
-    )
-    goal_id = MessageField("goal_id", _UUID)
-    send_goal = _make_service(
-        f"{name}_SendGoal",
-        (
-            [goal_id, MessageField("goal", goal)],
-            [MessageField("accepted", BasicType("boolean")), MessageField("stamp", _TIME)],
-        ),
-    )
-    get_result = _make_service(
-        f"{name}_GetResult",
-        ([goal_id], [MessageField("status", BasicType("int8")), MessageField("result", result)]),
-    )
-    feedback_message = _make_message(
-        f"{name}_FeedbackMessage", [goal_id, MessageField("feedback", feedback)]
-    )
+    parts = {part: _make_message(message) for part, message in messages.items()}
+    action = Action(NamespacedType([package, "action"], short), *messages.values())
     implementation = {
-        "SendGoalService": send_goal,
-        "GetResultService": get_result,
-        "FeedbackMessage": feedback_message,
+        "SendGoalService": _make_service(action.send_goal_service),
+        "GetResultService": _make_service(action.get_result_service),
+        "FeedbackMessage": _make_message(action.feedback_message),
         "CancelGoalService": load_interface("action_msgs/srv/CancelGoal"),
         "GoalStatusMessage": load_interface("action_msgs/msg/GoalStatusArray"),
     }
     slots = {
-        "goal": "Goal",
-        "result": "Result",
-        "feedback": "Feedback",
-        "send_goal_service": "SendGoal",
-        "get_result_service": "GetResult",
-        "feedback_message": "FeedbackMessage",
+        "goal": action.goal.structure,
+        "result": action.result.structure,
+        "feedback": action.feedback.structure,
+        "send_goal_service": action.send_goal_service,
+        "get_result_service": action.get_result_service,
+        "feedback_message": action.feedback_message.structure,
     }
-    members = [
-        MessageField(member, NamespacedType([package, "action"], f"{short}_{part}"))
-        for member, part in slots.items()
-    ]
+    members = [MessageField(member, part.namespaced_type) for member, part in slots.items()]
+    name = full_name(action.namespaced_type)
     described = Definition(name, members, "action", text.rstrip("\n"))
     parts["Impl"] = type("Impl", (), implementation)
     return _make_class(described, parts, type_support.support_action)

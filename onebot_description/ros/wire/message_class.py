@@ -1,7 +1,8 @@
 """Makes classes of messages like those that rosidl generates, from their fields at run time.
 
-They have the same attributes, constructor, properties, checks and text as generated ones, so that
-rclpy and tools that show any message take them for such.
+They have the same attributes, constructor, properties and text as generated ones, so that rclpy and
+tools that show any message take them for such. The types of values are checked when a message is
+sent, not when they are assigned.
 """
 
 import array
@@ -25,7 +26,7 @@ from rosidl_parser.definition import (
     NamespacedType,
 )
 
-# rosidl's switch: assigning to a field checks the value's type if it is set to 1.
+# rosidl's switch: a message refuses unknown fields if it is set to 1.
 _CHECK_FIELDS = os.getenv("ROS_PYTHON_CHECK_FIELDS", default="") == "1"
 # Numbers that lists of are arrays, by rosidl's names: letters that ``array``, ``struct`` and NumPy
 # have in common.
@@ -48,26 +49,13 @@ class MessageField(NamedTuple):
 
     Attributes:
         name: as in the definition.
-        slot: its type, as in ``SLOT_TYPES`` of a generated class.
+        type: its type, as in ``SLOT_TYPES`` of a generated class.
         default: its value in a new message, as in the definition; None: rosidl's default.
     """
 
     name: str
-    slot: AbstractType
+    type: AbstractType
     default: Any = None
-
-
-class Hooks(NamedTuple):
-    """How a class gets its type support, and a message comes back from its pickled form.
-
-    Attributes:
-        load: called once with the class; sets the capsules that rclpy looks for on its metaclass.
-        restore: called with the class's full name, the values of its fields by name, and whether
-            they are checked; returns the message.
-    """
-
-    load: Callable[[Any], None]
-    restore: Callable[[str, dict[str, Any], bool], Any]
 
 
 _MADE: dict[str, Any] = {}  # classes made so far, by full name
@@ -124,7 +112,11 @@ def make_metaclass(name: str, load: Callable[[Any], None]) -> Any:
 
 
 def make_message_class(
-    name: str, fields: Sequence[MessageField], constants: Mapping[str, Any], hooks: Hooks
+    name: str,
+    fields: Sequence[MessageField],
+    constants: Mapping[str, Any],
+    load: Callable[[Any], None],
+    restore: Callable[[str, dict[str, Any], bool], Any],
 ) -> Any:
     """Return the class of a message type.
 
@@ -132,7 +124,9 @@ def make_message_class(
         name: ``package/msg/Type``; for a part of a service or an action, srv or action.
         fields: its fields; the classes of nested messages exist.
         constants: their values by name.
-        hooks: what the class calls.
+        load: called once with the class; sets the capsules that rclpy looks for on its metaclass.
+        restore: called with the class's full name, the values of its fields by name, and its
+            ``check_fields``, when a message is unpickled; returns the message.
     """
     package, folder, short = name.split("/")
     names = [field.name for field in fields]
@@ -160,9 +154,9 @@ def make_message_class(
     def __reduce__(self: Any) -> tuple[Any, ...]:
         # The module's name is not that of a real one.
         by_name = {field: getattr(self, field) for field in names}
-        return hooks.restore, (name, by_name, self._check_fields)
+        return restore, (name, by_name, self._check_fields)
 
-    types = {field.name: _type_name(field.slot) for field in fields}
+    types = {field.name: _type_name(field.type) for field in fields}
     defaults = {
         f"{field.name.upper()}__DEFAULT": field.default
         for field in fields
@@ -173,7 +167,7 @@ def make_message_class(
         "__module__": module_name(name),
         "__slots__": [*(f"_{field}" for field in names), "_check_fields"],
         "__hash__": None,
-        "SLOT_TYPES": tuple(field.slot for field in fields),
+        "SLOT_TYPES": tuple(field.type for field in fields),
         "_fields_and_field_types": types,
         "get_fields_and_field_types": classmethod(lambda _: types.copy()),
         **{function.__name__: function for function in (__init__, __repr__, __eq__, __reduce__)},
@@ -181,7 +175,7 @@ def make_message_class(
         **constants,
         **defaults,
     }
-    message_class = make_metaclass(short, hooks.load)(short, (), attributes)
+    message_class = make_metaclass(short, load)(short, (), attributes)
     _MADE[name] = message_class
     return message_class
 
@@ -202,13 +196,10 @@ def _equal(one: Any, other: Any) -> bool:
 
 
 def _property(field: MessageField) -> property:
-    """Return the property of a field, which checks what is assigned if the message does."""
-    where, convert = f"_{field.name}", _converter(field.slot)
-    demand = f"The '{field.name}' field must be {_wanted(field.slot)}"
+    """Return the property of a field; what it holds is checked when the message is sent."""
+    where, convert = f"_{field.name}", _converter(field.type)
 
     def assign(message: Any, value: Any) -> None:
-        if message._check_fields:
-            assert _fits(field.slot, value), demand
         setattr(message, where, convert(value))
 
     return property(operator.attrgetter(where), assign, doc=f"Message field '{field.name}'.")
@@ -231,7 +222,7 @@ def _converter(slot: AbstractType) -> Callable[[Any], Any]:
 
 def _default(field: MessageField) -> Callable[[], Any]:
     """Return what makes the value of a field in a new message."""
-    slot, default = field.slot, field.default
+    slot, default = field.type, field.default
     if isinstance(slot, NamespacedType):
         return lambda: class_of(slot)()
     if isinstance(slot, Array) and default is None:
@@ -259,55 +250,3 @@ def _type_name(slot: AbstractType) -> str:
         return str(slot.typename)
     bound = f"<{slot.maximum_size}>" if slot.has_maximum_size() else ""
     return ("wstring" if isinstance(slot, AbstractWString) else "string") + bound
-
-
-def _python_type(slot: AbstractType) -> str:
-    if isinstance(slot, NamespacedType):
-        return str(slot.name)
-    if isinstance(slot, AbstractGenericString):
-        return "str"
-    kinds = {"boolean": "bool", "octet": "bytes", "float": "float", "double": "float"}
-    return kinds.get(slot.typename, "int")
-
-
-def _wanted(slot: AbstractType) -> str:
-    """Say what may be assigned to a field, in rosidl's words."""
-    if not isinstance(slot, AbstractNestedType):
-        message = "a sub message " if isinstance(slot, NamespacedType) else ""
-        return f"{message}of type '{_python_type(slot)}'"
-    length = f" with length {slot.size}" if isinstance(slot, Array) else ""
-    if isinstance(slot, BoundedSequence):
-        length = f" of at most {slot.maximum_size} values"
-    item = _python_type(slot.value_type)
-    return f"a set or sequence{length} and each value of type '{item}'"
-
-
-def _fits(slot: AbstractType, value: Any) -> bool:
-    """Whether a value may be assigned to a field."""
-    if isinstance(slot, NamespacedType):
-        return isinstance(value, class_of(slot))
-    if isinstance(slot, AbstractGenericString):
-        longest = slot.maximum_size if slot.has_maximum_size() else None
-        return isinstance(value, str) and (longest is None or len(value) <= longest)
-    if isinstance(slot, BasicType):
-        return _fits_number(slot.typename, value)
-    if isinstance(value, str) or not (hasattr(value, "__len__") and hasattr(value, "__iter__")):
-        return False
-    if isinstance(slot, Array) and len(value) != slot.size:
-        return False
-    if isinstance(slot, BoundedSequence) and len(value) > slot.maximum_size:
-        return False
-    if (letter := _letter(slot)) and isinstance(value, (array.array, np.ndarray)):
-        return np.asarray(value).dtype == np.dtype(letter)
-    return all(_fits(slot.value_type, item) for item in value)
-
-
-def _fits_number(kind: str, value: Any) -> bool:
-    if kind == "boolean":
-        return isinstance(value, bool)
-    if kind == "octet":
-        return isinstance(value, bytes) and len(value) == 1
-    if kind in ("float", "double"):
-        return isinstance(value, float)
-    limits = np.iinfo(NUMBERS[kind])
-    return isinstance(value, int) and limits.min <= value <= limits.max

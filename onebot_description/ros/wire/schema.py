@@ -21,8 +21,8 @@ import functools
 import itertools
 import math
 import struct
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,8 @@ from onebot_description.ros.wire.definition import (
     files,
     short_name,
 )
+
+_V = TypeVar("_V", bound="_View")
 
 # A definition may come from anywhere.
 _MAX_FIELDS = 10_000
@@ -185,17 +187,16 @@ class _Group:
 
     @functools.cached_property
     def _message(self) -> "type[Message]":
-        fields = {
-            name: _Attribute(name, leaf.value, at) for name, (leaf, at) in self.fields.items()
-        }
-        return type("Message", (Message,), {**fields, "_group": self})
+        return self._view(Message)
 
     @functools.cached_property
     def _table(self) -> "type[Table]":
-        fields = {
-            name: _Attribute(name, leaf.column, at) for name, (leaf, at) in self.fields.items()
-        }
-        return type("Table", (Table,), {**fields, "_group": self})
+        return self._view(Table)
+
+    def _view(self, base: "type[_V]") -> "type[_V]":
+        """Return a class of views with an attribute for each field."""
+        attributes = {name: _Attribute(name, *field) for name, field in self.fields.items()}
+        return cast("type[_V]", type(base.__name__, (base,), {**attributes, "_group": self}))
 
     def find(self, path: str) -> tuple["_Leaf | _Group", int]:
         """Return a field, or one of a field's: names are joined by dots."""
@@ -398,13 +399,13 @@ def _compiled() -> ctypes.PyDLL:
 class _Attribute:
     """A field of a view, made when first asked for, then kept."""
 
-    def __init__(self, name: str, read: Callable[[_Rows, int], Any], offset: int) -> None:
-        self._name, self._read, self._offset = name, read, offset
+    def __init__(self, name: str, leaf: _Leaf | _Group, offset: int) -> None:
+        self._name, self._leaf, self._offset = name, leaf, offset
 
     def __get__(self, view: Any, owner: type) -> Any:
         if view is None:
             return self
-        value = self._read(view._rows, self._offset)
+        value = view._get(self._leaf, self._offset)
         setattr(view, self._name, value)  # Python finds it first
         return value
 

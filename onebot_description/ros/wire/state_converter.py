@@ -357,7 +357,9 @@ class StateConverter:
 
     def _convert(self, state: JointStateArrays, stamp: Time, now_ns: int) -> TFMessage | None:
         if len(state.names) != len(state.positions):
-            self._warn_of_sizes(len(state.names), len(state.positions))
+            names, positions = len(state.names), len(state.positions)
+            text = f"joint state with {names} names but {positions} positions; ignored"
+            self._warn("sizes" if positions else "empty", text)
             return None
         state = self._without_unusable(state)
         if not state.names:
@@ -386,9 +388,3 @@ class StateConverter:
     def _plan(self, names: tuple[str, ...]) -> JointStatePlan:
         plans = self._plans if sum(map(len, names)) <= LARGEST_KEPT else self._plans.__wrapped__
         return plans(names)
-
-    def _warn_of_sizes(self, names: int, positions: int) -> None:
-        self._warn(
-            "sizes" if positions else "empty",
-            f"joint state with {names} names but {positions} positions; ignored",
-        )

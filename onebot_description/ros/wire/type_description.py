@@ -180,7 +180,7 @@ def _individual(definition: Definition) -> _Individual:
     fields = [
         _Field(
             _string(field.name),
-            _field_type(field.slot),
+            _field_type(field.type),
             _string("" if field.default is None else str(field.default)),
         )
         for field in definition.fields

@@ -93,7 +93,7 @@ def support_message(kind: Any, definition: Definition) -> None:
     nested = {
         full_name(item): class_of(item)
         for field in definition.fields
-        if isinstance(item := item_of(field.slot), NamespacedType)
+        if isinstance(item := item_of(field.type), NamespacedType)
     }
     facts = describe(definition, map(_facts, nested.values()))
     members = (_Member * len(definition.fields))(
@@ -158,7 +158,7 @@ def _facts(kind: Any) -> Facts:
 
 def _member(field: MessageField, nested: dict[str, Any]) -> _Member:
     """Return a field's entry; ``nested``: the classes of messages in fields, by full name."""
-    slot, item = field.slot, item_of(field.slot)
+    slot, item = field.type, item_of(field.type)
     members = None
     kind = "message"
     if isinstance(item, BasicType):
