@@ -48,7 +48,7 @@ def digest() -> str:
 
 
 def test_another_process_gives_the_same_bits():
-    code = f"from {__name__} import digest; print(digest())"
+    code = "from tests.onebot_control.test_simulation_state import digest; print(digest())"
     other = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=CHECKOUT
     )
