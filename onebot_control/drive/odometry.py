@@ -1,7 +1,7 @@
 """Wheel odometry of a differential drive: pose and twist from the wheels' rotation."""
 
 import math
-from array import array
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
@@ -115,28 +115,6 @@ def fill_diagonal(values: "NDArray[np.float64]", variances: Sequence[float]) -> 
 _EXACT = PoseCovariance()
 
 
-class RollingMean:
-    """Mean of the last ``size`` values, or of all while there are fewer."""
-
-    def __init__(self, size: int) -> None:
-        """Start without values."""
-        self._size, self._values = size, array("d")
-
-    def add(self, value: float) -> float:
-        """Add a value; return the mean."""
-        values = self._values
-        if len(values) == self._size:
-            del values[0]
-        values.append(value)
-        return sum(values) / len(values)
-
-    def resized(self, size: int) -> "RollingMean":
-        """Return a mean over ``size`` values, which starts with the last values of this one."""
-        mean = RollingMean(size)
-        mean._values.extend(self._values[-size:])
-        return mean
-
-
 class Odometry:
     """Integrates wheel motion to pose, twist and covariance of a differential drive.
 
@@ -161,10 +139,10 @@ class Odometry:
     def __init__(self, kinematics: DiffDriveKinematics, window: int = 10) -> None:
         """Start at zero, with a twist averaged over ``window`` updates."""
         self.kinematics, self.noise = kinematics, (0.0, 0.0)
-        self._window = window
         self._wheels: tuple[float, float] | None = None
         self._since = 0.0
-        self._linear, self._angular = RollingMean(window), RollingMean(window)
+        # The twists of the last updates, which are averaged.
+        self._linear, self._angular = deque[float](maxlen=window), deque[float](maxlen=window)
         self.linear = self.angular = 0.0
         self.set_pose(0.0, 0.0, 0.0)
 
@@ -192,14 +170,13 @@ class Odometry:
     def forget_wheels(self) -> None:
         """Re-reference the wheel positions and set the twist to zero, as after a teleport."""
         self.rereference_wheels()
-        self._linear, self._angular = RollingMean(self._window), RollingMean(self._window)
+        self._linear.clear()
+        self._angular.clear()
         self.linear = self.angular = 0.0
 
     def set_window(self, window: int) -> None:
         """Average the twist over ``window`` updates from now on."""
-        self._window = window
-        self._linear = self._linear.resized(window)
-        self._angular = self._angular.resized(window)
+        self._linear, self._angular = deque(self._linear, window), deque(self._angular, window)
 
     def update_from_positions(self, left: float, right: float, dt: float) -> None:
         """Integrate new wheel positions (rad), ``dt`` seconds after the last call.
@@ -227,8 +204,10 @@ class Odometry:
     def _follow(self, left: float, right: float, dt: float) -> None:
         distance, turn = self.kinematics.body_motion(left, right)
         self._integrate(distance, turn)
-        self.linear = self._linear.add(distance / dt)
-        self.angular = self._angular.add(turn / dt)
+        self._linear.append(distance / dt)
+        self._angular.append(turn / dt)
+        count = len(self._linear)
+        self.linear, self.angular = sum(self._linear) / count, sum(self._angular) / count
 
     def _integrate(self, distance: float, turn: float) -> None:
         """Move along the arc that constant wheel velocities make.

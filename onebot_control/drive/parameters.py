@@ -77,11 +77,6 @@ def _multiplier(what: str) -> Any:
     return parameter(1.0, f"corrects {what}", above=0.0)
 
 
-def _frame(default: str, description: str) -> Any:
-    write = f"the name of a frame, such as {default}"
-    return parameter(default, description, not_empty=True, write=write)
-
-
 def _variances(zeros: str = "") -> Any:
     text = f"variances of x, y, z, roll, pitch, yaw{zeros}"
     return parameter((0.0,) * 6, text, at_least=0.0)
@@ -175,7 +170,9 @@ class ControlConfig(SimulationConfig):
     wheel_separation_multiplier: float = _multiplier("wheel_separation")
     left_wheel_radius_multiplier: float = _multiplier("wheel_radius on its side")
     right_wheel_radius_multiplier: float = _multiplier("wheel_radius on its side")
-    odom_frame_id: str = _frame("odom", "frame of the odometry")
+    odom_frame_id: str = parameter(
+        "odom", "frame of the odometry", not_empty=True, write="the name of a frame, such as odom"
+    )
     base_frame_id: str = parameter(
         "", "frame of the base, child of odom_frame_id; empty: the robot's root link"
     )

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from onebot_description.ros.parameters.reader import parameter, read
+from onebot_description.ros.parameters.reader import parameter
 
 _UNSET = math.nan
 # By stage: the limit without which it does nothing, and its other limits.
@@ -66,12 +66,7 @@ class SpeedLimiter:
     """Keeps the commands of linear.x or angular.z within limits."""
 
     def __init__(self, limits: SpeedLimits) -> None:
-        """Fill in the limits that are not given.
-
-        Raises:
-            ConfigError: a limit has the wrong sign.
-        """
-        limits = read(SpeedLimits, vars(limits))
+        """Fill in the limits that are not given."""
         speed_up = limits.max_acceleration
         speed_up_reverse = _given(limits.max_acceleration_reverse, -speed_up)
         slow_down = _given(limits.max_deceleration, speed_up_reverse)

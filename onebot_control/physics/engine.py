@@ -1,4 +1,4 @@
-"""Provides PyBullet as ``engine``; what its C code prints is captured and logged."""
+"""Provides PyBullet as ``engine``, and its worlds; logs what its C code prints."""
 
 import contextlib
 import ctypes
@@ -7,10 +7,12 @@ import os
 import re
 import sys
 import threading
+import weakref
 from collections.abc import Iterator
-from typing import Any, BinaryIO
+from functools import partial
+from typing import Any
 
-__all__ = ["captured", "engine", "log", "logger"]
+__all__ = ["Bullet", "captured", "engine", "log", "logger"]
 
 logger = logging.getLogger("onebot_control.physics")
 
@@ -32,7 +34,9 @@ def captured(*descriptors: int) -> Iterator[list[str]]:
         A list, which is filled with the captured lines when the block ends, even by an exception.
     """
     lines: list[str] = []
-    with _lock, _memory() as file, contextlib.ExitStack() as restoring:
+    # A file in memory.
+    file = open(os.memfd_create("captured"), "w+b")
+    with _lock, file, contextlib.ExitStack() as restoring:
         _flush()
         for descriptor in descriptors or (1,):
             # A closed descriptor has nothing to write to, nor to restore.
@@ -53,11 +57,6 @@ def log(lines: list[str]) -> None:
     """Log captured lines as warnings."""
     for line in lines:
         logger.warning("PyBullet: %s", line)
-
-
-def _memory() -> BinaryIO:
-    """Open a new file in memory."""
-    return open(os.memfd_create("captured"), "w+b")
 
 
 def _flush() -> None:
@@ -92,3 +91,22 @@ class _Engine:
 
 
 engine = _Engine()
+
+
+class Bullet:
+    """One of PyBullet's worlds: has the functions of ``engine``, without their physicsClientId.
+
+    Attributes:
+        client: that number.
+        close: frees the world, as garbage collection does.
+    """
+
+    def __init__(self) -> None:
+        """Make an empty world."""
+        self.client: int = engine.connect(engine.DIRECT)
+        self.close = weakref.finalize(self, engine.disconnect, self.client)
+
+    def __getattr__(self, name: str) -> Any:
+        function = partial(getattr(engine, name), physicsClientId=self.client)
+        setattr(self, name, function)  # cached: __getattr__ is not called for it again
+        return function

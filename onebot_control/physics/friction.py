@@ -18,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from onebot_control.drive.wheels.rolling_shapes import Tyre, lowest_point
-from onebot_control.physics.engine import engine, logger
+from onebot_control.physics.engine import Bullet, engine, logger
 from onebot_control.physics.physics_settings import Settings
 from onebot_description.elements.description import (
     Box,
@@ -60,26 +60,8 @@ _SAG = 1e-4
 # In the description -----------------------------------------------------------------------------
 
 
-def with_contacts(
-    description: Description,
-    tyres: Mapping[str, Tyre | None],
-    casters: Collection[str],
-    moved: Collection[str] = (),
-) -> tuple[Link, ...]:
-    """Return the links of a robot with collision shapes and friction that suit the simulation.
-
-    Args:
-        description: the robot; joints that are held still are fixed.
-        tyres: the round shapes of the driven wheels, by joint; None if there is none.
-        casters: joints of casters, swivelling and rolling ones.
-        moved: joints of arms and grippers, whose links keep their shapes and friction.
-    """
-    contacts = _Contacts(description, tyres, casters, moved)
-    return tuple(contacts.changed(link) for link in description.links)
-
-
-class _Contacts:
-    """Changes the links of one robot; see ``with_contacts``."""
+class Contacts:
+    """Gives the links of one robot collision shapes and friction that suit the simulation."""
 
     def __init__(
         self,
@@ -88,6 +70,14 @@ class _Contacts:
         casters: Collection[str],
         moved: Collection[str],
     ) -> None:
+        """Find out what supports the robot.
+
+        Args:
+            robot: the robot; joints that are held still are fixed.
+            tyres: the round shapes of the driven wheels, by joint; None if there is none.
+            casters: joints of casters, swivelling and rolling ones.
+            moved: joints of arms and grippers, whose links keep their shapes and friction.
+        """
         self._robot, self._tyres, self._casters, self._moved = robot, tyres, casters, moved
         self._poses = rigid_frames(robot)
         self._joints = {joint.child: joint for joint in robot.joints}
@@ -103,6 +93,7 @@ class _Contacts:
         self._depth, self._lift = (_DEEP, _CLEAR) if supported else (_LEVEL, _LIFT)
 
     def changed(self, link: Link) -> Link:
+        """Return a link of the robot with suitable shapes and friction."""
         joint = self._joint_of(link.name)
         if joint is not None and joint.name in self._tyres:
             return self._wheel(link, joint)
@@ -213,7 +204,7 @@ def _thin(joint: Joint, tyre: Tyre) -> Geometry:
 
 
 def set_contact(
-    client: int,
+    bullet: Bullet,
     robot: int,
     index: int,
     body: Body,
@@ -225,7 +216,7 @@ def set_contact(
     """Set the friction of a loaded body, and check that PyBullet has loaded all of its shapes.
 
     Args:
-        client: PyBullet's index of the world.
+        bullet: the world.
         robot: PyBullet's index of the robot.
         index: PyBullet's index of the link; -1 for the root.
         body: the rigid body that was loaded as this link.
@@ -237,38 +228,36 @@ def set_contact(
     Raises:
         OneBotError: PyBullet did not load a shape.
     """
-    count = len(engine.getCollisionShapeData(robot, index, physicsClientId=client))
+    count = len(bullet.getCollisionShapeData(robot, index))
     if count < len(body.collisions):
         raise OneBotError(
             f"{description.source}: PyBullet loaded {count} of the {len(body.collisions)} "
             f'collision shapes of link "{body.link}"; use box, cylinder, sphere or a simpler mesh'
         )
-    engine.changeDynamics(
+    bullet.changeDynamics(
         robot,
         index,
         lateralFriction=settings.friction if body.friction is None else body.friction,
         contactProcessingThreshold=_TOUCHING,
         frictionAnchor=grasps,
-        physicsClientId=client,
     )
 
 
-def soften(client: int, robot: int, wheels: Sequence[int], mass: float, settings: Settings) -> None:
+def soften(
+    bullet: Bullet, robot: int, wheels: Sequence[int], mass: float, settings: Settings
+) -> None:
     """Let wheels share the weight of ``mass``, kg, as tyres do: by critically damped springs."""
     for index in wheels:
         share = mass / len(wheels)
         stiffness = share * settings.gravity / _SAG
-        engine.changeDynamics(
+        bullet.changeDynamics(
             robot,
             index,
             contactStiffness=stiffness,
             contactDamping=2.0 * math.sqrt(stiffness * share),
-            physicsClientId=client,
         )
 
 
-def hold_hub(client: int, robot: int, index: int) -> None:
+def hold_hub(bullet: Bullet, robot: int, index: int) -> None:
     """Hold the hub of a wheel that skids in the middle of its axle."""
-    engine.setJointMotorControl2(
-        robot, index, engine.POSITION_CONTROL, 0.0, force=_HOLDING, physicsClientId=client
-    )
+    bullet.setJointMotorControl2(robot, index, engine.POSITION_CONTROL, 0.0, force=_HOLDING)

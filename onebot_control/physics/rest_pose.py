@@ -2,10 +2,13 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from typing import NamedTuple
 
+import numpy as np
+
 from onebot_control.frame_names import WORLD_FRAME
-from onebot_control.physics.engine import engine, logger
+from onebot_control.physics.engine import Bullet, logger
 from onebot_control.physics.physics_settings import Settings
 from onebot_control.physics.scene import SceneBodies
 from onebot_control.physics.spawning import (
@@ -73,18 +76,18 @@ def settle(
     Raises:
         OneBotError: the robot does not stay on the ground or upright, or is not in metres.
     """
-    client, description, driven = robot.client, spawn.description, spawn.driven
+    bullet, description, driven = robot.bullet, spawn.description, spawn.driven
     if any(starts):
         robot.place(robot.pose(), starts)
     if spawn.fixed_base:
         return _standing(robot, description)
-    near = engine.getClosestPoints(robot.body, robot.ground, 1e9, physicsClientId=client)
+    near = bullet.getClosestPoints(robot.body, robot.ground, 1e9)
     lowest = min(point[8] for point in near)
     _check_size(robot, description, lowest)
     robot.place(((0.0, 0.0, -lowest), (0.0, 0.0, 0.0, 1.0)))
     _come_to_rest(robot, settings)
     position, rotation = robot.pose()
-    touching = engine.getContactPoints(robot.body, robot.ground, physicsClientId=client)
+    touching = bullet.getContactPoints(robot.body, robot.ground)
     _check_rest(description, position, rotation, bool(touching))
     if _base_speed(robot) > _MAX_SPEED:
         logger.warning(
@@ -107,9 +110,7 @@ def settle(
 
 def _standing(robot: LoadedBody, description: Description) -> RestPose:
     """Return the pose of a fixed base, and place the robot there."""
-    base = engine.getClosestPoints(
-        robot.body, robot.ground, 1e9, linkIndexA=-1, physicsClientId=robot.client
-    )
+    base = robot.bullet.getClosestPoints(robot.body, robot.ground, 1e9, linkIndexA=-1)
     lowest = min((point[8] for point in base), default=0.0)
     _check_size(robot, description, lowest)
     on_ground = description.root_link != WORLD_FRAME  # Gazebo does not lift a world link either
@@ -126,7 +127,7 @@ def _warn_of_obstacles(
     near = [
         (-point[8], point[3], name)
         for body, name in obstacles.items()
-        for point in engine.getClosestPoints(robot.body, body, 0.0, physicsClientId=robot.client)
+        for point in robot.bullet.getClosestPoints(robot.body, body, 0.0)
         if point[3] >= 0
     ]
     depth, index, obstacle = max(near, default=(0.0, -1, ""))
@@ -151,7 +152,7 @@ def _check_size(robot: LoadedBody, description: Description, lowest: float) -> N
         )
     links = {robot.joints[joint.name]: joint.child for joint in description.moving_joints}
     for index, link in {-1: description.root_link, **links}.items():
-        low, high = engine.getAABB(robot.body, index, physicsClientId=robot.client)
+        low, high = robot.bullet.getAABB(robot.body, index)
         length = max(most - least for least, most in zip(low, high, strict=True))
         if length > LARGEST_ROBOT:
             raise OneBotError(
@@ -164,7 +165,7 @@ def _come_to_rest(robot: LoadedBody, settings: Settings) -> None:
     """Simulate until the robot rests on the ground, for ``settings.settling`` seconds at most."""
     needed, rested = math.ceil(_RESTING_TIME * settings.rate), 0
     for _ in range(round(settings.settling * settings.rate)):
-        engine.stepSimulation(robot.client)
+        robot.bullet.stepSimulation()
         rested = rested + 1 if _fastest(robot) < _RESTING else 0
         if rested >= needed:
             if _is_stable(robot):
@@ -174,14 +175,14 @@ def _come_to_rest(robot: LoadedBody, settings: Settings) -> None:
 
 def _base_speed(robot: LoadedBody) -> float:
     """Return the greatest speed of the base, m/s or rad/s."""
-    linear, angular = engine.getBaseVelocity(robot.body, robot.client)
+    linear, angular = robot.bullet.getBaseVelocity(robot.body)
     speeds: list[float] = [*linear, *angular]
     return max(map(abs, speeds))
 
 
 def _fastest(robot: LoadedBody) -> float:
     """Return the greatest speed of the base and the joints, m/s or rad/s."""
-    joints = engine.getJointStates(robot.body, list(robot.joints.values()), robot.client)
+    joints = robot.bullet.getJointStates(robot.body, list(robot.joints.values()))
     speeds: list[float] = [_base_speed(robot), *(abs(state[1]) for state in joints)]
     return max(speeds)
 
@@ -193,17 +194,13 @@ def _is_stable(robot: LoadedBody) -> bool:
     deviation over all horizontal directions, from the smaller eigenvalue of their covariance,
     measures the width of the area.
     """
-    touching = engine.getContactPoints(robot.body, robot.ground, physicsClientId=robot.client)
-    forces: list[Triple] = [(point[9], *point[6][:2]) for point in touching]
-    total = sum(force for force, _, _ in forces)
-    if not total > 0.0:
+    touching = robot.bullet.getContactPoints(robot.body, robot.ground)
+    forces = np.array([point[9] for point in touching])
+    if not forces.sum() > 0.0:
         return False
-    a = sum(force * x for force, x, _ in forces) / total
-    b = sum(force * y for force, _, y in forces) / total
-    xx = sum(force * (x - a) ** 2 for force, x, _ in forces) / total
-    yy = sum(force * (y - b) ** 2 for force, _, y in forces) / total
-    xy = sum(force * (x - a) * (y - b) for force, x, y in forces) / total
-    return (xx + yy) / 2.0 - math.hypot((xx - yy) / 2.0, xy) > _MIN_SUPPORT**2
+    places = np.array([point[6][:2] for point in touching])
+    covariance = np.cov(places.T, aweights=forces, bias=True)
+    return bool(np.linalg.eigvalsh(covariance)[0] > _MIN_SUPPORT**2)
 
 
 def _check_rest(
@@ -257,12 +254,11 @@ def pose_on(
     Raises:
         OneBotError: the robot cannot stand there.
     """
-    client: int = engine.connect(engine.DIRECT)
-    try:
-        ground = make_world(client, settings)
+    with closing(Bullet()) as bullet:
+        ground = make_world(bullet, settings)
         bodies = SceneBodies(scene)
-        bodies.enter(client, ground, settings, free=False)
-        robot = load_robot(client, ground, spawn, settings)
+        bodies.enter(bullet, ground, settings, free=False)
+        robot = load_robot(bullet, ground, spawn, settings)
         pose = rest.at(*where)
         robot.place(pose, positions)
         if spawn.fixed_base and spawn.description.root_link == WORLD_FRAME:
@@ -283,8 +279,6 @@ def pose_on(
                 f"link {listing(links)} of {scene.source}; put it somewhere else{remedy}"
             )
         return robot.pose()
-    finally:
-        engine.disconnect(client)
 
 
 def _lift(scene: SceneBodies, robot: LoadedBody, pose: Transform) -> list[str]:
@@ -312,16 +306,14 @@ def _base_touches(robot: LoadedBody, scene: SceneBodies) -> bool:
     return any(
         point[7][2] > 0.0  # the normal, towards the robot
         for body in scene.fixed
-        for point in engine.getClosestPoints(
-            robot.body, body, 2.0 * _ABOVE, linkIndexA=-1, physicsClientId=robot.client
-        )
+        for point in robot.bullet.getClosestPoints(robot.body, body, 2.0 * _ABOVE, linkIndexA=-1)
     )
 
 
 def _stands(robot: LoadedBody, driven: Sequence[str], pose: Transform, where: SpawnPose) -> bool:
     """Return whether the robot rests upright on its wheels where it was released."""
     (x, y, _), rotation = pose
-    touching = engine.getContactPoints(robot.body, physicsClientId=robot.client)
+    touching = robot.bullet.getContactPoints(robot.body)
     links = {point[3] for point in touching}
     return (
         math.hypot(x - where[0], y - where[1]) <= _AWAY

@@ -6,11 +6,10 @@ from functools import partial
 from typing import Any, NamedTuple, Protocol
 
 from onebot_control.drive.speed_limiter import clamp
-from onebot_control.physics.engine import engine
+from onebot_control.physics.engine import Bullet, engine
 from onebot_control.physics.physics_settings import Settings
 from onebot_control.physics.rest_pose import RestPose
 from onebot_control.physics.spawning import (
-    LoadedBody,
     RobotSpawn,
     SpawnPose,
     checked_spawn_pose,
@@ -76,7 +75,7 @@ class MassVelocity(NamedTuple):
 class _World(Protocol):
     """What a robot needs of its world; see ``World``."""
 
-    client: int
+    bullet: Bullet
     settings: Settings
 
     @property
@@ -99,21 +98,24 @@ class RobotBody:
 
     Before each physics step of length dt, a commanded joint at q is given the velocity (r - q) / dt
     with the reference r at the end of the step, which it reaches unless a limit prevents it.
+
+    Attributes:
+        world: the world that it is in.
+        spawn: the robot as it was given.
+        joints: names of the moving joints, in the description's order.
+        driven: names of the joints that follow velocities, in the given order.
+        commanded: names of the joints that follow positions, in the given order.
+        starts: start positions, in the order of ``joints``.
+        reference: returns the positions of ``commanded``, rad or m, at a time in s after the state
+            was read.
+        rest_pose: height and tilt at rest on level ground.
+        parts: PyBullet's indices of it.
+        pose: the root link's frame, as last read.
+        positions: joint positions, in the order of ``joints``, as last read.
+        finite: whether the state last read was finite.
     """
 
-    world: _World
-    spawn: RobotSpawn
-    joints: tuple[str, ...]  # names of the moving joints, in the description's order
-    driven: tuple[str, ...]  # names of the joints that follow velocities, in the given order
-    commanded: tuple[str, ...]  # names of the joints that follow positions, in the given order
-    starts: tuple[float, ...]  # start positions, in the order of ``joints``
-    # Returns the positions of ``commanded``, rad or m, at a time in s after the state was read.
-    reference: Callable[[float], Sequence[float]]
-    rest_pose: RestPose  # height and tilt at rest on level ground
-    parts: LoadedBody
-    pose: Transform  # the root link's frame, as last read
-    positions: tuple[float, ...]  # joint positions, in the order of ``joints``, as last read
-    finite: bool  # whether the state last read was finite
+    rest_pose: RestPose
 
     def __init__(self, world: _World, spawn: RobotSpawn) -> None:
         """Look up the joints; ``load`` adds the robot to its world.
@@ -144,14 +146,14 @@ class RobotBody:
             for joint, most in zip(motors[count:], fastest[count:], strict=True)
         ]
         held = [spawn.starts.get(name, 0.0) for name in self.commanded]
-        self.reference = lambda ahead: held
+        self.reference: Callable[[float], Sequence[float]] = lambda ahead: held
         self.finite = True
 
     def load(self, ground: int) -> None:
         """Add the robot to its world, at the origin."""
-        client = self.world.client
+        bullet = self.world.bullet
         settings = self.world.settings
-        self.parts = load_robot(client, ground, self.spawn, settings)
+        self.parts = load_robot(bullet, ground, self.spawn, settings)
         self._step = 1.0 / settings.rate
         body = self.parts.body
         self._indices = list(self.parts.joints.values())
@@ -159,7 +161,10 @@ class RobotBody:
         self._driven_indices = motors[: len(self.driven)]
         self._commanded_indices = motors[len(self.driven) :]
         self._read_joints, self._read_motors = self._reader(self._indices), self._reader(motors)
-        self._read_velocity = partial(engine.getBaseVelocity, body, client)
+        self._read_velocity = partial(bullet.getBaseVelocity, body)
+        self._set_motors = partial(
+            bullet.setJointMotorControlArray, body, controlMode=engine.VELOCITY_CONTROL
+        )
         self._targets = [0.0] * len(self.driven)
         self._efforts = (0.0,) * len(self.joints)  # efforts of the motors
         self._sums = [0.0] * len(motors)  # efforts summed over all physics steps but the last
@@ -171,7 +176,7 @@ class RobotBody:
         if len(self.world.robots) == 1 and self.world.scene is None:
             return False
         own_bodies = {self.parts.body, self.parts.ground}
-        points = engine.getContactPoints(self.parts.body, physicsClientId=self.world.client)
+        points = self.world.bullet.getContactPoints(self.parts.body)
         return any(not {point[1], point[2]} <= own_bodies for point in points)
 
     def turn(self, velocities: Sequence[float]) -> None:
@@ -215,13 +220,10 @@ class RobotBody:
             within = lower if goal < lower else upper if goal > upper else goal
             speed = (within - position) / self._step
             targets.append(fastest if speed > fastest else -fastest if speed < -fastest else speed)
-        engine.setJointMotorControlArray(
-            self.parts.body,
-            self._commanded_indices,
-            engine.VELOCITY_CONTROL,
+        self._set_motors(
+            jointIndices=self._commanded_indices,
             targetVelocities=targets,
             forces=self._strengths_commanded,
-            physicsClientId=self.world.client,
         )
 
     def state(self) -> tuple[JointStates, Pose, MassVelocity]:
@@ -284,12 +286,12 @@ class RobotBody:
 
     def continue_from(self, other: "RobotBody") -> None:
         """Take over pose, velocity and motors of the same robot in another world."""
-        body, client = self.parts.body, self.world.client
+        body, bullet = self.parts.body, self.world.bullet
         self.parts.place(other.pose)
-        engine.resetBaseVelocity(body, *other._velocity, physicsClientId=client)
+        bullet.resetBaseVelocity(body, *other._velocity)
         states = zip(self._indices, other.positions, other._velocities, strict=True)
         for index, position, velocity in states:
-            engine.resetJointState(body, index, position, velocity, client)
+            bullet.resetJointState(body, index, position, velocity)
         self._drive(other._targets)
         self._efforts = other._efforts
         self._update(self._read_joints())
@@ -336,19 +338,14 @@ class RobotBody:
         """Return a function that reads joints; without any, PyBullet would return None."""
         if not indices:
             return tuple
-        return partial(engine.getJointStates, self.parts.body, indices, self.world.client)
+        return partial(self.world.bullet.getJointStates, self.parts.body, indices)
 
     def _drive(self, targets: list[float]) -> None:
         self._targets = targets
         if not targets:
             return
-        engine.setJointMotorControlArray(
-            self.parts.body,
-            self._driven_indices,
-            engine.VELOCITY_CONTROL,
-            targetVelocities=targets,
-            forces=self._strengths,
-            physicsClientId=self.world.client,
+        self._set_motors(
+            jointIndices=self._driven_indices, targetVelocities=targets, forces=self._strengths
         )
 
     def _update(self, states: Sequence[Sequence[Any]], *, base_moves: bool = True) -> None:

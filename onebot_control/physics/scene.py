@@ -7,9 +7,10 @@ a movable body, which falls and can be pushed.
 
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from dataclasses import replace
 
-from onebot_control.physics.engine import engine
+from onebot_control.physics.engine import Bullet, engine
 from onebot_control.physics.physics_settings import Settings
 from onebot_control.physics.physics_urdf import link_problems
 from onebot_control.physics.spawning import (
@@ -49,12 +50,9 @@ def load_scene(world: str) -> Description | None:
     if not world:
         return None
     description = load_world(world)
-    client: int = engine.connect(engine.DIRECT)
-    try:
+    with closing(Bullet()) as bullet:
         settings = Settings()
-        SceneBodies(description).enter(client, make_world(client, settings), settings)
-    finally:
-        engine.disconnect(client)
+        SceneBodies(description).enter(bullet, make_world(bullet, settings), settings)
     return description
 
 
@@ -126,11 +124,11 @@ class SceneBodies:
         joints = tuple(joint for joint in description.joints if joint.child in names)
         return replace(description, root_link=first, links=links, joints=joints)
 
-    def enter(self, client: int, ground: int, settings: Settings, *, free: bool = True) -> None:
+    def enter(self, bullet: Bullet, ground: int, settings: Settings, *, free: bool = True) -> None:
         """Load the bodies into a world.
 
         Args:
-            client: PyBullet's index of the world.
+            bullet: the world.
             ground: PyBullet's index of its ground.
             settings: of the physics.
             free: also load the movable bodies.
@@ -138,13 +136,13 @@ class SceneBodies:
         Raises:
             OneBotError: a body cannot be loaded, or a movable one starts in something else.
         """
-        self._client = client
+        self._bullet = bullet
         self.fixed = {
-            load_fixed(client, self.description, body, settings): body.link for body in self._fixed
+            load_fixed(bullet, self.description, body, settings): body.link for body in self._fixed
         }
         self._parts: list[LoadedBody] = []
         for part, start in zip(self._free if free else (), self._starts, strict=False):
-            self._parts.append(load_robot(client, ground, RobotSpawn(part, ()), settings))
+            self._parts.append(load_robot(bullet, ground, RobotSpawn(part, ()), settings))
             self._parts[-1].place(start)
             # A sleeping body costs no time until something touches it; two awake crates took half
             # the time of a step.
@@ -193,7 +191,7 @@ class SceneBodies:
 
     def _activate(self, part: LoadedBody, states: str) -> None:
         state = sum(getattr(engine, f"ACTIVATION_STATE_{name}") for name in states.split())
-        engine.changeDynamics(part.body, -1, activationState=state, physicsClientId=self._client)
+        self._bullet.changeDynamics(part.body, -1, activationState=state)
 
     def check(self) -> None:
         """Raise OneBotError if the last poses were not finite."""
@@ -220,5 +218,5 @@ class SceneBodies:
 
     def _depth(self, one: int, other: int) -> float:
         """Return how deep two bodies overlap, m; 0 if they do not."""
-        near = engine.getClosestPoints(one, other, 0.0, physicsClientId=self._client)
+        near = self._bullet.getClosestPoints(one, other, 0.0)
         return max((-point[8] for point in near), default=0.0)

@@ -23,7 +23,7 @@ from onebot_control.drive.speed_limiter import clamp
 from onebot_control.drive.wheels.geometry import Wheels
 from onebot_control.drive.wheels.rolling_shapes import Tyre
 from onebot_control.physics.engine import logger
-from onebot_control.physics.friction import with_contacts
+from onebot_control.physics.friction import Contacts
 from onebot_control.physics.physics_urdf import SkidAxle
 from onebot_description.arrays import Floats
 from onebot_description.elements.description import (
@@ -112,8 +112,8 @@ def simulated_model(
     rigid = replace(description, joints=tuple(joints))
     links: Sequence[Link] = rigid.links
     if wheels:
-        contacts = with_contacts(rigid, tyres, casters, {*roles.starts, *roles.passive})
-        links = [_massive(wheels, link) for link in contacts]
+        contacts = Contacts(rigid, tyres, casters, {*roles.starts, *roles.passive})
+        links = [_massive(wheels, contacts.changed(link)) for link in links]
     links = _with_rotors(replace(rigid, links=tuple(links)), roles.starts)
     _report_hulls(rigid, {*roles.gears, *(mimic.joint for mimic in roles.gears.values())})
     starts = {**roles.starts, **roles.passive}

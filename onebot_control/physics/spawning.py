@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from onebot_control.physics.engine import captured, engine, log
+from onebot_control.physics.engine import Bullet, captured, engine, log
 from onebot_control.physics.friction import hold_hub, set_contact, soften
 from onebot_control.physics.physics_settings import Settings
 from onebot_control.physics.physics_urdf import HUB, SkidAxle, physics_urdf, rigid_bodies
@@ -77,7 +77,7 @@ def checked_spawn_pose(x: float, y: float, yaw: float) -> SpawnPose:
 class LoadedBody(NamedTuple):
     """A robot, or a box of a scene, with PyBullet's indices of its parts."""
 
-    client: int  # its world
+    bullet: Bullet  # its world
     ground: int
     body: int
     joints: Mapping[str, int]  # the moving ones by name, in the description's order
@@ -89,7 +89,7 @@ class LoadedBody(NamedTuple):
 
     def pose(self) -> Transform:
         """Return the pose of the root link's frame in the world: m, and quaternion x y z w."""
-        mass_pose = engine.getBasePositionAndOrientation(self.body, self.client)
+        mass_pose = self.bullet.getBasePositionAndOrientation(self.body)
         position, (x, y, z, w) = compose(mass_pose, self.link_frame)
         # Two quaternions describe a rotation; return the one with w >= 0.
         return position, (x, y, z, w) if w >= 0.0 else (-x, -y, -z, -w)
@@ -97,21 +97,21 @@ class LoadedBody(NamedTuple):
     def place(self, pose: Transform, positions: Iterable[float] | None = None) -> None:
         """Set the pose of the root link's frame, at rest, and ``positions`` of all joints."""
         mass_pose = compose(pose, self.mass_frame)
-        body, client = self.body, self.client
-        engine.resetBasePositionAndOrientation(body, *mass_pose, physicsClientId=client)
-        engine.resetBaseVelocity(body, (0, 0, 0), (0, 0, 0), physicsClientId=client)
+        body, bullet = self.body, self.bullet
+        bullet.resetBasePositionAndOrientation(body, *mass_pose)
+        bullet.resetBaseVelocity(body, (0, 0, 0), (0, 0, 0))
         for index in self.hubs:
-            engine.resetJointState(body, index, 0.0, 0.0, physicsClientId=client)
+            bullet.resetJointState(body, index, 0.0, 0.0)
         if positions is not None:
             for index, position in zip(self.joints.values(), positions, strict=True):
-                engine.resetJointState(body, index, position, 0.0, physicsClientId=client)
+                bullet.resetJointState(body, index, position, 0.0)
 
 
-def make_world(client: int, settings: Settings, residual: float = 0.0) -> int:
+def make_world(bullet: Bullet, settings: Settings, residual: float = 0.0) -> int:
     """Set up the physics and the ground of an empty world.
 
     Args:
-        client: PyBullet's index of the world.
+        bullet: the world.
         settings: of the physics.
         residual: the solver stops early once an iteration changes no velocity (rad/s or m/s) by
             more than its square root; 0: never.
@@ -119,30 +119,26 @@ def make_world(client: int, settings: Settings, residual: float = 0.0) -> int:
     Returns:
         PyBullet's index of the ground.
     """
-    engine.setTimeStep(1.0 / settings.rate, physicsClientId=client)
-    engine.setGravity(0.0, 0.0, -settings.gravity, physicsClientId=client)
-    engine.setPhysicsEngineParameter(
+    bullet.setTimeStep(1.0 / settings.rate)
+    bullet.setGravity(0.0, 0.0, -settings.gravity)
+    bullet.setPhysicsEngineParameter(
         numSolverIterations=settings.iterations,
         solverResidualThreshold=residual,
         # With the cache, an edited file would be loaded in its old version.
         enableFileCaching=0,
-        physicsClientId=client,
     )
-    plane = engine.createCollisionShape(engine.GEOM_PLANE, physicsClientId=client)
+    plane = bullet.createCollisionShape(engine.GEOM_PLANE)
     # Without a visual shape, PyBullet would load a textured plane, which takes 7 ms and 6 MB.
-    slab = engine.createVisualShape(
-        engine.GEOM_BOX,
-        halfExtents=_SLAB,
-        visualFramePosition=(0.0, 0.0, -_SLAB[2]),
-        physicsClientId=client,
+    slab = bullet.createVisualShape(
+        engine.GEOM_BOX, halfExtents=_SLAB, visualFramePosition=(0.0, 0.0, -_SLAB[2])
     )
-    ground: int = engine.createMultiBody(0, plane, slab, physicsClientId=client)
-    engine.changeDynamics(ground, -1, lateralFriction=settings.friction, physicsClientId=client)
+    ground: int = bullet.createMultiBody(0, plane, slab)
+    bullet.changeDynamics(ground, -1, lateralFriction=settings.friction)
     return ground
 
 
 def load_robot(
-    client: int,
+    bullet: Bullet,
     ground: int,
     spawn: RobotSpawn,
     settings: Settings,
@@ -152,7 +148,7 @@ def load_robot(
     Motors hold their joints until they get a velocity. What PyBullet prints is logged.
 
     Args:
-        client: PyBullet's index of the world.
+        bullet: the world.
         ground: PyBullet's index of its ground.
         spawn: the robot; its pose is not used.
         settings: of the physics.
@@ -168,44 +164,42 @@ def load_robot(
             f"{description.source}: no link has a <collision>, so the robot would fall through "
             "the ground; give the wheels one"
         )
-    robot = _load(client, description, bodies, fixed_base=spawn.fixed_base)
+    robot = _load(bullet, description, bodies, fixed_base=spawn.fixed_base)
     moving = description.moving_joints
     root, *moved = bodies.values()
     indices, hubs = {}, []
-    for index in range(engine.getNumJoints(robot, physicsClientId=client)):
-        info = engine.getJointInfo(robot, index, physicsClientId=client)
+    for index in range(bullet.getNumJoints(robot)):
+        info = bullet.getJointInfo(robot, index)
         name = info[1].decode()
         if name.startswith(HUB):
             hubs.append(index)
-            hold_hub(client, robot, index)
+            hold_hub(bullet, robot, index)
             continue
         row = int(name)
         joint = moving[row]
         indices[row] = index
         # Without a motor, friction is a motor with target velocity 0 and the friction's torque.
         torque = joint.effort if joint.name in motors else info[7]
-        engine.setJointMotorControl2(
-            robot, index, engine.VELOCITY_CONTROL, force=torque, physicsClientId=client
-        )
+        bullet.setJointMotorControl2(robot, index, engine.VELOCITY_CONTROL, force=torque)
         grasps = joint.name in grasping
-        set_contact(client, robot, index, moved[row], description, settings, grasps=grasps)
-    set_contact(client, robot, -1, root, description, settings)
+        set_contact(bullet, robot, index, moved[row], description, settings, grasps=grasps)
+    set_contact(bullet, robot, -1, root, description, settings)
     joints = {joint.name: indices[row] for row, joint in enumerate(moving)}
     for name, mimic in spawn.gears.items():
-        _add_gear(client, robot, joints[name], joints[mimic.joint], mimic)
+        _add_gear(bullet, robot, joints[name], joints[mimic.joint], mimic)
     skidding = [joints[joint.name] for joint in moving if isinstance(joint, SkidAxle)]
-    soften(client, robot, skidding, sum(body.mass for body in bodies.values()), settings)
+    soften(bullet, robot, skidding, sum(body.mass for body in bodies.values()), settings)
     for damping in ("linearDamping", "angularDamping"):
         # One key per call: with either of these PyBullet ignores the link index.
-        engine.changeDynamics(robot, -1, **{damping: 0.0}, physicsClientId=client)
-    dynamics = engine.getDynamicsInfo(robot, -1, physicsClientId=client)
+        bullet.changeDynamics(robot, -1, **{damping: 0.0})
+    dynamics = bullet.getDynamicsInfo(robot, -1)
     mass_frame = dynamics[3], dynamics[4]
-    return LoadedBody(client, ground, robot, joints, hubs, mass_frame, inverse(mass_frame))
+    return LoadedBody(bullet, ground, robot, joints, hubs, mass_frame, inverse(mass_frame))
 
 
-def _add_gear(client: int, robot: int, follower: int, leader: int, mimic: Mimic) -> None:
+def _add_gear(bullet: Bullet, robot: int, follower: int, leader: int, mimic: Mimic) -> None:
     """Make a joint follow another one, as if by gear wheels."""
-    constraint = engine.createConstraint(
+    constraint = bullet.createConstraint(
         robot,
         leader,
         robot,
@@ -214,27 +208,25 @@ def _add_gear(client: int, robot: int, follower: int, leader: int, mimic: Mimic)
         jointAxis=(0, 1, 0),
         parentFramePosition=(0, 0, 0),
         childFramePosition=(0, 0, 0),
-        physicsClientId=client,
     )
-    engine.changeConstraint(
+    bullet.changeConstraint(
         constraint,
         gearRatio=-1.0 / mimic.multiplier,
         relativePositionTarget=-mimic.offset / mimic.multiplier,
         erp=_GEAR_CORRECTION,
         maxForce=_GEAR_FORCE,
-        physicsClientId=client,
     )
 
 
-def load_fixed(client: int, description: Description, body: Body, settings: Settings) -> int:
+def load_fixed(bullet: Bullet, description: Description, body: Body, settings: Settings) -> int:
     """Load a fixed body of a scene, with its frame at the origin; return PyBullet's index."""
-    index = _load(client, description, {body.link: body}, fixed=True)
-    set_contact(client, index, -1, body, description, settings)
+    index = _load(bullet, description, {body.link: body}, fixed=True)
+    set_contact(bullet, index, -1, body, description, settings)
     return index
 
 
 def _load(
-    client: int,
+    bullet: Bullet,
     description: Description,
     bodies: Mapping[str, Body],
     *,
@@ -250,9 +242,7 @@ def _load(
     ):
         try:
             with captured() as lines:
-                body: int = engine.loadURDF(
-                    path, useFixedBase=fixed or fixed_base, flags=flags, physicsClientId=client
-                )
+                body: int = bullet.loadURDF(path, useFixedBase=fixed or fixed_base, flags=flags)
         except engine.error:
             reason = "; ".join(lines) or "it gives no reason"
             raise OneBotError(

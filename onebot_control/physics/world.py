@@ -1,10 +1,9 @@
 """Worlds in which robots move on the same ground, among the same walls."""
 
-import weakref
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
-from onebot_control.physics.engine import engine
+from onebot_control.physics.engine import Bullet
 from onebot_control.physics.physics_settings import Settings
 from onebot_control.physics.rest_pose import RestPose, pose_on, settle
 from onebot_control.physics.robot_body import RobotBody
@@ -26,13 +25,14 @@ class World:
     Time advances only in ``step``, for all robots. The same calls give identical results in any
     process. Worlds are independent of each other; a world must not be used by two threads at the
     same time.
-    """
 
-    settings: Settings
-    client: int  # PyBullet's index of the world, for direct calls
-    robots: tuple[RobotBody, ...]  # robots in the given order
-    scene: SceneBodies | None  # bodies around the robots; None on bare ground
-    is_open: bool  # False after ``close``
+    Attributes:
+        settings: of the physics.
+        bullet: the world of PyBullet, for direct calls.
+        robots: the robots in the given order.
+        scene: bodies around the robots; None on bare ground.
+        is_open: False after ``close``.
+    """
 
     def __init__(
         self,
@@ -64,9 +64,7 @@ class World:
         self._alone = len(self.robots) == 1 and scene is None
         if not self._alone:
             self._find_rest_poses()
-        client: int = engine.connect(engine.DIRECT)
-        self.client = client
-        self._disconnect = weakref.finalize(self, engine.disconnect, client)
+        self.bullet = Bullet()
         self.is_open = True
         try:
             self._build()
@@ -85,11 +83,11 @@ class World:
         """
         count = self.settings.steps(duration)
         self.check_usable()
-        client, robots, arms = self.client, self.robots, self._arms
+        bullet, robots, arms = self.bullet, self.robots, self._arms
         for number in range(count):
             for robot in arms:
                 robot.track(number)
-            engine.stepSimulation(client)
+            bullet.stepSimulation()
             if number < count - 1:
                 for robot in robots:
                     robot.record_efforts()
@@ -109,7 +107,7 @@ class World:
         """
         with self._undone_if_refused():
             self._place_at_starts()
-        engine.resetSimulation(physicsClientId=self.client)
+        self.bullet.resetSimulation()
         self._build()
         self._start()
 
@@ -137,7 +135,7 @@ class World:
         with self._undone_if_refused():
             if len(self.robots) == len(places) and (at_start or self.scene is None):
                 # Without other robots, the saved state, with all contacts at rest, can be restored.
-                engine.restoreState(self._saved, physicsClientId=self.client)
+                self.bullet.restoreState(self._saved)
             for robot, where in places.items():
                 positions = robot.starts if at_start else robot.positions
                 stances[robot] = self._pose_at(robot, where, positions), positions
@@ -155,14 +153,14 @@ class World:
     @contextmanager
     def _undone_if_refused(self) -> Iterator[None]:
         """Undo what the ``with`` block does to PyBullet's world if it raises a OneBotError."""
-        present: int = engine.saveState(physicsClientId=self.client)
+        present: int = self.bullet.saveState()
         try:
             yield
         except OneBotError:
-            engine.restoreState(present, physicsClientId=self.client)
+            self.bullet.restoreState(present)
             raise
         finally:
-            engine.removeState(present, physicsClientId=self.client)
+            self.bullet.removeState(present)
 
     def replaced(self, row: int, spawn: RobotSpawn, settings: Settings) -> "World":
         """Return a new world in which ``spawn``, at rest, replaces one robot.
@@ -201,7 +199,7 @@ class World:
     def close(self) -> None:
         """Free the world; most other methods raise OneBotError afterwards."""
         self.is_open = False
-        self._disconnect()
+        self.bullet.close()
 
     def check_open(self) -> None:
         """Raise OneBotError if the world has been closed."""
@@ -235,8 +233,8 @@ class World:
 
     def _build(self) -> None:
         """Load all bodies, and save the state for ``stand``."""
-        client, settings = self.client, self.settings
-        ground = make_world(client, settings, _RESIDUAL if self._arms else 0.0)
+        bullet, settings = self.bullet, self.settings
+        ground = make_world(bullet, settings, _RESIDUAL if self._arms else 0.0)
         for robot in self.robots:
             robot.load(ground)
             if self._alone:
@@ -245,8 +243,8 @@ class World:
                 # Make room at the origin, where the next robot is loaded.
                 robot.parts.place(robot.rest_pose.at(*robot.start))
         if self.scene is not None:
-            self.scene.enter(client, ground, settings)
-        self._saved: int = engine.saveState(physicsClientId=client)
+            self.scene.enter(bullet, ground, settings)
+        self._saved: int = bullet.saveState()
 
     def _start(self) -> None:
         """Place all robots at their starts, from the saved state, as ``RobotBody.reset`` does."""
@@ -260,7 +258,7 @@ class World:
         Raises:
             OneBotError: the robots cannot stand there together.
         """
-        engine.restoreState(self._saved, physicsClientId=self.client)
+        self.bullet.restoreState(self._saved)
         poses = []
         for robot in self.robots:
             poses.append(self._pose_at(robot, robot.start, robot.starts))
@@ -306,9 +304,9 @@ class World:
         """Raise OneBotError if one of the robots that were just placed overlaps another one."""
         if len(self.robots) == 1:
             return
-        engine.performCollisionDetection(physicsClientId=self.client)
+        self.bullet.performCollisionDetection()
         rows = {standing_robot.parts.body: row for row, standing_robot in enumerate(self.robots)}
-        for point in engine.getContactPoints(physicsClientId=self.client):
+        for point in self.bullet.getContactPoints():
             if point[1] == point[2] or point[8] >= 0.0 or not {point[1], point[2]} <= rows.keys():
                 continue
             first, second = sorted((rows[point[1]], rows[point[2]]))

@@ -10,12 +10,10 @@ from numpy.typing import NDArray
 from onebot_control.sensing.clouds import cloud_of, point_layout
 from onebot_control.sensing.instrument import Instrument, SensedWorld
 from onebot_control.sensing.noise import add_noise
-from onebot_control.sensing.rays import NOTHING, Hits, Rays
-from onebot_description.arrays import Bytes, Floats
+from onebot_control.sensing.rays import Hits, Rays
+from onebot_description.arrays import Bytes, Floats, Singles
 from onebot_description.description.sensors.camera import Camera
 from onebot_description.description.sensors.noise import Noise
-
-Singles = NDArray[np.float32]
 
 # Rotation of a camera that looks along x, in its optical frame: z ahead, x right, y down (REP-103).
 _OPTICAL = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
@@ -71,11 +69,10 @@ def depths(camera: Camera, hits: Hits, generator: "np.random.Generator | None" =
         hits: of its rays.
         generator: of the noise; None for no noise.
     """
-    true = hits.distances
-    far = (hits.surfaces == NOTHING) | (true > np.float32(camera.depth_far))
-    measured = true if generator is None else add_noise(true, camera.noise, 0.0, generator)
-    result = np.where(far, np.float32(np.inf), measured)
-    result[true < np.float32(camera.depth_near)] = -np.inf
+    measured = hits.distances
+    if generator is not None:
+        measured = add_noise(measured, camera.noise, 0.0, generator)
+    result = hits.within(camera.depth_near, camera.depth_far, measured)
     return result.reshape(camera.height, camera.width)
 
 

@@ -4,9 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onebot_control.sensing.rays import Rays
-from onebot_description.arrays import Floats
-
-Singles = NDArray[np.float32]
+from onebot_description.arrays import Floats, Singles
 
 
 def point_layout(*others: tuple[str, str, int]) -> "np.dtype[np.void]":

@@ -10,12 +10,10 @@ from numpy.typing import NDArray
 from onebot_control.sensing.clouds import cloud_of, finite, point_layout
 from onebot_control.sensing.instrument import Instrument, SensedWorld
 from onebot_control.sensing.noise import add_noise
-from onebot_control.sensing.rays import NOTHING, Rays
-from onebot_description.arrays import Floats
+from onebot_control.sensing.rays import Hits, Rays
+from onebot_description.arrays import Floats, Singles
 from onebot_description.description.sensors.lidar import Fan, Lidar
 from onebot_description.description.sensors.noise import Noise
-
-Singles = NDArray[np.float32]
 
 _MARGIN = 1e-4  # m; a range that rounding lifts above the greatest one is still measured
 
@@ -42,8 +40,7 @@ def reach(lidar: Lidar) -> float:
 
 def ranges(
     lidar: Lidar,
-    distances: Singles,
-    hit: NDArray[np.bool_],
+    hits: Hits,
     offset: float = 0.0,
     generator: "np.random.Generator | None" = None,
 ) -> Singles:
@@ -53,20 +50,16 @@ def ranges(
 
     Args:
         lidar: the sensor.
-        distances: (N,), exact distances to what the rays hit, m.
-        hit: (N,), whether they hit anything.
+        hits: of its rays.
         offset: of all ranges, m; see ``noise.bias``.
         generator: of the noise; None for no noise.
     """
-    measured = distances
+    measured = hits.distances
     if generator is not None:
         # Noise moves no range into or out of the sensor's range.
-        measured = add_noise(distances, lidar.noise, offset, generator)
+        measured = add_noise(measured, lidar.noise, offset, generator)
         measured = np.clip(measured, np.float32(lidar.least), np.float32(lidar.greatest))
-    far = ~hit | (distances > np.float32(lidar.greatest))
-    result = np.where(far, np.float32(np.inf), measured)
-    result[distances < np.float32(lidar.least)] = -np.inf
-    return result
+    return hits.within(lidar.least, lidar.greatest, measured)
 
 
 POINT = point_layout(("intensity", "<f4", 16), ("ring", "<u2", 20))
@@ -89,13 +82,6 @@ def cloud(
     return points if lidar.is_organized else finite(points)
 
 
-def middle_row(lidar: Lidar, all_ranges: Singles) -> Singles:
-    """Return the ranges (columns,) of the middle row; of two middle rows, the upper one."""
-    rows = lidar.vertical.samples
-    row: Singles = all_ranges.reshape(rows, -1)[rows // 2]
-    return row
-
-
 class LidarInstrument(Instrument[Lidar]):
     """Measures with a lidar: a scan, the nearest range, or a cloud."""
 
@@ -112,11 +98,11 @@ class LidarInstrument(Instrument[Lidar]):
     def measure(self, world: SensedWorld, wanted: Set[str]) -> dict[str, Any]:
         lidar, pose, generator = self.model, self.pose(world.placed), self.generator(world.frame)
         hits = self.hits(world, pose, self._rays, lidar.least, reach(lidar))
-        hit = hits.surfaces != NOTHING
-        measured = ranges(lidar, hits.distances, hit, self.offsets[0], generator)
+        measured = ranges(lidar, hits, self.offsets[0], generator)
         outputs = dict[str, Any]()
         if "scan" in wanted:
-            outputs["scan"] = middle_row(lidar, measured)
+            rows = lidar.vertical.samples
+            outputs["scan"] = measured.reshape(rows, -1)[rows // 2]  # of two, the upper one
         if "range" in wanted:
             outputs["range"] = measured.min()
         for output in wanted & {"points", "point_cloud"}:

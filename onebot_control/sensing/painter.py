@@ -5,11 +5,9 @@ from numpy.typing import NDArray
 
 from onebot_control.sensing.noise import add_noise
 from onebot_control.sensing.rays import GROUND, NOTHING, Hits, Rays, Surface, Targets
-from onebot_description.arrays import Bytes, Floats
+from onebot_description.arrays import Bytes, Floats, Singles
 from onebot_description.description.sensors.camera import Camera
 from onebot_description.description.sensors.noise import Noise
-
-Singles = NDArray[np.float32]
 
 _SUN = np.array([0.35, 0.5, 0.79]) / np.linalg.norm([0.35, 0.5, 0.79])  # direction to the sun
 _SUNLIGHT, _SKYLIGHT, _REFLECTED = 0.55, 0.55, 0.30  # brightness of sun, sky and ground

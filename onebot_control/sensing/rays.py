@@ -14,11 +14,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from onebot_control.sensing.solids import Rounds, Solid
-from onebot_description.arrays import Floats
-
-Singles = NDArray[np.float32]
-Integers = NDArray[np.int32]
+from onebot_control.sensing.solids import Integers, Rounds, Solid
+from onebot_description.arrays import Floats, Singles
 
 HAS_EMBREE = find_spec("embreex") is not None  # some processors have no wheel
 NOTHING, GROUND = -2, -1  # instead of the index of a surface
@@ -157,6 +154,16 @@ class Hits(NamedTuple):
     second: Singles  # (N,), barycentric coordinate of the face's second corner
     third: Singles  # (N,), of its third
     directions: Singles  # (N, 3), in the world
+
+    def within(self, least: float, greatest: float, measured: Singles) -> Singles:
+        """Return distances (N,) as they were ``measured``, if they are in range (REP-117).
+
+        Those beyond the greatest distance are infinite, those below the least one minus infinity.
+        """
+        far = (self.surfaces == NOTHING) | (self.distances > np.float32(greatest))
+        result = np.where(far, np.float32(np.inf), measured)
+        result[self.distances < np.float32(least)] = -np.inf
+        return result
 
 
 class Targets(NamedTuple):
@@ -368,20 +375,16 @@ class _Bullet:
     """Casts rays with PyBullet, which takes 20 times as long and does not report the face hit."""
 
     def __init__(self, solid: Solid) -> None:
-        from onebot_control.physics.engine import engine
+        from onebot_control.physics.engine import Bullet, engine
 
-        self._engine, self._client = engine, engine.connect(engine.DIRECT)
-        shape = engine.createCollisionShape(
+        self._bullet = Bullet()
+        shape = self._bullet.createCollisionShape(
             engine.GEOM_MESH,
             vertices=solid.corners.tolist(),
             indices=solid.faces.ravel().tolist(),
             flags=engine.GEOM_FORCE_CONCAVE_TRIMESH,
-            physicsClientId=self._client,
         )
-        engine.createMultiBody(0, shape, physicsClientId=self._client)
-
-    def __del__(self) -> None:
-        self._engine.disconnect(self._client)
+        self._bullet.createMultiBody(0, shape)
 
     def run(
         self, origins: Singles, directions: Singles, dists: Singles, output: bool
@@ -390,9 +393,7 @@ class _Bullet:
         fractions: list[float] = []
         for start in range(0, len(ends), _RAYS_A_CALL):
             part = slice(start, start + _RAYS_A_CALL)
-            results = self._engine.rayTestBatch(
-                origins[part].tolist(), ends[part].tolist(), physicsClientId=self._client
-            )
+            results = self._bullet.rayTestBatch(origins[part].tolist(), ends[part].tolist())
             fractions += [result[2] if result[0] >= 0 else math.inf for result in results]
         hit = np.isfinite(fractions)
         dists[hit] *= np.array(fractions, np.float32)[hit]

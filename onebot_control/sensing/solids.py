@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onebot_control.physics.engine import logger
-from onebot_description.arrays import Floats
+from onebot_description.arrays import Floats, Singles
 from onebot_description.elements.description import (
     Box,
     Capsule,
@@ -26,7 +26,6 @@ from onebot_description.elements.meshes import has_colors, mesh_scene, surfaces
 from onebot_description.errors import OneBotError
 from onebot_description.geometry import matrices
 
-Singles = NDArray[np.float32]
 Integers = NDArray[np.int32]
 
 _PLAIN: Rgba = (0.7, 0.7, 0.7, 1.0)  # colour of a visual without one

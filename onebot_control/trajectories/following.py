@@ -58,12 +58,22 @@ class Outcome(NamedTuple):
     detail: str = ""  # the joint beyond its tolerance, with its position error
 
 
-def aborted(goal: object | None, text: str) -> Outcome | None:
-    """Return the outcome of an aborted goal; None if ``goal`` is None."""
-    return None if goal is None else Outcome(goal, INVALID_GOAL, text)
+class GoalHolder:
+    """Has an action goal, or none.
+
+    Attributes:
+        active: the token of the action goal that is followed; None if there is none.
+    """
+
+    active: object | None = None
+
+    def _ended(self, text: str) -> Outcome | None:
+        """Forget the goal, and return its outcome, that it was aborted; None without a goal."""
+        goal, self.active = self.active, None
+        return None if goal is None else Outcome(goal, INVALID_GOAL, text)
 
 
-class TrajectoryFollower:
+class TrajectoryFollower(GoalHolder):
     """Follows trajectories of some joints, and holds the joints when there is none.
 
     It reads no clock: each cycle has a stamp, and a trajectory's time advances by the cycles'
@@ -73,7 +83,6 @@ class TrajectoryFollower:
     Attributes:
         joints: the joints, with their limits.
         names: the names of these joints.
-        active: the token of the action goal that is followed; None if there is none.
         desired: the reference at the last update; continuous joints keep the goal's whole turns.
         measured: the motion measured at the last update.
         error: position errors at the last update, desired - measured, rad or m; for continuous
@@ -97,7 +106,6 @@ class TrajectoryFollower:
             constraints: tolerances by joint.
             positions: current positions of the joints, rad or m.
         """
-        self.active: object | None = None
         # Called in the next update, with measured motion and stamp, to begin a trajectory.
         self._next: Callable[[JointMotion, int], None] | None = None
         self.joints = tuple(joints)
@@ -115,13 +123,13 @@ class TrajectoryFollower:
     ) -> None:
         """Apply changed parameters; new tolerances apply from the next action goal on."""
         self._config = config
-        self._defaults = default_tolerances(self.names, config, constraints)
+        own_constraints = [constraints.get(name, JointConstraint()) for name in self.names]
+        self._defaults = default_tolerances(own_constraints, config)
         self._bounds = [
             (joint.lower, joint.upper) if config.enforce_command_limits else (-math.inf, math.inf)
             for joint in self.joints
         ]
-        own_limits = (constraints.get(name, JointConstraint()) for name in self.names)
-        self._decelerations = [constraint.max_deceleration_on_cancel for constraint in own_limits]
+        self._decelerations = [own.max_deceleration_on_cancel for own in own_constraints]
 
     @property
     def scaling(self) -> float:
@@ -209,10 +217,6 @@ class TrajectoryFollower:
         self.desired = self.measured = JointMotion(tuple(positions), zeros, zeros)
         self.error = zeros
         return self._ended(RESET)
-
-    def _ended(self, text: str) -> Outcome | None:
-        goal, self.active = self.active, None
-        return aborted(goal, text)
 
     # Cycles -----------------------------------------------------------------------------------
 

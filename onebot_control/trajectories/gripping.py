@@ -22,8 +22,8 @@ from onebot_control.trajectories.following import (
     RESET,
     ROUNDING,
     SUCCESSFUL,
+    GoalHolder,
     Outcome,
-    aborted,
 )
 from onebot_control.trajectories.forwarding import PositionForwarder
 from onebot_control.trajectories.goal import FollowedJoint
@@ -62,13 +62,12 @@ class GripperConfig:
     is_async: bool = ignored(False, IN_EACH_CYCLE)
 
 
-class GripperFollower(PositionForwarder):
+class GripperFollower(GoalHolder, PositionForwarder):
     """Moves one joint to the position of a goal, until it is reached or the joint stalls.
 
     Either way, the position stays commanded, so that a gripped object is held.
 
     Attributes:
-        active: the token of the active goal; None if there is none.
         reached: whether the last goal was reached.
         stalled: whether the joint stalled on the way to the last goal.
     """
@@ -80,7 +79,6 @@ class GripperFollower(PositionForwarder):
     ) -> None:
         """Hold ``positions``, one value for the one joint, rad or m."""
         super().__init__(joints, positions)
-        self.active: object | None = None
         self.reached = self.stalled = False
         self.configure(config)
 
@@ -117,10 +115,6 @@ class GripperFollower(PositionForwarder):
         """Hold ``positions``, rad or m, where the joint was put; abort the goal."""
         self.command(positions)
         return self._ended(RESET)
-
-    def _ended(self, text: str) -> Outcome | None:
-        goal, self.active = self.active, None
-        return aborted(goal, text)
 
     def update(self, measured: JointMotion, now: int, period: float) -> list[Outcome]:
         """Run one control cycle; see ``TrajectoryFollower.update``."""

@@ -1,6 +1,6 @@
 """Tolerances of a trajectory: the controller's defaults, overridden by those of a goal."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from onebot_control.trajectories.config import JointConstraint, TrajectoryConfig
@@ -40,13 +40,12 @@ class Tolerances(NamedTuple):
 
 
 def default_tolerances(
-    joints: Sequence[str], config: TrajectoryConfig, constraints: Mapping[str, JointConstraint]
+    constraints: Sequence[JointConstraint], config: TrajectoryConfig
 ) -> Tolerances:
-    """Return the tolerances that the parameters set; joints without constraints have none."""
-    own_constraints = [constraints.get(name, JointConstraint()) for name in joints]
+    """Return the tolerances that the parameters set, and ``constraints``, one of each joint."""
     return Tolerances(
-        tuple(constraint.trajectory for constraint in own_constraints),
-        tuple(constraint.goal for constraint in own_constraints),
+        tuple(constraint.trajectory for constraint in constraints),
+        tuple(constraint.goal for constraint in constraints),
         config.constraints.goal_time,
     )
 

@@ -10,7 +10,7 @@ Example:
 """
 
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 # Coefficients of a joint's polynomial in the seconds since its segment began, constant term first.
@@ -113,20 +113,20 @@ def _completed(start: Waypoint, point: Waypoint) -> Waypoint:
 def _interpolated(start: Waypoint, end: Waypoint) -> list[_Coefficients]:
     """Return the polynomials from ``start`` to ``end``; their degree depends on common fields."""
     duration = end.time - start.time
-    positions = zip(start.positions, end.positions, strict=True)
-    if not (start.velocities and end.velocities):
-        return [(p, (q - p) / duration, 0.0, 0.0, 0.0, 0.0) for p, q in positions]
-    velocities = zip(start.velocities, end.velocities, strict=True)
-    if not (start.accelerations and end.accelerations):
-        joints = zip(positions, velocities, strict=True)
-        return [_cubic(*position, *velocity, duration) for position, velocity in joints]
-    accelerations = zip(start.accelerations, end.accelerations, strict=True)
-    return [
-        _quintic(*position, *velocity, *acceleration, duration)
-        for position, velocity, acceleration in zip(
-            positions, velocities, accelerations, strict=True
-        )
-    ]
+    columns = [start.positions, end.positions]
+    polynomial: Callable[..., _Coefficients] = _linear
+    if start.velocities and end.velocities:
+        columns += [start.velocities, end.velocities]
+        polynomial = _cubic
+        if start.accelerations and end.accelerations:
+            columns += [start.accelerations, end.accelerations]
+            polynomial = _quintic
+    return [polynomial(*values, duration) for values in zip(*columns, strict=True)]
+
+
+def _linear(p: float, q: float, duration: float) -> _Coefficients:
+    """Return the line from position ``p`` to ``q``."""
+    return (p, (q - p) / duration, 0.0, 0.0, 0.0, 0.0)
 
 
 def _cubic(p: float, q: float, v: float, w: float, duration: float) -> _Coefficients:

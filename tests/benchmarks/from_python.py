@@ -82,7 +82,7 @@ def _step(simulation: Simulation, seconds: float) -> float:
 
     def steps(_: int) -> None:
         for _ in range(world.settings.steps(_PERIOD)):
-            engine.stepSimulation(world.client)
+            engine.stepSimulation(world.bullet.client)
 
     return _second(steps, seconds)
 

@@ -100,7 +100,7 @@ def _bare_steps() -> list[float]:
         for _ in range(_ROUNDS):
             began = time.perf_counter()
             for _ in range(_STEPS):
-                engine.stepSimulation(simulation._fleet.world.client)
+                engine.stepSimulation(simulation._fleet.world.bullet.client)
             taken.append((time.perf_counter() - began) / _STEPS)
     return taken
 

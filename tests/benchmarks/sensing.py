@@ -12,7 +12,7 @@ import numpy as np
 
 from onebot_control.sensing import camera, lidar
 from onebot_control.sensing.painter import Painter
-from onebot_control.sensing.rays import NOTHING, cast
+from onebot_control.sensing.rays import cast
 from onebot_control.sensing.surroundings import Placed, RobotState, SensedRobot, Surroundings
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.sensors.camera import Camera
@@ -66,7 +66,7 @@ def _ratios(quick: bool) -> dict[str, float]:
 
     def scan() -> Any:
         hits = cast(fan, turn, place, scene.still, targets, lidar.reach(ranger), [base])
-        return lidar.ranges(ranger, hits.distances, hits.surfaces != NOTHING)
+        return lidar.ranges(ranger, hits)
 
     def picture() -> Any:
         hits = cast(pixels, turn, face, scene.still, targets, camera.reach(lens), [eye])

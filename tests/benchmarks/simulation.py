@@ -90,7 +90,7 @@ def _drive(fleet: Fleet) -> list[Snapshot]:
 
 def _step(fleet: Fleet) -> None:
     for _ in range(fleet.world.settings.steps(fleet.period)):
-        engine.stepSimulation(fleet.world.client)
+        engine.stepSimulation(fleet.world.bullet.client)
 
 
 def _timed(work: Callable[[], object], fleet: Fleet, cycles: int) -> float:

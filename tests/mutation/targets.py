@@ -41,7 +41,10 @@ TESTS: dict[str, tuple[str, ...]] = {
     "onebot_control/nodes/control_loop.py": _control("control_loop"),
     "onebot_control/drive/wheels/finding.py": _control("wheels_finding", "wheels_geometry"),
     "onebot_control/drive/wheels/geometry.py": _control("wheels_geometry"),
-    "onebot_control/drive/parameters.py": _control("control_config"),
+    "onebot_control/drive/parameters.py": (
+        *_control("control_config"),
+        "tests/test_readme_tables.py",
+    ),
     "onebot_control/control_files.py": _control("control_files"),
     "onebot_control/physics/physics_urdf.py": _control("simulation_bodies", *_SIMULATION),
     "onebot_control/physics/rest_pose.py": _control("simulation_settling", "scene", *_SIMULATION),

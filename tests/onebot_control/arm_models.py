@@ -10,7 +10,6 @@ import numpy as np
 import pybullet_data
 
 from onebot_control import Simulation
-from onebot_control.physics.engine import engine
 from onebot_description.description import Description, load_description, parse_description
 
 GRAVITY = 9.81  # m/s^2
@@ -227,7 +226,7 @@ def newton_euler(
     parts = simulation._fleet.robots[0].body.parts
     names = sorted(parts.joints, key=parts.joints.__getitem__)
     rows = [[of.get(name, 0.0) for name in names] for of in (at, speeds, accelerations)]
-    found = engine.calculateInverseDynamics(parts.body, *rows, physicsClientId=parts.client)
+    found = parts.bullet.calculateInverseDynamics(parts.body, *rows)
     efforts = dict(zip(names, found, strict=True))
     moving = simulation.robot.description.moving_joints
     for each in moving:

@@ -18,7 +18,6 @@ from tests.accuracy import (
     measure,
     missed,
     rest_drift,
-    robots_table,
     straight,
     table,
     turn,
@@ -83,14 +82,3 @@ def test_missed_goals_are_named() -> None:
     spot = exact._replace(path=PATHS[1], length=0.0, odometry=PlanarPose(6.0, 0.0, 0.006))
     assert spot.odometry_error == pytest.approx(0.003)
     assert len(missed([exact._replace(truth=PlanarPose(math.nan, 0.0, 0.0))], math.nan)) == 3
-
-
-def test_robots_are_compared_in_one_table() -> None:
-    arm = str(ROBOTS / "good_mimic_chain.urdf")
-    paths = DrivenPath("line", straight(0.2)), DrivenPath("spot", turn(0.5), turning=True)
-    head, _, drives, stands = robots_table([DIFF_DRIVE, arm, arm], paths).splitlines()
-    assert head.startswith("| Robot | 2 m straight")
-    assert "| 0.2000 m, 0.0 mm aside, " in drives
-    assert stands.startswith("| good_mimic_chain, good_mimic_chain | ")
-    assert drives.endswith("| 28.65°; 28.65° |")
-    assert "good_mimic_chain.urdf: the robot has no wheels to drive on" in stands

@@ -1,6 +1,5 @@
 """Parameters of the controller, right and wrong."""
 
-import math
 from typing import Any
 
 import pytest
@@ -9,7 +8,7 @@ from onebot_control.drive.odometry import DiffDriveKinematics
 from onebot_control.drive.parameters import ControlConfig
 from onebot_control.drive.speed_limiter import SpeedLimits
 from onebot_control.drive.wheels.geometry import WheelGeometry
-from onebot_description.ros.parameters.reader import ConfigError, defaults, descriptor
+from onebot_description.ros.parameters.reader import ConfigError, defaults
 from tests.onebot_control.control_support import WHEELS
 
 DEFAULTS = defaults(ControlConfig)
@@ -25,44 +24,16 @@ def problem(**values: Any) -> str:
     return str(caught.value)
 
 
-def test_defaults_are_those_of_diff_drive_controller() -> None:
-    """With only the wheels named, every parameter has the documented default."""
+def test_defaults_are_valid() -> None:
+    """The table in the README, which a test compares, has each of them."""
     config = ControlConfig.from_parameters({**DEFAULTS, **WHEELS})
     assert config == ControlConfig.from_parameters(WHEELS)
-    given = {"cmd_vel_timeout": 0.5, "publish_rate": 50.0, "velocity_rolling_window_size": 10}
-    given |= {"update_rate": 100.0, "real_time_factor": 1.0, "cmd_vel_type": "auto"}
-    given |= {"odom_frame_id": "odom", "base_frame_id": "", "world_frame_id": "world"}
-    given |= {f"{kind}_covariance_diagonal": [0.0] * 6 for kind in ("pose", "twist")}
-    given |= dict.fromkeys(("enable_odom_tf", "position_feedback", "tf_frame_prefix_enable"), True)
-    given |= dict.fromkeys(("open_loop", "publish_limited_velocity"), False)
-    given |= {"left_wheel_noise": 0.005, "right_wheel_noise": 0.005, "sensor_noise": True}
-    given |= dict.fromkeys(("wheel_separation", "wheel_radius", "x", "y", "yaw"), 0.0)
-    factors = "wheel_separation", "left_wheel_radius", "right_wheel_radius"
-    given |= {f"{name}_multiplier": 1.0 for name in factors}
-    assert {name: DEFAULTS[name] for name in given} == given
-    assert math.isnan(config.linear.max_velocity)
-    assert (config.broadcaster.frame_id, config.tf_frame_prefix) == ("base_link", "")
 
 
-def test_what_is_read_when_the_node_starts() -> None:
-    names = [name for name in DEFAULTS if descriptor(ControlConfig, name).read_only]
-    wheels = ["left_wheel_names", "right_wheel_names"]
-    assert names == [*"robot_description x y yaw update_rate paused world".split(), *wheels]
-
-
-def test_wheels_are_named_on_both_sides_or_on_none() -> None:
-    """The error says which side is missing; without names on either, they are found."""
-    assert "left_wheel_names: is empty" in problem(left_wheel_names=[])
-    assert "right_wheel_names: is empty" in problem(right_wheel_names=[])
+def test_wheels_may_be_named_on_no_side() -> None:
+    """They are found then."""
     config = ControlConfig.from_parameters({})
     assert config.left_wheel_names == config.right_wheel_names == ()
-
-
-def test_sides_must_have_as_many_wheels() -> None:
-    text = problem(left_wheel_names=["a"], right_wheel_names=["b", "c"])
-    assert "right_wheel_names: 2 wheels, but left_wheel_names has 1; name as many" in text
-    text = problem(left_wheel_names=["a", "b"], right_wheel_names=["c"])
-    assert "right_wheel_names: 1 wheels, but left_wheel_names has 2" in text
 
 
 def test_the_multipliers_scale_the_geometry() -> None:
@@ -74,18 +45,27 @@ def test_the_multipliers_scale_the_geometry() -> None:
     assert kinematics == DiffDriveKinematics(0.375, 0.0625, 0.25)
 
 
-def test_a_wheel_is_on_one_side() -> None:
-    assert '"a" is in left_wheel_names too' in problem(
-        left_wheel_names=["a"], right_wheel_names=["a"]
-    )
-    assert '"a" is there twice' in problem(
-        left_wheel_names=["a", "a"], right_wheel_names=["b", "c"]
-    )
-
-
 @pytest.mark.parametrize(
     ("values", "said"),
     [
+        ({"left_wheel_names": []}, "left_wheel_names: is empty"),
+        ({"right_wheel_names": []}, "right_wheel_names: is empty"),
+        (
+            {"left_wheel_names": ["a"], "right_wheel_names": ["b", "c"]},
+            "right_wheel_names: 2 wheels, but left_wheel_names has 1; name as many",
+        ),
+        (
+            {"left_wheel_names": ["a", "b"], "right_wheel_names": ["c"]},
+            "right_wheel_names: 1 wheels, but left_wheel_names has 2",
+        ),
+        (
+            {"left_wheel_names": ["a"], "right_wheel_names": ["a"]},
+            '"a" is in left_wheel_names too',
+        ),
+        (
+            {"left_wheel_names": ["a", "a"], "right_wheel_names": ["b", "c"]},
+            '"a" is there twice',
+        ),
         ({"wheel_radius": -0.1}, "wheel_radius: -0.1 is below 0"),
         ({"wheel_separation_multiplier": 0.0}, "wheel_separation_multiplier: 0 is not above 0"),
         ({"cmd_vel_timeout": -1.0}, "cmd_vel_timeout: -1 is below 0"),

@@ -1,22 +1,26 @@
 """Who publishes a parent of odom: the simulation's truth, or another node that localizes."""
 
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 from geometry_msgs.msg import TransformStamped
+from rcl_interfaces.srv import SetParameters
+from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
 
+from onebot_control import Simulation
 from onebot_control.nodes.foreign_localizer import FramesTransform, Localizer, TransformsOf
+from onebot_description.description import parse_description
 from onebot_description.ros.wire.cdr import NS_PER_S
 from onebot_description.ros.wire.interfaces import TFMessage
-from tests.onebot_control.control_support import urdf
+from tests.onebot_control.control_support import robot, urdf
 from tests.onebot_control.node_support import NODE, driving
 from tests.onebot_control.test_scene import WALL
-from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
+from tests.ros_support import LATCHED, Peer, ros_args
 from tests.support import wait_for
 
 EVERY = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -89,16 +93,7 @@ def test_a_localizer_that_is_gone_is_forgotten() -> None:
     assert after(2.0, "/state") == ""
 
 
-@pytest.fixture
-def start(tmp_path: Path) -> Callable[..., NodeProcess]:
-    """What starts the controller of a robot in a world."""
-    world = tmp_path / "world.urdf"
-    world.write_text(f'<robot name="w"><link name="world"/>{WALL}</robot>')
-
-    def start(**parameters: object) -> NodeProcess:
-        return driving(tmp_path, urdf(), *ros_args(world=str(world), x=-0.5, **parameters))
-
-    return start
+WORLD = f'<robot name="w"><link name="world"/>{WALL}</robot>'
 
 
 def parents(messages: list[Any], child: str = "odom") -> set[str]:
@@ -122,15 +117,15 @@ def new(messages: list[Any], child: str, count: int = 20) -> set[str]:
     return parents(messages[start:])
 
 
-def test_the_truth_gives_way_to_a_localizer_and_resumes(
-    peer: Peer, start: Callable[..., NodeProcess]
-) -> None:
-    """It stops, with one line, when map -> odom comes; changes without effect are refused.
+def test_the_truth_gives_way_to_a_localizer_and_resumes(peer: Peer, tmp_path: Path) -> None:
+    """It stops, with one line, when map -> odom comes, and is there again ten seconds after it.
 
-    It is there again when the localizer is gone, even if that has the very frames that the truth
-    has, and is static: published once.
+    It stops, too, for a localizer that has its very frames, and is static: published once.
     """
-    with start(world_frame_id="world") as node:
+    world = tmp_path / "world.urdf"
+    world.write_text(WORLD)
+    arguments = ros_args(world=str(world), x=-0.5, world_frame_id="world")
+    with driving(tmp_path, urdf(), *arguments) as node:
         received = peer.hear(TFMessage, "/tf", 1000)
         wait_for(lambda: "world" in parents(received), "the truth")
         with Peer(peer.context.get_domain_id(), "amcl") as localizer:
@@ -143,13 +138,11 @@ def test_the_truth_gives_way_to_a_localizer_and_resumes(
 
             wait_for(yielded, "the controller to stop its own")
             wait_for(lambda: "world" not in new(received, "base_link"), "its end on TF")
-            for value, reason in ((False, ""), (True, "another node publishes map -> odom")):
-                (result,) = peer.set_parameters(NODE, ground_truth_tf=value)
-                assert result.successful is not bool(reason) and reason in result.reason
             assert node.output.count("another node publishes") == 1
         (result,) = peer.set_parameters(NODE, world_frame_id="")
         assert not result.successful and "the frames of a world need a parent" in result.reason
-        wait_for(lambda: peer.set_parameters(NODE, ground_truth_tf=True)[0].successful, "its end")
+        text = "nobody publishes map -> odom any more"
+        wait_for(lambda: text in node.output, "the truth again")
         wait_for(lambda: new(received, "base_link") == {"world"}, "the truth on TF")
         with Peer(peer.context.get_domain_id(), "fixed") as localizer:
             publisher = localizer.publisher(TFMessage, "/tf_static", LATCHED, subscribers=0)
@@ -157,26 +150,34 @@ def test_the_truth_gives_way_to_a_localizer_and_resumes(
             text = "another node publishes world -> odom on TF"
             wait_for(lambda: text in node.output, "the controller to stop its own")
             wait_for(lambda: not new(received, "base_link"), "its end on TF")
-        text = "nobody publishes world -> odom any more"
-        wait_for(lambda: text in node.output, "the truth again")
-        wait_for(lambda: new(received, "base_link") == {"world"}, "the truth on TF")
 
 
-def test_the_truth_off_tf(peer: Peer, start: Callable[..., NodeProcess]) -> None:
+@pytest.mark.usefixtures("ros_domain")
+def test_the_truth_off_tf() -> None:
     """A parameter takes it off at the start or later; boxes and walls stay where they are."""
-    with start(ground_truth_tf=False, world_frame_id="map"):
-        static = peer.hear(TFMessage, "/tf_static", EVERY)
-        received = peer.hear(TFMessage, "/tf", 1000)
-        wait_for(lambda: parents(static, "wall"), "the world")
-        assert not new(received, "base_link")
-        assert parents(static, "world") == {"map"} and not parents(static)
-        (result,) = peer.set_parameters(NODE, ground_truth_tf=True)
-        assert result.successful, result.reason
-        wait_for(lambda: "map" in parents(received), "the truth")
+    values = {"ground_truth_tf": False, "world_frame_id": "map"}
+    world = parse_description(WORLD)
+    with (
+        Simulation(robot(), world=world, x=-0.5, parameters=values) as simulation,
+        simulation.ros() as ros,
+    ):
+        node, static, received = Node("listener"), list[Any](), list[Any]()
+        node.create_subscription(TFMessage, "/tf_static", static.append, EVERY)
+        node.create_subscription(TFMessage, "/tf", received.append, 1000)
+        client = node.create_client(SetParameters, f"{NODE}/set_parameters")
+        ros.add(node)
+        simulation.run(1.0)
+        assert parents(received, "base_link") == {"odom"} and not parents(received)
+        assert parents(static, "wall") == {"world"} and parents(static, "world") == {"map"}
+        parameter = Parameter("ground_truth_tf", value=True).to_parameter_msg()
+        assert client.wait_for_service(10.0)
+        changed = client.call_async(SetParameters.Request(parameters=[parameter]))
+        simulation.run(until=lambda: "map" in parents(received), timeout=5.0)
+        assert changed.result().results[0].successful
 
 
 def test_without_a_world_the_static_truth_is_withdrawn(peer: Peer, tmp_path: Path) -> None:
-    """Those who come later do not receive it; without a frame there is nothing to switch on."""
+    """Those who come later do not receive it; changes without effect are refused."""
     with driving(tmp_path, urdf()) as node:
         static = peer.hear(TFMessage, "/tf_static", EVERY)
         wait_for(lambda: peer.parameter(NODE, "world_frame_id") == "", "the node")
@@ -199,4 +200,7 @@ def test_without_a_world_the_static_truth_is_withdrawn(peer: Peer, tmp_path: Pat
             late = localizer.hear(TFMessage, "/tf_static", EVERY)
             wait_for(lambda: late, "the last message")
             assert not parents(late)
+            for value, reason in ((False, ""), (True, "another node publishes map -> odom")):
+                (result,) = peer.set_parameters(NODE, ground_truth_tf=value)
+                assert result.successful is not bool(reason) and reason in result.reason
         assert "another node publishes map -> odom" in node.output

@@ -8,7 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from onebot_control.drive.odometry import DiffDriveKinematics, Odometry, RollingMean
+from onebot_control.drive.odometry import DiffDriveKinematics, Odometry
 from onebot_description.geometry.poses import PlanarPose
 
 KINEMATICS = DiffDriveKinematics(0.3, 0.06, 0.06)
@@ -96,17 +96,13 @@ def test_open_loop_moves_by_the_time_that_passed() -> None:
 
 
 @pytest.mark.parametrize(("size", "expected"), [(1, 10.0), (2, 7.0), (3, 6.0), (9, 5.0)])
-def test_rolling_mean_resized(size: int, expected: float) -> None:
-    mean = RollingMean(3)
-    for value in (100.0, 2.0, 4.0, 4.0):
-        mean.add(value)
-    other = mean.resized(size)
-    assert other.add(10.0) == pytest.approx(expected)
-    for _ in range(size - 1):
-        last = other.add(1.0)
-    assert other.add(1.0) == pytest.approx(1.0)
-    assert size == 1 or last > 1.0
-    assert mean.add(4.0) == 4.0
+def test_a_changed_window_begins_with_the_last_twists(size: int, expected: float) -> None:
+    odometry = Odometry(KINEMATICS, window=3)
+    for velocity in (100.0, 2.0, 4.0, 4.0):
+        odometry.update_from_velocities(velocity, velocity, DT)
+    odometry.set_window(size)
+    odometry.update_from_velocities(10.0, 10.0, DT)
+    assert odometry.linear == pytest.approx(0.06 * expected)
 
 
 def test_both_twists_are_means_of_the_window() -> None:

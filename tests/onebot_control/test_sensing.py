@@ -130,7 +130,7 @@ def test_ranges_to_planes_cylinders_and_spheres_are_right_to_1_mm():
     for place, turn, position, rotation in zip(places, turns, positions, rotations, strict=True):
         boxes = [*zip(map(tuple, place), map(tuple, turn), strict=True)]
         hits = cast(fan, rotation, position, scene.still, Placed(scene, boxes, []).targets, 30.0)
-        scans.append(lidar.ranges(sensor, hits.distances, hits.surfaces != NOTHING))
+        scans.append(lidar.ranges(sensor, hits))
     d = fan.singles.astype(float) @ rotations.transpose(0, 2, 1)
     o = np.broadcast_to(positions[:, None], d.shape)
     true = to_ground(o.reshape(-1, 3), d.reshape(-1, 3))
@@ -155,7 +155,7 @@ def test_a_lidar_reports_what_is_out_of_range_and_clamps_its_noise():
     def measured(x: float, generator=None):
         at = np.array([x, 0.0, 1.0])
         hits = cast(fan, np.eye(3), at, scene.still, Placed(scene, [], []).targets, 10.1)
-        return lidar.ranges(sensor, hits.distances, hits.surfaces != NOTHING, 0.0, generator)
+        return lidar.ranges(sensor, hits, 0.0, generator)
 
     up, across = (
         each.ravel()
@@ -598,13 +598,16 @@ def sensing_of(*sensors: Sensor, patient: bool = False, **subscribers: Subscribe
     assert not failures
 
 
+FAN = Lidar(Fan(3, -1.0, 1.0), Fan(), 0.1, 9.0)
+SLOW = Sensor("slow", "base_link", Origin(), 50.0, {"scan": "scan"}, "base_link", FAN)
+EYE = Camera(1.0, 8, 6, 0.1, 9.0, 0.1, 9.0)
+
+
 def test_what_is_too_slow_is_dropped_the_newest_first(monkeypatch: pytest.MonkeyPatch) -> None:
     """The loop never waits; what the sensor reaches is a warning."""
     monkeypatch.setattr("onebot_control.nodes.sensing._FIRST_REPORT", 1e-9)
-    model = Lidar(Fan(3, -1.0, 1.0), Fan(), 0.1, 9.0)
-    scan = Sensor("slow", "base_link", Origin(), 50.0, {"scan": "scan"}, "base_link", model)
     outlet = Subscriber("scan", waiting=True)
-    with sensing_of(scan, slow=outlet) as (cycle, (channel,), warnings):
+    with sensing_of(SLOW, slow=outlet) as (cycle, (channel,), warnings):
         for tick in range(40):
             assert cycle() == ({0} if tick % 2 == 0 else set())
         asked = channel.given
@@ -617,10 +620,8 @@ def test_what_is_too_slow_is_dropped_the_newest_first(monkeypatch: pytest.Monkey
 
 def test_a_patient_thread_is_waited_for() -> None:
     """Faster than real time, and in steps: nothing is left out."""
-    model = Lidar(Fan(3, -1.0, 1.0), Fan(), 0.1, 9.0)
-    scan = Sensor("slow", "base_link", Origin(), 50.0, {"scan": "scan"}, "base_link", model)
     outlet = Subscriber("scan", waiting=True)
-    with sensing_of(scan, patient=True, slow=outlet) as (cycle, (channel,), warnings):
+    with sensing_of(SLOW, patient=True, slow=outlet) as (cycle, (channel,), warnings):
         slow = threading.Timer(0.3, lambda: outlet.go.release(20))
         slow.start()
         for _ in range(40):
@@ -638,8 +639,7 @@ def test_nothing_is_measured_that_nobody_subscribes_to(monkeypatch: pytest.Monke
         instrument, "cast", lambda rays, *others: casts.append(rays) or cast(rays, *others)
     )
     topics = {output: output for output in ("image", "depth", "camera_info", "points")}
-    model = Camera(1.0, 8, 6, 0.1, 9.0, 0.1, 9.0)
-    camera_block = Sensor("eye", "base_link", Origin(), 100.0, topics, "base_link", model)
+    camera_block = Sensor("eye", "base_link", Origin(), 100.0, topics, "base_link", EYE)
     outlet = Subscriber()
     with sensing_of(camera_block, eye=outlet) as (cycle, (channel,), warnings):
 
@@ -661,9 +661,8 @@ def test_nothing_is_measured_that_nobody_subscribes_to(monkeypatch: pytest.Monke
 
 def test_a_sensor_that_keeps_up_but_for_a_moment_is_not_reported() -> None:
     """It would be "15 of 15 Hz"."""
-    model = Camera(1.0, 8, 6, 0.1, 9.0, 0.1, 9.0)
-    found = Sensor("eye", "base_link", Origin(), 15.0, {"image": "image"}, "base_link", model)
-    channel = Channel(INSTRUMENTS[type(model)](found, 0, "/", 100.0), Subscriber(), 100.0)
+    found = Sensor("eye", "base_link", Origin(), 15.0, {"image": "image"}, "base_link", EYE)
+    channel = Channel(INSTRUMENTS[Camera](found, 0, "/", 100.0), Subscriber(), 100.0)
     assert channel.warning(0.5) == ""
     channel.done, channel.dropped = 895, 5
     assert channel.warning(70.0) == ""

@@ -123,7 +123,7 @@ def test_a_changed_mesh_is_read_again(tmp_path):
     for size in (0.04, 0.08):
         trimesh.creation.box((size, size, size)).export(mesh)
         with simulate(robot(_SPHERE, f'<mesh filename="{mesh}"/>')) as one:
-            low, high = engine.getAABB(1, 3, physicsClientId=one.client)
+            low, high = one.bullet.getAABB(1, 3)
             sizes.append(high[0] - low[0])
     assert sizes[1] > 1.5 * sizes[0]
 
@@ -131,10 +131,7 @@ def test_a_changed_mesh_is_read_again(tmp_path):
 def test_masses_and_inertias_are_those_written():
     """PyBullet ends up with every body's mass, and with its inertia in the link's axes."""
     with simulate() as simulation:
-        info = [
-            engine.getDynamicsInfo(1, index, physicsClientId=simulation.client)
-            for index in range(-1, 4)
-        ]
+        info = [simulation.bullet.getDynamicsInfo(1, index) for index in range(-1, 4)]
     assert [row[0] for row in info] == pytest.approx([3.4, 0.25, 0.25, 0.05, 0.05])
     assert info[0][3] == pytest.approx((-0.108, 0.0, -0.026))
     turn = np.array(engine.getMatrixFromQuaternion(info[0][4])).reshape(3, 3)

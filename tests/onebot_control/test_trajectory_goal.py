@@ -162,8 +162,8 @@ DEFAULTS = Tolerances((0.1, 0.2), (0.01, 0.02), 0.5)
 def test_default_tolerances() -> None:
     """A joint without constraints has none."""
     config = TrajectoryConfig.from_parameters({"constraints.goal_time": 0.5})
-    constraints = {"elbow": JointConstraint(0.2, 0.02)}
-    assert default_tolerances(NAMES, config, constraints) == ((0.0, 0.2), (0.0, 0.02), 0.5)
+    constraints = JointConstraint(), JointConstraint(0.2, 0.02)
+    assert default_tolerances(constraints, config) == ((0.0, 0.2), (0.0, 0.02), 0.5)
 
 
 @pytest.mark.parametrize(
@@ -268,39 +268,34 @@ def problem(values: dict[str, Any]) -> str:
     return str(caught.value)
 
 
-@pytest.mark.parametrize("interfaces", [["position", "velocity"], ["effort"]])
-def test_only_positions_are_commanded(interfaces: list[str]) -> None:
-    assert problem({"command_interfaces": interfaces}) == (
-        "command_interfaces: only position, no other kind of command; write [position]"
-    )
+_COMMANDED = "command_interfaces: only position, no other kind of command; write [position]"
+_INCOMPLETE = (
+    "state_interfaces: is incomplete; "
+    "write [position], [position, velocity] or [position, velocity, acceleration]"
+)
+_SAME = "command_joints: only the same as joints; leave it out"
 
 
-@pytest.mark.parametrize("interfaces", [[], ["velocity"], ["position", "acceleration"]])
-def test_state_interfaces_are_complete(interfaces: list[str]) -> None:
-    assert problem({"state_interfaces": interfaces}) == (
-        "state_interfaces: is incomplete; "
-        "write [position], [position, velocity] or [position, velocity, acceleration]"
-    )
-
-
-def test_command_joints_are_the_joints() -> None:
+def test_command_joints_may_be_the_joints() -> None:
     values = {"joints": ["a", "b"], "command_joints": ["a", "b"]}
     assert TrajectoryConfig.from_parameters(values).command_joints == ("a", "b")
-    expected = "command_joints: only the same as joints; leave it out"
-    assert problem({**values, "command_joints": ["a"]}) == expected
-    assert problem({"command_joints": ["a"]}) == expected
-
-
-def test_positions_are_not_integrated() -> None:
-    assert problem({"allow_integration_in_goal_trajectories": True}) == (
-        "allow_integration_in_goal_trajectories: only false: "
-        "a point with velocities needs positions, too"
-    )
 
 
 @pytest.mark.parametrize(
     ("values", "expected"),
     [
+        ({"command_interfaces": ["position", "velocity"]}, _COMMANDED),
+        ({"command_interfaces": ["effort"]}, _COMMANDED),
+        ({"state_interfaces": []}, _INCOMPLETE),
+        ({"state_interfaces": ["velocity"]}, _INCOMPLETE),
+        ({"state_interfaces": ["position", "acceleration"]}, _INCOMPLETE),
+        ({"joints": ["a", "b"], "command_joints": ["a"]}, _SAME),
+        ({"command_joints": ["a"]}, _SAME),
+        (
+            {"allow_integration_in_goal_trajectories": True},
+            "allow_integration_in_goal_trajectories: only false: "
+            "a point with velocities needs positions, too",
+        ),
         (
             {"constraints.elbo.goal": 0.1},
             "constraints.elbo: no joint of the controller "

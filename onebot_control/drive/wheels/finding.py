@@ -55,13 +55,6 @@ class Axle(NamedTuple):
         return position if tyre is None else position + tyre.offset * self.axis
 
 
-class DriveWheels(NamedTuple):
-    """The wheel joints of a differential drive, from front to rear."""
-
-    left: tuple[str, ...]
-    right: tuple[str, ...]
-
-
 class _Wheel(NamedTuple):
     name: str  # the joint's
     x: float  # position of its middle in the frame of the root link, m
@@ -85,13 +78,18 @@ def axles(description: Description, places: Mapping[str, Floats]) -> dict[str, A
     }
 
 
-def find_wheels(description: Description, turning: Mapping[str, Axle], tyres: Tyres) -> DriveWheels:
+def find_wheels(
+    description: Description, turning: Mapping[str, Axle], tyres: Tyres
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Find the wheels that drive the robot.
 
     Args:
         description: the robot.
         turning: its rotating joints; see ``axles``.
         tyres: the round shapes of its links.
+
+    Returns:
+        The wheels' joints on the left, and those on the right, from front to rear.
 
     Raises:
         OneBotError: there are no such wheels, or several sets of them, or they are steered or
@@ -112,7 +110,7 @@ def find_wheels(description: Description, turning: Mapping[str, Axle], tyres: Ty
         raise _not_driven(description, turning, f"it is no differential drive: {reason}")
     drive.sort(key=lambda wheel: -wheel.x)
     left = tuple(wheel.name for wheel in drive if wheel.y > 0.0)
-    return DriveWheels(left, tuple(wheel.name for wheel in drive if wheel.y < 0.0))
+    return left, tuple(wheel.name for wheel in drive if wheel.y < 0.0)
 
 
 def has_wheels(description: Description) -> bool:

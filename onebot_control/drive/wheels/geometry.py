@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from onebot_control.drive.wheels.finding import DriveWheels, axles, find_wheels
+from onebot_control.drive.wheels.finding import axles, find_wheels
 from onebot_control.drive.wheels.rolling_shapes import Tyres
 from onebot_description.arrays import Floats
 from onebot_description.elements.description import Description
@@ -60,10 +60,9 @@ class Wheels:
         self.axles = axles(description, self._places)
         if left or right:
             self._check_names(left_wheel_names=left, right_wheel_names=right)
-            chosen = DriveWheels(tuple(left), tuple(right))
+            self.left, self.right = tuple(left), tuple(right)
         else:
-            chosen = find_wheels(description, self.axles, self.tyres)
-        self.left, self.right = chosen
+            self.left, self.right = find_wheels(description, self.axles, self.tyres)
         for name in self.names:
             self._check_axle(name)
         self.directions = {name: self.axles[name].direction for name in self.names}
