@@ -40,7 +40,9 @@ from tests.onebot_control.arm_support import (
     SUCCESS,
     ArmClient,
     SteppedArm,
+    WireArm,
     answered,
+    ending,
     flags,
     goal,
     point,
@@ -48,6 +50,7 @@ from tests.onebot_control.arm_support import (
 from tests.ros_support import NodeProcess, Peer
 from tests.support import wait_for
 
+ResetSimulation = load_interface("simulation_interfaces/srv/ResetSimulation")
 ParallelGripperCommand = load_interface("control_msgs/action/ParallelGripperCommand")
 # The finger, 2 cm wide, meets it at 0.02 m.
 BOX = arm(
@@ -312,7 +315,7 @@ def test_a_locked_head_stays_where_it_is(robot: Stepped, capfd: pytest.CaptureFi
 
 
 def test_the_node_has_the_controllers_of_its_file(peer: Peer, tmp_path: Path) -> None:
-    """In real time, and what the command line has overrides the defaults."""
+    """In real time; what the command line has overrides the defaults, and a restart ends goals."""
     robot, control = tmp_path / "arm.urdf", tmp_path / "control.yaml"
     robot.write_text(ROBOT.urdf)
     control.write_text(CONTROL)
@@ -337,6 +340,11 @@ def test_the_node_has_the_controllers_of_its_file(peer: Peer, tmp_path: Path) ->
 
         at_rest = {"shoulder": 0.0, "pan": -0.2, "tilt": 0.2, "finger": 0.0}
         wait_for(arrived, "the joints to arrive")
+        result = WireArm(peer, "/arm_controller").send(goal(point(9.0, 1.0), joints=["shoulder"]))
+        reset: Any = peer.call(ResetSimulation, "/reset_simulation")
+        assert reset.result.result == reset.result.OK
+        assert ending(result) == (ABORTED, -1, "Current goal cancelled by a reset.")
+        wait_for(lambda: not any(states[-1].velocity), "the start")
         assert peer.parameter("/gripper_controller", "goal_tolerance") == 0.02
         assert peer.parameter("/head_controller", "joints") == ["tilt", "pan"]
         assert process.interrupt() == 0
