@@ -709,8 +709,6 @@ def _read(
     optional: bool,
 ) -> tuple[Description, Description | None]:
     """Return the robot and the world; two files are read at once, as xacro runs in processes."""
-    if isinstance(model, Description) or isinstance(world, Description) or not str(world):
-        return _described(model, arguments, optional), _loaded_scene(world)
     with ThreadPoolExecutor(1) as executor:
         reading = executor.submit(_loaded_scene, world)
         description = _described(model, arguments, optional)

@@ -204,9 +204,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         self.simulation._ros = None
         self._executor.shutdown()
         self._arms.shutdown()
-        for node in self._added:
-            node.destroy_node()
-        for node in self._arm_nodes:
+        for node in (*self._added, *self._arm_nodes):
             node.destroy_node()
         for node in self._nodes:
             self._robots.remove_node(node)
