@@ -36,7 +36,7 @@ from tests.onebot_control.arm_support import (
     goal,
     point,
 )
-from tests.onebot_description.test_interfaces import OWN, described
+from tests.onebot_description.test_interfaces import OWN
 from tests.ros_support import Peer
 from tests.support import wait_for
 
@@ -134,26 +134,6 @@ def test_the_types_are_the_generated_ones(arm: Arm) -> None:
         assert load_interface(name) is getattr(getattr(control_msgs, kind), short)
     library = "libcontrol_msgs__rosidl_typesupport_fastrtps_c.so"
     assert str(folder / "lib" / library) in Path("/proc/self/maps").read_text()
-
-
-def test_the_hashes_on_the_wire_are_those_of_the_generated_types(arm: Arm) -> None:
-    """The node announces them with its publishers and subscriptions."""
-    node, action = arm.peer.node, f"{CONTROLLER}/follow_joint_trajectory"
-    for ends, topic, kind in (
-        (node.get_publishers_info_by_topic, f"{CONTROLLER}/controller_state", ControllerState),
-        (
-            node.get_publishers_info_by_topic,
-            f"{action}/_action/feedback",
-            FollowJointTrajectory.Impl.FeedbackMessage,
-        ),
-        (
-            node.get_subscriptions_info_by_topic,
-            f"{CONTROLLER}/speed_scaling_input",
-            control_msgs.msg.SpeedScalingFactor,
-        ),
-    ):
-        [end] = [end for end in ends(topic) if end.node_name != node.get_name()]
-        assert str(end.topic_type_hash) == f"RIHS01_{described(kind)['hash']}"
 
 
 # The arm ----------------------------------------------------------------------------------------

@@ -1,11 +1,12 @@
 """What topics, services and parameters of velocity_controller do, in step with a simulation."""
 
+import time
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 import pytest
-from geometry_msgs.msg import PoseStamped, TwistStamped
+from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
@@ -13,6 +14,7 @@ from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 
 from onebot_control import RobotSetup
+from onebot_control.nodes import commands
 from onebot_description.description import parse_description
 from onebot_description.geometry.poses import Transform, compose
 from onebot_description.ros.wire.interfaces import TFMessage
@@ -21,6 +23,7 @@ from tests.onebot_control.control_support import RADIUS, robot
 from tests.onebot_control.node_support import NODE, RosSimulation, Stepped, twist, x
 from tests.onebot_control.test_scene import BOX, WALL
 from tests.ros_support import LATCHED
+from tests.support import wait_for
 
 ODOM, TRUTH, OUT = f"{NODE}/odom", f"{NODE}/ground_truth", f"{NODE}/cmd_vel_out"
 
@@ -159,6 +162,69 @@ def test_odometry_that_drifts_from_the_truth_is_warned_of_once(
     ros.simulation.robot.drive(0.2)
     ros.simulation.run(10.0)
     assert capfd.readouterr().err.count("odometry and truth drift apart") == 1
+
+
+# Commands ---------------------------------------------------------------------------------------
+
+
+def test_a_chosen_type_of_commands_follows_nobody(
+    ros_simulation: RosSimulation, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """The other type is warned of, and only another choice changes the subscription."""
+    stepped = Stepped(ros_simulation(robot()))
+    limited = stepped.hear(TwistStamped, OUT)
+    assert stepped.set_parameters(NODE, cmd_vel_type="Twist")[0].successful
+    publisher = stepped.client.create_publisher(TwistStamped, f"{NODE}/cmd_vel", 10)
+    message = TwistStamped(twist=twist(0.3))
+
+    def received() -> float:
+        """Publish, and let it look at its publishers; the speed that follows."""
+        message.header.stamp = stepped.client.get_clock().now().to_msg()
+        publisher.publish(message)
+        stepped.simulation.run(0.3)
+        return float(limited[-1].twist.linear.x)
+
+    log = ""
+
+    def warned() -> bool:
+        nonlocal log
+        assert received() == 0.0
+        log += capfd.readouterr().err
+        return "TwistStamped, which is ignored" in log
+
+    wait_for(warned, "the warning of the other type")
+    assert "ignored (cmd_vel_type is Twist); Twist is subscribed to" in log
+    assert stepped.set_parameters(NODE, cmd_vel_type="TwistStamped")[0].successful
+    wait_for(lambda: received() > 0.0, "the commands")
+    assert stepped.set_parameters(NODE, cmd_vel_type="auto")[0].successful
+    assert received() > 0.0 and received() > 0.0
+
+
+def test_commands_on_cmd_vel_are_reported_if_nobody_receives_them(
+    ros_simulation: RosSimulation,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    """Once, with the topic that is meant; a node that relays them is enough."""
+    monkeypatch.setattr(commands, "_SETTLED", 0.3)
+    stepped = Stepped(ros_simulation(robot()))
+    relay = stepped.client.create_subscription(Twist, "/cmd_vel", print, 10)
+    stepped.client.create_publisher(Twist, "/cmd_vel", 10)
+    [controller] = stepped.ros._nodes
+
+    def reports(relays: int) -> int:
+        """How often it is reported within some looks, from when the relay is known or gone."""
+        ends = controller.count_publishers, controller.count_subscribers
+        wait_for(lambda: [end("/cmd_vel") for end in ends] == [1, relays], "discovery")
+        for _ in range(4):
+            time.sleep(0.15)
+            stepped.simulation.run(0.3)
+        text = "/cmd_vel is published, but no node subscribes to it: the topic of this robot's"
+        return capfd.readouterr().err.count(f"{text} commands is {NODE}/cmd_vel")
+
+    assert reports(1) == 0
+    stepped.client.destroy_subscription(relay)
+    assert reports(0) == 1
 
 
 # Worlds -----------------------------------------------------------------------------------------

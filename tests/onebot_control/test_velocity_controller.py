@@ -3,6 +3,8 @@
 import os
 import signal
 import time
+from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +35,11 @@ def seconds(message: Any) -> float:
     return float(message.header.stamp.sec + message.header.stamp.nanosec * 1e-9)
 
 
+def gaps(messages: Sequence[Any]) -> list[float]:
+    """The times between successive messages, s."""
+    return [round(seconds(after) - seconds(before), 4) for before, after in pairwise(messages)]
+
+
 def test_publishes_from_the_start(peer: Peer, model: str) -> None:
     """Without any command there are joint states, odometry and transforms, on the system's time."""
     joints = peer.hear(JointState, "/joint_states")
@@ -40,7 +47,7 @@ def test_publishes_from_the_start(peer: Peer, model: str) -> None:
     tf = peer.hear(TFMessage, "/tf")
     static = peer.hear(TFMessage, "/tf_static", LATCHED)
     with NodeProcess(MODULE, model, *ros_args(world_frame_id="world")):
-        wait_for(lambda: joints and len(odom) > 20 and tf and static, "messages")
+        wait_for(lambda: joints and tf and static and 0.02 in gaps(odom), "messages")
     assert joints[-1].name == ["left_wheel_joint", "right_wheel_joint"]
     assert (x(odom[-1]), speed(odom[-1])) == pytest.approx((0.0, 0.0), abs=1e-4)
     assert odom[-1].pose.covariance[35] < 1e-6 < odom[-1].twist.covariance[0]  # it has not moved
@@ -48,8 +55,6 @@ def test_publishes_from_the_start(peer: Peer, model: str) -> None:
     assert abs(seconds(joints[-1]) - now) < 30.0
     assert not peer.node.count_publishers("/clock")
     assert [m.transforms[0].child_frame_id for m in (tf[-1], static[-1])] == ["base_link", "odom"]
-    gaps = {round(seconds(b) - seconds(a), 4) for a, b in zip(odom, odom[1:], strict=False)}
-    assert 0.02 in gaps
 
 
 def test_both_kinds_of_command_are_heard(peer: Peer, model: str) -> None:
@@ -143,7 +148,6 @@ def test_simulated_time(peer: Peer, model: str) -> None:
     joints = peer.hear(JointState, "/joint_states", 1000)
     with NodeProcess(MODULE, model, *ros_args(real_time_factor=10.0)) as one:
         wait_for(lambda: len(clock) > 300 and len(joints) > 300, "messages")
-        stamps = [seconds(m) for m in joints[:300]]
         for factor in (1e-4, 1.0):  # a cycle in 100 s delays no other parameter
             assert all(r.successful for r in peer.set_parameters(NODE, real_time_factor=factor))
         words = [*ros_args(use_sim_time=True), "-r", "__ns:=/other"]
@@ -152,9 +156,8 @@ def test_simulated_time(peer: Peer, model: str) -> None:
                 warning = f"/clock is also published by {name}: time jumps between two simulations"
                 wait_for(lambda n=node, w=warning: w in n.output, "the warning")
                 assert "domain_id:=" in node.output
-    gaps = [b - a for a, b in zip(stamps, stamps[1:], strict=False)]
-    assert gaps == pytest.approx([0.01] * len(gaps), abs=1e-6)
-    assert stamps[0] < 60.0
+    assert gaps(joints[:300]) == [0.01] * 299
+    assert seconds(joints[0]) < 60.0
 
 
 def test_description_from_the_topic_also_changed(peer: Peer) -> None:
@@ -173,13 +176,6 @@ def test_description_from_the_topic_also_changed(peer: Peer) -> None:
         wait_for(lambda: joints, "joint states")
         publisher.publish(String(data=urdf(name="other")))
         wait_for(lambda: CHANGED in node.output, "the new robot")
-
-        def refused() -> bool:
-            publisher.publish(String(data=foreign))
-            refusal = node.output.partition("not applied, the robot goes on as before:")[2]
-            return 'robot "bot" cannot be driven: no wheel' in refusal
-
-        wait_for(refused, "the refusal, a while after the first")
         count = len(joints)
         wait_for(lambda: len(joints) > count + 10, "more joint states")
 
