@@ -23,6 +23,7 @@ from onebot_description.ros.parameters.files import (
     read_text,
 )
 from onebot_description.ros.parameters.reader import (
+    REQUIRED,
     ConfigError,
     Problem,
     is_parameter,
@@ -180,7 +181,7 @@ def _is_undeclared(name: str) -> bool:
 class _SharedRate:
     """What controller_manager has for a robot that drives; the rest is its controller's."""
 
-    update_rate: float = parameter(0.0, "control cycles per second, Hz")
+    update_rate: float = parameter(REQUIRED, "control cycles per second, Hz")
 
 
 def _unknown_of_manager(declared: type, written: Iterable[str]) -> list[Problem]:
