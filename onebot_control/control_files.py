@@ -1,6 +1,7 @@
 """Reads control files, in ros2_control's form: the parameters of several nodes in one file."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,7 +15,6 @@ from onebot_control.joint_controllers import (
     named,
 )
 from onebot_description.elements.packages import package_share
-from onebot_description.errors import did_you_mean
 from onebot_description.ros.parameters.files import (
     Parameters,
     Unknown,
@@ -23,10 +23,11 @@ from onebot_description.ros.parameters.files import (
     read_text,
 )
 from onebot_description.ros.parameters.reader import (
+    REQUIRED,
     ConfigError,
     Problem,
-    is_of_every_node,
     is_parameter,
+    parameter,
     unknown_parameters,
 )
 
@@ -122,12 +123,12 @@ def _read_control_file(file: Path, namespace: str, controller: str) -> Parameter
     manager = section(MANAGER, unknown[MANAGER])
     drive = manager if controller == MANAGER else section(controller, unknown[controller])
     broadcaster = section(BROADCASTER, unknown[BROADCASTER])
-    undeclared = {name: drive.values.pop(name) for name in [*drive.values] if _is_undeclared(name)}
-    problems += _wrong_types({**manager.values, **undeclared}, controller)
+    undeclared = {key: manager.values.pop(key) for key in [*manager.values] if _is_undeclared(key)}
+    problems += _wrong_types(undeclared, controller)
     if problems:
         raise ConfigError(problems, {**broadcaster.places, **manager.places, **drive.places})
     for name in undeclared:
-        del drive.places[name]
+        del manager.places[name]
     _add(drive, manager, {"update_rate": "update_rate"})
     _add(drive, broadcaster, {name: f"{BROADCASTER}.{name}" for name in broadcaster.values})
     return drive
@@ -156,7 +157,7 @@ def unknown_by_node(controller: str, files: Sequence[Path] = ()) -> dict[str, Un
     return {
         **{name: kind.unknown for name, kind in kinds.items()},
         controller: partial(unknown_parameters, declared),
-        MANAGER: partial(_unknown_of_manager, declared if controller == MANAGER else None),
+        MANAGER: partial(_unknown_of_manager, declared if controller == MANAGER else _SharedRate),
         BROADCASTER: partial(unknown_parameters, BroadcasterConfig),
     }
 
@@ -176,20 +177,25 @@ def _is_undeclared(name: str) -> bool:
     return name.endswith(_TYPE) or name == _IGNORED
 
 
-def _unknown_of_manager(declared: type | None, written: Iterable[str]) -> list[Problem]:
+@dataclass(frozen=True)
+class _SharedRate:
+    """What controller_manager has for a robot that drives; the rest is its controller's."""
+
+    update_rate: float = parameter(REQUIRED, "control cycles per second, Hz")
+
+
+def _unknown_of_manager(declared: type, written: Iterable[str]) -> list[Problem]:
     """Report names that are neither ``declared`` parameters nor others of controller_manager."""
-    names = [name for name in written if not _is_undeclared(name)]
-    if declared:
-        return unknown_parameters(declared, names)
-    return [
-        Problem(name, f"no such parameter{did_you_mean(name, ['update_rate'])}")
-        for name in names
-        if name != "update_rate" and not is_of_every_node(name)
-    ]
+    return unknown_parameters(declared, [name for name in written if not _is_undeclared(name)])
 
 
 def _wrong_types(values: Mapping[str, Any], controller: str) -> list[Problem]:
-    """Report controllers of types that this node cannot run."""
+    """Report controllers of types that this node cannot run.
+
+    Args:
+        values: controller_manager's parameters that no node here declares.
+        controller: name of the controller's node.
+    """
     own_types = {f"{controller}{_TYPE}": CONTROLLER_TYPE, f"{BROADCASTER}{_TYPE}": BROADCASTER_TYPE}
     problems = []
     for name, value in values.items():

@@ -14,7 +14,7 @@ Example:
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -48,7 +48,7 @@ class Member(NamedTuple):
     stands: bool = False  # whether its base stands still
 
 
-class Fleet:
+class Fleet(AbstractContextManager["Fleet"]):
     """Robots in one world that are driven together, one control cycle at a time.
 
     A single robot is a fleet, too.
@@ -58,27 +58,18 @@ class Fleet:
         world: the physics they share.
     """
 
-    def __init__(
-        self,
-        robots: Sequence[ControlledRobot],
-        world: World,
-        settings: Settings = Settings(),  # noqa: B008 - it is frozen
-    ) -> None:
-        """Drive robots in their world; ``settings`` are those for robots that converge fast."""
-        self.robots, self.world, self._settings = list(robots), world, settings
+    def __init__(self, robots: Sequence[ControlledRobot], world: World) -> None:
+        """Drive robots in their world."""
+        self.robots, self.world = list(robots), world
 
     @classmethod
     def from_members(
-        cls,
-        members: Sequence[Member],
-        settings: Settings = Settings(),  # noqa: B008 - it is frozen
-        scene: Description | None = None,
+        cls, members: Sequence[Member], *, scene: Description | None = None
     ) -> "Fleet":
         """Build a world with these robots in it.
 
         Args:
             members: the robots, one or more.
-            settings: of the physics; their rate is fitted to the robots' update_rate.
             scene: what stands around the robots; None for bare ground.
 
         Raises:
@@ -87,12 +78,10 @@ class Fleet:
         """
         _check_rates(members)
         prepared_robots = [_prepared(member) for member in members]
-        fitted = settings.fitted(members[0].config.update_rate)
         spawns = [prepared.spawn for prepared in prepared_robots]
-        world = World(spawns, _converging(fitted, spawns), scene)
+        world = World(spawns, _settings(members[0].config.update_rate, spawns), scene)
         try:
-            robots = map(_controlled, members, prepared_robots, world.robots)
-            return cls(list(robots), world, fitted)
+            return cls([*map(_controlled, members, prepared_robots, world.robots)], world)
         except BaseException:
             world.close()
             raise
@@ -189,7 +178,7 @@ class Fleet:
         here = prepared.spawn._replace(**old.true_pose._asdict())
         spawns = [robot.body.spawn for robot in self.robots]
         spawns[row] = here
-        world = self.world.replaced(row, here, _converging(self._settings, spawns))
+        world = self.world.replaced(row, here, _settings(self.rate, spawns))
         try:
             robot = _controlled(member, prepared, world.robots[row])
         except BaseException:
@@ -204,9 +193,6 @@ class Fleet:
     def close(self) -> None:
         """Free the world."""
         self.world.close()
-
-    def __enter__(self) -> "Fleet":
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
@@ -237,11 +223,12 @@ class Divider:
         return picked
 
 
-def _converging(settings: Settings, spawns: Sequence[RobotSpawn]) -> Settings:
-    """Return the settings with as many iterations as these robots need."""
-    if not any(spawn.converges_slowly for spawn in spawns):
-        return settings
-    return replace(settings, iterations=max(settings.iterations, _ARM_ITERATIONS))
+def _settings(rate: float, spawns: Sequence[RobotSpawn]) -> Settings:
+    """Return the physics for cycles at ``rate``, Hz, with the iterations that the robots need."""
+    settings = Settings().fitted(rate)
+    if any(spawn.converges_slowly for spawn in spawns):
+        return replace(settings, iterations=_ARM_ITERATIONS)
+    return settings
 
 
 def _prepared(member: Member) -> PreparedRobot:

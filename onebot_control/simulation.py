@@ -17,6 +17,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -111,7 +112,7 @@ class RobotSetup:
     parameters: Mapping[str, Any] = field(default_factory=dict)
 
 
-class Simulation:
+class Simulation(AbstractContextManager["Simulation"]):
     """Simulates one or several robots in one world; time advances only in ``run``.
 
     It uses the same physics, controller, odometry and sensors as ``velocity_controller``. Nothing
@@ -368,9 +369,6 @@ class Simulation:
             self._ros.close()
         self._fleet.close()
 
-    def __enter__(self) -> "Simulation":
-        return self
-
     def __exit__(self, *_: object) -> None:
         self.close()
 
@@ -588,19 +586,17 @@ class SimulatedRobot:
         Raises:
             OneBotError: there is no such lidar, or there are several.
         """
-        instrument = self._instrument("scan", sensor)
-        assert isinstance(instrument, LidarInstrument)
-        lidar = instrument.model
-        ranges = self._measured(instrument, "scan")
+        lidar = self._instrument("scan", sensor).model
+        ranges = self._measured("scan", sensor)
         return Scan(ranges, angles(lidar.horizontal), lidar.least, lidar.greatest)
 
     def range(self, sensor: str = "") -> float:
         """Return what a range sensor measures now, m; arguments and errors as for ``scan``."""
-        return float(self._measured(self._instrument("range", sensor), "range"))
+        return float(self._measured("range", sensor))
 
     def image(self, sensor: str = "") -> NDArray[np.uint8]:
         """Return a camera's image now, (height, width, 3), RGB; see ``scan`` for the rest."""
-        pixels: NDArray[np.uint8] = self._measured(self._instrument("image", sensor), "image")
+        pixels: NDArray[np.uint8] = self._measured("image", sensor)
         return pixels
 
     def depth(self, sensor: str = "") -> NDArray[np.float32]:
@@ -608,7 +604,7 @@ class SimulatedRobot:
 
         Depths are infinite where nothing is in range. For argument and errors see ``scan``.
         """
-        depths: NDArray[np.float32] = self._measured(self._instrument("depth", sensor), "depth")
+        depths: NDArray[np.float32] = self._measured("depth", sensor)
         return depths
 
     def points(self, sensor: str = "") -> NDArray[np.float32]:
@@ -617,13 +613,13 @@ class SimulatedRobot:
         They are in the frame of the sensor's messages; rays that hit nothing yield no point. For
         argument and errors see ``scan``.
         """
-        cloud = self._measured(self._instrument("points", sensor), "points").ravel()
+        cloud = self._measured("points", sensor).ravel()
         xyz: NDArray[np.float32] = np.stack([cloud[axis] for axis in "xyz"], axis=-1)
         return xyz[np.isfinite(xyz).all(axis=1)]
 
     def imu(self, sensor: str = "") -> ImuReading:
         """Measure with an inertial measurement unit (IMU) now; see ``scan`` for the rest."""
-        orientation, *vectors = self._measured(self._instrument("imu", sensor), "imu")
+        orientation, *vectors = self._measured("imu", sensor)
         return ImuReading(None if orientation is None else np.array(orientation), *vectors)
 
     def distance_ahead(self) -> float:
@@ -669,9 +665,8 @@ class SimulatedRobot:
             item.sensor.name: item for item in self._instruments if output in item.sensor.topics
         }
         if not able:
-            hint = (
-                "" if self._instruments else "; Simulation(sensors=True) gives OneBot its sensors"
-            )
+            hint = "; Simulation(sensors=True) gives OneBot its sensors"
+            hint = "" if self._instruments else hint
             raise OneBotError(f"no sensor of the robot measures {output}{hint}")
         if not name and len(able) > 1:
             text = f"{len(able)} sensors measure {output}: {listing(able)}"
@@ -680,7 +675,9 @@ class SimulatedRobot:
             raise OneBotError(f'no sensor "{name}" measures {output}{did_you_mean(name, able)}')
         return able[name] if name else next(iter(able.values()))
 
-    def _measured(self, instrument: Instrument[Any], output: str) -> Any:
+    def _measured(self, output: str, sensor: str) -> Any:
+        """Measure one output now, with a named sensor or the only one that has this output."""
+        instrument = self._instrument(output, sensor)
         return instrument.measure(self._simulation._sensed_world(), {output})[output]
 
 
@@ -712,8 +709,6 @@ def _read(
     optional: bool,
 ) -> tuple[Description, Description | None]:
     """Return the robot and the world; two files are read at once, as xacro runs in processes."""
-    if isinstance(model, Description) or isinstance(world, Description) or not str(world):
-        return _described(model, arguments, optional), _loaded_scene(world)
     with ThreadPoolExecutor(1) as executor:
         reading = executor.submit(_loaded_scene, world)
         description = _described(model, arguments, optional)

@@ -6,9 +6,9 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from types import TracebackType
 from unittest.mock import patch
 
 from onebot_bringup.launch.bringup import UP
@@ -22,7 +22,7 @@ _STOP = 30.0  # s; the launcher itself kills nodes that have not ended after 4 s
 _POLL = 0.02  # s
 
 
-class RunningBringup:
+class RunningBringup(AbstractContextManager["RunningBringup"]):
     """A bringup in separate processes, with real time and real discovery.
 
     It ends with the ``with`` block, and also if this process is killed.
@@ -79,12 +79,7 @@ class RunningBringup:
             self._guard.discard(self._process.pid)
             self._guard.close()
 
-    def __enter__(self) -> "RunningBringup":
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: object, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()
         if self._log.exists():
             print(self.output)  # pytest shows it if the test has failed

@@ -14,12 +14,12 @@ from onebot_description.ros.message_age import Age, Delivery, SenderClock, boot_
 from onebot_description.ros.node_graph import Lasting
 from onebot_description.ros.stamp_check import StampCheck
 from onebot_description.ros.throttled import Throttled, Warn
-from onebot_description.ros.topic_qos import LATCHED
+from onebot_description.ros.topic_qos import DEPTH, LATCHED
 from onebot_description.ros.topic_subscription import TopicSubscription, choose_type, offers
 from onebot_description.ros.wire.cdr import NS_PER_S, nanoseconds
 
 _TOPIC = "~/cmd_vel"
-_QOS = QoSProfile(depth=10)  # ROS's system default
+_QOS = QoSProfile(depth=DEPTH)
 _PACKAGE = "geometry_msgs/msg/"
 _TWIST = f"{_PACKAGE}Twist"
 _TYPES = {_TWIST: Twist, f"{_PACKAGE}TwistStamped": TwistStamped}
@@ -77,8 +77,6 @@ class CommandLock:
 class CommandSubscription:
     """~/cmd_vel, subscribed to as Twist or as TwistStamped, whichever is published."""
 
-    kind: str  # the type subscribed to, "Twist" or "TwistStamped"
-
     def __init__(
         self,
         node: Node,
@@ -110,7 +108,12 @@ class CommandSubscription:
             raw=False,
             delivered=self._on_delivery,
         )
-        self._subscribe()
+        self._subscription.update(self._wanted, _QOS)
+
+    @property
+    def kind(self) -> str:
+        """The type subscribed to, "Twist" or "TwistStamped"."""
+        return self._wanted.removeprefix(_PACKAGE)
 
     @property
     def connected(self) -> bool:
@@ -118,31 +121,30 @@ class CommandSubscription:
         return self._subscription.publishers > 0
 
     def choose(self, choice: str) -> None:
-        """Change to another choice (see the constructor); the next ``follow`` completes it."""
+        """Change to another choice (see the constructor); the next two ``follow`` apply it."""
         self._choice = choice
-        if choice != "auto":
-            self._change(f"{_PACKAGE}{choice}")
 
     def follow(self) -> None:
-        """Change to the other type if only that is published; call it several times a second.
+        """Change to the type that is chosen or published; call it several times a second.
 
         It also reports commands on a topic cmd_vel to which nobody subscribes.
         """
         self._look_for_unreceived()
-        if self._subscription.type is None:
-            self._subscribe()
-            self._node.get_logger().info(f"commands are {self.kind} now")
-            return
         published = {kind for kind, qos in offers(self._node, self._topic).items() if qos}
-        if self._choice == "auto":
-            usable = published & _TYPES.keys()
-            self._change(choose_type(usable, self._wanted) or self._wanted)
+        if self._choice != "auto":
+            self._wanted = f"{_PACKAGE}{self._choice}"
+        else:
+            self._wanted = choose_type(published & _TYPES.keys(), self._wanted) or self._wanted
+        is_new = self._subscription.type is None
+        self._subscription.update(self._wanted, _QOS)
+        if is_new:
+            self._node.get_logger().info(f"commands are {self.kind} now")
         ignored = sorted(published - {self._wanted})
         if ignored:
             hint = "" if self._choice == "auto" else f" (cmd_vel_type is {self._choice})"
-            types, used = ", ".join(ignored), self._wanted.removeprefix(_PACKAGE)
+            types = ", ".join(ignored)
             text = f"{_TOPIC} is also published as {types}, which is ignored"
-            self._warn("type", f"{text}{hint}; {used} is subscribed to")
+            self._warn("type", f"{text}{hint}; {self.kind} is subscribed to")
 
     def _look_for_unreceived(self) -> None:
         node, name = self._node, self._usual
@@ -150,16 +152,6 @@ class CommandSubscription:
         if self._unreceived.new(topics, time.monotonic()):
             text = f"{name} is published, but no node subscribes to it"
             self._warn("unreceived", f"{text}: the topic of this robot's commands is {self._topic}")
-
-    def _change(self, kind: str) -> None:
-        """End a subscription of another type; the next ``follow`` makes the new one."""
-        if kind != self._wanted:
-            self._wanted = kind
-            self._subscription.close()
-
-    def _subscribe(self) -> None:
-        self._subscription.update(self._wanted, _QOS)
-        self.kind = self._wanted.removeprefix(_PACKAGE)
 
     def _on_delivery(self, delivery: Delivery) -> None:
         self._age = self._sender.age(delivery, time.time_ns())

@@ -283,8 +283,6 @@ class ControlLoop:
         Raises:
             OneBotError: something is still missing after ``step_timeout``; the text names it.
         """
-        if not (text := self._missing()):
-            return
         timeout = max(robot.config.step_timeout for robot in self.fleet.robots)
         deadline = time.monotonic() + timeout
         while text := self._missing():

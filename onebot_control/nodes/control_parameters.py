@@ -7,11 +7,7 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from onebot_control.control_files import (
-    JointControllers,
-    read_control_files,
-    read_joint_controllers,
-)
+from onebot_control.control_files import read_control_files, read_joint_controllers
 from onebot_control.controller_names import MANAGER
 from onebot_control.drive.parameters import ControlConfig, SimulationConfig
 from onebot_description.ros.command_line import RosArguments
@@ -27,12 +23,16 @@ from onebot_description.ros.parameters.values import plain
 
 
 class ControlParameters:
-    """The parameters of a controller's node: declared on it, checked, and kept up to date."""
+    """The parameters of a controller's node: declared on it, checked, and kept up to date.
 
-    values: dict[str, Any]  # the values in force, by name
-    config: ControlConfig  # the same values, checked
-    places: dict[str, str]  # file and line of each value from a file
-    joints: JointControllers  # the joint controllers
+    Attributes:
+        stands: whether the robot has no wheels to drive on.
+        declared: dataclass of the parameters.
+        values: the values in force, by name.
+        config: the same values, checked.
+        places: file and line of each value from a file.
+        joints: the joint controllers.
+    """
 
     def __init__(
         self,

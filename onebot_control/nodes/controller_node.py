@@ -6,6 +6,7 @@ Everything that changes the robot is called in the control thread, between two c
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import partial
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar, cast
 
@@ -199,7 +200,7 @@ class GoalNode(ControllerNode[A], ABC, Generic[A, G]):
 
     @abstractmethod
     def _feedback(self) -> Any:
-        """Return the feedback message."""
+        """Return the feedback message. Runs in the control thread."""
 
     @abstractmethod
     def _result(self, ended: Outcome | Cancelled) -> Any:
@@ -234,23 +235,20 @@ class GoalNode(ControllerNode[A], ABC, Generic[A, G]):
         """Return why a goal cannot be followed now; "" if it can."""
         return self._refused() or first_lines(self._problems(goal))
 
-    def _begin(self, goal: G, handle: Any = None) -> str:
-        """Start following a goal; return why that is refused; "" if it is not."""
-        arm = self._arm
-        return self._refusal(goal) or self._fault(lambda: self._start(arm, goal, handle))
-
     # The action --------------------------------------------------------------------------------
 
     def _on_goal(self, request: Any) -> GoalResponse:
-        if fault := self._refusal(self._goal(request)):
+        arm, goal = self._arm, self._goal(request)
+        if fault := self._refusal(goal):
             self.node.get_logger().error(f"goal rejected: {fault}")
             return GoalResponse.REJECT
+        self._accepted = arm, goal
         return GoalResponse.ACCEPT
 
     def _on_accepted(self, handle: Any) -> None:
-        goal = self._goal(handle.request)
+        arm, goal = self._accepted  # rclpy calls this at once after ``_on_goal``
         handle.execute()
-        if fault := self._begin(goal, handle):
+        if fault := self._fault(lambda: self._start(arm, goal, handle)):
             self.finish(Outcome(handle, INVALID_GOAL, fault))
         else:
             self._active = handle
@@ -270,7 +268,8 @@ class GoalNode(ControllerNode[A], ABC, Generic[A, G]):
         while self._ended:
             self._end(*self._ended.popleft())
         if (handle := self._active) is not None:
-            handle.publish_feedback(self._feedback())
+            with suppress(OneBotError):  # the loop has just ended
+                handle.publish_feedback(self._loop.call(self._feedback))
 
     def _end(self, ended: Outcome | Cancelled, result: Any) -> None:
         if isinstance(ended, Outcome):

@@ -1,7 +1,7 @@
 """joint_trajectory_controller's ROS interface: topics, action and service of one controller."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
@@ -26,41 +26,19 @@ from onebot_control.trajectories.tolerances import (
     TolerancesGiven,
     tolerance_problems,
 )
-from onebot_control.trajectories.trajectory import JointMotion, Waypoint
+from onebot_control.trajectories.trajectory import Waypoint
 from onebot_description.errors import OneBotError
 from onebot_description.ros.parameters.reader import ConfigError, Problem, declare
-from onebot_description.ros.topic_qos import ANY_PUBLISHER, make_qos
+from onebot_description.ros.topic_qos import ANY_PUBLISHER, DEPTH, make_qos
 from onebot_description.ros.wire.cdr import NS_PER_S, nanoseconds
 from onebot_description.ros.wire.interfaces import load_interface
 from onebot_description.ros.wire.messages import time_message
 
 # As joint_trajectory_controller's SystemDefaultsQoS with Fast DDS: the state is latched.
-_LATCHED = make_qos(10, reliable=True, latched=True)
+_LATCHED = make_qos(DEPTH, reliable=True, latched=True)
 
 # As joint_trajectory_controller has it with Fast DDS; only latched publishers match it.
-_LATCHED_BY_ANY = make_qos(10, reliable=False, latched=True)
-
-
-class _CycleState(NamedTuple):
-    """How a controller's joints move in a cycle; see ``TrajectoryFollower``."""
-
-    stamp: int  # ns
-    names: tuple[str, ...]
-    desired: JointMotion
-    measured: JointMotion
-    error: tuple[float, ...]
-    time: float  # s
-    elapsed: float  # s
-
-    def fill(self, message: Any, desired: JointTrajectoryPoint, measured: Any) -> None:
-        """Fill the fields that ~/controller_state and the feedback have in common."""
-        message.header.stamp = time_message(self.stamp)
-        message.joint_names = list(self.names)
-        _fill(desired, *self.desired)
-        _fill(measured, self.measured.positions, self.measured.velocities)
-        _fill(message.error, self.error)
-        desired.time_from_start = Duration(seconds=self.time).to_msg()
-        measured.time_from_start = Duration(seconds=self.elapsed).to_msg()
+_LATCHED_BY_ANY = make_qos(DEPTH, reliable=False, latched=True)
 
 
 _Goal = tuple[TrajectoryGoal, TolerancesGiven | None]  # None for a goal from the topic
@@ -81,29 +59,34 @@ class JointTrajectories(GoalNode[TrajectoryFollower, _Goal]):
         query = load_interface("control_msgs/srv/QueryTrajectoryState")
         self._state = node.create_publisher(state, "~/controller_state", _LATCHED)
         self._message = state()
-        self._cycle = self._cycle_state(
-            0
-        )  # replaced whole: the thread of the feedback reads it, too
         topic = "~/joint_trajectory"
         node.create_subscription(JointTrajectory, topic, self._on_topic, ANY_PUBLISHER)
-        scaling, topic = (
-            load_interface("control_msgs/msg/SpeedScalingFactor"),
-            "~/speed_scaling_input",
-        )
+        scaling = load_interface("control_msgs/msg/SpeedScalingFactor")
+        topic = "~/speed_scaling_input"
         node.create_subscription(scaling, topic, self._on_scaling, _LATCHED_BY_ANY)
         node.create_service(query, "~/query_state", self._on_query)
 
     def publish(self, stamp: int) -> None:
         """Publish ~/controller_state, if it is subscribed to."""
         super().publish(stamp)
-        self._cycle = self._cycle_state(stamp)
         if not self._state.get_subscription_count():
             return
         arm, message = self._arm, self._message
-        self._cycle.fill(message, message.reference, message.feedback)
+        self._fill_state(message, message.reference, message.feedback)
         _fill(message.output, arm.reference(self._robot().period))
         message.speed_scaling_factor = arm.scaling
         self._state.publish(message)
+
+    def _fill_state(self, message: Any, desired: Any, measured: Any) -> None:
+        """Fill the fields that ~/controller_state and the feedback have in common."""
+        arm = self._arm
+        message.header.stamp = time_message(self._stamp)
+        message.joint_names = list(arm.names)
+        _fill(desired, *arm.desired)
+        _fill(measured, arm.measured.positions, arm.measured.velocities)
+        _fill(message.error, arm.error)
+        desired.time_from_start = Duration(seconds=arm.time).to_msg()
+        measured.time_from_start = Duration(seconds=arm.elapsed).to_msg()
 
     # Goals -------------------------------------------------------------------------------------
 
@@ -153,14 +136,8 @@ class JointTrajectories(GoalNode[TrajectoryFollower, _Goal]):
 
     def _feedback(self) -> Any:
         feedback = self._type.Feedback()
-        self._cycle.fill(feedback, feedback.desired, feedback.actual)
+        self._fill_state(feedback, feedback.desired, feedback.actual)
         return feedback
-
-    def _cycle_state(self, stamp: int) -> "_CycleState":
-        arm = self._arm
-        return _CycleState(
-            stamp, arm.names, arm.desired, arm.measured, arm.error, arm.time, arm.elapsed
-        )
 
     def _result(self, ended: Outcome | Cancelled) -> Any:
         if isinstance(ended, Cancelled):

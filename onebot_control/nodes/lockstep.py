@@ -9,7 +9,7 @@ effect in the next cycle, and only then the physics moves on.
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from typing import Any, Generic, Protocol, TypeVar
 from unittest.mock import patch
 
@@ -68,7 +68,7 @@ class _Simulation(Protocol):
 S = TypeVar("S", bound=_Simulation)
 
 
-class Lockstep(Generic[S]):
+class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
     """Runs nodes in step with a simulation; ``Simulation.ros`` creates it.
 
     Nodes that work by callbacks and by timers on simulated time behave identically in each run.
@@ -204,9 +204,7 @@ class Lockstep(Generic[S]):
         self.simulation._ros = None
         self._executor.shutdown()
         self._arms.shutdown()
-        for node in self._added:
-            node.destroy_node()
-        for node in self._arm_nodes:
+        for node in (*self._added, *self._arm_nodes):
             node.destroy_node()
         for node in self._nodes:
             self._robots.remove_node(node)
@@ -215,9 +213,6 @@ class Lockstep(Generic[S]):
         rclpy.shutdown(context=self._context)
         if self._owns_default:
             rclpy.try_shutdown()
-
-    def __enter__(self) -> "Lockstep[S]":
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
@@ -300,6 +295,8 @@ class _Executor(SingleThreadedExecutor):
     def is_idle(self) -> bool:
         """Return whether no callback is ready."""
         nodes = self.get_nodes()
+        if not nodes:
+            return True  # rcl refuses to wait for nothing
         if any(guard for node in nodes for guard in node.guards):
             return False  # waiting would take their trigger from rclpy
         if any(not task.done() for task, _, _ in self._tasks):
@@ -347,9 +344,6 @@ class SteppedLoop(ControlLoop):
     def start(self) -> None:
         """Do nothing: ``Simulation.run`` runs the cycles."""
 
-    def stop(self) -> None:
-        """Do nothing: the simulation owns the world."""
-
     def post(self, function: Callable[[], object]) -> None:
         """Call ``function`` now: it is between two cycles."""
         function()
@@ -357,11 +351,6 @@ class SteppedLoop(ControlLoop):
     def call(self, function: Callable[[], T], patience: float | None = None) -> T:
         """Call ``function`` now: it is between two cycles."""
         return function()
-
-    @property
-    def left(self) -> float:
-        """0 s: what is called takes effect in the next cycle."""
-        return 0.0
 
     def set_factor(self, factor: float) -> None:
         """Ignore the pace: a Simulation always runs as fast as possible."""

@@ -29,12 +29,11 @@ from onebot_description.description import Description
 from onebot_description.geometry.poses import PlanarPose, Transform, compose, inverse
 from onebot_description.model.robot_model import JointArrays
 from onebot_description.ros.node_graph import OnlyPublisher
-from onebot_description.ros.topic_qos import LATCHED
+from onebot_description.ros.topic_qos import DEPTH, LATCHED
 from onebot_description.ros.wire.cdr import NS_PER_S
 from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.messages import time_message, transforms_message
 
-_DEPTH = 10  # ROS's system default
 _KEPT = 200  # number of published true transforms that are remembered
 _TWO_CLOCKS = (
     "time jumps between two simulations. Start one apart from the other with domain_id:=N, or one "
@@ -55,19 +54,19 @@ class Publishers:
     def __init__(self, node: Node, *, clock: bool, stands: bool = False) -> None:
         """Create the publishers; ``clock``: also of /clock; ``stands``: there is no odometry."""
         self._node, self._stands = node, stands
-        self._joint_states = node.create_publisher(JointState, "joint_states", _DEPTH)
+        self._joint_states = node.create_publisher(JointState, "joint_states", DEPTH)
         self._tf_static = node.create_publisher(TFMessage, "/tf_static", LATCHED)
         if not stands:
-            self._odom = node.create_publisher(Odometry, "~/odom", _DEPTH)
-            self._truth = node.create_publisher(Odometry, "~/ground_truth", _DEPTH)
-            self._tf = node.create_publisher(TFMessage, "/tf", _DEPTH)
+            self._odom = node.create_publisher(Odometry, "~/odom", DEPTH)
+            self._truth = node.create_publisher(Odometry, "~/ground_truth", DEPTH)
+            self._tf = node.create_publisher(TFMessage, "/tf", DEPTH)
         self.localized = False
         self.truths: deque[FramesTransform] = deque(maxlen=_KEPT)
         self._origin: tuple[str, str, Transform] | None = None  # the static truth, last published
         self._limited: Publisher | None = None
         self._clock: Publisher | None = None
         if clock:
-            self._clock = node.create_publisher(Clock, "/clock", _DEPTH)
+            self._clock = node.create_publisher(Clock, "/clock", DEPTH)
             OnlyPublisher(node, "/clock", _TWO_CLOCKS, own=True)
 
     def use(self, robot: ControlledRobot, frames: Frames) -> None:
@@ -85,7 +84,8 @@ class Publishers:
         self._truth_message = self._odometry(self.world_frame or odom, base)
         self._transform = TransformStamped(child_frame_id=base)
         self._tf_message = TFMessage(transforms=[self._transform])
-        self._origin_transform = TransformStamped(child_frame_id=odom)
+        self._placed_frame = base if self._stands else odom  # child of world_frame
+        self._origin_transform = TransformStamped(child_frame_id=self._placed_frame)
         self._origin_message = TFMessage(transforms=[self._origin_transform])
         self._limited_message = TwistStamped()
         self._joint_message = JointState(name=robot.broadcaster.names)
@@ -96,7 +96,6 @@ class Publishers:
             (self._joint_message, robot.broadcaster.frame_id),
         ):
             message.header.frame_id, message.header.stamp = frame, self._stamp
-        self._placed_frame = base if self._stands else odom  # child of world_frame
         self._advertise(config.publish_limited_velocity and not self._stands)
         self._due = Divider(config.publish_rate, config.update_rate)
 
@@ -108,7 +107,7 @@ class Publishers:
     def _advertise(self, limited: bool) -> None:
         """Create or destroy the publisher of the limited command."""
         if limited and self._limited is None:
-            self._limited = self._node.create_publisher(TwistStamped, "~/cmd_vel_out", _DEPTH)
+            self._limited = self._node.create_publisher(TwistStamped, "~/cmd_vel_out", DEPTH)
         elif not limited and self._limited is not None:
             self._node.destroy_publisher(self._limited)
             self._limited = None
@@ -187,28 +186,26 @@ class Publishers:
             origin = self.world_frame, self._placed_frame, pose
         if origin == self._origin:
             return
-        self._origin, message = origin, TFMessage()
-        if origin is not None:
-            parent, child, pose = origin
-            transform = TransformStamped(child_frame_id=child)
-            transform.header.frame_id = parent
-            transform.header.stamp = time_message(stamp_ns)
-            _fill_transform(transform.transform, pose)
-            message.transforms = [transform]
-            self.truths.append(FramesTransform(parent, child, stamp_ns, pose))
-        self._tf_static.publish(message)
+        self._origin = origin
+        if origin is None:
+            self._tf_static.publish(TFMessage())
+        else:
+            self._fill_origin(pose, stamp_ns)
+            self._tf_static.publish(self._origin_message)
 
     def _publish_true_origin(self, snapshot: Snapshot, stamp_ns: int) -> None:
         """Publish the pose of odom in the world with which the robot is at its true pose.
 
         Wheels slip at a wall, and a ramp tilts the robot; odometry shows neither.
         """
-        origin = compose(snapshot.pose, inverse(snapshot.odometry.transform))
-        _fill_transform(self._origin_transform.transform, origin)
-        truth = FramesTransform(self.world_frame, self.odom_frame, stamp_ns, origin)
-        self.truths.append(truth)
+        self._fill_origin(compose(snapshot.pose, inverse(snapshot.odometry.transform)), stamp_ns)
         if _is_subscribed(self._tf):
             self._tf.publish(self._origin_message)
+
+    def _fill_origin(self, pose: Transform, stamp_ns: int) -> None:
+        _fill_transform(self._origin_transform.transform, pose)
+        truth = FramesTransform(self.world_frame, self._placed_frame, stamp_ns, pose)
+        self.truths.append(truth)
 
 
 def _is_subscribed(publisher: Publisher) -> bool:
@@ -232,7 +229,7 @@ class ScenePublisher:
             rate: picks the cycles in which /tf is due.
         """
         self._scene, self._world, self._rate = scene.description, world_frame, rate
-        self._tf = node.create_publisher(TFMessage, "/tf", _DEPTH)
+        self._tf = node.create_publisher(TFMessage, "/tf", DEPTH)
         self._tf_static = node.create_publisher(TFMessage, "/tf_static", LATCHED)
         self._description = node.create_publisher(String, "/world_description", LATCHED)
         self._description.publish(String(data=scene.description.urdf))

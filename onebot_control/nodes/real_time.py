@@ -1,12 +1,12 @@
 """Measures the real-time factor of a control loop, and logs when it falls and recovers."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
-_DEPTH = 10  # ROS's system default
+from onebot_description.ros.topic_qos import DEPTH
+
 _SECOND = 1.0
 # Fractions of the wanted factor: a second below _SLOW is logged; when every second within _STEADY
 # has reached _BACK, it is logged that the pace is back.
@@ -50,20 +50,13 @@ class PaceMeter:
         wanted: simulated seconds per real second; 0: as fast as possible.
     """
 
-    def __init__(
-        self,
-        measured: Callable[[Pace, bool], None] = lambda pace, is_slow: None,
-        log: Callable[[str, bool], None] = lambda text, is_slow: None,
-    ) -> None:
-        """Prepare; call ``set`` to start measuring.
+    _is_slow = False  # whether the log has said so last
 
-        Args:
-            measured: called about once a second with its pace, and whether that is slow.
-            log: called with a line to log, and whether the pace is slow: once when it falls, and
-                once when it is back.
-        """
-        self._measured, self._log = measured, log
-        self._is_slow = False
+    def measured(self, pace: Pace, *, is_slow: bool) -> None:
+        """Report the pace of about a second; a subclass does it."""
+
+    def log(self, text: str, *, is_slow: bool) -> None:
+        """Log a line, once when the pace falls, and once when it is back; a subclass does it."""
 
     def set(self, due: float, wanted: float) -> None:
         """Start measuring at the cycle due at ``due`` (monotonic, s), for a wanted factor."""
@@ -91,35 +84,30 @@ class PaceMeter:
     def _report(self) -> None:
         pace, self._second = self._second, Pace()
         is_slow = pace.factor < _SLOW * self.wanted
-        self._measured(pace, is_slow)
+        self.measured(pace, is_slow=is_slow)
         if pace.factor < _BACK * self.wanted:
             self._steady = Pace()
         if is_slow and not self._is_slow:
             self._is_slow = True
-            self._log(f"slow motion: {pace}", True)
+            self.log(f"slow motion: {pace}", is_slow=True)
         elif self._is_slow and self._steady.seconds >= _STEADY:
             self._is_slow = False
-            self._log(f"the pace is back: {self._steady}", False)
+            self.log(f"the pace is back: {self._steady}", is_slow=False)
 
 
-class PaceReports:
-    """Reports the pace of a control loop on /diagnostics, and in the log when it falls.
+class PaceReports(PaceMeter):
+    """Reports the pace of a control loop on /diagnostics, and in the log when it falls."""
 
-    Attributes:
-        meter: measures the pace.
-    """
+    def __init__(self, node: Node) -> None:
+        """Publish and log as ``node``."""
+        self._node = node
+        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", DEPTH)
 
-    def __init__(self, node: Node, wanted: Callable[[], float]) -> None:
-        """Publish and log as ``node``; ``wanted`` returns the real_time_factor wanted."""
-        self._node, self._wanted = node, wanted
-        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", _DEPTH)
-        self.meter = PaceMeter(self._publish, self._log)
-
-    def _publish(self, pace: Pace, is_slow: bool) -> None:
+    def measured(self, pace: Pace, *, is_slow: bool) -> None:
         """Publish the real-time factor of the last second, from the control thread."""
         values = {
             "real_time_factor": f"{pace.factor:.3f}",
-            "wanted real_time_factor": f"{self._wanted():g}",
+            "wanted real_time_factor": f"{self.wanted:g}",
             "control cycles": str(pace.cycles),
             "missed control cycles": str(pace.missed),
         }
@@ -133,7 +121,8 @@ class PaceReports:
         message.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(message)
 
-    def _log(self, text: str, is_slow: bool) -> None:
+    def log(self, text: str, *, is_slow: bool) -> None:
+        """Log a line."""
         if is_slow:  # rclpy allows only one severity per line of code
             text = f"{text}; the CPU is overloaded, or the process was stopped"
             self._node.get_logger().warning(text)

@@ -142,7 +142,7 @@ class RobotInterface:
         """Publish ``robot`` and measure with its sensors, as soon as the control loop starts."""
         self._sensing = sensing
         self.use(robot)
-        self._sense(robot, self._channels(robot.config))
+        self._sense(robot, self._channels())
 
     def use(self, robot: ControlledRobot) -> None:
         """Publish ``robot`` from now on, with its current parameters."""
@@ -235,15 +235,15 @@ class RobotInterface:
         if loop is None:
             return
         try:
-            channels = self._channels(self.settings.config)
+            channels = self._channels()
             loop.call(lambda: self._sense(self.slot.robot, channels))
         except OneBotError as error:
             self.refuse("sensors", f"sensors not applied: {error}")
 
-    def _channels(self, config: ControlConfig) -> Sequence[Channel]:
+    def _channels(self) -> Sequence[Channel]:
         """Return the sensors of the description and of the parameter ``sensors``."""
         assert self.description is not None
-        return self.sensors.update(self.slot.row, self.description, config)
+        return self.sensors.update(self.slot.row, self.description, self.settings.config)
 
     def _sense(self, robot: ControlledRobot, channels: Sequence[Channel] = ()) -> None:
         """Use these sensors; call it in the control thread, or before that starts."""

@@ -1,19 +1,15 @@
 """The topics of a robot's sensors, which its URDF and an optional file define."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import Any
 
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from std_msgs.msg import Header
 
 from onebot_control.drive.parameters import ControlConfig
 from onebot_control.frame_names import prefixed
 from onebot_control.nodes.sensing import Channel
-from onebot_control.nodes.sensor_messages import MESSAGES
-from onebot_control.sensing.instrument import Instrument
+from onebot_control.nodes.sensor_messages import MESSAGES, SensorPublisher
 from onebot_control.sensing.rays import HAS_EMBREE
 from onebot_control.sensing.sensors import INSTRUMENTS
 from onebot_description.description import Description
@@ -22,55 +18,9 @@ from onebot_description.description.sensors.kind_table import clashes
 from onebot_description.elements.sensor import Sensor
 from onebot_description.errors import OneBotError, listing
 from onebot_description.file_watch import FileWatch
-from onebot_description.ros.wire.messages import time_message
+from onebot_description.ros.topic_qos import DEPTH
 
-InvalidHandle = rclpy_implementation.InvalidHandle
-
-_DEPTH = 10  # ROS's system default; reliable and volatile, as drivers and bridges publish
 _NO_FILE = SensorFile((), (), (), ())
-
-
-class SensorPublisher:
-    """Publishes what one sensor measures."""
-
-    def __init__(
-        self, instrument: Instrument[Any], frame: str, publishers: Mapping[str, Publisher]
-    ) -> None:
-        """Prepare to publish.
-
-        Args:
-            instrument: measures with the sensor.
-            frame: frame_id of the messages.
-            publishers: by output.
-        """
-        self._instrument, self._frame, self._publishers = instrument, frame, publishers
-
-    @property
-    def topics(self) -> Mapping[str, str]:
-        """The topic of each output."""
-        return {output: publisher.topic_name for output, publisher in self._publishers.items()}
-
-    def wanted(self) -> frozenset[str]:
-        """Return the outputs that are subscribed to."""
-        try:
-            return frozenset(
-                output
-                for output, publisher in self._publishers.items()
-                if publisher.get_subscription_count()
-            )
-        except InvalidHandle:  # the sensor was taken away meanwhile
-            return frozenset()
-
-    def publish(self, stamp: int, outputs: Mapping[str, Any]) -> None:
-        """Publish the outputs of one measurement; see ``Outlet``."""
-        header = Header(stamp=time_message(stamp), frame_id=self._frame)
-        model, rate = self._instrument.model, self._instrument.rate
-        for output, values in outputs.items():
-            message = MESSAGES[output][1](header, model, rate, values)
-            try:
-                self._publishers[output].publish(message)
-            except InvalidHandle:
-                return
 
 
 class RobotSensors:
@@ -179,7 +129,7 @@ class RobotSensors:
         for key in self._publishers.keys() - keys:
             self._node.destroy_publisher(self._publishers.pop(key))
         for kind, topic in keys - self._publishers.keys():
-            publisher = self._node.create_publisher(kind, topic, _DEPTH)
+            publisher = self._node.create_publisher(kind, topic, DEPTH)
             self._publishers[kind, topic] = publisher
 
     def _full_names(self, sensor: Sensor) -> dict[str, str]:

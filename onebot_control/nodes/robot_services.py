@@ -13,8 +13,8 @@ from onebot_control.nodes.control_loop import LoopSlot
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import PlanarPose, yaw_of
 from onebot_description.ros.throttled import Warn
+from onebot_description.ros.topic_qos import DEPTH
 
-_DEPTH = 10  # ROS's system default
 _FARTHEST_POSE = 1e9  # m of a pose; odometry farther away would not be exact to the micrometre
 
 
@@ -41,7 +41,7 @@ class RobotServices:
         topics = [("teleport", self._teleport), ("set_odometry", self._place_odometry)]
         for topic, use in topics if odom_frame else topics[:1]:
             received = partial(self._on_pose, topic, use)
-            node.create_subscription(PoseStamped, f"~/{topic}", received, _DEPTH)
+            node.create_subscription(PoseStamped, f"~/{topic}", received, DEPTH)
         services: dict[str, Callable[[], object]] = {
             "reset": lambda: slot.robot.reset(),
             "step": lambda: slot.running.step(),

@@ -2,12 +2,13 @@
 
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from queue import SimpleQueue
-from typing import Any, Protocol
+from typing import Any
 
 from onebot_control.controlled_robot import Snapshot
 from onebot_control.fleet import Divider
+from onebot_control.nodes.sensor_messages import SensorPublisher
 from onebot_control.sensing.instrument import Frame, Instrument
 from onebot_control.sensing.sensors import Sensors
 from onebot_control.sensing.surroundings import SensedRobot
@@ -16,24 +17,6 @@ from onebot_description.geometry.poses import Transform
 _FIRST_REPORT, _REPORT = 10.0, 60.0  # s until the first, and between later reports of drops
 _ENOUGH = 0.95  # if a smaller fraction of the due measurements is made, it is reported
 _PATIENCE = 10.0  # s to wait for the end of the thread
-
-
-class Outlet(Protocol):
-    """Publishes the measurements of one sensor.
-
-    Attributes:
-        topics: the topic of each output.
-    """
-
-    @property
-    def topics(self) -> Mapping[str, str]:
-        """The topic of each output."""
-
-    def wanted(self) -> frozenset[str]:
-        """Return the outputs that somebody subscribes to, keys of ``Sensor.topics``."""
-
-    def publish(self, stamp: int, outputs: Mapping[str, Any]) -> None:
-        """Publish the outputs of one measurement, with ``stamp`` in ns."""
 
 
 class Channel:
@@ -48,7 +31,7 @@ class Channel:
         dropped: number of due measurements that were dropped, although somebody subscribes.
     """
 
-    def __init__(self, instrument: Instrument[Any], outlet: Outlet, cycles: float) -> None:
+    def __init__(self, instrument: Instrument[Any], outlet: SensorPublisher, cycles: float) -> None:
         """Measure at the instrument's rate; there are ``cycles`` control cycles per second."""
         self.instrument, self.outlet = instrument, outlet
         self.divider = Divider(instrument.rate, cycles)

@@ -1,4 +1,4 @@
-"""Converts what sensors measure to their messages."""
+"""Converts what sensors measure to their messages, and publishes these."""
 
 import struct
 from array import array
@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.publisher import Publisher
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import (
     CameraInfo,
@@ -22,12 +24,16 @@ from std_msgs.msg import Header
 
 from onebot_control.sensing.camera import calibration
 from onebot_control.sensing.clouds import finite
+from onebot_control.sensing.instrument import Instrument
 from onebot_control.sensing.lidar import angles
 from onebot_description.description.sensors.camera import Camera
 from onebot_description.description.sensors.imu import Imu
 from onebot_description.description.sensors.kind_table import MESSAGE_TYPES
 from onebot_description.description.sensors.lidar import RADIATIONS, Lidar
 from onebot_description.description.sensors.noise import Noise
+from onebot_description.ros.wire.messages import time_message
+
+InvalidHandle = rclpy_implementation.InvalidHandle
 
 _FIELDS = {np.dtype("<f4"): PointField.FLOAT32, np.dtype("<u2"): PointField.UINT16}
 
@@ -141,3 +147,46 @@ _CONVERTERS: Mapping[str, tuple[type, Converter]] = {
 MESSAGES = {output: _CONVERTERS[message] for output, message in MESSAGE_TYPES.items()}
 """By output: the message type, and the function that makes the message, or its bytes, of a header,
 the sensor's model, its rate (Hz) and what it measures."""
+
+
+class SensorPublisher:
+    """Publishes what one sensor measures."""
+
+    def __init__(
+        self, instrument: Instrument[Any], frame: str, publishers: Mapping[str, Publisher]
+    ) -> None:
+        """Prepare to publish.
+
+        Args:
+            instrument: measures with the sensor.
+            frame: frame_id of the messages.
+            publishers: by output.
+        """
+        self._instrument, self._frame, self._publishers = instrument, frame, publishers
+
+    @property
+    def topics(self) -> Mapping[str, str]:
+        """The topic of each output."""
+        return {output: publisher.topic_name for output, publisher in self._publishers.items()}
+
+    def wanted(self) -> frozenset[str]:
+        """Return the outputs that somebody subscribes to, keys of ``Sensor.topics``."""
+        try:
+            return frozenset(
+                output
+                for output, publisher in self._publishers.items()
+                if publisher.get_subscription_count()
+            )
+        except InvalidHandle:  # the sensor was taken away meanwhile
+            return frozenset()
+
+    def publish(self, stamp: int, outputs: Mapping[str, Any]) -> None:
+        """Publish the outputs of one measurement, with ``stamp`` in ns."""
+        header = Header(stamp=time_message(stamp), frame_id=self._frame)
+        model, rate = self._instrument.model, self._instrument.rate
+        for output, values in outputs.items():
+            message = MESSAGES[output][1](header, model, rate, values)
+            try:
+                self._publishers[output].publish(message)
+            except InvalidHandle:
+                return

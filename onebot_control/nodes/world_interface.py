@@ -80,7 +80,7 @@ class WorldInterface:
         self._scene_publisher: ScenePublisher | None = None
         self._node = nodes[0]  # has the topics, services and log of the world
         self._failure: BaseException | None = None
-        self._pace = PaceReports(self._node, lambda: self.factor)
+        self._pace = PaceReports(self._node)
         simulation_log.handlers = [NodeLog(self._node)]
         self.simulated, self.scene, self.seed = simulated, scene, seed
         self.factor = settings[0].config.real_time_factor
@@ -141,7 +141,7 @@ class WorldInterface:
             fleet,
             self.publish,
             simulated=self.simulated,
-            meter=self._pace.meter,
+            meter=self._pace,
             measured=sensing.flush,
             missing=self._missing,
             failed=self._fail,

@@ -4,6 +4,9 @@ from collections.abc import Iterable
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
+DEPTH = 10
+"""ROS's system default; an integer as QoS is reliable and volatile, as drivers publish."""
+
 # QoS of topics whose last message late subscribers receive, too, such as robot_description.
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -17,7 +20,7 @@ def make_qos(depth: int, *, reliable: bool, latched: bool) -> QoSProfile:
     )
 
 
-ANY_PUBLISHER = make_qos(10, reliable=False, latched=False)
+ANY_PUBLISHER = make_qos(DEPTH, reliable=False, latched=False)
 """QoS of a subscription that matches any publisher, as SystemDefaultsQoS with Fast DDS."""
 
 

@@ -12,7 +12,7 @@ from onebot_bringup.steering.obstacles import Footprint, Readings, described
 from onebot_description.geometry.quaternions import from_rpy, to_matrix
 from tests.onebot_bringup.steering_support import steered
 from tests.onebot_control.control_support import CASTER, SEPARATION, urdf, wheel
-from tests.onebot_control.test_sensors_process import HALF, room
+from tests.onebot_control.test_sensor_topics import HALF, room
 from tests.ros_support import NodeProcess, Peer, ros_args
 from tests.support import wait_for
 

@@ -23,7 +23,7 @@ from onebot_description.description import load_description
 from onebot_description.elements.packages import package_share
 from onebot_description.geometry.poses import yaw_of
 from tests.onebot_bringup.steering_support import PageClient, Steering, Way, steering
-from tests.onebot_control.test_sensors_process import HALF, room
+from tests.onebot_control.test_sensor_topics import HALF, room
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.steering_browser_support import Page
 from tests.support import wait_for

@@ -5,10 +5,8 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
-from rcl_interfaces.srv import SetParameters
 from rclpy.action import ActionClient
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -19,6 +17,7 @@ from onebot_description.ros.wire.cdr import nanoseconds
 from onebot_description.ros.wire.interfaces import load_interface
 from onebot_description.ros.wire.messages import time_message
 from tests.onebot_control.arm_models import arm, box, joint, link
+from tests.onebot_control.node_support import Stepped
 from tests.ros_support import Peer
 from tests.support import wait_for
 
@@ -150,13 +149,13 @@ class ArmClient(Node):
         return self.action.send_goal_async(goal, lambda each: self.feedback.append(each.feedback))
 
 
-class SteppedArm:
+class SteppedArm(Stepped):
     """Controllers of joints in step with their client: simulated time passes while it waits."""
 
+    client: ArmClient
+
     def __init__(self, ros: Lockstep[Simulation], client: ArmClient | None = None) -> None:
-        self.ros, self.simulation = ros, ros.simulation
-        self.client = client or ArmClient()
-        ros.add(self.client)
+        super().__init__(ros, client or ArmClient())
         assert self.client.action.wait_for_server(10.0)
 
     def awaited(self, future: Any, timeout: float = 5.0) -> Any:
@@ -183,19 +182,9 @@ class SteppedArm:
         """Cancel a goal; the number of goals that the server cancels."""
         return len(self.awaited(handle.cancel_goal_async()).goals_canceling)
 
-    def call(self, kind: Any, name: str, **request: Any) -> Any:
-        """The answer of a service."""
-        client = self.client.create_client(kind, name)
-        assert client.wait_for_service(10.0)
-        answer = self.awaited(client.call_async(kind.Request(**request)))
-        self.client.destroy_client(client)
-        return answer
-
     def set_parameter(self, controller: str, name: str, value: Any) -> Any:
         """The result of setting a parameter of a controller."""
-        parameters = [Parameter(name, value=value).to_parameter_msg()]
-        service = f"{controller}/set_parameters"
-        return self.call(SetParameters, service, parameters=parameters).results[0]
+        return self.set_parameters(controller, **{name: value})[0]
 
     def query(self, stamp: int) -> Any:
         """The answer of ~/query_state about a time, ns."""

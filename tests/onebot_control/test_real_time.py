@@ -7,34 +7,33 @@ from onebot_control.nodes.real_time import Pace, PaceMeter
 PERIOD = 1 / 64  # s, so that sums are exact
 
 
-class Loop:
+class Loop(PaceMeter):
     """Control cycles, what is measured of them, and what is logged at which second."""
 
     def __init__(self, wanted: float = 1.0) -> None:
         self.paces: list[Pace] = []
         self.slow: list[bool] = []
-        self.log: list[tuple[int, str, bool]] = []
+        self.lines: list[tuple[int, str, bool]] = []
         self.now = 100.0
-        self._meter = PaceMeter(self._on_pace, self._on_log)
-        self._meter.set(self.now, wanted)
+        self.set(self.now, wanted)
 
-    def _on_pace(self, pace: Pace, is_slow: bool) -> None:
+    def measured(self, pace: Pace, *, is_slow: bool) -> None:
         self.paces.append(pace)
         self.slow.append(is_slow)
 
-    def _on_log(self, text: str, is_slow: bool) -> None:
-        self.log.append((round(self.now - 100.0), text, is_slow))
+    def log(self, text: str, *, is_slow: bool) -> None:
+        self.lines.append((round(self.now - 100.0), text, is_slow))
 
     def run(self, seconds: float, missed: int = 0, factor: float = 1.0) -> None:
         """Let cycles leave out so many after each."""
         until = self.now + seconds
         while self.now < until:
             self.now += PERIOD / factor * (1 + missed)
-            self._meter.cycle(self.now, PERIOD, missed)
+            self.cycle(self.now, PERIOD, missed)
 
     def pause(self, seconds: float) -> None:
         self.now += seconds
-        self._meter.skip(self.now)
+        self.skip(self.now)
 
 
 def test_it_is_measured_each_second() -> None:
@@ -62,7 +61,7 @@ def test_it_is_logged_once_when_it_falls_and_once_when_it_is_back() -> None:
     loop.run(1.0, missed=3)
     loop.run(1000.0)
     missed, back = "48 of 64 control cycles missed", "real-time factor 1 in the last 5 s, 0 of 320"
-    assert loop.log == [
+    assert loop.lines == [
         (101, f"slow motion: real-time factor 0.25 in the last 1 s, {missed}", True),
         (225, f"the pace is back: {back} control cycles missed", False),
         (1221, f"slow motion: real-time factor 0.25 in the last 1 s, {missed}", True),
@@ -74,9 +73,9 @@ def test_it_is_back_at_95_percent_of_what_is_wanted() -> None:
     loop = Loop(2.0)
     loop.run(1.0, factor=1.0)
     loop.run(60.0, factor=1.89)
-    assert [is_slow for *_, is_slow in loop.log] == [True]
+    assert [is_slow for *_, is_slow in loop.lines] == [True]
     loop.run(10.0, factor=1.91)
-    assert [is_slow for *_, is_slow in loop.log] == [True, False]
+    assert [is_slow for *_, is_slow in loop.lines] == [True, False]
 
 
 @pytest.mark.parametrize(("wanted", "slow"), [(0.0, False), (4.0, False), (5.0, True)])

@@ -3,16 +3,17 @@
 import os
 import signal
 import time
+from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import pytest
-from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
+from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool, String
-from std_srvs.srv import Trigger
+from std_msgs.msg import String
 
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_control.control_support import urdf
@@ -34,35 +35,9 @@ def seconds(message: Any) -> float:
     return float(message.header.stamp.sec + message.header.stamp.nanosec * 1e-9)
 
 
-def test_drives_as_told_and_brakes_when_commands_stop(peer: Peer, model: str) -> None:
-    """A Twist at 50 Hz for 2 s: odometry and truth are where they should be, by their stamps.
-
-    In simulated time, in which the robot moves on with each cycle however late that is.
-    """
-    odom = peer.hear(Odometry, f"{NODE}/odom", 1000)
-    truth = peer.hear(Odometry, f"{NODE}/ground_truth", 1000)
-    limited = peer.hear(TwistStamped, f"{NODE}/cmd_vel_out", 1000)
-    with NodeProcess(MODULE, model, *ros_args(use_sim_time=True, cmd_vel_timeout=2.0)):
-        driver = Driver(peer, twist(0.2))
-        start = wait_for(lambda: next((m for m in odom if speed(m) > 0.199), None), "full speed")
-        wait_for(lambda: seconds(odom[-1]) - seconds(start) > 2.0, "2 s of driving")
-        driver.stop()
-        wait_for(lambda: limited[-1].twist.linear.x == 0.0, "the brakes")
-        wait_for(lambda: abs(speed(odom[-1])) < 1e-4, "rest")
-        rest = odom[-1]
-        wait_for(lambda: seconds(truth[-1]) >= seconds(rest), "the truth")
-        end = next(m for m in odom if seconds(m) - seconds(start) >= 2.0)
-        way = 0.2 * (seconds(end) - seconds(start))
-        assert x(end) - x(start) == pytest.approx(way, rel=1e-3)
-        for wheel in (start, end, rest):
-            same = next(m for m in truth if m.header.stamp == wheel.header.stamp)
-            assert x(same) == pytest.approx(x(wheel), abs=5e-4)
-            assert same.pose.pose.position.y == pytest.approx(0.0, abs=1e-3)
-        # It slows down by control.yaml's 0.5 m/s^2, not at once.
-        slowing = [
-            m for m in limited if 0.0 < m.twist.linear.x < 0.19 and seconds(m) > seconds(end)
-        ]
-        assert len(slowing) > 20
+def gaps(messages: Sequence[Any]) -> list[float]:
+    """The times between successive messages, s."""
+    return [round(seconds(after) - seconds(before), 4) for before, after in pairwise(messages)]
 
 
 def test_publishes_from_the_start(peer: Peer, model: str) -> None:
@@ -72,7 +47,7 @@ def test_publishes_from_the_start(peer: Peer, model: str) -> None:
     tf = peer.hear(TFMessage, "/tf")
     static = peer.hear(TFMessage, "/tf_static", LATCHED)
     with NodeProcess(MODULE, model, *ros_args(world_frame_id="world")):
-        wait_for(lambda: joints and len(odom) > 20 and tf and static, "messages")
+        wait_for(lambda: joints and tf and static and 0.02 in gaps(odom), "messages")
     assert joints[-1].name == ["left_wheel_joint", "right_wheel_joint"]
     assert (x(odom[-1]), speed(odom[-1])) == pytest.approx((0.0, 0.0), abs=1e-4)
     assert odom[-1].pose.covariance[35] < 1e-6 < odom[-1].twist.covariance[0]  # it has not moved
@@ -80,8 +55,6 @@ def test_publishes_from_the_start(peer: Peer, model: str) -> None:
     assert abs(seconds(joints[-1]) - now) < 30.0
     assert not peer.node.count_publishers("/clock")
     assert [m.transforms[0].child_frame_id for m in (tf[-1], static[-1])] == ["base_link", "odom"]
-    gaps = {round(seconds(b) - seconds(a), 4) for a, b in zip(odom, odom[1:], strict=False)}
-    assert 0.02 in gaps
 
 
 def test_both_kinds_of_command_are_heard(peer: Peer, model: str) -> None:
@@ -148,7 +121,7 @@ def test_a_command_of_before_the_process_woke_does_not_drive(
     with NodeProcess(MODULE, model, *forever) as node:
         commands = peer.publisher(Twist, f"{NODE}/cmd_vel")
         wait_for(lambda: limited, "the node")
-        for _ in range(3):
+        for _ in range(2):
             at_rest = len(limited)
             os.kill(node.process.pid, signal.SIGSTOP)
             os.waitid(os.P_PID, node.process.pid, os.WSTOPPED)  # its threads run on until then
@@ -166,126 +139,25 @@ def test_a_command_of_before_the_process_woke_does_not_drive(
             wait_for(lambda: limited[-1].twist.linear.x == 0.0, "rest")
 
 
-def test_a_lock_stops_the_robot_whoever_drives(peer: Peer, model: str) -> None:
-    """Locked, it brakes within its limits and ignores commands; unlocked, it waits for new ones.
-
-    Its state is latched, and the log names the way to unlock it.
-    """
-    limited = peer.hear(TwistStamped, f"{NODE}/cmd_vel_out", 1000)
-    with NodeProcess(MODULE, model) as node:
-        driver = Driver(peer, twist(0.3))
-        wait_for(lambda: limited[-1].twist.linear.x == 0.3, "0.3 m/s")
-        lock = peer.publisher(Bool, f"{NODE}/cmd_vel_lock")
-        lock.publish(Bool(data=True))
-        wait_for(lambda: limited[-1].twist.linear.x == 0.0, "rest")
-        speeds = [m.twist.linear.x for m in limited]
-        braking = speeds[max(i for i, v in enumerate(speeds) if v == 0.3) :]
-        assert len(braking) > 50  # by control.yaml's 0.5 m/s^2
-        count = len(limited)
-        wait_for(lambda: len(limited) > count + 50, "cycles at rest")
-        driver.stop()
-        state = peer.hear(Bool, f"{NODE}/cmd_vel_locked", LATCHED)
-        wait_for(lambda: state == [Bool(data=True)], "the state")
-        stopped = len(limited)
-        wait_for(lambda: len(limited) > stopped + 100, "the last command to be received")
-        lock.publish(Bool(data=False))
-        wait_for(lambda: state[-1] == Bool(data=False), "the state")
-        settled = len(limited)
-        wait_for(lambda: len(limited) > settled + 50, "cycles at rest")
-        assert not any(m.twist.linear.x for m in limited[count:])
-        Driver(peer, twist(0.2))
-        wait_for(lambda: limited[-1].twist.linear.x == 0.2, "0.2 m/s")
-        assert f"until false is published on {NODE}/cmd_vel_lock, or" in node.output
-        assert node.output.count("~/cmd_vel is ignored: the robot is locked until") == 1
-
-
 def test_simulated_time(peer: Peer, model: str) -> None:
     """Ten times as fast: /clock runs, all stamps are on it, and there are no gaps.
 
-    Odometry that drifts from the truth is warned of once. A second simulation, be it in a
-    namespace, has the same /clock: both warn of each other.
+    A second simulation, be it in a namespace, has the same /clock: both warn of each other.
     """
     clock = peer.hear(Clock, "/clock", 1000)
     joints = peer.hear(JointState, "/joint_states", 1000)
-    truth = peer.hear(Odometry, f"{NODE}/ground_truth")
-    with NodeProcess(MODULE, model, *ros_args(real_time_factor=10.0, wheel_radius=0.12)) as one:
+    with NodeProcess(MODULE, model, *ros_args(real_time_factor=10.0)) as one:
         wait_for(lambda: len(clock) > 300 and len(joints) > 300, "messages")
-        Driver(peer, twist(0.2))
-        wait_for(lambda: "odometry and truth drift apart" in one.output, "the warning")
-        before = x(truth[-1])
-        wait_for(lambda: x(truth[-1]) > before + 0.5, "as much again")
-        assert one.output.count("drift apart") == 1
-        stamps = [seconds(m) for m in joints[:300]]
         for factor in (1e-4, 1.0):  # a cycle in 100 s delays no other parameter
             assert all(r.successful for r in peer.set_parameters(NODE, real_time_factor=factor))
-        reached = len(joints)
-        wait_for(lambda: len(joints) > reached, "messages at another pace")
         words = [*ros_args(use_sim_time=True), "-r", "__ns:=/other"]
         with NodeProcess(MODULE, model, *words) as other:
             for node, name in ((one, "/other/velocity_controller"), (other, NODE)):
                 warning = f"/clock is also published by {name}: time jumps between two simulations"
                 wait_for(lambda n=node, w=warning: w in n.output, "the warning")
                 assert "domain_id:=" in node.output
-    gaps = [b - a for a, b in zip(stamps, stamps[1:], strict=False)]
-    assert gaps == pytest.approx([0.01] * len(gaps), abs=1e-6)
-    assert stamps[0] < 60.0
-
-
-def test_services_and_teleport(peer: Peer, model: str) -> None:
-    """Teleport, set_odometry, reset_odometry and reset do what they are called."""
-    odom = peer.hear(Odometry, f"{NODE}/odom")
-    truth = peer.hear(Odometry, f"{NODE}/ground_truth")
-    with NodeProcess(MODULE, model, *ros_args(x=1.0, world_frame_id="world")) as node:
-        wait_for(lambda: x(truth[-1]) == pytest.approx(1.0, abs=1e-3), "the start")
-        pose = PoseStamped()
-        pose.pose.position.x = 7.0
-        peer.publisher(PoseStamped, f"{NODE}/teleport").publish(pose)
-        wait_for(lambda: abs(x(truth[-1]) - 7.0) < 1e-3, "the teleport")
-        assert x(odom[-1]) == pytest.approx(0.0, abs=1e-3)
-        pose.pose.position.x = 3.0
-        setter = peer.publisher(PoseStamped, f"{NODE}/set_odometry")
-        setter.publish(pose)
-        wait_for(lambda: abs(x(odom[-1]) - 3.0) < 1e-3, "the odometry to be set")
-        pose.pose.orientation.w = 0.0
-        setter.publish(pose)
-        wait_for(lambda: "its orientation no unit quaternion" in node.output, "the warning")
-        assert peer.call(Trigger, f"{NODE}/reset_odometry").success
-        wait_for(lambda: abs(x(odom[-1])) < 1e-3, "the odometry to be reset")
-        assert peer.call(Trigger, f"{NODE}/reset").success
-        wait_for(lambda: abs(x(truth[-1]) - 1.0) < 1e-3, "the reset")
-
-
-def test_parameters_take_effect_or_are_refused(peer: Peer, model: str) -> None:
-    """A limit set while it drives counts at once; what cannot be set says why."""
-    limited = peer.hear(TwistStamped, f"{NODE}/cmd_vel_out")
-    odom = peer.hear(Odometry, f"{NODE}/odom")
-    with NodeProcess(MODULE, model) as node:
-        Driver(peer, twist(0.3))
-        wait_for(lambda: limited[-1].twist.linear.x == 0.3, "0.3 m/s")
-        assert all(r.successful for r in peer.set_parameters(NODE, **{"linear.x.min_jerk": -1.0}))
-        wait_for(lambda: "linear.x.min_jerk: limits nothing" in node.output, "the warning")
-        set_to = {"linear.x.max_velocity": 0.1, "odom_frame_id": "wheels"}
-        assert all(result.successful for result in peer.set_parameters(NODE, **set_to))
-        wait_for(lambda: limited[-1].twist.linear.x == 0.1, "0.1 m/s")
-        wait_for(lambda: odom[-1].header.frame_id == "wheels", "the new frame")
-        wrong = {
-            "wheel_radius": (-1.0, "wheel_radius out of range"),
-            "update_rate": (50, "read-only parameter"),
-            "joint_state_broadcaster.joints": (["arm"], 'no joint "arm"'),
-            "odom_frame_id": ("base_link", '"base_link" is base_frame_id; each frame needs a name'),
-        }
-        for name, (value, reason) in wrong.items():
-            (result,) = peer.set_parameters(NODE, **{name: value})
-            assert not result.successful
-            assert reason in result.reason
-        for wanted in (False, True):
-            (result,) = peer.set_parameters(NODE, publish_limited_velocity=wanted)
-            assert result.successful
-            count, topic = peer.node.count_publishers, f"{NODE}/cmd_vel_out"
-            wait_for(lambda: count(topic) == wanted, f"the topic: {wanted}")  # noqa: B023
-        heard = len(limited)
-        wait_for(lambda: len(limited) > heard, "the limited command again")
-        assert peer.parameter(NODE, "wheel_radius") == 0.0
+    assert gaps(joints[:300]) == [0.01] * 299
+    assert seconds(joints[0]) < 60.0
 
 
 def test_description_from_the_topic_also_changed(peer: Peer) -> None:
@@ -304,13 +176,6 @@ def test_description_from_the_topic_also_changed(peer: Peer) -> None:
         wait_for(lambda: joints, "joint states")
         publisher.publish(String(data=urdf(name="other")))
         wait_for(lambda: CHANGED in node.output, "the new robot")
-
-        def refused() -> bool:
-            publisher.publish(String(data=foreign))
-            refusal = node.output.partition("not applied, the robot goes on as before:")[2]
-            return 'robot "bot" cannot be driven: no wheel' in refusal
-
-        wait_for(refused, "the refusal, a while after the first")
         count = len(joints)
         wait_for(lambda: len(joints) > count + 10, "more joint states")
 

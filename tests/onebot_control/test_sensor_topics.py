@@ -1,4 +1,4 @@
-"""Sensors of velocity_controller on real DDS: what is published, when, and in which frames."""
+"""Sensors of velocity_controller on their topics: what is published, when, and in which frames."""
 
 import math
 from collections.abc import Sequence
@@ -11,12 +11,21 @@ from nav_msgs.msg import Odometry
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import CameraInfo, Image, Imu, LaserScan, PointCloud, PointCloud2, Range
 from std_msgs.msg import String
-from std_srvs.srv import SetBool, Trigger
 
+from onebot_control import RobotSetup
+from onebot_description.description import parse_description
 from onebot_description.ros.wire.cdr import nanoseconds
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_control.control_support import CASTER, SEPARATION, urdf, wheel
-from tests.onebot_control.node_support import MODULE, NODE, Driver, driving, speed, twist
+from tests.onebot_control.node_support import (
+    MODULE,
+    NODE,
+    Driver,
+    RosSimulation,
+    Stepped,
+    speed,
+    twist,
+)
 from tests.ros_support import NodeProcess, Peer, ros_args
 from tests.support import wait_for
 
@@ -108,115 +117,76 @@ def image(message: Image) -> np.ndarray:
     return np.frombuffer(message.data, kind).reshape(message.height, message.width, *shape[1:])
 
 
-@pytest.mark.slow
-def test_a_robot_senses_its_room(peer: Peer, tmp_path: Path) -> None:
+def test_a_robot_senses_its_room(ros_simulation: RosSimulation, tmp_path: Path) -> None:
     """Ranges, frames, stamps with transforms of that time, the camera's four topics, the IMU."""
-    arguments = ros_args(
-        world=room(tmp_path), use_sim_time=True, x=-0.5, sensor_noise=False, publish_rate=7.0
+    stepped = Stepped(
+        ros_simulation(
+            parse_description(bot(laser(), IMU, CAMERA)),
+            world=room(tmp_path),
+            x=-0.5,
+            noise=False,
+            parameters={"publish_rate": 7.0},
+        )
     )
-    with driving(tmp_path, bot(laser(), IMU, CAMERA), *arguments):
-        tf = peer.hear(TFMessage, "/tf", 1000)
-        scans = peer.hear(LaserScan, "/scan", 1000)
-        inertia = peer.hear(Imu, "/imu/data", 1000)
-        wait_for(lambda: len(scans) > 20 and len(inertia) > 40, "scans")
-        (end,) = peer.node.get_publishers_info_by_topic("/scan")
-        assert end.qos_profile.reliability == ReliabilityPolicy.RELIABLE
-        assert end.qos_profile.durability == DurabilityPolicy.VOLATILE
-        scan = scans[-1]
-        assert scan.header.frame_id == "laser_link" and len(scan.ranges) == 181
-        # Karto's count of the rays, from single precision.
-        assert round((scan.angle_max - scan.angle_min) / scan.angle_increment) + 1 == 181
-        assert (scan.range_min, scan.range_max) == (pytest.approx(0.05), 10.0)
-        np.testing.assert_allclose(scan.ranges, in_room(angles_of(scan), -0.4), atol=1e-3)
-        # Each tenth cycle, and odom -> base_link at that very time, though odom is slower.
-        assert {*np.diff(stamps(scans))} <= {100_000_000 * missed for missed in (1, 2, 3)}
-        wait_for(lambda: len(tf) > 200, "transforms")
+    tf, inertia = stepped.hear(TFMessage, "/tf"), stepped.hear(Imu, "/imu/data")
+    scans = stepped.hear(LaserScan, "/scan")
+    (end,) = stepped.client.get_publishers_info_by_topic("/scan")
+    assert end.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+    assert end.qos_profile.durability == DurabilityPolicy.VOLATILE
+    stepped.simulation.run(2.0)
+    scan = scans[-1]
+    assert scan.header.frame_id == "laser_link" and len(scan.ranges) == 181
+    # Karto's count of the rays, from single precision.
+    assert round((scan.angle_max - scan.angle_min) / scan.angle_increment) + 1 == 181
+    assert (scan.range_min, scan.range_max) == (pytest.approx(0.05), 10.0)
+    np.testing.assert_allclose(scan.ranges, in_room(angles_of(scan), -0.4), atol=1e-3)
+    # Each tenth cycle, and odom -> base_link at that very time, though odom is slower.
+    assert stamps(scans) == [10_000_000 + 100_000_000 * count for count in range(20)]
+    for child in ("base_link", "odom"):
+        transforms = (each for message in tf for each in message.transforms)
         known = {
-            child: {
-                nanoseconds(each.header.stamp)
-                for message in tf
-                for each in message.transforms
-                if each.child_frame_id == child
-            }
-            for child in ("base_link", "odom")
+            nanoseconds(each.header.stamp) for each in transforms if each.child_frame_id == child
         }
-        since = min(known["base_link"])
-        for child, times in known.items():
-            sensed = {stamp for stamp in stamps(scans) if since <= stamp <= max(times)}
-            assert sensed and sensed <= times, child
-        rest = inertia[-1]
-        assert rest.header.frame_id == "base_link"
-        assert rest.linear_acceleration.z == pytest.approx(9.81, abs=0.05)
-        assert rest.angular_velocity_covariance[8] == pytest.approx(1e-4)
-        assert rest.orientation.w == pytest.approx(1.0, abs=1e-2)
-        # The camera's topics are there, and nothing is drawn before somebody subscribes.
-        info = peer.hear(CameraInfo, "/camera/camera_info")
-        colors = peer.hear(Image, "/camera/image_raw")
-        depths = peer.hear(Image, "/camera/depth/image_raw")
-        points = peer.hear(PointCloud2, "/camera/points")
-        wait_for(lambda: info and colors and depths and points, "the camera")
-        focal = 64 / (2 * math.tan(0.5))
-        assert info[0].k[0] == info[0].k[4] == info[0].p[0] == pytest.approx(focal)
-        assert (info[0].k[2], info[0].k[5], info[0].distortion_model) == (32.0, 24.0, "plumb_bob")
-        assert {each[-1].header.frame_id for each in (info, colors, depths, points)} == {"optical"}
-        assert colors[0].encoding == "rgb8" and image(colors[0]).shape == (48, 64, 3)
-        assert depths[0].encoding == "32FC1"
-        np.testing.assert_allclose(image(depths[-1])[20:24], HALF + 0.4, atol=2e-3)
-        cloud = points[-1]
-        fields = {each.name: each.offset for each in cloud.fields}
-        assert fields == {"x": 0, "y": 4, "z": 8, "rgb": 16}
-        floats = np.frombuffer(cloud.data, np.float32).reshape(48, 64, cloud.point_step // 4)
-        middle = floats[24, 32, :3]  # right ahead: z of the optical frame
-        np.testing.assert_allclose(middle, [0, 0, HALF + 0.4], atol=2e-3)
+        assert known >= {*stamps(scans)}, child
+    rest = inertia[-1]
+    assert rest.header.frame_id == "base_link"
+    assert rest.linear_acceleration.z == pytest.approx(9.81, abs=0.05)
+    assert rest.angular_velocity_covariance[8] == pytest.approx(1e-4)
+    assert rest.orientation.w == pytest.approx(1.0, abs=1e-2)
+    info = stepped.hear(CameraInfo, "/camera/camera_info")
+    colors = stepped.hear(Image, "/camera/image_raw")
+    depths = stepped.hear(Image, "/camera/depth/image_raw")
+    points = stepped.hear(PointCloud2, "/camera/points")
+    stepped.simulation.run(0.1)
+    focal = 64 / (2 * math.tan(0.5))
+    assert info[0].k[0] == info[0].k[4] == info[0].p[0] == pytest.approx(focal)
+    assert (info[0].k[2], info[0].k[5], info[0].distortion_model) == (32.0, 24.0, "plumb_bob")
+    assert {each[-1].header.frame_id for each in (info, colors, depths, points)} == {"optical"}
+    assert colors[0].encoding == "rgb8" and image(colors[0]).shape == (48, 64, 3)
+    assert depths[0].encoding == "32FC1"
+    np.testing.assert_allclose(image(depths[-1])[20:24], HALF + 0.4, atol=2e-3)
+    cloud = points[-1]
+    fields = {each.name: each.offset for each in cloud.fields}
+    assert fields == {"x": 0, "y": 4, "z": 8, "rgb": 16}
+    floats = np.frombuffer(cloud.data, np.float32).reshape(48, 64, cloud.point_step // 4)
+    middle = floats[24, 32, :3]  # right ahead: z of the optical frame
+    np.testing.assert_allclose(middle, [0, 0, HALF + 0.4], atol=2e-3)
 
 
-@pytest.mark.slow
-def test_sensors_follow_simulated_time_and_what_moves(peer: Peer, tmp_path: Path) -> None:
-    """Silent while paused, stepped when due, faster with the pace; a box pushed is in the scan."""
+def test_a_box_that_is_pushed_is_in_the_scan(ros_simulation: RosSimulation, tmp_path: Path) -> None:
+    """It keeps its distance, while the wall beside it comes nearer; the lidar is in a file."""
     crate = box("crate", "0.3 0.3 0.5", "0.6 0 0.25", "floating")
-    arguments = ros_args(
-        world=room(tmp_path, crate), use_sim_time=True, cmd_vel_timeout=5.0, sensor_noise=False
-    )
-    with driving(tmp_path, bot(laser()), *arguments):
-        scans = peer.hear(LaserScan, "/scan", 1000)
-
-        def ahead() -> float:
-            return float(scans[-1].ranges[90])
-
-        wait_for(lambda: len(scans) > 3, "scans")
-        assert ahead() == pytest.approx(0.45 - AHEAD, abs=5e-3)
-        driver = Driver(peer, twist(0.4))
-        # The crate is pushed: it keeps its distance, while the wall beside it comes nearer.
-        beside = float(scans[-1].ranges[90 + 36])
-        wait_for(lambda: float(scans[-1].ranges[90 + 36]) < beside - 0.3, "the robot to push")
-        assert ahead() < 0.3
-        driver.stop()
-        assert peer.call(SetBool, f"{NODE}/pause", data=True).success
-        last = len(wait_for(lambda: _settled(scans), "silence"))
-        for _ in range(20):
-            assert peer.call(Trigger, f"{NODE}/step").success
-        wait_for(lambda: len(scans) >= last + 2, "two scans in 20 steps")
-        _settled(scans)
-        assert len(scans) == last + 2
-        assert peer.call(SetBool, f"{NODE}/pause", data=False).success
-        # Ten a simulated second also at ten simulated seconds a second; a busy machine drops some.
-        (result,) = peer.set_parameters(NODE, real_time_factor=10.0)
-        assert result.successful, result.reason
-        slow = len(scans)
-        wait_for(lambda: len(scans) > slow + 40, "scans at another pace")
-        assert np.median(np.diff(stamps(scans)[slow:])) == 100_000_000
-        times = stamps(scans)
-        assert (np.diff(times) > 0).all()
-        assert all((time // 10_000_000 - 1) % 10 == 0 for time in times)  # of the cycles' grid
-
-
-def _settled(messages: list[Any]) -> list[Any] | None:
-    """The messages, once no more come."""
-    import time
-
-    before = len(messages)
-    time.sleep(0.5)
-    return messages if len(messages) == before else None
+    file, model = tmp_path / "laser.urdf", parse_description(bot())
+    file.write_text(f"<robot>{laser()}</robot>")
+    around = room(tmp_path, crate)
+    stepped = Stepped(ros_simulation(model, world=around, sensors=file, noise=False))
+    scans = stepped.hear(LaserScan, "/scan")
+    stepped.simulation.run(0.1)
+    assert scans[-1].ranges[90] == pytest.approx(0.45 - AHEAD, abs=5e-3)
+    stepped.simulation.robot.drive(0.4)
+    stepped.simulation.run(3.0)
+    assert scans[-1].ranges[90 + 36] < scans[0].ranges[90 + 36] - 0.3
+    assert scans[-1].ranges[90] < 0.3
 
 
 def plugin(name: str, kind: str, to: str, inside: str = "") -> str:
@@ -252,25 +222,25 @@ DEPTH_PLUGIN = """
     </plugin></sensor></gazebo>"""
 
 
-@pytest.mark.slow
-def test_each_plugin_of_a_sensor_publishes_the_type_it_asks_for(peer: Peer, tmp_path: Path) -> None:
+def test_each_plugin_of_a_sensor_publishes_the_type_it_asks_for(
+    ros_simulation: RosSimulation, tmp_path: Path
+) -> None:
     """The wall is 2.4 m ahead; relative topics are in the robot's namespace, absolute ones not.
 
     A depth camera has its plugin's limits and baseline.
     """
-    arguments = ros_args(world=room(tmp_path), x=-0.5, sensor_noise=False)
-    own = ("--robot", "-r", "__ns:=/a")
-    with driving(tmp_path, bot(ROWS, DEPTH_PLUGIN), *own, *arguments):
-        scans = peer.hear(LaserScan, "/a/ray/scan")
-        clouds = peer.hear(PointCloud2, "/cloud")
-        points = peer.hear(PointCloud, "/a/ray/cloud")
-        distances = peer.hear(Range, "/a/ray/range")
-        met = peer.hear(PointCloud2, "/a/near")
-        depths = peer.hear(Image, "/a/left/eye/depth/image_raw")
-        camera_clouds = peer.hear(PointCloud2, "/points")
-        infos = peer.hear(CameraInfo, "/a/left/eye/depth/camera_info")
-        heard = scans, clouds, points, distances, met, depths, camera_clouds, infos
-        wait_for(lambda: all(heard), "all topics")
+    model = parse_description(bot(ROWS, DEPTH_PLUGIN))
+    robots = {"a": RobotSetup(x=-0.5)}
+    stepped = Stepped(ros_simulation(model, world=room(tmp_path), robots=robots, noise=False))
+    scans = stepped.hear(LaserScan, "/a/ray/scan")
+    clouds = stepped.hear(PointCloud2, "/cloud")
+    points = stepped.hear(PointCloud, "/a/ray/cloud")
+    distances = stepped.hear(Range, "/a/ray/range")
+    met = stepped.hear(PointCloud2, "/a/near")
+    depths = stepped.hear(Image, "/a/left/eye/depth/image_raw")
+    camera_clouds = stepped.hear(PointCloud2, "/points")
+    infos = stepped.hear(CameraInfo, "/a/left/eye/depth/camera_info")
+    stepped.simulation.run(0.1)
     across, up = np.array([-0.2, -0.1, 0.0, 0.1, 0.2]), np.array([[-0.1], [0.0], [0.1]])
     true = 2.4 / np.cos(across) / np.cos(up)
     scan, distance = scans[-1], distances[-1]
@@ -318,9 +288,8 @@ def imu(name: str, inside: str = "") -> str:
 NED = "<orientation_reference_frame><localization>NED</localization></orientation_reference_frame>"
 
 
-@pytest.mark.slow
 def test_two_cameras_share_their_camera_info_and_imus_name_their_axes(
-    peer: Peer, tmp_path: Path
+    ros_simulation: RosSimulation,
 ) -> None:
     """The robot faces 0.7 rad to the left of east all the time."""
     block = CAMERA.replace("rgbd_camera", "camera").replace(
@@ -332,15 +301,15 @@ def test_two_cameras_share_their_camera_info_and_imus_name_their_axes(
     ]
     none = imu("none", "<enable_orientation>false</enable_orientation>")
     blocks += [imu("plain"), imu("ned", NED), none]
-    with driving(tmp_path, bot(*blocks), *ros_args(yaw=0.7)) as node:
-        front, rear = peer.hear(Image, "/cam/front"), peer.hear(Image, "/cam/rear")
-        infos = peer.hear(CameraInfo, "/cam/camera_info")
-        turns = {name: peer.hear(Imu, f"/{name}") for name in ("plain", "ned", "none")}
-        wait_for(lambda: front and rear and all(turns.values()), "both pictures, and all IMUs")
-        wait_for(lambda: {each.width for each in infos} == {64, 32}, "the CameraInfo of both")
-        assert (front[-1].width, rear[-1].width) == (64, 32)
-        wait_for(lambda: "<camera_info_topic>" in node.output, "the notice")
-        assert "not simulated" not in node.output
+    model = parse_description(bot(*blocks))
+    assert any("<camera_info_topic>" in notice for notice in model.notices)
+    stepped = Stepped(ros_simulation(model, yaw=0.7))
+    front, rear = stepped.hear(Image, "/cam/front"), stepped.hear(Image, "/cam/rear")
+    infos = stepped.hear(CameraInfo, "/cam/camera_info")
+    turns = {name: stepped.hear(Imu, f"/{name}") for name in ("plain", "ned", "none")}
+    stepped.simulation.run(0.1)
+    assert {each.width for each in infos} == {64, 32}
+    assert (front[-1].width, rear[-1].width) == (64, 32)
     half = math.pi / 4 - 0.35
     for name, (x, y, z, w) in {
         "plain": (0.0, 0.0, math.sin(0.35), math.cos(0.35)),
