@@ -97,12 +97,6 @@ def limited_joints(description: Description) -> tuple[Joint, ...]:
     )
 
 
-def limits(joint: Joint) -> tuple[float, float]:
-    """Return the lower and the upper limit of one of ``limited_joints``, rad or m."""
-    assert joint.lower is not None and joint.upper is not None
-    return joint.lower, joint.upper
-
-
 def scale_strips(joint: Joint, radius: float) -> Strips:
     """Return lines of the arc or bar with end marks, (N, 3) points each, m in the parent's frame.
 
@@ -110,7 +104,7 @@ def scale_strips(joint: Joint, radius: float) -> Strips:
         joint: one of ``limited_joints``.
         radius: radius of the arc, m.
     """
-    lower, upper = limits(joint)
+    lower, upper = joint.range
     across = _across(joint.axis)
     if joint.kind == "revolute":
         # More than one turn would overlap itself.

@@ -13,7 +13,7 @@ from onebot_bringup.viewer.core.inbox import MessageType, WantedTopic, one_by_on
 from onebot_bringup.viewer.core.rerun_limits import SELDOM
 from onebot_bringup.viewer.core.settings import Color, setting
 from onebot_bringup.viewer.displays.curves import Curves
-from onebot_bringup.viewer.displays.joint_limits import limited_joints, limits
+from onebot_bringup.viewer.displays.joint_limits import limited_joints
 from onebot_description.ros.wire.messages import JointStateArrays, one_joint_state
 
 POSITION_ENTITY = "joints/position"
@@ -66,7 +66,7 @@ class JointPlotDisplay(Display[JointPlotSettings]):
         super().apply(settings)
         robot = self.robot.description
         joints = limited_joints(robot) if robot is not None and settings.limits else ()
-        drawn = {joint.name: limits(joint) for joint in joints}
+        drawn = {joint.name: joint.range for joint in joints}
         if drawn == self._limits:
             return
         self.flush()
