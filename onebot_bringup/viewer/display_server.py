@@ -52,52 +52,21 @@ def program() -> Path:
     return path
 
 
-class ScratchFolder:
-    """A temporary folder for Rerun's program, which does not remove its temporary files.
+_SCRATCH = "onebot-rerun-"  # prefix of temporary folders; the id of their process follows
 
-    This process locks it. If the process is killed, the next one to make such a folder removes it.
 
-    Attributes:
-        path: the folder.
+def _scratch_folder() -> tempfile.TemporaryDirectory[str]:
+    """Make a temporary folder for Rerun's program, which does not remove its temporary files.
+
+    Folders of processes that were killed are removed.
     """
-
-    _PREFIX = "onebot-rerun-"
-
-    def __init__(self) -> None:
-        """Make the folder, and remove folders of processes that are gone."""
-        for left in Path(tempfile.gettempdir()).glob(f"{self._PREFIX}*"):
-            lock = _locked(left)
-            if lock is not None:
-                shutil.rmtree(left, ignore_errors=True)
-                os.close(lock)
-        lock = None
-        while lock is None:  # another process may take it for left behind before it is locked
-            self._folder = tempfile.TemporaryDirectory(
-                prefix=self._PREFIX, ignore_cleanup_errors=True
-            )
-            self.path = Path(self._folder.name)
-            lock = _locked(self.path)
-        self._locked = ExitStack()
-        self._locked.callback(os.close, lock)
-
-    def remove(self) -> None:
-        """Remove the folder with its content."""
-        self._folder.cleanup()
-        self._locked.close()
-
-
-def _locked(folder: Path) -> int | None:
-    """Lock a folder until the descriptor is closed; None if it is gone, or locked elsewhere."""
-    try:
-        lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
-    except OSError:
-        return None
-    with suppress(OSError):
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        if folder.is_dir():
-            return lock
-    os.close(lock)
-    return None
+    for left in Path(tempfile.gettempdir()).glob(f"{_SCRATCH}*"):
+        process = left.name.removeprefix(_SCRATCH).partition("-")[0]
+        if not Path("/proc", process).exists():
+            shutil.rmtree(left, ignore_errors=True)
+    return tempfile.TemporaryDirectory(
+        prefix=f"{_SCRATCH}{os.getpid()}-", ignore_cleanup_errors=True
+    )
 
 
 class Child:
@@ -112,8 +81,8 @@ class Child:
         self._output: IO[bytes] = tempfile.TemporaryFile()
         variables = {**os.environ, "RUST_LOG": "warn", "NO_COLOR": "1"}
         variables["CI"] = "true"  # keeps Rerun from sending usage statistics
-        self._scratch = ScratchFolder()
-        variables["TMPDIR"] = str(self._scratch.path)
+        self._scratch = _scratch_folder()
+        variables["TMPDIR"] = self._scratch.name
         variables.update(environment or {})
         self._process = subprocess.Popen(
             [str(program()), "--bind", LOOPBACK, *arguments],
@@ -158,7 +127,7 @@ class Child:
                 self._process.kill()
                 self._process.wait()
         self._output.close()
-        self._scratch.remove()
+        self._scratch.cleanup()
 
 
 def _die_with(parent: int) -> Callable[[], None]:
@@ -371,7 +340,6 @@ def open_recording(
 
 
 _RESTART_AFTER = 5.0  # seconds between two starts of a page's server that keeps dying
-_REMIND_AFTER = 5.0  # seconds
 
 
 class Log(Protocol):
@@ -418,7 +386,6 @@ class DisplayServer:
         self._page: WebPage | None = None
         self._window: Child | None = None
         self._announced = False
-        self._next_reminder = time.monotonic() + 2.0
         self._next_restart = 0.0
         if save is not None and save.is_file() and save.stat().st_size:
             log.info(f"replacing the recording {save}")
@@ -485,9 +452,6 @@ class DisplayServer:
             self._log.info(f"open {page.url}")
             if self._open_browser:
                 open_in_browser(page.url)
-        elif not self._announced and now >= self._next_reminder:
-            self._next_reminder = now + _REMIND_AFTER
-            self._log.info(f"waiting for the page's server on port {page.port}")
 
     def close(self) -> None:
         """Close the page or window, write out the recording; raises as ``RecordingFile.check``."""
