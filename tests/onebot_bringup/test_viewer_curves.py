@@ -14,12 +14,12 @@ from onebot_bringup.viewer.displays.curves import GAP, CurvesDisplay
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.errors import OneBotError
 from onebot_description.ros.parameters.reader import ConfigError
-from onebot_description.ros.wire.messages import time_message
 from tests.onebot_bringup.drive_support import chunks, column, curve, odometry, stamps
 from tests.onebot_bringup.viewer_support import (
     START_NS,
     Shown,
     show,
+    stamped,
     take,
     take_command,
     take_joints,
@@ -31,8 +31,7 @@ SECOND = 10**9
 
 def imu(x, stamp_ns=START_NS) -> Imu:
     """An acceleration."""
-    message = Imu(linear_acceleration=Vector3(x=x))
-    message.header.stamp = time_message(stamp_ns)
+    message = stamped(Imu(linear_acceleration=Vector3(x=x)), stamp_ns)
     message.linear_acceleration_covariance[4] = 10 * x
     return message
 

@@ -135,6 +135,12 @@ def transforms(parent, child, y, stamp_ns=START_NS):
     )
 
 
+def stamped(message, stamp_ns=START_NS, frame="tip"):
+    """The message with a header."""
+    message.header.frame_id, message.header.stamp = frame, time_message(stamp_ns)
+    return message
+
+
 def take(view: RobotView, topic: str, message, stamp_ns=START_NS) -> None:
     """Give a view a message, received at ``stamp_ns``."""
     view.take(topic, type_name(message), bytes(serialize_message(message)), stamp_ns)
@@ -159,14 +165,13 @@ def take_joints(view: RobotView, stamp_ns: int, names, positions, velocities=())
     message = JointState(
         name=list(names), position=list(map(float, positions)), velocity=list(velocities)
     )
-    message.header.stamp = time_message(stamp_ns)
-    take(view, "joint_states", message, stamp_ns)
+    take(view, "joint_states", stamped(message, stamp_ns), stamp_ns)
 
 
 def take_odometry(view: RobotView, topic: str, stamp_ns: int, sample) -> None:
     """Give it an OdometrySample as a message."""
     message = Odometry(child_frame_id=sample.child_frame_id)
-    message.header.frame_id, message.header.stamp = sample.frame_id, time_message(stamp_ns)
+    stamped(message, stamp_ns, sample.frame_id)
     pose, twist = message.pose.pose, message.twist.twist
     pose.position.x, pose.position.y, pose.position.z = map(float, sample.translation)
     turn = pose.orientation
@@ -178,8 +183,7 @@ def take_odometry(view: RobotView, topic: str, stamp_ns: int, sample) -> None:
 
 def take_command(view: RobotView, topic: str, stamp_ns: int, linear: float, angular: float) -> None:
     """Give it a TwistStamped."""
-    message = TwistStamped()
-    message.header.stamp = time_message(stamp_ns)
+    message = stamped(TwistStamped(), stamp_ns)
     message.twist.linear.x, message.twist.angular.z = linear, angular
     take(view, topic, message, stamp_ns)
 
