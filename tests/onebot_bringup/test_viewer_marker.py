@@ -337,6 +337,19 @@ def test_a_marker_disappears_when_its_lifetime_is_over(tmp_path):
     assert _cleared(file, "arrows") == []
 
 
+@pytest.mark.parametrize("topic", ["/marks", "/mark"])
+def test_a_lifetime_begins_when_a_marker_comes_also_between_two_ticks(tmp_path, topic):
+    """As in a recording, of which half a second is drawn at once."""
+    shown = Shown(tmp_path)
+    shown.view.tick(START_NS)
+    single = marker(lifetime=0.2)
+    single.header.stamp = time_message(START_NS + SECOND // 4)
+    message = single if topic == "/mark" else MarkerArray(markers=[single])
+    take(shown.view, topic, message, START_NS + SECOND // 4)
+    shown.view.tick(START_NS + SECOND // 2)
+    assert _cleared(shown.end(), "cubes", topic[1:]) == [pytest.approx(0.45)]
+
+
 @pytest.mark.parametrize(
     "came",
     [

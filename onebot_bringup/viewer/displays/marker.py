@@ -267,9 +267,8 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         if now_ns < self._now_ns - _STEP_NS:
             self._expire(_NEVER - 1)  # otherwise markers from before would stay for ever
         for stamp_ns, incoming in self._incoming():
-            # Arrays have no stamp, so theirs is when they came, unless the clock was set back.
-            is_time = self._in_arrays and stamp_ns < now_ns + _STEP_NS
-            came_ns = stamp_ns if is_time else now_ns
+            # It came at its stamp, unless that is from before the last flush, or of another clock.
+            came_ns = stamp_ns if self._now_ns < stamp_ns <= now_ns else now_ns
             self._expire(came_ns)
             self._take(stamp_ns, came_ns, incoming)
         tree = self.stage.frames.version, self._fixed
