@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import Vector3
+from geometry_msgs.msg import Twist, TwistStamped, Vector3
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Bool, Float32
 
@@ -21,9 +21,7 @@ from tests.onebot_bringup.viewer_support import (
     show,
     stamped,
     take,
-    take_command,
     take_joints,
-    take_odometry,
 )
 
 SECOND = 10**9
@@ -160,10 +158,9 @@ def _speeds(tmp_path, rows, held=False):
     shown = Shown(tmp_path, "speeds: {lines: {measured: {topic: v, color: [1, 2, 3]}}}")
     for seconds, linear, angular in rows:
         stamp = START_NS + round(seconds * SECOND)
-        if held:
-            take_command(shown.view, "v", stamp, float(linear), float(angular))
-        else:
-            take_odometry(shown.view, "v", stamp, odometry(0, speed=linear, turn=angular))
+        twist = Twist(linear=Vector3(x=float(linear)), angular=Vector3(z=float(angular)))
+        message = TwistStamped(twist=twist) if held else odometry(0, speed=linear, turn=angular)
+        take(shown.view, "v", stamped(message, stamp), stamp)
     file = shown.end()
     return [curve(file, f"/speeds/{axis}/measured") for axis in ("linear", "angular")]
 

@@ -27,8 +27,7 @@ from tests.onebot_bringup.viewer_support import (
 
 def driven(x, yaw=0.0, number=0, frame="base") -> Odometry:
     """A robot on the x axis."""
-    message = stamped(Odometry(), START_NS + number, frame)
-    message.pose.pose.position.x = float(x)
+    message = stamped(odometry(x), START_NS + number, frame)
     turn = message.pose.pose.orientation
     turn.z, turn.w = np.sin(yaw / 2), np.cos(yaw / 2)
     return message
@@ -148,24 +147,23 @@ def test_the_trail_grows_by_the_way_not_by_the_messages(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("stamp", "sample"),
+    ("stamp", "x", "frame"),
     [
-        (5, odometry(1.0)),  # a teleport
-        (-1, odometry(0.2)),  # a simulation that begins anew
-        (5, odometry(0.2, frame="map")),
+        (5, 1.0, "odom"),  # a teleport
+        (-1, 0.2, "odom"),  # a simulation that begins anew
+        (5, 0.2, "map"),
     ],
 )
-def test_a_jump_breaks_the_line(tmp_path, stamp, sample):
+def test_a_jump_breaks_the_line(tmp_path, stamp, x, frame):
     """No piece leads there; the line goes on from there."""
-    after = sample._replace(translation=sample.translation + np.array([0.1, 0, 0]))
     samples = [
         (START_NS, odometry(0.0)),
         (START_NS + 1, odometry(0.1)),
-        (START_NS + stamp, sample),
-        (START_NS + stamp + 1, after),
+        (START_NS + stamp, odometry(x, frame=frame)),
+        (START_NS + stamp + 1, odometry(x + 0.1, frame=frame)),
     ]
     pieces = _flushed(tmp_path, samples)
-    wanted = np.array([sample.translation, after.translation])
+    wanted = np.array([[x, 0.0, 0.0], [x + 0.1, 0.0, 0.0]])
     assert any(np.allclose(piece, wanted, atol=1e-6) for piece in pieces)
     assert max(np.linalg.norm(piece[1] - piece[0]) for piece in pieces) < 0.11
 
@@ -287,9 +285,11 @@ def _scattered(tmp_path, covariances, settings="heading: 0.5"):
     for step, covariance in enumerate(covariances):
         stamp = START_NS + step * 10**8
         take_tf(shown.view, transforms("odom", "base", 0.0, stamp))
-        turn = np.array([0.0, 0.0, 0.5**0.5, 0.5**0.5])  # to the left
-        sample = odometry(0.5, -1.0 + step)._replace(covariance=covariance, rotation=turn)
-        take_odometry(shown.view, "odom", stamp, sample)
+        message = odometry(0.5, -1.0 + step)
+        message.pose.covariance = covariance
+        turn = message.pose.pose.orientation
+        turn.z = turn.w = 0.5**0.5  # to the left
+        take_odometry(shown.view, "odom", stamp, message)
         shown.tick(stamp)
     return shown.end()
 

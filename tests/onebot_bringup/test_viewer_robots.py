@@ -90,8 +90,8 @@ def test_each_robot_is_logged_under_its_namespace_in_its_frames(tmp_path):
     for step in range(5):
         stamp = START_NS + step * TENTH
         for space in ("left", "right"):
-            sample = odometry(0.1 * step, frame=f"{space}/odom", stamp_ns=stamp)
-            take_odometry(fleet.view, f"/{space}/odom", stamp, sample)
+            message = odometry(0.1 * step, frame=f"{space}/odom")
+            take_odometry(fleet.view, f"/{space}/odom", stamp, message)
         take_odometry(fleet.view, "/plan", stamp, odometry(0.1 * step, frame="world"))
         fleet.view.tick(stamp)
     fleet.end()

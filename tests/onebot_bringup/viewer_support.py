@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
-from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
@@ -168,23 +167,9 @@ def take_joints(view: RobotView, stamp_ns: int, names, positions, velocities=())
     take(view, "joint_states", stamped(message, stamp_ns), stamp_ns)
 
 
-def take_odometry(view: RobotView, topic: str, stamp_ns: int, sample) -> None:
-    """Give it an OdometrySample as a message."""
-    message = Odometry(child_frame_id=sample.child_frame_id)
-    stamped(message, stamp_ns, sample.frame_id)
-    pose, twist = message.pose.pose, message.twist.twist
-    pose.position.x, pose.position.y, pose.position.z = map(float, sample.translation)
-    turn = pose.orientation
-    turn.x, turn.y, turn.z, turn.w = map(float, sample.rotation)
-    message.pose.covariance[:] = sample.covariance
-    twist.linear.x, twist.angular.z = float(sample.linear[0]), float(sample.angular[2])
-    take(view, topic, message, stamp_ns)
-
-
-def take_command(view: RobotView, topic: str, stamp_ns: int, linear: float, angular: float) -> None:
-    """Give it a TwistStamped."""
-    message = stamped(TwistStamped(), stamp_ns)
-    message.twist.linear.x, message.twist.angular.z = linear, angular
+def take_odometry(view: RobotView, topic: str, stamp_ns: int, message: Odometry) -> None:
+    """Give it an Odometry message of that time."""
+    message.header.stamp = time_message(stamp_ns)
     take(view, topic, message, stamp_ns)
 
 
