@@ -9,8 +9,6 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from onebot_bringup.viewer.core.shown_robot import RobotToShow
-from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.robot_view import RobotView
 from tests.onebot_bringup.drive_support import column, entities, frames, stamps
 from tests.onebot_bringup.viewer_support import (
     START_NS,
@@ -244,10 +242,9 @@ def test_it_waits_for_the_description_and_follows_what_changes(tmp_path, monkeyp
 
 def test_each_robot_has_its_own_trajectories(tmp_path):
     """By the namespace of the topic; joint states are subscribed also of a robot without curves."""
-    file = tmp_path / "x.rrd"
     robots = [RobotToShow(f"/{name}", f"{name}/", plotted=False) for name in ("a", "ab")]
-    recording = open_recording(save=file)
-    view = RobotView(recording.stream, robots=robots)
+    shown = Shown(tmp_path, robot=False, robots=robots)
+    view = shown.view
     assert "/ab/joint_states" not in view.topics
     assert view.offer({"/ab/plan": KIND, "/plan": KIND}) == []
     assert {"/a/joint_states", "/ab/joint_states"} <= view.topics.keys()
@@ -257,9 +254,8 @@ def test_each_robot_has_its_own_trajectories(tmp_path):
         take_tf(view, transforms("world", f"{name}/base", height))
     for name in ("/ab/plan", "/plan"):
         take(view, name, trajectory(ARM_JOINTS, BENDS))
-    view.tick(START_NS)
-    view.finish()
-    recording.close()
+    shown.tick()
+    file = shown.end()
     for name, robot, height in (("plan", "a", 0.3), ("ab/plan", "ab", 0.6)):
         assert frames(file, f"/joint_trajectory/{name}") == [f"{robot}/base"]
         assert marks(file, name)[-1][0, 2] == pytest.approx(height)

@@ -13,12 +13,6 @@ def _load(tmp_path: Path, text: str) -> ViewConfig:
     return load_view(path)
 
 
-def test_an_empty_view_is_the_default(tmp_path):
-    """Every key may be left out."""
-    assert _load(tmp_path, "") == ViewConfig()
-    assert _load(tmp_path, "axes: {}") == ViewConfig()
-
-
 def test_the_example_in_the_module_is_valid(tmp_path):
     """The documentation can be copied."""
     from onebot_bringup.viewer import view_config
