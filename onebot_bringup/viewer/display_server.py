@@ -31,6 +31,7 @@ from onebot_bringup.serving.ports import (
     listen,
     open_in_browser,
 )
+from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_description.errors import OneBotError
 
 # Rerun's own program, run as a child process that never outlives us, however we end.
@@ -356,49 +357,40 @@ class DisplayServer:
         stream: the stream to log to.
     """
 
-    def __init__(
-        self,
-        viewer: str,
-        save: Path | None,
-        *,
-        grpc_port: int,
-        web_port: int,
-        memory_limit: str,
-        open_browser: bool,
-        embedded: bool = False,
-        log: Log,
-    ) -> None:
+    def __init__(self, parameters: ViewerParameters, log: Log) -> None:
         """Open the recording, then its page or window; call this from the main thread.
 
         Raises:
             OneBotError: there is no display, a port is not allowed, or the file cannot be written;
                 a file that was there is as it was.
         """
+        viewer, save = parameters.viewer, parameters.recording
         if viewer == "native" and not has_display():
             raise OneBotError(
                 "viewer:=native needs a display (neither DISPLAY nor WAYLAND_DISPLAY is set); "
                 "use viewer:=web and open its address, or viewer:=none save:=FILE.rrd"
             )
         if viewer == "web":
-            free_port(web_port, "web_port")  # raises the page's error before the file is replaced
-        self._log = log
-        self._open_browser, self._embedded = open_browser, embedded
+            # This raises the page's error before the file is replaced.
+            free_port(parameters.web_port, "web_port")
+        self._parameters, self._log = parameters, log
         self._page: WebPage | None = None
         self._window: Child | None = None
         self._announced = False
         self._next_restart = 0.0
         if save is not None and save.is_file() and save.stat().st_size:
             log.info(f"replacing the recording {save}")
-        served = None if viewer == "none" else grpc_port
-        self._recording = open_recording(served, save, memory_limit)
+        served = None if viewer == "none" else parameters.grpc_port
+        self._recording = open_recording(served, save, parameters.memory_limit)
         self.stream: rr.RecordingStream = self._recording.stream
         self._file = self._recording.file  # None once it failed
         self._say_port("grpc_port", served, self._recording.port)
         if save is not None:
             log.info(f"recording to {save}")
         if viewer == "web":
-            self._page = WebPage(web_port, self._recording.uri, self._recording.server)
-            self._say_port("web_port", web_port, self._page.port)
+            port = parameters.web_port
+            self._page = WebPage(port, self._recording.uri, self._recording.server)
+            self._say_port("web_port", port, self._page.port)
         elif viewer == "native":
             self._window = native_window(self._recording.uri)
             log.info("opening the viewer's window")
@@ -447,10 +439,10 @@ class DisplayServer:
                 self._log.warning(f"the page's server died, restarting: {page.restart()}")
         elif not self._announced and page.ready:
             self._announced = True
-            if self._embedded:
+            if self._parameters.embedded:
                 return
             self._log.info(f"open {page.url}")
-            if self._open_browser:
+            if self._parameters.open_browser:
                 open_in_browser(page.url)
 
     def close(self) -> None:
