@@ -4,6 +4,7 @@ import os
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import closing, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -148,14 +149,4 @@ def _server(values: Mapping[str, str]) -> "closing[DisplayServer]":
     from onebot_bringup.viewer.display_server import DisplayServer  # slower to import
 
     parameters = read(ViewerParameters, node_parameters(ARGUMENTS, values, _VIEWER))
-    return closing(
-        DisplayServer(
-            parameters.viewer,
-            parameters.recording,
-            grpc_port=parameters.grpc_port,
-            web_port=parameters.web_port,
-            memory_limit=_ALL,
-            open_browser=parameters.open_browser,
-            log=_Log(),
-        )
-    )
+    return closing(DisplayServer(replace(parameters, memory_limit=_ALL), _Log()))

@@ -31,6 +31,7 @@ from onebot_bringup.serving.ports import (
     listen,
     open_in_browser,
 )
+from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_description.errors import OneBotError
 
 # Rerun's own program, run as a child process that never outlives us, however we end.
@@ -52,52 +53,21 @@ def program() -> Path:
     return path
 
 
-class ScratchFolder:
-    """A temporary folder for Rerun's program, which does not remove its temporary files.
+_SCRATCH = "onebot-rerun-"  # prefix of temporary folders; the id of their process follows
 
-    This process locks it. If the process is killed, the next one to make such a folder removes it.
 
-    Attributes:
-        path: the folder.
+def _scratch_folder() -> tempfile.TemporaryDirectory[str]:
+    """Make a temporary folder for Rerun's program, which does not remove its temporary files.
+
+    Folders of processes that were killed are removed.
     """
-
-    _PREFIX = "onebot-rerun-"
-
-    def __init__(self) -> None:
-        """Make the folder, and remove folders of processes that are gone."""
-        for left in Path(tempfile.gettempdir()).glob(f"{self._PREFIX}*"):
-            lock = _locked(left)
-            if lock is not None:
-                shutil.rmtree(left, ignore_errors=True)
-                os.close(lock)
-        lock = None
-        while lock is None:  # another process may take it for left behind before it is locked
-            self._folder = tempfile.TemporaryDirectory(
-                prefix=self._PREFIX, ignore_cleanup_errors=True
-            )
-            self.path = Path(self._folder.name)
-            lock = _locked(self.path)
-        self._locked = ExitStack()
-        self._locked.callback(os.close, lock)
-
-    def remove(self) -> None:
-        """Remove the folder with its content."""
-        self._folder.cleanup()
-        self._locked.close()
-
-
-def _locked(folder: Path) -> int | None:
-    """Lock a folder until the descriptor is closed; None if it is gone, or locked elsewhere."""
-    try:
-        lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
-    except OSError:
-        return None
-    with suppress(OSError):
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        if folder.is_dir():
-            return lock
-    os.close(lock)
-    return None
+    for left in Path(tempfile.gettempdir()).glob(f"{_SCRATCH}*"):
+        process = left.name.removeprefix(_SCRATCH).partition("-")[0]
+        if not Path("/proc", process).exists():
+            shutil.rmtree(left, ignore_errors=True)
+    return tempfile.TemporaryDirectory(
+        prefix=f"{_SCRATCH}{os.getpid()}-", ignore_cleanup_errors=True
+    )
 
 
 class Child:
@@ -112,8 +82,8 @@ class Child:
         self._output: IO[bytes] = tempfile.TemporaryFile()
         variables = {**os.environ, "RUST_LOG": "warn", "NO_COLOR": "1"}
         variables["CI"] = "true"  # keeps Rerun from sending usage statistics
-        self._scratch = ScratchFolder()
-        variables["TMPDIR"] = str(self._scratch.path)
+        self._scratch = _scratch_folder()
+        variables["TMPDIR"] = self._scratch.name
         variables.update(environment or {})
         self._process = subprocess.Popen(
             [str(program()), "--bind", LOOPBACK, *arguments],
@@ -158,7 +128,7 @@ class Child:
                 self._process.kill()
                 self._process.wait()
         self._output.close()
-        self._scratch.remove()
+        self._scratch.cleanup()
 
 
 def _die_with(parent: int) -> Callable[[], None]:
@@ -371,7 +341,6 @@ def open_recording(
 
 
 _RESTART_AFTER = 5.0  # seconds between two starts of a page's server that keeps dying
-_REMIND_AFTER = 5.0  # seconds
 
 
 class Log(Protocol):
@@ -388,50 +357,40 @@ class DisplayServer:
         stream: the stream to log to.
     """
 
-    def __init__(
-        self,
-        viewer: str,
-        save: Path | None,
-        *,
-        grpc_port: int,
-        web_port: int,
-        memory_limit: str,
-        open_browser: bool,
-        embedded: bool = False,
-        log: Log,
-    ) -> None:
+    def __init__(self, parameters: ViewerParameters, log: Log) -> None:
         """Open the recording, then its page or window; call this from the main thread.
 
         Raises:
             OneBotError: there is no display, a port is not allowed, or the file cannot be written;
                 a file that was there is as it was.
         """
+        viewer, save = parameters.viewer, parameters.recording
         if viewer == "native" and not has_display():
             raise OneBotError(
                 "viewer:=native needs a display (neither DISPLAY nor WAYLAND_DISPLAY is set); "
                 "use viewer:=web and open its address, or viewer:=none save:=FILE.rrd"
             )
         if viewer == "web":
-            free_port(web_port, "web_port")  # raises the page's error before the file is replaced
-        self._log = log
-        self._open_browser, self._embedded = open_browser, embedded
+            # This raises the page's error before the file is replaced.
+            free_port(parameters.web_port, "web_port")
+        self._parameters, self._log = parameters, log
         self._page: WebPage | None = None
         self._window: Child | None = None
         self._announced = False
-        self._next_reminder = time.monotonic() + 2.0
         self._next_restart = 0.0
         if save is not None and save.is_file() and save.stat().st_size:
             log.info(f"replacing the recording {save}")
-        served = None if viewer == "none" else grpc_port
-        self._recording = open_recording(served, save, memory_limit)
+        served = None if viewer == "none" else parameters.grpc_port
+        self._recording = open_recording(served, save, parameters.memory_limit)
         self.stream: rr.RecordingStream = self._recording.stream
         self._file = self._recording.file  # None once it failed
         self._say_port("grpc_port", served, self._recording.port)
         if save is not None:
             log.info(f"recording to {save}")
         if viewer == "web":
-            self._page = WebPage(web_port, self._recording.uri, self._recording.server)
-            self._say_port("web_port", web_port, self._page.port)
+            port = parameters.web_port
+            self._page = WebPage(port, self._recording.uri, self._recording.server)
+            self._say_port("web_port", port, self._page.port)
         elif viewer == "native":
             self._window = native_window(self._recording.uri)
             log.info("opening the viewer's window")
@@ -480,14 +439,11 @@ class DisplayServer:
                 self._log.warning(f"the page's server died, restarting: {page.restart()}")
         elif not self._announced and page.ready:
             self._announced = True
-            if self._embedded:
+            if self._parameters.embedded:
                 return
             self._log.info(f"open {page.url}")
-            if self._open_browser:
+            if self._parameters.open_browser:
                 open_in_browser(page.url)
-        elif not self._announced and now >= self._next_reminder:
-            self._next_reminder = now + _REMIND_AFTER
-            self._log.info(f"waiting for the page's server on port {page.port}")
 
     def close(self) -> None:
         """Close the page or window, write out the recording; raises as ``RecordingFile.check``."""

@@ -65,13 +65,8 @@ class Framing:
 
     @property
     def as_it_is(self) -> bool:
-        """Whether the layout is shown unchanged."""
+        """Whether the layout is shown unchanged; otherwise a view of the robot is needed."""
         return self == Framing()
-
-    @property
-    def of_robot(self) -> bool:
-        """Whether a view of the robot is needed."""
-        return not self.dashboard or self.eye is not None or self.target is not None
 
 
 def render(
@@ -123,9 +118,7 @@ def _frame(client: ViewerClient, framing: Framing) -> str | None:
     if framing.as_it_is:
         return None
     state = client.get_state()
-    view = ""
-    if framing.of_robot:
-        view = robot_view_id({view.view_id: (view.view_class, view.name) for view in state.views})
+    view = robot_view_id({view.view_id: (view.view_class, view.name) for view in state.views})
     layout = client.get_blueprint().blueprint
     client.set_blueprint(framed(layout, view, framing), store_id=state.active_recording)
     return None if framing.dashboard else view
@@ -212,10 +205,9 @@ def framed(layout: LayoutValues, view: str, framing: Framing) -> dict[str, Any]:
         framing: what the picture shows.
     """
     changed = copy.deepcopy(dict(layout))
-    for path, archetype in _PANELS.items():
-        if not framing.dashboard:
-            _entry(changed, path, archetype)["state"] = "Hidden"
     if not framing.dashboard:
+        for path, archetype in _PANELS.items():
+            _entry(changed, path, archetype)["state"] = "Hidden"
         _entry(changed, "/viewport", "ViewportBlueprint")["maximized"] = view
     if framing.eye is not None or framing.target is not None:
         controls = _entry(changed, f"/view/{view}/EyeControls3D", "EyeControls3D")
@@ -293,38 +285,23 @@ def renderer_problem() -> str:
             return str(error)
 
 
-def is_complete(state: ViewerState) -> bool:
-    """Return whether everything is loaded and no view reports an error."""
-    return _is_loaded(state) and not _reports(state)
-
-
 def freeze(client: ViewerClient) -> None:
     """Pause the viewer at the current end of the data, so that new data changes nothing."""
-    timeline = _timeline(client)
-    if timeline is not None:
-        name, end, kind = timeline
-        client.set_time(name, play_state="paused", **_moment(kind, end))
-
-
-def _timeline(client: ViewerClient) -> tuple[str, int, str] | None:
-    """Return the active timeline, its end and its kind; None if there is none."""
     state = client.get_state()
     for recording in state.recordings:
         if recording.store_id != state.active_recording:
             continue
         for line in recording.timelines:
             if line.name == recording.current_timeline and line.end is not None:
-                return line.name, line.end, line.time_type
-    return None
+                end = {line.time_type: _MOMENT.get(line.time_type, int)(line.end)}
+                client.set_time(line.name, play_state="paused", **end)
 
 
-def _moment(kind: str, end: int) -> dict[str, Any]:
-    """Return the exact end of a timeline as arguments of ``set_time``."""
-    if kind == "timestamp":
-        return {"timestamp": np.datetime64(end, "ns")}
-    if kind == "duration":
-        return {"duration": np.timedelta64(end, "ns")}
-    return {"sequence": end}
+# The exact time at a number of nanoseconds, by the type of the timeline; a sequence has numbers.
+_MOMENT: Mapping[str, Callable[[int], Any]] = {
+    "timestamp": lambda end: np.datetime64(end, "ns"),
+    "duration": lambda end: np.timedelta64(end, "ns"),
+}
 
 
 def _ask(
@@ -392,7 +369,8 @@ def _load(client: ViewerClient, source: str, progress: Progress) -> None:
         if _reports(state) != errors or not _is_loaded(state):
             errors, since, polls = _reports(state), now, 0
         polls += 1
-        return is_complete(state) or (polls > _POLLS and now - since > _LASTING)
+        is_complete = _is_loaded(state) and not errors
+        return is_complete or (polls > _POLLS and now - since > _LASTING)
 
     if not _wait(is_shown, progress, lambda: _unfinished(state)) and not state.views:
         raise OneBotError(f"nothing was shown within {PATIENCE:.0f} s: {_unfinished(state)}")

@@ -73,16 +73,7 @@ class RerunViewer(Node):
         )
         robots = parameters.robots_to_show(self.resolve_topic_name)
         # After the checks of the parameters and the view, since it replaces the file.
-        self._server = DisplayServer(
-            parameters.viewer,
-            parameters.recording,
-            grpc_port=parameters.grpc_port,
-            web_port=parameters.web_port,
-            memory_limit=parameters.memory_limit,
-            open_browser=parameters.open_browser,
-            embedded=parameters.embedded,
-            log=self.get_logger(),
-        )
+        self._server = DisplayServer(parameters, self.get_logger())
         self._view = RobotView(
             self._server.stream,
             self._live_view.source.view,

@@ -15,11 +15,11 @@ from onebot_description.model.robot_model import RobotModel
 
 def corners(geometry: Geometry) -> Floats:
     """Return the (8, 3) corners of the box around ``geometry``, metres, in its link's frame."""
-    from onebot_bringup.viewer.core.shapes import load_shape  # imports trimesh
+    import trimesh  # slow to import
 
-    low, high = load_shape(geometry.shape).bounds
-    grid = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
-    local = np.where(grid == 1, high, low)
+    from onebot_bringup.viewer.core.shapes import load_shape
+
+    local = trimesh.bounds.corners(load_shape(geometry.shape).bounds)
     return matrices.transformed(local, matrices.of_origin(geometry.origin))
 
 

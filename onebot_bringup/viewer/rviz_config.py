@@ -84,11 +84,11 @@ class RvizConfig:
             self.values = {k: value for k, value in kept if not k.startswith(f"{prefix}.")}
         self.values[f"{prefix}.visible"] = enabled
         self.values |= _qos(_mapping(display.get("Topic")), prefix)
-        if "hidden_namespaces" in _fields(key):
+        fields = _fields(key)
+        if "hidden_namespaces" in fields:
             spaces = _mapping(display.get("Namespaces"))
             hidden = [str(name) for name, drawn in spaces.items() if drawn is False]
             self.values[f"{prefix}.hidden_namespaces"] = hidden
-        fields = _fields(key)
         for name, value in _flat(display):
             if name in fields and value != "":  # a transformer is empty until RViz has chosen one
                 self.values[f"{prefix}.{name}"] = _color(value) or value
@@ -98,7 +98,7 @@ class RvizConfig:
     # --- the camera -----------------------------------------------------------------------------
 
     def _look(self, view: Properties) -> None:
-        """Translate the current view: an orbit, a top-down view, or one from a position."""
+        """Translate the current view: an orbit, or a top-down view."""
         frame = str(view.get("Target Frame") or "")
         if frame not in ("", "<Fixed Frame>", self.values["fixed_frame"]):
             self.values["camera.follow"] = frame
@@ -111,14 +111,12 @@ class RvizConfig:
         elif "Distance" in view:
             center = _vector(view.get("Focal Point"))
             reach = _number(view.get("Distance"), 10.0)
-            ahead = _direction(_number(view.get("Pitch")), _number(view.get("Yaw")))
+            pitch, yaw = _number(view.get("Pitch")), _number(view.get("Yaw"))
+            flat = math.cos(pitch)
+            # Towards the eye.
+            ahead = flat * math.cos(yaw), flat * math.sin(yaw), math.sin(pitch)
             eye = [c + reach * a for c, a in zip(center, ahead, strict=True)]
             self.values |= {"camera.eye": eye, "camera.target": center}
-        elif "Position" in view:
-            eye = _vector(view.get("Position"))
-            ahead = _direction(-_number(view.get("Pitch")), _number(view.get("Yaw")))
-            self.values["camera.eye"] = eye
-            self.values["camera.target"] = [e + a for e, a in zip(eye, ahead, strict=True)]
 
 
 def load_rviz(path: Path, notice: Callable[[str], object]) -> ViewConfig:
@@ -224,12 +222,6 @@ def _number(value: Any, default: float = 0.0) -> float:
 
 def _vector(value: Any) -> list[float]:
     return [_number(_mapping(value).get(axis)) for axis in "XYZ"]
-
-
-def _direction(pitch: float, yaw: float) -> tuple[float, float, float]:
-    """Return the unit vector towards the eye of RViz's orbit, for its pitch and yaw in radians."""
-    flat = math.cos(pitch)
-    return flat * math.cos(yaw), flat * math.sin(yaw), math.sin(pitch)
 
 
 # --- displays without a message type --------------------------------------------------------------

@@ -41,7 +41,9 @@ class ViewSource:
         self.blueprint_file: Path | None = None
         path = view_file(source)
         if path is not None and path.suffix == ".rbl":
-            check_blueprint_file(path)
+            with path.open("rb") as file:
+                if file.read(3) != b"RRF":
+                    raise OneBotError(f"view:={path}: this is no layout saved in the viewer")
             self.blueprint_file = path
         else:
             self.file = path
@@ -142,14 +144,3 @@ class ViewSource:
         if target == self.file:
             self._base = self.view
         return target
-
-
-def check_blueprint_file(path: Path) -> None:
-    """Check that a file is a layout saved in the viewer.
-
-    Raises:
-        OneBotError: it is not.
-    """
-    with path.open("rb") as file:
-        if file.read(3) != b"RRF":
-            raise OneBotError(f"view:={path}: this is no layout saved in the viewer")

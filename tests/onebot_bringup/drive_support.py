@@ -6,18 +6,17 @@ from pathlib import Path
 
 import numpy as np
 import rerun.chunk as rc
-
-from onebot_description.ros.wire.messages import OdometrySample
-from tests.onebot_bringup.viewer_support import START_NS
-
-NO_TURN = np.array([0.0, 0.0, 0.0, 1.0])
+from geometry_msgs.msg import Point
+from nav_msgs.msg import Odometry
 
 
-def odometry(x, y=0.0, z=0.0, *, frame="odom", speed=0.0, turn=0.0, stamp_ns=START_NS):
-    """An Odometry message of a robot at (x, y, z) metres."""
-    linear, angular = np.array([speed, 0.0, 0.0]), np.array([0.0, 0.0, turn])
-    place = np.array([x, y, z], float)
-    return OdometrySample(stamp_ns, frame, "base", place, NO_TURN, linear, angular)
+def odometry(x, y=0.0, *, frame="odom", speed=0.0, turn=0.0) -> Odometry:
+    """A robot at (x, y) metres, at a time that follows."""
+    message = Odometry(child_frame_id="base")
+    message.header.frame_id = frame
+    message.pose.pose.position = Point(x=float(x), y=float(y))
+    message.twist.twist.linear.x, message.twist.twist.angular.z = float(speed), float(turn)
+    return message
 
 
 def chunks(path: Path, entity: str) -> list:

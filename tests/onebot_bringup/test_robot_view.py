@@ -102,22 +102,16 @@ def test_bad_messages_are_reported_with_their_topic_and_cost_no_good_one(tmp_pat
     assert column(shown.file, "/joints/position/0", "Scalars:scalars") == [[1.0], [2.0]]
 
 
-def test_joint_states_without_a_time_are_shown_when_they_came(tmp_path):
-    """Not when they were decoded: several in a tick are several points of the curve."""
+@pytest.mark.parametrize(("second", "first_ns"), [(0, NOW), (5, 5 * SECOND)])
+def test_what_has_no_time_is_shown_when_it_came_in_the_time_of_the_others(
+    tmp_path, second, first_ns
+):
+    """Not when it was decoded; also among stamps since the simulation's start."""
     shown = Shown(tmp_path)
-    for step in range(3):
-        shown.take_joints(_joints(float(step), 0), NOW + step)
+    for step, sec in enumerate((second, 0, 0)):
+        shown.take_joints(_joints(float(step), sec), NOW + step)
     shown.end()
-    assert stamps(shown.file, "/joints/position/0") == [NOW, NOW + 1, NOW + 2]
-
-
-def test_what_has_no_time_is_shown_in_the_simulated_time_of_the_others(tmp_path):
-    """Stamps of seconds since the simulation's start, received in the year 2023."""
-    shown = Shown(tmp_path)
-    shown.take_joints(_joints(1.0, 5), NOW)
-    shown.take_joints(_joints(2.0, 0), NOW + 7)
-    shown.end()
-    assert stamps(shown.file, "/joints/position/0") == [5 * SECOND, 5 * SECOND + 7]
+    assert stamps(shown.file, "/joints/position/0") == [first_ns, first_ns + 1, first_ns + 2]
 
 
 def test_one_sensor_with_another_clock_moves_nothing_else(tmp_path):

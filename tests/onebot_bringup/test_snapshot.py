@@ -120,18 +120,18 @@ def test_a_camera_of_ones_own_follows_nothing(before, framing, after):
 
 
 @pytest.mark.parametrize(
-    ("framing", "as_it_is", "of_robot"),
+    ("framing", "as_it_is"),
     [
-        (Framing(), True, False),
-        (Framing(dashboard=False), False, True),
-        (Framing(eye=(0.0, 0.0, 0.0)), False, True),
-        (Framing(target=(0.0, 0.0, 0.0)), False, True),
+        (Framing(), True),
+        (Framing(dashboard=False), False),
+        (Framing(eye=(0.0, 0.0, 0.0)), False),
+        (Framing(target=(0.0, 0.0, 0.0)), False),
     ],
 )
-def test_what_a_framing_takes(framing, as_it_is, of_robot):
+def test_what_a_framing_takes(framing, as_it_is):
     """The robot's view only where it is shown alone, or from elsewhere."""
-    assert (framing.as_it_is, framing.of_robot) == (as_it_is, of_robot)
-    made = framed(LAYOUT, "v1" if of_robot else "", framing)
+    assert framing.as_it_is == as_it_is
+    made = framed(LAYOUT, "" if as_it_is else "v1", framing)
     assert (made == LAYOUT) == as_it_is
 
 

@@ -17,12 +17,10 @@ from onebot_bringup.cli.scenes import record_pose
 from onebot_bringup.viewer import rendering
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.rendering import headless_viewer, still
-from onebot_bringup.viewer.view_config import load_view
 from onebot_description.description import load_description
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
-from tests.onebot_bringup.test_viewer_scene import _record
-from tests.onebot_bringup.viewer_support import ARM, BLUE, ORANGE, VIEW
+from tests.onebot_bringup.viewer_support import ARM, BLUE, ORANGE, VIEW, Shown
 from tests.support import wait_for
 from tests.support_rendering import center, colored, pixels, require_renderer
 
@@ -117,8 +115,9 @@ def test_a_busy_viewer_is_waited_for(arm, tmp_path, monkeypatch):
 
 def test_the_end_of_a_recording(arm, tmp_path):
     """A recording that was cut short by a crash is refused, and named."""
-    rrd = tmp_path / "run.rrd"
-    _record(rrd, load_view(tmp_path / "view.yaml"))
+    shown = Shown(tmp_path, VIEW)
+    assert shown.tick() == []
+    rrd = shown.end()
     whole = drawn(arm, rrd)
     assert center(colored(whole, ORANGE))[0] > center(colored(whole, BLUE))[0]
     with rrd.open("ab") as file:

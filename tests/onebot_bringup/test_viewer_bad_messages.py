@@ -17,12 +17,13 @@ from tests.onebot_bringup.test_viewer_joint_trajectory import trajectory
 from tests.onebot_bringup.test_viewer_laser_scan import points, scan
 from tests.onebot_bringup.test_viewer_map import grid
 from tests.onebot_bringup.test_viewer_point_cloud2 import cloud, packed, xyz
-from tests.onebot_bringup.test_viewer_pose import point, pose, stamped
+from tests.onebot_bringup.test_viewer_pose import point, pose
 from tests.onebot_bringup.test_viewer_range import echo
 from tests.onebot_bringup.viewer_support import (
     START_NS,
     Shown,
     show,
+    stamped,
     take,
 )
 

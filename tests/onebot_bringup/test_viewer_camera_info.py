@@ -5,7 +5,6 @@ import pytest
 from sensor_msgs.msg import CameraInfo, Image
 
 from onebot_bringup.viewer.core.rerun_limits import REPEAT_AFTER
-from onebot_description.ros.wire.messages import time_message
 from tests.onebot_bringup.drive_support import column
 from tests.onebot_bringup.test_viewer_image import image
 from tests.onebot_bringup.viewer_support import (
@@ -13,6 +12,7 @@ from tests.onebot_bringup.viewer_support import (
     Shown,
     drawn,
     show,
+    stamped,
 )
 
 ENTITY = "/camera_info/cam/camera_info"
@@ -23,9 +23,7 @@ GREEN = (0, 220, 60)
 def camera(**fields) -> CameraInfo:
     """A camera of 40 x 30 pixels in the frame of the tip, calibrated but for what is given."""
     values = {"width": 40, "height": 30, "k": [50.0, 0, 20, 0, 60, 15, 0, 0, 1]} | fields
-    message = CameraInfo(**values)
-    message.header.frame_id, message.header.stamp = "tip", time_message(START_NS)
-    return message
+    return stamped(CameraInfo(**values))
 
 
 def matrices(file):

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import Vector3
+from geometry_msgs.msg import Twist, TwistStamped, Vector3
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Bool, Float32
 
@@ -14,16 +14,14 @@ from onebot_bringup.viewer.displays.curves import GAP, CurvesDisplay
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.errors import OneBotError
 from onebot_description.ros.parameters.reader import ConfigError
-from onebot_description.ros.wire.messages import time_message
 from tests.onebot_bringup.drive_support import chunks, column, curve, odometry, stamps
 from tests.onebot_bringup.viewer_support import (
     START_NS,
     Shown,
     show,
+    stamped,
     take,
-    take_command,
     take_joints,
-    take_odometry,
 )
 
 SECOND = 10**9
@@ -31,8 +29,7 @@ SECOND = 10**9
 
 def imu(x, stamp_ns=START_NS) -> Imu:
     """An acceleration."""
-    message = Imu(linear_acceleration=Vector3(x=x))
-    message.header.stamp = time_message(stamp_ns)
+    message = stamped(Imu(linear_acceleration=Vector3(x=x)), stamp_ns)
     message.linear_acceleration_covariance[4] = 10 * x
     return message
 
@@ -161,10 +158,9 @@ def _speeds(tmp_path, rows, held=False):
     shown = Shown(tmp_path, "speeds: {lines: {measured: {topic: v, color: [1, 2, 3]}}}")
     for seconds, linear, angular in rows:
         stamp = START_NS + round(seconds * SECOND)
-        if held:
-            take_command(shown.view, "v", stamp, float(linear), float(angular))
-        else:
-            take_odometry(shown.view, "v", stamp, odometry(0, speed=linear, turn=angular))
+        twist = Twist(linear=Vector3(x=float(linear)), angular=Vector3(z=float(angular)))
+        message = TwistStamped(twist=twist) if held else odometry(0, speed=linear, turn=angular)
+        take(shown.view, "v", stamped(message, stamp), stamp)
     file = shown.end()
     return [curve(file, f"/speeds/{axis}/measured") for axis in ("linear", "angular")]
 

@@ -14,9 +14,8 @@ from onebot_bringup.viewer.core.display import LayoutPart, Plot
 from onebot_bringup.viewer.core.drawing import topic_entity
 from onebot_bringup.viewer.displays.image import ImageView
 from onebot_bringup.viewer.view_config import ViewConfig
-from onebot_description.ros.wire.messages import time_message
 from tests.onebot_bringup.drive_support import column
-from tests.onebot_bringup.viewer_support import START_NS, drawn, show
+from tests.onebot_bringup.viewer_support import START_NS, drawn, show, stamped
 
 ENTITY = "/image/cam/image_raw"
 TOPIC = "/cam/image_raw"
@@ -33,8 +32,7 @@ def image(encoding, pixels, padding=0, *, big=False) -> Image:
     data = np.pad(lines, ((0, 0), (0, padding)), constant_values=0xEE)
     message = Image(height=rows, width=width, encoding=encoding, step=data.shape[1])
     message.is_bigendian, message.data = int(big), data.tobytes()
-    message.header.frame_id, message.header.stamp = "nowhere", time_message(START_NS)
-    return message
+    return stamped(message, frame="nowhere")
 
 
 def random(*shape, dtype=np.uint8):
@@ -122,9 +120,7 @@ def compressed(kind, form, data=None) -> CompressedImage:
     """A picture in a file's format."""
     file = io.BytesIO()
     Pillow.fromarray(random(4, 6, 3)).save(file, kind)
-    message = CompressedImage(format=form, data=file.getvalue() if data is None else data)
-    message.header.stamp = time_message(START_NS)
-    return message
+    return stamped(CompressedImage(format=form, data=file.getvalue() if data is None else data))
 
 
 @pytest.mark.parametrize(

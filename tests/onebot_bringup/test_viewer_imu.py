@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import Imu
 
-from onebot_description.ros.wire.messages import TfArrays, time_message
+from onebot_description.ros.wire.messages import TfArrays
 from tests.onebot_bringup.drive_support import column, frames, stamps
-from tests.onebot_bringup.viewer_support import START_NS, Shown, drawn, show, take_tf
+from tests.onebot_bringup.viewer_support import START_NS, Shown, drawn, show, stamped, take_tf
 
 ENTITY, TOPIC = "/imu/imu", "/imu"
 LEFT = (0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5))  # a quarter of a turn about z
@@ -14,8 +14,7 @@ LEFT = (0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5))  # a quarter of a turn about z
 
 def imu(rotation=(0.0, 0.0, 0.0, 1.0), acceleration=(0.0, 0.0, 9.8), frame="tip", at=0) -> Imu:
     """A message with a covariance of zeros: nothing is known of it."""
-    message = Imu()
-    message.header.frame_id, message.header.stamp = frame, time_message(START_NS + at)
+    message = stamped(Imu(), START_NS + at, frame)
     turn, force = message.orientation, message.linear_acceleration
     turn.x, turn.y, turn.z, turn.w = map(float, rotation)
     force.x, force.y, force.z = map(float, acceleration)

@@ -9,14 +9,12 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from onebot_bringup.viewer.core.shown_robot import RobotToShow
-from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.robot_view import RobotView
-from onebot_description.ros.wire.messages import time_message
 from tests.onebot_bringup.drive_support import column, entities, frames, stamps
 from tests.onebot_bringup.viewer_support import (
     START_NS,
     Shown,
     describe,
+    stamped,
     take,
     take_joints,
     take_tf,
@@ -54,8 +52,7 @@ BENDS = [(0.0, 0.0), (1.0, -0.5), (1.0, 2.0)]
 
 def trajectory(joints, positions, stamp_ns=START_NS) -> JointTrajectory:
     """A point a second with positions of these joints."""
-    message = JointTrajectory(joint_names=[*joints])
-    message.header.stamp = time_message(stamp_ns)
+    message = stamped(JointTrajectory(joint_names=[*joints]), stamp_ns)
     for second, values in enumerate(positions):
         point = JointTrajectoryPoint(positions=[*map(float, values)])
         point.time_from_start.sec = second
@@ -97,8 +94,7 @@ class Lifted(Shown):
         self.seconds += 1
         now = START_NS + self.seconds * SECOND
         for message in messages:
-            message.header.stamp = time_message(now)
-            self.send("/plan", message, at=now)
+            self.send("/plan", stamped(message, now), at=now)
         if joints:
             take_joints(self.view, now, *zip(*joints, strict=True))
         return self.tick(now)
@@ -126,20 +122,14 @@ def test_the_path_leads_through_the_points_as_the_arm_bends(tmp_path):
 
 
 def test_other_joints_are_where_they_are_now(tmp_path):
-    """At rest until they are known; the path follows those above the link, and no others."""
+    """At rest until they are known; those that the trajectory moves are where it has them."""
     shown = Lifted(tmp_path)
     shown.later(trajectory(ARM_JOINTS, BENDS))
-    shown.later(joints=[("lift", 0.3), ("shoulder", 2.0)])
-    shown.later(joints=[("grasp", 1.0), ("lift", 0.305), ("elbow", 1.0)])
-    shown.later(joints=[("lift", math.nan)])
-    shown.later(joints=[("lift", 0.7)])
-    shown.later(trajectory(ARM_JOINTS, BENDS[:2]))
-    file = shown.end()
-    heights = [points[0, 2] for points in marks(file)]
-    assert heights == pytest.approx([REST, 0.3, REST, 0.7, 0.7])
-    assert [len(points) for points in marks(file)] == [3, 3, 3, 3, 2]
-    seconds = [(stamp - START_NS) // SECOND for stamp in stamps(file, "/joint_trajectory/plan")]
-    assert seconds == [2, 3, 5, 6, 7]
+    for height in (0.3, math.nan):
+        shown.later(joints=[("grasp", 1.0), ("lift", height), ("shoulder", 2.0)])
+        shown.later(trajectory(ARM_JOINTS, BENDS))
+    found = [tool(BENDS, height) for height in (REST, 0.3, REST)]
+    np.testing.assert_allclose(marks(shown.end()), found, atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -201,11 +191,10 @@ def test_what_cannot_be_drawn_is_reported_once(tmp_path, message, reported):
 
 
 def test_no_points_clear_the_path(tmp_path):
-    """Whatever joints are named, and for good: it is not drawn anew for another lift."""
+    """Whatever joints are named."""
     shown = Lifted(tmp_path)
     shown.later(trajectory(ARM_JOINTS, BENDS))
     assert shown.later(trajectory(["x"], [])) == []
-    shown.later(joints=[("lift", 0.3)])
     file = shown.end()
     assert [line is None for line in lines(file)] == [False, True]
     assert [len(points) for points in marks(file)] == [3, 0]
@@ -235,26 +224,27 @@ def test_very_many_points_are_drawn_by_a_few(tmp_path):
     np.testing.assert_allclose(np.linalg.norm(line[:, :2], axis=1), 2.0, rtol=1e-5)
 
 
-def test_it_waits_for_the_description_and_follows_another(tmp_path):
-    """Drawn at its own time once the robot is known, and anew when that changes."""
+def test_it_waits_for_the_description_and_follows_what_changes(tmp_path, monkeypatch):
+    """Drawn at its own time once the robot is known, and anew some seconds later."""
     shown = Lifted(tmp_path, urdf="")
     shown.later(trajectory(ARM_JOINTS, BENDS))
     assert entities(tmp_path / "x.rrd") == set()
     describe(shown.view, LIFTED)
     shown.later()
+    monkeypatch.setattr("onebot_bringup.viewer.core.rerun_limits.REPEAT_AFTER", -1.0)
     describe(shown.view, LIFTED.replace('"0.9 0 0"', '"1.9 0 0"'))
-    shown.later()
+    shown.later(joints=[("lift", 0.3)])
     file = shown.end()
-    assert [points[0, 0] for points in marks(file)] == pytest.approx([2.0, 3.0])
-    assert stamps(file, "/joint_trajectory/plan") == [START_NS + SECOND, START_NS + 3 * SECOND]
+    places = [points[0].tolist() for points in marks(file)[:2]]
+    assert places == [pytest.approx([2.0, 0.0, REST]), pytest.approx([3.0, 0.0, 0.3])]
+    assert {*stamps(file, "/joint_trajectory/plan")} == {START_NS + SECOND}
 
 
 def test_each_robot_has_its_own_trajectories(tmp_path):
     """By the namespace of the topic; joint states are subscribed also of a robot without curves."""
-    file = tmp_path / "x.rrd"
     robots = [RobotToShow(f"/{name}", f"{name}/", plotted=False) for name in ("a", "ab")]
-    recording = open_recording(save=file)
-    view = RobotView(recording.stream, robots=robots)
+    shown = Shown(tmp_path, robot=False, robots=robots)
+    view = shown.view
     assert "/ab/joint_states" not in view.topics
     assert view.offer({"/ab/plan": KIND, "/plan": KIND}) == []
     assert {"/a/joint_states", "/ab/joint_states"} <= view.topics.keys()
@@ -264,9 +254,8 @@ def test_each_robot_has_its_own_trajectories(tmp_path):
         take_tf(view, transforms("world", f"{name}/base", height))
     for name in ("/ab/plan", "/plan"):
         take(view, name, trajectory(ARM_JOINTS, BENDS))
-    view.tick(START_NS)
-    view.finish()
-    recording.close()
+    shown.tick()
+    file = shown.end()
     for name, robot, height in (("plan", "a", 0.3), ("ab/plan", "ab", 0.6)):
         assert frames(file, f"/joint_trajectory/{name}") == [f"{robot}/base"]
         assert marks(file, name)[-1][0, 2] == pytest.approx(height)

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import LaserScan
 
-from onebot_description.ros.wire.messages import time_message
 from tests.onebot_bringup.drive_support import column, frames, stamps
 from tests.onebot_bringup.viewer_support import (
     START_NS,
     Shown,
     drawn,
     show,
+    stamped,
     take,
     take_tf,
     transforms,
@@ -27,9 +27,8 @@ def scan(ranges=(1.0, 2.0), frame="base", at=0, **fields) -> LaserScan:
     message = LaserScan(
         angle_min=-np.pi / 2, angle_increment=np.pi / 2, range_min=0.5, range_max=8.0, **fields
     )
-    message.header.frame_id, message.header.stamp = frame, time_message(START_NS + at)
     message.ranges = list(ranges)
-    return message
+    return stamped(message, START_NS + at, frame)
 
 
 def points(file, entity=ENTITY):

@@ -27,8 +27,8 @@ trails:
 """
 
 
-def _drive(live: RobotView, start: int, steps: int = 20) -> None:
-    for step in range(start, start + steps):
+def _drive(live: RobotView, start: int) -> None:
+    for step in range(start, start + 4):
         stamp, y = START_NS + step * 10**8, 0.1 * step
         take_tf(live, transforms("base", "tip", 0.5, stamp))
         take_tf(live, transforms("odom", "base", y, stamp))

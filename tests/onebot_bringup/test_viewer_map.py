@@ -9,13 +9,13 @@ from nav_msgs.msg import OccupancyGrid
 
 from onebot_bringup.viewer.displays.map import UPDATE
 from onebot_bringup.viewer.view_config import parse_view
-from onebot_description.ros.wire.messages import time_message
 from tests.onebot_bringup import viewer_support as support
 from tests.onebot_bringup.drive_support import column, frames, stamps
 from tests.onebot_bringup.viewer_support import (
     START_NS,
     drawn,
     show,
+    stamped,
     take,
 )
 
@@ -26,8 +26,7 @@ SECOND = 10**9
 def grid(cells, *, resolution=0.5, x=0.0, frame="base", stamp_ns=START_NS) -> OccupancyGrid:
     """A map of these cells, the row of the lowest y first."""
     cells = np.array(cells, np.int8)
-    message = OccupancyGrid(data=cells.ravel().tolist())
-    message.header.frame_id, message.header.stamp = frame, time_message(stamp_ns)
+    message = stamped(OccupancyGrid(data=cells.ravel().tolist()), stamp_ns, frame)
     message.info.height, message.info.width = cells.shape
     message.info.resolution, message.info.origin.position.x = resolution, x
     message.info.origin.orientation.w = 1.0
@@ -131,16 +130,6 @@ def test_updates_change_the_map(tmp_path):
     np.testing.assert_array_equal(fourth, [[1, 1]])
     np.testing.assert_array_equal(fifth, [[2, 1]])
     assert shown.warnings == []
-
-
-def test_an_update_of_an_older_map_is_ignored(tmp_path):
-    """It came with the new map, from a queue of its own."""
-    shown = Shown(tmp_path)
-    shown.take(grid([[1, 1]]))
-    shown.update(0, 0, [[2]])
-    shown.take(grid([[3]], stamp_ns=START_NS + 5))
-    shown.tick()
-    assert [cells.tolist() for cells in shown.cells()] == [[[1, 1]], [[3]]]
 
 
 def test_updates_come_through_after_the_clock_is_set_back(tmp_path):

@@ -9,20 +9,14 @@ from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
 
 from onebot_bringup.viewer.displays.odometry import JUMP, SPACING
-from onebot_bringup.viewer.displays.pose import (
-    Ellipse,
-    ellipse_outline,
-    heading_deviation,
-    place_ellipse,
-    sector_outline,
-)
-from onebot_description.ros.wire.messages import time_message
+from onebot_bringup.viewer.displays.pose import ellipse_outline, sector_outline
 from tests.onebot_bringup.drive_support import chunks, column, frames, odometry, stamps, strips
 from tests.onebot_bringup.viewer_support import (
     START_NS,
     Shown,
     describe,
     show,
+    stamped,
     take_odometry,
     take_tf,
     transforms,
@@ -33,9 +27,7 @@ from tests.onebot_bringup.viewer_support import (
 
 def driven(x, yaw=0.0, number=0, frame="base") -> Odometry:
     """A robot on the x axis."""
-    message = Odometry()
-    message.header.frame_id, message.header.stamp = frame, time_message(START_NS + number)
-    message.pose.pose.position.x = float(x)
+    message = stamped(odometry(x), START_NS + number, frame)
     turn = message.pose.pose.orientation
     turn.z, turn.w = np.sin(yaw / 2), np.cos(yaw / 2)
     return message
@@ -155,24 +147,23 @@ def test_the_trail_grows_by_the_way_not_by_the_messages(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("stamp", "sample"),
+    ("stamp", "x", "frame"),
     [
-        (5, odometry(1.0)),  # a teleport
-        (-1, odometry(0.2)),  # a simulation that begins anew
-        (5, odometry(0.2, frame="map")),
+        (5, 1.0, "odom"),  # a teleport
+        (-1, 0.2, "odom"),  # a simulation that begins anew
+        (5, 0.2, "map"),
     ],
 )
-def test_a_jump_breaks_the_line(tmp_path, stamp, sample):
+def test_a_jump_breaks_the_line(tmp_path, stamp, x, frame):
     """No piece leads there; the line goes on from there."""
-    after = sample._replace(translation=sample.translation + np.array([0.1, 0, 0]))
     samples = [
         (START_NS, odometry(0.0)),
         (START_NS + 1, odometry(0.1)),
-        (START_NS + stamp, sample),
-        (START_NS + stamp + 1, after),
+        (START_NS + stamp, odometry(x, frame=frame)),
+        (START_NS + stamp + 1, odometry(x + 0.1, frame=frame)),
     ]
     pieces = _flushed(tmp_path, samples)
-    wanted = np.array([sample.translation, after.translation])
+    wanted = np.array([[x, 0.0, 0.0], [x + 0.1, 0.0, 0.0]])
     assert any(np.allclose(piece, wanted, atol=1e-6) for piece in pieces)
     assert max(np.linalg.norm(piece[1] - piece[0]) for piece in pieces) < 0.11
 
@@ -239,16 +230,24 @@ def _covariance(xx=0.0, yy=0.0, xy=0.0, yaw=0.0):
     return matrix.ravel()
 
 
-@given(along=st.floats(0.01, 10), ratio=st.floats(0.05, 0.95), angle=st.floats(-math.pi, math.pi))
-def test_the_ellipse_has_the_deviations_that_went_in(along, ratio, angle):
-    """A covariance made of two deviations and a direction gives them back."""
+@given(
+    along=st.floats(0.01, 10.0),
+    ratio=st.floats(0.0, 0.95),
+    angle=st.floats(-math.pi, math.pi),
+    sigma=st.floats(0.5, 4.0),
+)
+def test_the_ellipse_has_the_deviations_that_went_in(along, ratio, angle, sigma):
+    """Of a covariance made of two deviations and a direction; a line if one direction is sure."""
     cos, sin = math.cos(angle), math.sin(angle)
     turn = np.array([[cos, -sin], [sin, cos]])
     matrix = turn @ np.diag([along**2, (ratio * along) ** 2]) @ turn.T
-    found = place_ellipse(_covariance(matrix[0, 0], matrix[1, 1], matrix[0, 1]))
-    assert found is not None
-    np.testing.assert_allclose(found[:2], [along, ratio * along], rtol=1e-6)
-    assert abs(math.sin(found.angle - angle)) < 1e-5
+    points = ellipse_outline(_covariance(matrix[0, 0], matrix[1, 1], matrix[0, 1]), sigma)
+    assert points.shape == (49, 3) and not points[:, 2].any()
+    np.testing.assert_allclose(points[0], points[-1], atol=1e-9)
+    ahead, aside = (points[:, :2] @ turn / (sigma * along)).T
+    turns = np.linspace(0.0, math.tau, 49)
+    np.testing.assert_allclose(ahead**2, np.cos(turns) ** 2, atol=1e-6)
+    np.testing.assert_allclose(aside**2, (ratio * np.sin(turns)) ** 2, atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -259,48 +258,26 @@ def test_the_ellipse_has_the_deviations_that_went_in(along, ratio, angle):
         _covariance(math.nan, 1.0),
         _covariance(math.inf, 1.0),
         _covariance(1.0, 1.0, 2.0),  # no covariance: one direction would be less than sure
+        _covariance(1e4, 1.0),
     ],
 )
 def test_an_unknown_place_has_no_ellipse(covariance):
     """Nothing is drawn of what means nothing."""
-    assert place_ellipse(covariance) is None
-
-
-def test_a_place_sure_in_one_direction_is_a_line():
-    """A covariance of rank one is drawn as what it is."""
-    ellipse = place_ellipse(_covariance(0.5, 0.5, 0.5))
-    assert ellipse is not None and ellipse.across == pytest.approx(0.0, abs=1e-7)
+    assert ellipse_outline(covariance, 1.001) is None
 
 
 def test_the_sector_is_as_wide_as_the_heading_is_unsure():
-    """It opens to either side of x, at most all round; an unknown yaw has none."""
-    assert heading_deviation(_covariance(yaw=0.04)) == pytest.approx(0.2)
-    points = sector_outline(0.2, 3.0, 0.5)[1:-1]
+    """It opens to either side, at most all round; an unknown yaw has none."""
+    points = sector_outline(0.04, 1.0, 3.0, 0.5)[1:-1]
     angles = np.arctan2(points[:, 1], points[:, 0])
-    assert angles.min() == pytest.approx(-0.6) and angles.max() == pytest.approx(0.6)
+    assert angles.min() == pytest.approx(0.4) and angles.max() == pytest.approx(1.6)
     np.testing.assert_allclose(np.linalg.norm(points, axis=1), 0.5)
-    assert np.ptp(np.unwrap(np.arctan2(*sector_outline(50.0, 3.0, 0.5)[1:-1, 1::-1].T))) < 6.29
+    whole = sector_outline(50.0, 0.0, 3.0, 0.5)[1:-1]
+    assert np.ptp(np.unwrap(np.arctan2(*whole[:, 1::-1].T))) < 6.29
     for unknown in (0.0, -1.0, math.nan, math.inf):
-        assert heading_deviation(_covariance(yaw=unknown)) is None
-
-
-@given(
-    along=st.floats(0.01, 3.0),
-    across=st.floats(0.0, 3.0),
-    angle=st.floats(-4.0, 4.0),
-    sigma=st.floats(0.5, 4.0),
-)
-def test_an_outline_is_the_ellipse_itself(along, across, angle, sigma):
-    """Closed, on the ground, as far as ``sigma`` deviations in its own directions."""
-    points = ellipse_outline(Ellipse(along, across, angle), sigma)
-    assert points.shape == (49, 3) and not points[:, 2].any()
-    np.testing.assert_allclose(points[0], points[-1], atol=1e-9)
-    forward = np.array([math.cos(angle), math.sin(angle)])
-    ahead = points[:, :2] @ forward
-    aside = points[:, :2] @ np.array([-forward[1], forward[0]])
-    turns = np.linspace(0.0, math.tau, 49)
-    np.testing.assert_allclose(ahead, sigma * along * np.cos(turns), atol=1e-9)
-    np.testing.assert_allclose(aside, sigma * across * np.sin(turns), atol=1e-9)
+        assert sector_outline(unknown, 0.0, 3.0, 0.5) is None
+    assert sector_outline(0.04, math.nan, 3.0, 0.5) is None
+    assert sector_outline(0.04, 0.0, 3.0, 0.0) is None
 
 
 def _scattered(tmp_path, covariances, settings="heading: 0.5"):
@@ -308,9 +285,11 @@ def _scattered(tmp_path, covariances, settings="heading: 0.5"):
     for step, covariance in enumerate(covariances):
         stamp = START_NS + step * 10**8
         take_tf(shown.view, transforms("odom", "base", 0.0, stamp))
-        turn = np.array([0.0, 0.0, 0.5**0.5, 0.5**0.5])  # to the left
-        sample = odometry(0.5, -1.0 + step)._replace(covariance=covariance, rotation=turn)
-        take_odometry(shown.view, "odom", stamp, sample)
+        message = odometry(0.5, -1.0 + step)
+        message.pose.covariance = covariance
+        turn = message.pose.pose.orientation
+        turn.z = turn.w = 0.5**0.5  # to the left
+        take_odometry(shown.view, "odom", stamp, message)
         shown.tick(stamp)
     return shown.end()
 

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import PointCloud2, PointField
 
-from onebot_description.ros.wire.messages import time_message
 from tests.onebot_bringup.test_viewer_laser_scan import colors, points
-from tests.onebot_bringup.viewer_support import START_NS, show
+from tests.onebot_bringup.viewer_support import show, stamped
 
 ENTITY = "/point_cloud2/cloud"
 RED, MAGENTA = 0xFF0000FF, 0xFF00FFFF
@@ -30,7 +29,7 @@ def cloud(dtype, height=1, padding=0, frame="tip", **columns) -> PointCloud2:
         is_bigendian=dtype[dtype.names[0]].str[0] == ">",
         data=data.tobytes(),
     )
-    message.header.frame_id, message.header.stamp = frame, time_message(START_NS)
+    stamped(message, frame=frame)
     for name, (kind, offset, *_) in dtype.fields.items():
         field = PointField(name=name, offset=offset, datatype=DATATYPES[kind.str[1:]], count=1)
         message.fields.append(field)

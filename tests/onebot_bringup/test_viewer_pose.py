@@ -12,9 +12,8 @@ from geometry_msgs.msg import (
     PoseWithCovarianceStamped,
 )
 
-from onebot_description.ros.wire.messages import time_message
 from tests.onebot_bringup.drive_support import column, frames, stamps
-from tests.onebot_bringup.viewer_support import START_NS, Shown, drawn, show
+from tests.onebot_bringup.viewer_support import START_NS, Shown, drawn, show, stamped
 
 RED, GREEN, BLUE = 0xCC3333FF, 0x33CC33FF, 0x3366FFFF
 QUARTER = (0.0, 0.0, 2.0, 2.0)  # turned to the left; of any length
@@ -29,12 +28,6 @@ def pose(x, y=0.0, turn=(0.0, 0.0, 0.0, 0.0)) -> Pose:
     rotation = found.orientation
     rotation.x, rotation.y, rotation.z, rotation.w = turn
     return found
-
-
-def stamped(message, stamp_ns=START_NS, frame="tip"):
-    """The message with a header."""
-    message.header.frame_id, message.header.stamp = frame, time_message(stamp_ns)
-    return message
 
 
 def arrows(file, entity) -> tuple:

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import Range
 
-from onebot_description.ros.wire.messages import time_message
 from tests.onebot_bringup.drive_support import column, frames
-from tests.onebot_bringup.viewer_support import START_NS, drawn, show
+from tests.onebot_bringup.viewer_support import drawn, show, stamped
 
 ENTITY, TOPIC = "/range/sonar", "/sonar"
 INF, NAN = float("inf"), float("nan")
@@ -14,9 +13,7 @@ INF, NAN = float("inf"), float("nan")
 
 def echo(measured, least=0.1, most=4.0, view=np.pi / 2) -> Range:
     """A measured distance."""
-    message = Range(field_of_view=view, min_range=least, max_range=most, range=measured)
-    message.header.frame_id, message.header.stamp = "tip", time_message(START_NS)
-    return message
+    return stamped(Range(field_of_view=view, min_range=least, max_range=most, range=measured))
 
 
 def cones(file):

@@ -21,6 +21,7 @@ from tests.onebot_bringup.drive_support import chunks, column, frames, odometry
 from tests.onebot_bringup.viewer_support import (
     ARM,
     START_NS,
+    Shown,
     describe,
     take,
     take_odometry,
@@ -90,8 +91,8 @@ def test_each_robot_is_logged_under_its_namespace_in_its_frames(tmp_path):
     for step in range(5):
         stamp = START_NS + step * TENTH
         for space in ("left", "right"):
-            sample = odometry(0.1 * step, frame=f"{space}/odom", stamp_ns=stamp)
-            take_odometry(fleet.view, f"/{space}/odom", stamp, sample)
+            message = odometry(0.1 * step, frame=f"{space}/odom")
+            take_odometry(fleet.view, f"/{space}/odom", stamp, message)
         take_odometry(fleet.view, "/plan", stamp, odometry(0.1 * step, frame="world"))
         fleet.view.tick(stamp)
     fleet.end()
@@ -167,14 +168,12 @@ def test_robots_come_one_by_one(tmp_path):
 
 
 def test_a_world_may_be_described_before_its_robot(tmp_path):
-    recording = open_recording(save=tmp_path / "x.rrd")
-    view = RobotView(recording.stream)
-    take(view, "/world_description", String(data=WORLD))
-    assert view.tick(START_NS) == []
-    describe(view, ARM)
-    assert view.tick(START_NS + 10**9) == []
-    recording.close()
-    assert view.robot is not None
+    shown = Shown(tmp_path, robot=False)
+    take(shown.view, "/world_description", String(data=WORLD))
+    assert shown.tick() == []
+    describe(shown.view, ARM)
+    assert shown.tick(START_NS + 10**9) == []
+    assert shown.view.robot is not None
 
 
 def test_the_world_is_shown_around_one_robot_and_around_many(tmp_path):

@@ -26,6 +26,7 @@ from onebot_bringup.viewer.display_server import (
     open_recording,
 )
 from onebot_bringup.viewer.rendering import headless_viewer, render
+from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_description.errors import OneBotError
 from tests.support import PATIENCE, wait_for
 from tests.support_rendering import require_renderer
@@ -190,8 +191,8 @@ def test_a_port_in_use_is_said_and_replaced():
         busy.bind(("127.0.0.1", 0))
         busy.listen()
         port = busy.getsockname()[1]
-        ports = {"grpc_port": 0, "web_port": port}
-        DisplayServer("web", None, **ports, memory_limit="1MB", open_browser=False, log=log).close()
+        parameters = ViewerParameters(grpc_port=0, web_port=port, open_browser=False)
+        DisplayServer(parameters, log).close()
     [warning] = said
     assert warning.startswith(f"web_port {port} is in use; using ")
 
@@ -390,9 +391,9 @@ def test_a_refused_viewer_leaves_the_file(tmp_path, monkeypatch, viewer, port, s
     file = tmp_path / "x.rrd"
     file.write_text("the last recording")
     log = SimpleNamespace(info=print, warning=print)
-    ports = {"grpc_port": 0, "web_port": port}
+    parameters = ViewerParameters(viewer, str(file), grpc_port=0, web_port=port)
     with pytest.raises(OneBotError, match=said):
-        DisplayServer(viewer, file, **ports, memory_limit="1MB", open_browser=False, log=log)
+        DisplayServer(parameters, log)
     assert file.read_text() == "the last recording"
 
 

@@ -13,12 +13,6 @@ def _load(tmp_path: Path, text: str) -> ViewConfig:
     return load_view(path)
 
 
-def test_an_empty_view_is_the_default(tmp_path):
-    """Every key may be left out."""
-    assert _load(tmp_path, "") == ViewConfig()
-    assert _load(tmp_path, "axes: {}") == ViewConfig()
-
-
 def test_the_example_in_the_module_is_valid(tmp_path):
     """The documentation can be copied."""
     from onebot_bringup.viewer import view_config
@@ -32,14 +26,9 @@ def test_the_views_of_our_robots_are_valid():
     onebot, mrm = map(view_for, ("onebot", "mrm"))
     assert onebot is not None
     assert onebot.parts[-3:] == ("onebot_description", "config", "view.yaml")
-    view = load_view(onebot)
-    assert (view.fixed_frame, view.camera.follow) == ("odom", "base_link")
-    assert set(view.trails) == {"odometry", "truth"}
-    assert set(view.speeds.lines) == {"commanded", "measured"}
-    assert set(view.covariance) == {"odometry"}
+    assert load_view(onebot).fixed_frame == "odom"
     assert all(view_for(robot) is None for robot in ("nobody", "", "../mrm", "my robot", "é"))
     assert mrm is not None and load_view(mrm).fixed_frame == "base_link"
-    assert load_view(mrm).joint_plot.limits and load_view(mrm).joint_ranges.visible
 
 
 @pytest.mark.parametrize(

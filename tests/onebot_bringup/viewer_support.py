@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
-from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
@@ -135,6 +134,12 @@ def transforms(parent, child, y, stamp_ns=START_NS):
     )
 
 
+def stamped(message, stamp_ns=START_NS, frame="tip"):
+    """The message with a header."""
+    message.header.frame_id, message.header.stamp = frame, time_message(stamp_ns)
+    return message
+
+
 def take(view: RobotView, topic: str, message, stamp_ns=START_NS) -> None:
     """Give a view a message, received at ``stamp_ns``."""
     view.take(topic, type_name(message), bytes(serialize_message(message)), stamp_ns)
@@ -159,28 +164,12 @@ def take_joints(view: RobotView, stamp_ns: int, names, positions, velocities=())
     message = JointState(
         name=list(names), position=list(map(float, positions)), velocity=list(velocities)
     )
+    take(view, "joint_states", stamped(message, stamp_ns), stamp_ns)
+
+
+def take_odometry(view: RobotView, topic: str, stamp_ns: int, message: Odometry) -> None:
+    """Give it an Odometry message of that time."""
     message.header.stamp = time_message(stamp_ns)
-    take(view, "joint_states", message, stamp_ns)
-
-
-def take_odometry(view: RobotView, topic: str, stamp_ns: int, sample) -> None:
-    """Give it an OdometrySample as a message."""
-    message = Odometry(child_frame_id=sample.child_frame_id)
-    message.header.frame_id, message.header.stamp = sample.frame_id, time_message(stamp_ns)
-    pose, twist = message.pose.pose, message.twist.twist
-    pose.position.x, pose.position.y, pose.position.z = map(float, sample.translation)
-    turn = pose.orientation
-    turn.x, turn.y, turn.z, turn.w = map(float, sample.rotation)
-    message.pose.covariance[:] = sample.covariance
-    twist.linear.x, twist.angular.z = float(sample.linear[0]), float(sample.angular[2])
-    take(view, topic, message, stamp_ns)
-
-
-def take_command(view: RobotView, topic: str, stamp_ns: int, linear: float, angular: float) -> None:
-    """Give it a TwistStamped."""
-    message = TwistStamped()
-    message.header.stamp = time_message(stamp_ns)
-    message.twist.linear.x, message.twist.angular.z = linear, angular
     take(view, topic, message, stamp_ns)
 
 

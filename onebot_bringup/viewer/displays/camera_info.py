@@ -72,12 +72,9 @@ class CameraInfoDrawing(Drawing[CameraInfoSettings]):
 
 def _projection(message: Any) -> tuple[np.ndarray, tuple[int, int]]:
     """Return the (3, 3) camera matrix and the picture's size, after binning and cropping."""
-    matrix = np.array(
-        message.p
-        if message.p[0]
-        else [*message.k[:3], 0.0, *message.k[3:6], 0.0, *message.k[6:], 0.0]
-    )
-    matrix = matrix.reshape(3, 4)[:, :3].astype(float)
+    is_rectified = bool(message.p[0])
+    matrix = message.p.reshape(3, 4)[:, :3] if is_rectified else message.k.reshape(3, 3)
+    matrix = matrix.astype(float)  # a copy
     if not (matrix[0, 0] and matrix[1, 1] and is_drawable(matrix)):
         raise ValueError("it is not calibrated: neither k nor p has focal lengths")
     roi = message.roi

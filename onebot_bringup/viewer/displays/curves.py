@@ -236,58 +236,42 @@ class CurvesSettings:
     lines: Mapping[str, CurveSettings] = setting({}, "the curves, by names of your own")
 
 
-class FieldPath:
-    """The path to a number in messages, such as ``pose.position.x``."""
+class FieldDrawing(CurveDrawing[CurveSettings]):
+    """The curve of one field of one topic, named by a path such as ``pose.position.x``."""
 
-    def __init__(self, path: str) -> None:
-        self.path = path
-        steps = (match.groups() for match in _STEP.finditer(path))
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self._path = self.settings.field
+        steps = (match.groups() for match in _STEP.finditer(self._path))
         self._steps = [name or int(index) for name, index in steps]
 
-    def value(self, message: Any) -> float:
-        """Return the number in a message.
-
-        Raises:
-            ValueError: the message has no such number; says what it has.
-        """
+    def values(self, message: Any) -> Sequence[float]:
         value = message
         for step in self._steps:
             value = self._part(value, step)
         if isinstance(value, (bool, int, float, np.number, np.bool_)):
-            return float(value)
+            return [float(value)]
         if isinstance(value, Message):
             names = [name for name in dir(value) if name[0] != "_" and not hasattr(Message, name)]
-            raise ValueError(
-                f"{self.path} is no number but a message of {listing(names, _MOST_LISTED)}"
-            )
-        what = "text" if isinstance(value, str) else f"an array: write {self.path}[0]"
-        raise ValueError(f"{self.path} is {what}")
+            fields = listing(names, _MOST_LISTED)
+            raise ValueError(f"{self._path} is no number but a message of {fields}")
+        what = "text" if isinstance(value, str) else f"an array: write {self._path}[0]"
+        raise ValueError(f"{self._path} is {what}")
 
     def _part(self, value: Any, step: str | int) -> Any:
         """Return a field of a message, or an element of an array."""
         if isinstance(step, str):
             if not isinstance(value, Message):
-                raise ValueError(f'{self.path}: "{step}" needs a message before it')
+                raise ValueError(f'{self._path}: "{step}" needs a message before it')
             try:
                 return value[step]
             except LookupError as error:
                 raise ValueError(str(error.args[0])) from error
-        if isinstance(value, Message) or not isinstance(value, (np.ndarray, Table, list)):
-            raise ValueError(f"{self.path}: [{step}] needs an array before it")
+        if not isinstance(value, (np.ndarray, Table, list)):
+            raise ValueError(f"{self._path}: [{step}] needs an array before it")
         if step >= len(value):
-            raise ValueError(f"{self.path}: there are {len(value)} elements, counted from 0")
+            raise ValueError(f"{self._path}: there are {len(value)} elements, counted from 0")
         return value[step]
-
-
-class FieldDrawing(CurveDrawing[CurveSettings]):
-    """The curve of one field of one topic."""
-
-    def __init__(self, *arguments: Any) -> None:
-        super().__init__(*arguments)
-        self._field = FieldPath(self.settings.field)
-
-    def values(self, message: Any) -> Sequence[float]:
-        return [self._field.value(message)]
 
 
 class CurvesDisplay(_CurvesDisplay[CurvesSettings]):

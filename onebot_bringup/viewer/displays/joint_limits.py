@@ -37,7 +37,7 @@ class JointRangesSettings:
 
 
 class JointLimitsDisplay(Display[JointRangesSettings]):
-    """Draws the ranges of joints in the colours of their curves; redraws only what changes."""
+    """Draws the ranges of joints in the colours of their curves; redraws them when they change."""
 
     key = "joint_ranges"
     order = 2
@@ -45,7 +45,7 @@ class JointLimitsDisplay(Display[JointRangesSettings]):
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
         self._made_of: tuple[object, ...] = ()
-        self._drawn: dict[str, object] = {}  # drawn data, by entity
+        self._drawn: set[str] = set()  # entities of marks
 
     def flush(self) -> None:
         robot = self.robot
@@ -60,32 +60,28 @@ class JointLimitsDisplay(Display[JointRangesSettings]):
             self._draw(joints, radius)
 
     def _draw(self, joints: Iterable[Joint], radius: float) -> None:
-        """Draw the marks of those ``joints`` that have a colour; log only what has changed."""
-        marks: dict[str, tuple[str, Strips, float, Color]] = {}
+        """Draw the marks of those ``joints`` that have a colour, in place of the previous marks."""
+        previous, self._drawn = self._drawn, set()
         for joint in joints:
             color = self.robot.joint_colors.get(joint.name)
             if color is not None:
-                needle = (joint.child, needle_strips(joint, radius), _NEEDLE_WIDTH, color)
-                scale = (joint.parent, scale_strips(joint, radius), _ARC_WIDTH, color)
-                marks[self._entity(joint.name, "range")] = scale
-                marks[self._entity(joint.name, "hand")] = needle
-        recording = self.stage.recording
-        for entity in set(self._drawn).difference(marks):
+                scale, needle = scale_strips(joint, radius), needle_strips(joint, radius)
+                self._log(joint.name, "range", joint.parent, scale, _ARC_WIDTH, color)
+                self._log(joint.name, "hand", joint.child, needle, _NEEDLE_WIDTH, color)
+        home = rr.CoordinateFrame(self.robot.root_frame)
+        for entity in previous - self._drawn:
             # Static data cannot be cleared but overwritten, in a frame that exists.
-            del self._drawn[entity]
-            home = rr.CoordinateFrame(self.robot.root_frame)
-            recording.log(entity, home, rr.LineStrips3D.cleared(), static=True)
-        for entity, (link, strips, width, color) in marks.items():
-            what = (link, [strip.tolist() for strip in strips], color)
-            if self._drawn.get(entity) != what:
-                self._drawn[entity] = what
-                radii: Any = [rr.Radius.ui_points(width)]
-                lines = rr.LineStrips3D(strips, colors=[color], radii=radii)
-                frame = rr.CoordinateFrame(self.robot.frame_of(link))
-                recording.log(entity, frame, lines, static=True)
+            self.stage.recording.log(entity, home, rr.LineStrips3D.cleared(), static=True)
 
-    def _entity(self, joint: str, part: str) -> str:
-        return self.entity(entity_path(RANGES_ENTITY, joint, part))
+    def _log(
+        self, joint: str, part: str, link: str, strips: Strips, width: float, color: Color
+    ) -> None:
+        entity = self.entity(entity_path(RANGES_ENTITY, joint, part))
+        self._drawn.add(entity)
+        radii: Any = [rr.Radius.ui_points(width)]
+        lines = rr.LineStrips3D(strips, colors=[color], radii=radii)
+        frame = rr.CoordinateFrame(self.robot.frame_of(link))
+        self.stage.recording.log(entity, frame, lines, static=True)
 
 
 def limited_joints(description: Description) -> tuple[Joint, ...]:
@@ -97,12 +93,6 @@ def limited_joints(description: Description) -> tuple[Joint, ...]:
     )
 
 
-def limits(joint: Joint) -> tuple[float, float]:
-    """Return the lower and the upper limit of one of ``limited_joints``, rad or m."""
-    assert joint.lower is not None and joint.upper is not None
-    return joint.lower, joint.upper
-
-
 def scale_strips(joint: Joint, radius: float) -> Strips:
     """Return lines of the arc or bar with end marks, (N, 3) points each, m in the parent's frame.
 
@@ -110,7 +100,7 @@ def scale_strips(joint: Joint, radius: float) -> Strips:
         joint: one of ``limited_joints``.
         radius: radius of the arc, m.
     """
-    lower, upper = limits(joint)
+    lower, upper = joint.range
     across = _across(joint.axis)
     if joint.kind == "revolute":
         # More than one turn would overlap itself.

@@ -13,7 +13,7 @@ from onebot_bringup.viewer.core.inbox import MessageType, WantedTopic, one_by_on
 from onebot_bringup.viewer.core.rerun_limits import SELDOM
 from onebot_bringup.viewer.core.settings import Color, setting
 from onebot_bringup.viewer.displays.curves import Curves
-from onebot_bringup.viewer.displays.joint_limits import limited_joints, limits
+from onebot_bringup.viewer.displays.joint_limits import limited_joints
 from onebot_description.ros.wire.messages import JointStateArrays, one_joint_state
 
 POSITION_ENTITY = "joints/position"
@@ -53,8 +53,6 @@ class JointPlotDisplay(Display[JointPlotSettings]):
         self._sets: dict[tuple[str, ...], _JointSet] = {}
         self._count = 0  # number of sets so far
         self._colors: dict[tuple[str, ...], dict[str, Color]] = {}  # colours so far, by set
-        # Cache of the last names' set, since looking up many names takes long.
-        self._last: tuple[object, _JointSet | None] = ((), None)
         self._has_velocities = False  # whether a velocity ever came
         self._is_full = False  # whether there are too many sets to plot
 
@@ -66,12 +64,11 @@ class JointPlotDisplay(Display[JointPlotSettings]):
         super().apply(settings)
         robot = self.robot.description
         joints = limited_joints(robot) if robot is not None and settings.limits else ()
-        drawn = {joint.name: limits(joint) for joint in joints}
+        drawn = {joint.name: joint.range for joint in joints}
         if drawn == self._limits:
             return
         self.flush()
         self._limits = drawn
-        self._last = ((), None)
         self._sets.clear()  # use new entities from now on, since the rows have other lengths
 
     def set_robot(self) -> None:
@@ -82,11 +79,10 @@ class JointPlotDisplay(Display[JointPlotSettings]):
         self, _topic: str, _kind: MessageType[Any], messages: Sequence[tuple[int, JointStateArrays]]
     ) -> None:
         for stamp_ns, state in messages:
-            if state.names is not self._last[0]:
-                self._last = state.names, self._set_of(state.names)
-            if self._last[1] is not None:
+            joints = self._set_of(state.names)
+            if joints is not None:
                 self._has_velocities |= len(state.velocities) == len(state.names)
-                self._last[1].add(stamp_ns, state)
+                joints.add(stamp_ns, state)
 
     def _set_of(self, names: tuple[str, ...]) -> "_JointSet | None":
         """Return the curves of these joints."""

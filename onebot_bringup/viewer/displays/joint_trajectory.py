@@ -25,7 +25,6 @@ _MOST_POINTS = 1000
 # Most positions added between the points, so that the line bends as the robot does.
 _MOST_BETWEEN = 1000
 _STEP = np.radians(5.0)  # distance of two positions, summed over all joints
-_TOLERANCE = 0.01  # rad or m that a held joint may move before the path is redrawn
 
 
 @dataclass(frozen=True)
@@ -46,8 +45,6 @@ class JointTrajectoryDrawing(Drawing[JointTrajectorySettings]):
     stamped_when_sent, has_header = False, False
     repeat_when_silent = True
     period_ns = SELDOM
-    _motion: "LinkMotion | None" = None  # kinematics of the link; None if no path is drawn
-    _held: Floats = np.zeros(0)  # positions of the held joints in the path that is drawn
 
     @cached_property
     def robot(self) -> ShownRobot:
@@ -77,25 +74,8 @@ class JointTrajectoryDrawing(Drawing[JointTrajectorySettings]):
     def _is_due(self, frame: str, stamp_ns: int) -> bool:
         return bool(frame) and super()._is_due(frame, stamp_ns)  # it waits for the description
 
-    def flush(self) -> None:
-        """Log what can be shown now; redraw the last path if other joints have moved the link."""
-        if self._last is not None and not self._pending and self._is_displaced():
-            self._pending.append((max(self.stage.now_ns, self._last[0]), self._last[1]))
-        super().flush()
-
-    def _is_displaced(self) -> bool:
-        """Whether held joints have moved, so that the path is elsewhere now."""
-        motion, robot = self._motion, self.robot
-        if motion is None:
-            return False
-        if motion.description is not robot.description:
-            return True
-        moved = np.abs(motion.held(robot.joint_positions) - self._held)
-        return bool((moved > _TOLERANCE).any())
-
     def draw(self, message: Any) -> Archetypes:
         """Return the path as a line, and the link's places at the trajectory's points."""
-        self._motion = None
         if not len(message.points):
             return _shapes([], [])
         robot = self.robot
@@ -106,7 +86,6 @@ class JointTrajectoryDrawing(Drawing[JointTrajectorySettings]):
             raise ValueError(str(error)) from None
         along, at_points = samples(_positions(message), motion.turning)
         places = motion.places(along, robot.joint_positions)
-        self._motion, self._held = motion, motion.held(robot.joint_positions)
         line = drawable(places)
         return _shapes([line] if len(line) else [], drawable(places[at_points]))
 
@@ -171,9 +150,7 @@ class LinkMotion:
     """Kinematics of a link that some joints move, while the others are held.
 
     Attributes:
-        description: the robot.
-        names: the K joints that move the link.
-        turning: (K,), which of them turn.
+        turning: (K,), which of the joints that move the link turn.
     """
 
     def __init__(self, description: Description, names: Sequence[str], link: str) -> None:
@@ -187,7 +164,7 @@ class LinkMotion:
         Raises:
             OneBotError: the robot has no such joint or link, or its links are not one tree.
         """
-        self.description, self.names = description, names
+        self._names = names
         self._model = model = RobotModel(description)
         self.turning = model.moving.half_turns[[model.row(name) for name in names]] > 0.0
         rests = dict(zip(model.joints, model.pose({}).tolist(), strict=True))
@@ -202,12 +179,6 @@ class LinkMotion:
             hint = did_you_mean(link, model.links, "links")
             raise OneBotError(f'robot "{model.name}" has no link "{link}"{hint}')
         self._link = model.links.index(link)
-        names_above = {joint.name for joint in joints_above(above, link)}
-        self._held = [model.row(joint) for joint in model.joints if joint in names_above - moved]
-
-    def held(self, states: Mapping[str, float]) -> Floats:
-        """Return the positions of the joints above the link that are held, rad or m."""
-        return self._positions(np.zeros((1, len(self.names))), states)[0, self._held]
 
     def places(self, positions: Floats, states: Mapping[str, float]) -> Floats:
         """Return where the link is.
@@ -219,22 +190,17 @@ class LinkMotion:
         Returns:
             Its places (N, 3) in the frame of the root link, m.
         """
-        poses = self._model.link_poses(self._positions(positions, states))
-        places: Floats = poses[:, self._link, :3]
-        return places
-
-    def _positions(self, positions: Floats, states: Mapping[str, float]) -> Floats:
-        """Return the positions (N, M) of all movable joints of the robot, rad or m."""
         values: dict[str, Any] = {
             joint: states[joint] if abs(states.get(joint, np.inf)) <= LARGEST else position
             for joint, position in self._rests.items()
         }
-        values.update(zip(self.names, positions.T, strict=True))
-        result = np.zeros((len(positions), len(self._model.joints)))
+        values.update(zip(self._names, positions.T, strict=True))
+        everything = np.zeros((len(positions), len(self._model.joints)))
         for joint, leader in self._leaders.items():
             place = values[leader.joint] * leader.multiplier + leader.offset
-            result[:, self._model.row(joint)] = place
-        return result
+            everything[:, self._model.row(joint)] = place
+        places: Floats = self._model.link_poses(everything)[:, self._link, :3]
+        return places
 
 
 def last_link(above: Mapping[str, Joint], moved: Collection[str]) -> str:

@@ -73,7 +73,6 @@ class MapDrawing(Drawing[MapSettings]):
     stamped_when_sent, repeat_when_silent = False, True
     period_ns = SELDOM
     _grid: CurrentMap | None = None
-    _whole_ns = 0  # the time of the map received since the last flush; 0 for none
     _own = False  # whether the cells are our own copy, which updates may change
 
     def style(self) -> Sequence[rr.AsComponents]:
@@ -87,15 +86,12 @@ class MapDrawing(Drawing[MapSettings]):
     def add(self, stamp_ns: int, message: Any) -> None:
         """Add a map, or an update of it, which is ignored before there is a map.
 
-        An update is also ignored if it is older than a map received since the last flush: the two
-        topics may deliver out of order. Other stamps do not matter, as in RViz, since the clock may
-        have been set back.
+        Their stamps are not compared, as in RViz, since the clock may have been set back.
         """
         try:
             if hasattr(message, "info"):
-                grid = _grid(message)
-                self._own, self._whole_ns = False, stamp_ns
-            elif self._grid is None or stamp_ns < self._whole_ns:
+                grid, self._own = _grid(message), False
+            elif self._grid is None:
                 return
             else:
                 grid = self._updated(self._grid, message)
@@ -130,18 +126,15 @@ class MapDrawing(Drawing[MapSettings]):
         assert isinstance(before, MapDrawing)
         self._grid = before._grid
 
-    def flush(self) -> None:
-        """Log the maps received so far; any later update belongs to this map or a later one."""
-        super().flush()
-        self._whole_ns = 0
-
     def draw(self, message: Any) -> Sequence[rr.AsComponents | ReadyColumn]:
         """Return the cells, the highest y first, and the map's pose and cell size."""
         if not message.cells.size:
             self.stage.clear(self.entity, self.stamp_ns, self.entity_frame)
             self._logged_at = time.monotonic()
             return ()
-        return [_cells(message.cells), *_geometry(message.info)]
+        info = message.info
+        place = info.origin.array().tobytes()
+        return [_cells(message.cells), *_placed(info.width, info.height, info.resolution, place)]
 
 
 def _cells(cells: NDArray[np.int8]) -> ReadyColumn:
@@ -149,10 +142,6 @@ def _cells(cells: NDArray[np.int8]) -> ReadyColumn:
     image = empty(cells.shape, np.uint8)
     image[...] = np.flipud(cells).view(np.uint8)
     return _DATA.row(image.reshape(-1))
-
-
-def _geometry(info: Any) -> Sequence[ReadyColumn]:
-    return _placed(info.width, info.height, info.resolution, info.origin.array().tobytes())
 
 
 @lru_cache(maxsize=16)

@@ -54,7 +54,6 @@ _MOST_WAITING = 2000  # most markers that wait for a transform to their frames
 
 Integers = NDArray[np.integer[Any]]
 MarkerId = tuple[str, int]  # namespace and number
-Rows = NDArray[np.intp] | slice
 
 
 @dataclass(frozen=True)
@@ -103,32 +102,23 @@ class Incoming(NamedTuple):
     @classmethod
     def from_single(cls, markers: Sequence[Any]) -> "Incoming":
         """Return the markers of messages with one marker each."""
-        numbers = [
-            (
-                marker.id,
-                marker.type,
-                marker.action,
-                marker.frame_locked,
-                _nanoseconds(marker.lifetime),
-                _nanoseconds(marker.header.stamp),
-                len(marker.points),
-            )
-            for marker in markers
-        ]
-        ids, types, actions, locked, lifetimes, stamps, points = np.array(numbers, np.int64).T
+
+        def column(read: Callable[[Any], Any]) -> NDArray[Any]:
+            return np.array([read(marker) for marker in markers])
+
         return cls(
             [marker.ns for marker in markers],
             [marker.header.frame_id for marker in markers],
-            ids,
-            types,
-            actions,
-            locked,
-            lifetimes,
-            lambda: stamps,
-            points,
-            np.array([marker.pose.array() for marker in markers]),
-            np.array([marker.scale.array() for marker in markers]),
-            np.array([marker.color.array() for marker in markers], np.float64),
+            column(lambda marker: marker.id),
+            column(lambda marker: marker.type),
+            column(lambda marker: marker.action),
+            column(lambda marker: marker.frame_locked),
+            column(lambda marker: _nanoseconds(marker.lifetime)),
+            lambda: column(lambda marker: _nanoseconds(marker.header.stamp)),
+            column(lambda marker: len(marker.points)),
+            column(lambda marker: marker.pose.array()),
+            column(lambda marker: marker.scale.array()),
+            column(lambda marker: marker.color.array()),
             markers,
         )
 
@@ -168,12 +158,10 @@ class Layer:
     """Markers of one type and namespace, on one entity."""
 
     def __init__(self, stage: Stage, entity: str, key: LayerKey, kind: Kind) -> None:
-        self._stage, self.entity, self._kind = stage, entity, kind
-        self._frame = key.frame
+        self._stage, self.entity, self.key, self._kind = stage, entity, key, kind
         self._own: list[Piece] = [*one_row(rr.CoordinateFrame(key.frame))]  # same for all rows
         if isinstance(key.variant, MeshVariant):
             self._own += key.variant.pieces()
-        self.space = key.space
         self.ids: list[MarkerId] = []
         self.batch: Batch  # set with the first markers
         self.first_end = _NEVER  # the end of the first lifetime
@@ -202,7 +190,7 @@ class Layer:
         drawn = self._kind.pieces(self.batch) if self.ids and not hidden else ()
         if not drawn:
             if self._logged:
-                self._stage.clear(self.entity, stamp_ns, self._frame)
+                self._stage.clear(self.entity, stamp_ns, self.key.frame)
             self._logged = ()
             return
         pieces = [*self._own, *drawn]
@@ -238,7 +226,7 @@ class MarkerPlan(NamedTuple):
     """The layers of the markers of a message, also for later messages with the same signature."""
 
     signature: tuple[object, ...]  # everything that the plan depends on
-    members: list[tuple[Layer, list[MarkerId], Rows]]
+    members: list[tuple[Layer, list[MarkerId], NDArray[np.intp]]]
     moved: dict[str, list[int]]  # rows that lie in the fixed frame, by their own frames
 
 
@@ -262,7 +250,6 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         self._plan: MarkerPlan | None = None
         self._stamp_ns = 0  # stamp of the last row
         self._now_ns = 0  # time of the last flush
-        self._lag_ns = _NEVER  # the shortest time from a message's stamp to its arrival
         self._waiting: dict[MarkerId, tuple[int, Any]] = {}  # markers that wait for a transform
         self._fixed = ""  # the fixed frame
         self._tree: tuple[object, ...] = ()  # TF tree at the last check for their transforms
@@ -279,9 +266,9 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         self._fixed, now_ns = self.stage.fixed_frame, self.stage.now_ns
         if now_ns < self._now_ns - _STEP_NS:
             self._expire(_NEVER - 1)  # otherwise markers from before would stay for ever
-            self._lag_ns, self._now_ns = _NEVER, now_ns
         for stamp_ns, incoming in self._incoming():
-            came_ns = self._received(stamp_ns, now_ns)
+            # It came at its stamp, unless that is from before the last flush, or of another clock.
+            came_ns = stamp_ns if self._now_ns < stamp_ns <= now_ns else now_ns
             self._expire(came_ns)
             self._take(stamp_ns, came_ns, incoming)
         tree = self.stage.frames.version, self._fixed
@@ -295,16 +282,6 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         self._expire(now_ns)
         self._now_ns = now_ns
         self._repeat()
-
-    def _received(self, stamp_ns: int, now_ns: int) -> int:
-        """Return the best estimate of when a message with this stamp came, nanoseconds."""
-        if self._in_arrays:
-            # Arrays have no stamp; this time may be from before the clock was set back.
-            return stamp_ns if stamp_ns < now_ns + _STEP_NS else now_ns
-        # It came since the last flush; assume the usual lag if that fits.
-        self._lag_ns = min(self._lag_ns, max(0, now_ns - stamp_ns))
-        usual_ns = stamp_ns + self._lag_ns
-        return usual_ns if self._now_ns < usual_ns <= now_ns else now_ns
 
     def erase(self) -> None:
         for layer in self._layers.values():
@@ -360,11 +337,9 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         arrows = kinds == ARROW
         if arrows.any():
             kinds = np.where(arrows & (incoming.points > 0), ARROW_STRIP, kinds)
-        numbers = (incoming.poses, incoming.scales, incoming.colors)
-        if not all(
-            float(np.vdot(table, table)) <= LARGEST**2 for table in numbers
-        ):  # false for NaN, too
-            sound = np.all([(np.abs(table) <= LARGEST).all(axis=1) for table in numbers], axis=0)
+        numbers = np.hstack([incoming.poses, incoming.scales, incoming.colors])
+        sound = (np.abs(numbers) <= LARGEST).all(axis=1)
+        if not sound.all():
             kinds = np.where(sound, kinds, _NOT_DRAWN)
             incoming.poses[~sound] = _IDENTITY
             drawn = incoming.actions == ADD
@@ -411,7 +386,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         rows = {key: [newest[marker] for marker in ids] for key, ids in members.items()}
         return MarkerPlan(
             signature,
-            [(self._layers[key], ids, _selection(rows[key])) for key, ids in members.items()],
+            [(self._layers[key], ids, np.array(rows[key])) for key, ids in members.items()],
             moved,
         )
 
@@ -510,11 +485,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
     # --- time -------------------------------------------------------------------------------------
 
     def _expire(self, until_ns: int) -> None:
-        """Remove the markers whose lifetimes are over, each at its time.
-
-        If messages are shown at their stamps, the end is earlier by the same lag.
-        """
-        lag_ns = 0 if self._lag_ns == _NEVER else self._lag_ns
+        """Remove the markers whose lifetimes are over, each at its time."""
         while True:
             first = min((layer.first_end for layer in self._layers.values()), default=_NEVER)
             if first > until_ns or first == _NEVER:
@@ -525,14 +496,14 @@ class MarkerDrawing(Drawing[MarkerSettings]):
                     over = np.flatnonzero(layer.batch.ends <= at).tolist()
                     self._remove({layer.ids[slot] for slot in over})
             self._plan = None
-            self._log(max(first - lag_ns, self._stamp_ns))  # not before the markers were drawn
+            self._log(max(first, self._stamp_ns))  # not before the markers were drawn
 
     def _log(self, stamp_ns: int) -> None:
         """Log the layers that have changed, and drop empty ones."""
         changed, self._changed = self._changed, {}
         self._stamp_ns = stamp_ns
         for layer in changed.values():
-            layer.log(stamp_ns, hidden=layer.space in self.settings.hidden_namespaces)
+            layer.log(stamp_ns, hidden=layer.key.space in self.settings.hidden_namespaces)
         if not all(layer.ids for layer in changed.values()):
             self._layers = {key: layer for key, layer in self._layers.items() if layer.ids}
             self._used = {layer.entity for layer in self._layers.values()}
@@ -582,12 +553,6 @@ def _make_unit(incoming: Incoming, lengths: Floats, problems: dict[str, str]) ->
     incoming.report(problems, odd, "its quaternion is not of unit length")
 
 
-def _selection(rows: list[int]) -> Rows:
-    """Return rows as an index; consecutive rows become a slice, which copies nothing."""
-    first, end = rows[0], rows[0] + len(rows)
-    return slice(first, end) if rows == [*range(first, end)] else np.array(rows, np.intp)
-
-
 def _frame(marker: Any) -> str:
     return str(marker.header.frame_id.lstrip("/"))
 
@@ -595,9 +560,6 @@ def _frame(marker: Any) -> str:
 def _by_stamp(rows: list[int], stamps: Integers) -> Iterator[tuple[int, Any]]:
     """Yield groups of rows with about the same stamp, with the stamp of each group's first row."""
     parts = stamps // _SAME_NS
-    if (parts == parts[0]).all():
-        yield int(stamps[0]), rows
-        return
     numbers, order = np.array(rows), np.argsort(parts, kind="stable")
     for group in np.split(order, np.flatnonzero(np.diff(parts[order])) + 1):
         yield int(stamps[group[0]]), numbers[group]

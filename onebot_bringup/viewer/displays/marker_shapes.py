@@ -5,7 +5,7 @@ similar: points are round, arrowheads have the size that fits their shaft, and l
 size on the screen at any distance.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -44,10 +44,10 @@ class Batch(NamedTuple):
     ends: NDArray[np.int64]  # when its lifetime is over, nanoseconds
     parts: NDArray[np.object_]  # a MarkerContent for markers with points or text, else None
 
-    def at(self, rows: NDArray[np.intp] | slice) -> "Batch":
+    def at(self, rows: NDArray[np.intp]) -> "Batch":
         """Return some of the markers."""
-        poses, scales, colors, ends, parts = self
-        return Batch(poses[rows], scales[rows], colors[rows], ends[rows], parts[rows])
+        columns: Any = self
+        return Batch(*(column[rows] for column in columns))
 
     def joined(self, other: "Batch") -> "Batch":
         """Return these markers followed by others."""
@@ -87,8 +87,8 @@ def rgba(colors: Floats) -> NDArray[np.uint32]:
     return channels.view(">u4").astype(np.uint32).ravel()
 
 
-def _ready(archetypes: Iterable[rr.AsComponents]) -> list[Piece]:
-    return [column for archetype in archetypes for column in one_row(archetype)]
+def _ready(archetype: rr.AsComponents) -> list[Piece]:
+    return [*one_row(archetype)]
 
 
 def _in_color(archetype: Any) -> Callable[[NDArray[Any]], ReadyColumn]:
@@ -114,7 +114,7 @@ class _Solid:
 
     def __init__(self, archetype: Any, **sizes: Any) -> None:
         unit = archetype.from_fields(fill_mode=rr.components.FillMode.Solid, **sizes)
-        self._unit = _ready([unit])
+        self._unit = _ready(unit)
         self._colors = _in_color(archetype)
 
     def __call__(self, shapes: Batch) -> list[Piece]:
@@ -198,14 +198,11 @@ def _lines(batch: Batch) -> list[Piece]:
 
 def _strips(points: Floats, ends: NDArray[np.intp]) -> ReadyColumn:
     """Return a row of line strips, from their points and the number of points up to each end."""
-    offsets = pa.array([0, *ends.tolist()], pa.int32()).buffers()[1]
     numbers = pa.array(points.astype(np.float32).ravel())
-    places = pa.Array.from_buffers(_STRIP.value_type, len(points), [None], children=[numbers])
-    array = pa.Array.from_buffers(_STRIP, len(ends), [None, offsets], children=[places])
-    row = pa.Array.from_buffers(
-        pa.list_(_STRIP), 1, [None, pa.array([0, len(ends)], pa.int32()).buffers()[1]],
-        children=[array],
-    )  # fmt: skip
+    places = pa.FixedSizeListArray.from_arrays(numbers, type=_STRIP.value_type)
+    offsets = pa.array([0, *ends.tolist()], pa.int32())
+    strips = pa.ListArray.from_arrays(offsets, places, type=_STRIP)
+    row = pa.ListArray.from_arrays(pa.array([0, len(ends)], pa.int32()), strips)
     return ReadyColumn(_STRIP_COLUMN.component_descriptor(), row)
 
 
@@ -215,27 +212,23 @@ def _strips(points: Floats, ends: NDArray[np.intp]) -> ReadyColumn:
 def _points(batch: Batch) -> list[Piece]:
     points = batch.vertices()
     return _ready(
-        [
-            rr.Points3D.from_fields(
-                positions=points.poses[:, :3],
-                radii=points.scales[:, 0] / 2,
-                colors=rgba(points.colors),
-            )
-        ]
+        rr.Points3D.from_fields(
+            positions=points.poses[:, :3],
+            radii=points.scales[:, 0] / 2,
+            colors=rgba(points.colors),
+        )
     )
 
 
 def _texts(batch: Batch) -> list[Piece]:
     return _ready(
-        [
-            rr.Points3D.from_fields(
-                positions=batch.poses[:, :3],
-                radii=[0.0],
-                colors=rgba(batch.colors),
-                labels=[part.text for part in batch.parts],
-                show_labels=True,
-            )
-        ]
+        rr.Points3D.from_fields(
+            positions=batch.poses[:, :3],
+            radii=[0.0],
+            colors=rgba(batch.colors),
+            labels=[part.text for part in batch.parts],
+            show_labels=True,
+        )
     )
 
 
@@ -246,14 +239,12 @@ def _triangles(batch: Batch) -> list[Piece]:
     opaque[:, 3] = 1.0
     factor = (255, 255, 255, int(rgba(corners.colors[:1])[0]) & 255)
     return _ready(
-        [
-            rr.Mesh3D.from_fields(
-                vertex_positions=corners.poses[:, :3],
-                triangle_indices=np.arange(len(opaque)).reshape(-1, 3),
-                vertex_colors=rgba(opaque),
-                albedo_factor=factor,
-            )
-        ]
+        rr.Mesh3D.from_fields(
+            vertex_positions=corners.poses[:, :3],
+            triangle_indices=np.arange(len(opaque)).reshape(-1, 3),
+            vertex_colors=rgba(opaque),
+            albedo_factor=factor,
+        )
     )
 
 
@@ -270,7 +261,7 @@ class MeshVariant(NamedTuple):
         asset = load_shape(locate_mesh(Resources(None), self.uri))
         color = self.color if self.color is not None or asset.colored else 0xFFFFFFFF
         return _ready(
-            [rr.Asset3D(contents=asset.glb, media_type="model/gltf-binary", albedo_factor=color)]
+            rr.Asset3D(contents=asset.glb, media_type="model/gltf-binary", albedo_factor=color)
         )
 
 

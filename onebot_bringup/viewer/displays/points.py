@@ -130,7 +130,7 @@ class PointsDrawing(Drawing[P]):
             return colored(positions[:, _AXES.index(look.axis)], bounds, _table(True, False))
         values = channel(look.channel_name) if transformer == INTENSITY else None
         if values is None or (look.color_transformer == AUTO and _is_constant(values)):
-            return self._flat() if transformer == FLAT else None
+            return None
         fixed = (look.min_intensity, look.max_intensity)
         return colored(
             values if usable is None else values[usable],
@@ -181,7 +181,7 @@ class LaserScanDrawing(PointsDrawing[PointsSettings]):
 
     key = "laser_scan"
     message_types = ("sensor_msgs/msg/LaserScan",)
-    order = (INTENSITY, FLAT)
+    order = (INTENSITY,)
     _directions: tuple[object, Floats32] = ((), np.empty((2, 0), np.float32))
 
     def points(self, message: Any) -> Points:

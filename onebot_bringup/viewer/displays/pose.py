@@ -7,7 +7,7 @@ sector around the heading.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import rerun as rr
@@ -20,7 +20,7 @@ from onebot_bringup.viewer.core.drawing import (
 from onebot_bringup.viewer.core.rerun_limits import drawable
 from onebot_bringup.viewer.core.settings import Color, color, one_of, setting
 from onebot_description.arrays import Floats
-from onebot_description.geometry.quaternions import rotate, to_matrix
+from onebot_description.geometry.quaternions import to_matrix
 
 ARROW, AXES, FLAT, SOLID = "Arrow", "Axes", "Arrow (Flat)", "Arrow (3D)"
 AXIS_COLORS = np.array([(204, 51, 51), (51, 204, 51), (51, 102, 255)], np.uint8)
@@ -140,54 +140,49 @@ _LARGEST_AXIS = 100.0  # a longer half axis (metres) means "unknown", such as 1e
 _FILL_ALPHA = 45
 
 
-class Ellipse(NamedTuple):
-    """Standard deviations along the longer axis and across it (metres), and its direction (rad)."""
-
-    along: float
-    across: float
-    angle: float
-
-
-def place_ellipse(covariance: Floats) -> Ellipse | None:
-    """Return the standard deviations of the position on the ground.
+def ellipse_outline(covariance: Floats, sigma: float) -> Floats | None:
+    """Return (49, 3) points around the position on the ground, closed, metres from the position.
 
     Args:
         covariance: (36,) of a pose, row by row: x, y, z in m and the angles about x, y, z in rad.
+        sigma: size of the ellipse in standard deviations.
 
     Returns:
-        None if it is unknown (all zero, negative, not finite) or not a valid covariance. If the
-        position is certain in one direction, ``across`` is zero.
+        None if the position is unknown (the covariance is all zero, negative, not finite or very
+        large) or the covariance is not valid. If the position is certain in one direction, the
+        ellipse is a line.
     """
-    xx, xy, yx, yy = (float(covariance[i]) for i in (0, 1, 6, 7))
-    if not all(map(math.isfinite, (xx, xy, yx, yy))) or xx < 0 or yy < 0:
+    block = covariance.reshape(6, 6)[:2, :2] / 2
+    if not np.isfinite(block).all():
         return None
-    xy = (xy + yx) / 2
-    mean, half = (xx + yy) / 2, math.hypot((xx - yy) / 2, xy)
-    largest, smallest = mean + half, mean - half
-    if largest <= 0 or smallest < -_ROUNDING * largest:
+    variances, axes = np.linalg.eigh(block + block.T)  # the smaller variance first
+    if variances[0] < -_ROUNDING * variances[1]:
         return None
-    angle = math.atan2(2 * xy, xx - yy) / 2
-    return Ellipse(math.sqrt(largest), math.sqrt(max(0.0, smallest)), angle)
-
-
-def heading_deviation(covariance: Floats) -> float | None:
-    """Return the standard deviation of the yaw, rad; None if unknown, as in ``place_ellipse``."""
-    variance = float(covariance[35])
-    return math.sqrt(variance) if math.isfinite(variance) and variance > 0 else None
-
-
-def ellipse_outline(ellipse: Ellipse, sigma: float) -> Floats:
-    """Return (49, 3) points around an ellipse of ``sigma`` deviations, closed, metres."""
+    half_axes = sigma * np.sqrt(np.maximum(variances, 0.0))
+    if not 0 < half_axes[1] <= _LARGEST_AXIS:
+        return None
     turns = np.linspace(0.0, 2 * math.pi, CORNERS + 1)
-    x, y = sigma * ellipse.along * np.cos(turns), sigma * ellipse.across * np.sin(turns)
-    cos, sin = math.cos(ellipse.angle), math.sin(ellipse.angle)
-    return np.column_stack([cos * x - sin * y, sin * x + cos * y, np.zeros_like(turns)])
+    outline = np.zeros((CORNERS + 1, 3))
+    outline[:, :2] = half_axes * np.column_stack([np.sin(turns), np.cos(turns)]) @ axes.T
+    return outline
 
 
-def sector_outline(deviation: float, sigma: float, radius: float) -> Floats:
-    """Return (49, 3) points around a sector of ``sigma`` deviations to either side of x, metres."""
-    half = min(math.pi, sigma * deviation)
-    turns = np.linspace(-half, half, CORNERS - 1)
+def sector_outline(variance: float, yaw: float, sigma: float, radius: float) -> Floats | None:
+    """Return (49, 3) points around a sector to either side of a heading, closed, metres.
+
+    Args:
+        variance: variance of the heading, rad2.
+        yaw: the heading, rad.
+        sigma: half of the sector's angle in standard deviations.
+        radius: radius of the sector, metres; 0 for none.
+
+    Returns:
+        None if the heading is unknown: its variance is zero, negative or not finite.
+    """
+    if not (0 < variance < math.inf and math.isfinite(yaw) and sigma * radius > 0):
+        return None
+    half = min(math.pi, sigma * math.sqrt(variance))
+    turns = yaw + np.linspace(-half, half, CORNERS - 1)
     arc = radius * np.column_stack([np.cos(turns), np.sin(turns), np.zeros_like(turns)])
     middle = np.zeros((1, 3))
     return np.concatenate([middle, arc, middle])
@@ -198,21 +193,17 @@ def outlines(pose: Floats, covariance: Floats, sigma: float, radius: float) -> l
 
     Args:
         pose: (7,) metres and a quaternion x y z w, of which only the yaw counts.
-        covariance: (36,) as in ``place_ellipse``.
+        covariance: (36,) as in ``ellipse_outline``.
         sigma: size of the shapes in standard deviations.
         radius: radius of the sector, metres; 0 for none.
 
     Returns:
         The outlines (49, 3) of the ellipse and the sector, metres, as far as they are known.
     """
-    lines = []
-    ellipse, deviation = place_ellipse(covariance), heading_deviation(covariance)
-    if ellipse is not None and 0 < sigma * ellipse.along <= _LARGEST_AXIS:
-        lines.append(ellipse_outline(ellipse, sigma) + pose[:3])
-    if deviation is not None and sigma * radius > 0:
-        sector = sector_outline(deviation, sigma, radius)
-        lines.append(rotate(_yaw_only(pose[3:]), sector) + pose[:3])
-    return lines
+    yaw = 2 * math.atan2(pose[5], pose[6])
+    ellipse = ellipse_outline(covariance, sigma)
+    sector = sector_outline(covariance[35], yaw, sigma, radius)
+    return [line + pose[:3] for line in (ellipse, sector) if line is not None]
 
 
 def covariance_shapes(lines: Sequence[Floats], color: Color, radii: Any) -> list[rr.AsComponents]:
@@ -227,14 +218,6 @@ def covariance_shapes(lines: Sequence[Floats], color: Color, radii: Any) -> list
             albedo_factor=(*color, _FILL_ALPHA),
         ),
     ]
-
-
-def _yaw_only(rotation: Floats) -> Floats:
-    """Return only the rotation about z of a quaternion x y z w, normalized."""
-    length = math.hypot(rotation[2], rotation[3])
-    if not 0 < length < math.inf:
-        return np.array([0.0, 0.0, 0.0, 1.0])
-    return np.array([0.0, 0.0, rotation[2] / length, rotation[3] / length])
 
 
 @dataclass(frozen=True)

@@ -224,11 +224,10 @@ class ImuDrawing(Drawing[ImuSettings]):
             vectors += (self.settings.axes_scale * turn.T).tolist()
             colors += _AXES
         if self.settings.acceleration and message.linear_acceleration_covariance[0] != _UNKNOWN:
-            measured = message.linear_acceleration
-            arrow = np.array([measured.x, measured.y, measured.z])
-            if not is_drawable(arrow):
+            measured = message.linear_acceleration.array()
+            if not is_drawable(measured):
                 raise ValueError("its acceleration is not finite")
-            arrow *= self.settings.acceleration_scale
+            arrow = self.settings.acceleration_scale * measured
             # It is measured in the sensor's own axes, rotated by the reported orientation.
             vectors.append(arrow if turn is None else turn @ arrow)
             colors.append(self.color)
@@ -236,8 +235,7 @@ class ImuDrawing(Drawing[ImuSettings]):
 
     def _turn(self, message: Any) -> Floats | None:
         """Return the measured orientation, a (3, 3) matrix from the sensor's axes to its frame."""
-        q = message.orientation
-        values = np.array([q.x, q.y, q.z, q.w])
+        values = message.orientation.array()
         if message.orientation_covariance[0] == _UNKNOWN:
             return None
         length = math.hypot(*values)

@@ -54,18 +54,14 @@ class TfDisplay(Display[AxesSettings]):
         self._only = set(settings.frames)
         for robot in self.stage.robots:
             self._only.update(map(robot.frame_of, settings.frames))
-        if self._only:
-            self._hide(self._drawn - self._only)
         self._shown_of = None
-        self._draw(())
 
     def set_robot(self) -> None:
-        """Draw the axes of the links; the next flush hides the axes of links that are gone."""
+        """Have the next flush draw the axes of the links, and hide those of links that are gone."""
         old_links, self._links = self._links, set()
         for robot in self.stage.robots:
             if robot.description is not None:
                 self._links.update(map(robot.frame_of, robot.description.link_names))
-        self._show(self._links)
         self._retired = (self._retired | old_links) - self._links
         self._retired_at = self.stage.clock()
         self._shown_of = None
@@ -111,12 +107,10 @@ class TfDisplay(Display[AxesSettings]):
             top = frames.top(fixed_frame)
             connected = {frame for frame in connected if frames.top(frame) == top} | self._links
         connected -= self._retired
+        if self._only:
+            connected &= self._only
         self._hide(self._drawn - connected)
-        self._show(connected)
-
-    def _show(self, frames: Iterable[str]) -> None:
-        chosen_frames = self._only.intersection(frames) if self._only else set(frames)
-        new_frames = chosen_frames - self._drawn
+        new_frames = connected - self._drawn
         self._drawn |= new_frames
         self._draw(new_frames)
 
