@@ -264,7 +264,7 @@ def with_positional(arguments: Arguments, name: str, what: str, program: str) ->
     return {**dict(zip([name], arguments.positional, strict=False)), **arguments.given}
 
 
-def require_file(name: str, path: Path, instead: str = "") -> None:
+def require_file(name: str, path: Path, instead: str) -> None:
     """Reject a YAML file that does not exist.
 
     Args:

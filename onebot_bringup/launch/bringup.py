@@ -197,7 +197,7 @@ def _check_files(values: Mapping[str, str]) -> None:
     view_file(values["view"])
     for name in ("joints", "params_file"):
         if values.get(name):
-            require_file(name, Path(values[name]))
+            require_file(name, Path(values[name]), "")
     if values["save"] and output_path(values["save"]).suffix != ".rrd":
         raise OneBotError(f"save:={values['save']}: a recording's name must end in .rrd")
     for name in ("save", "record"):

@@ -779,6 +779,7 @@ def test_the_summary_says_what_runs(make: Make, sim: bool, given: str, text: str
         ("joints:=j.yaml", "joints:=j.yaml is without effect, since the simulation moves"),
         ("robots:=3 joint_states:=false", "joint_states:=false is without effect"),
         ("x:=1 sim:=false", "x:=1 is for the simulation: write sim:=true"),
+        ("nav2_topics:=true sim:=false", "nav2_topics:=true is for the simulation"),
         ("left_wheel:=a right_wheel:=b sim:=false", "left_wheel:=a is for the simulation"),
         ("params_file:=c.yaml sim:=false", "params_file:=c.yaml is for the simulation"),
         ("robots:=3 reload:=true", "reload:=true does not .*edits of the model"),
