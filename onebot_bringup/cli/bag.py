@@ -328,7 +328,9 @@ def played_qos(offered: Sequence["Qos"]) -> Any:
     were, and has their deadline, liveliness and lifespan if these were the same.
     """
     from rclpy.duration import Duration, Infinite
-    from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
+    from rclpy.qos import LivelinessPolicy
+
+    from onebot_description.ros.topic_qos import make_qos
 
     def duration(values: Iterable[int | None]) -> Duration:
         limits = set(values)
@@ -336,18 +338,13 @@ def played_qos(offered: Sequence["Qos"]) -> Any:
         return Infinite if limit is None else Duration(nanoseconds=limit)
 
     reliable = not offered or any(qos.reliability == "reliable" for qos in offered)
-    manual = bool(offered) and all(qos.liveliness == "manual_by_topic" for qos in offered)
-    return QoSProfile(
-        depth=_DEPTH,
-        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL
-        if _are_latched(offered)
-        else DurabilityPolicy.VOLATILE,
-        deadline=duration(qos.deadline for qos in offered),
-        lifespan=duration(qos.lifespan for qos in offered),
-        liveliness=LivelinessPolicy.MANUAL_BY_TOPIC if manual else LivelinessPolicy.AUTOMATIC,
-        liveliness_lease_duration=duration(qos.lease for qos in offered),
-    )
+    played = make_qos(_DEPTH, reliable=reliable, latched=_are_latched(offered))
+    played.deadline = duration(qos.deadline for qos in offered)
+    played.lifespan = duration(qos.lifespan for qos in offered)
+    played.liveliness_lease_duration = duration(qos.lease for qos in offered)
+    if offered and all(qos.liveliness == "manual_by_topic" for qos in offered):
+        played.liveliness = LivelinessPolicy.MANUAL_BY_TOPIC
+    return played
 
 
 COMMANDS = {

@@ -50,7 +50,7 @@ def _complete_verb(position: int, verb: str = "", *rest: str) -> None:
     if commands and not rest:
         choose(commands, position + 1)
     elif verb != "run":
-        completer = _OTHERS.get(verb, files)
+        completer = _of_trajectory if verb == "trajectory" else files
         words, position = [verb, *rest], position + 1 + bool(commands)
         complete_command(verbs.run_verb, words, position, completer, _COMPLETERS)
     elif len(rest) < 2:
@@ -114,5 +114,3 @@ _COMPLETERS: Mapping[Any, Callable[..., list[str]]] = {
     "TYPE": _types,
     **dict.fromkeys(("A", "B"), _discovered(_frames)),
 }
-# For each verb whose words besides name:=value are not files: a function that returns them.
-_OTHERS: Mapping[str, Callable[[str, str], Iterable[str]]] = {"trajectory": _of_trajectory}

@@ -86,31 +86,17 @@ def _required() -> list[str]:
 
 
 def dependencies(required: Iterable[str]) -> Verdict:
-    """Check that the required packages are installed; ``pip check`` compares their versions."""
+    """Check that the required packages are installed; pip, if it is, compares their versions."""
     matches = map(_REQUIREMENT.fullmatch, required)
     names = [match[1] for match in matches if match]
     if missing := [name for name in names if not _is_installed(name)]:
         return Verdict(PROBLEM, f"missing: {listing(missing)}", f"pip install {' '.join(missing)}")
     if not names:
         return Verdict(NOTE, "not checked: not installed by pip, nor beside a pyproject.toml")
-    done = _python("-m", "pip", "check")
-    return versions(len(names), done.stdout.splitlines() if done.returncode else None)
-
-
-def versions(count: int, problems: Sequence[str] | None) -> Verdict:
-    """Judge the output of ``pip check``.
-
-    Args:
-        count: the number of required packages.
-        problems: the lines that it printed; None if it found no problem, [] without pip.
-    """
-    if problems is None:
-        return Verdict(OK, f"{count} as required")
-    if lines := [line for line in problems if line.startswith(f"{_NAME} ")]:
-        return Verdict(PROBLEM, "; ".join(lines), f"pip install --upgrade {_NAME}")
-    if problems:
-        return Verdict(NOTE, f"pip check: {'; '.join(problems)}")
-    return Verdict(NOTE, f"{count} found; without pip, their versions are not checked")
+    lines = _python("-m", "pip", "check").stdout.splitlines()
+    if problems := [line for line in lines if line.startswith(f"{_NAME} ")]:
+        return Verdict(PROBLEM, "; ".join(problems), f"pip install --upgrade {_NAME}")
+    return Verdict(OK, f"{len(names)} found")
 
 
 def _is_installed(name: str) -> bool:

@@ -1,13 +1,16 @@
 """Command line options, and commands with subcommands such as ``onebot topic pub``."""
 
 import argparse
+import math
 import re
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import CodeType
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeVar
 
 from onebot_description.errors import UsageError, did_you_mean
+
+_Number = TypeVar("_Number", int, float)
 
 Option = Callable[[Any], object]
 """Adds an option, a positional argument or a group of options to an argparse parser."""
@@ -168,36 +171,46 @@ def warn(text: str) -> None:
     print(f"warning: {text}", file=sys.stderr, flush=True)
 
 
-def positive(text: str) -> float:
-    """Parse a number above zero, for ``type=``."""
-    value = float(text)
-    if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text} is not above zero")
-    return value
+def _numbers(
+    kind: type[_Number], is_allowed: Callable[[_Number], bool], wanted: str
+) -> Callable[[str], _Number]:
+    """Return a function for ``type=`` that parses the numbers that are allowed."""
+
+    def number(text: str) -> _Number:
+        value = kind(text)
+        if not is_allowed(value):
+            raise argparse.ArgumentTypeError(f"{text} is not {wanted}")
+        return value
+
+    return number
 
 
-def not_negative(text: str) -> float:
-    """Parse a number that is zero or more, for ``type=``."""
-    value = float(text)
-    if not 0.0 <= value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text} is less than zero, or no number")
-    return value
+positive = _numbers(float, lambda value: 0.0 < value < math.inf, "above zero")
+not_negative = _numbers(float, lambda value: 0.0 <= value < math.inf, "a number from zero on")
+count = _numbers(int, lambda value: value > 0, "above zero")
+natural = _numbers(int, lambda value: value >= 0, "zero or more")
 
 
-def count(text: str) -> int:
-    """Parse an integer above zero, for ``type=``."""
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{text} is not above zero")
-    return value
+def joint_positions(words: Sequence[str]) -> dict[str, float]:
+    """Parse words such as ``elbow=0.5``; return the positions, rad or m, by joint.
 
-
-def natural(text: str) -> int:
-    """Parse an integer that is zero or more, for ``type=``."""
-    value = int(text)
-    if value < 0:
-        raise argparse.ArgumentTypeError(f"{text} is less than zero")
-    return value
+    Raises:
+        UsageError: a word has another form, or names a joint again.
+    """
+    positions: dict[str, float] = {}
+    for word in words:
+        joint, _, text = word.rpartition("=")
+        if not joint:
+            raise UsageError(f'unexpected "{word}"; joints are written JOINT=POSITION')
+        if joint in positions:
+            raise UsageError(f'the joint "{joint}" is there twice')
+        try:
+            positions[joint] = float(text)
+        except ValueError:
+            positions[joint] = math.nan
+        if not math.isfinite(positions[joint]):
+            raise UsageError(f'{word}: "{text}" is not a number; write a position in rad or m')
+    return positions
 
 
 def expression(text: str) -> CodeType:

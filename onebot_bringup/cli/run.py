@@ -19,7 +19,10 @@ for module in (*(row.module for row in NODES), *BRINGUPS.values()):
 def run(argv: Sequence[str]) -> int:
     """Run the executable and return its exit code."""
     if argv and argv[0] in ("-h", "--help"):
-        print(_usage())
+        print("usage: onebot run PACKAGE EXECUTABLE [ARGUMENT ...] [--ros-args ...]\n")
+        print("Runs a node or a bringup:")
+        for package, executables in EXECUTABLES.items():
+            print("".join(f"  {package} {executable}\n" for executable in executables), end="")
         return 0
     if len(argv) < 2:
         raise UsageError("onebot run takes a package, an executable and its arguments")
@@ -35,19 +38,3 @@ def run(argv: Sequence[str]) -> int:
     os.environ.update(blas_variables())
     sys.argv[:] = [executable, *arguments]
     return int(importlib.import_module(modules[executable]).main())
-
-
-def _usage() -> str:
-    rows = (
-        f"  {package} {executable}"
-        for package, executables in EXECUTABLES.items()
-        for executable in executables
-    )
-    return "\n".join(
-        (
-            "usage: onebot run PACKAGE EXECUTABLE [ARGUMENT ...] [--ros-args ...]",
-            "",
-            "Runs a node or a bringup:",
-            *rows,
-        )
-    )

@@ -152,7 +152,7 @@ class RunningRobots:
             _progress(f"waiting for the frames of {listing(missing, _LISTED)} ...")
             self._wait(is_complete, _FRAMES - PATIENCE)
         if view.stage.missing:
-            raise OneBotError(self._hint(robot, view.stage.missing))
+            raise OneBotError(self._hint(view.stage.missing))
 
         def has_all() -> bool:
             return feed.received.issuperset(item.topic for item in view.offered if item.visible)
@@ -161,26 +161,17 @@ class RunningRobots:
         self._timer.cancel()
         return [*dict.fromkeys(self._warnings), *view.finish()]
 
-    def _hint(self, robot: Description, missing: Sequence[str]) -> str:
+    def _hint(self, missing: Sequence[str]) -> str:
         text = f"no transform of {listing(missing, _LISTED)} within {_FRAMES:.0f} s"
-        frames, first = self._view.stage.frames.names, self._robots[0]
+        frames = self._view.stage.frames.names
         if not frames:
             return (
                 f"{text}: nothing on /tf and /tf_static; robot_state_publisher publishes them, "
                 "or the simulation is paused"
             )
-        if len(self._robots) == 1:
-            root = robot.root_link
-            prefixes = {
-                name.removesuffix(root)
-                for name in frames
-                if name.endswith(root) and name != first.frame_prefix + root
-            }
-            if prefixes and len(missing) >= len(robot.link_names) - 1:
-                return f"{text}; try --frame-prefix {listing(prefixes)}"
-            joints = self._session.full_name(first.topic("joint_states"))
-            if joints not in self._feed.received:
-                return f"{text}: nothing on {joints}, so the joints' positions are not known"
+        joints = self._session.full_name(self._robots[0].topic("joint_states"))
+        if len(self._robots) == 1 and joints not in self._feed.received:
+            return f"{text}: nothing on {joints}, so the joints' positions are not known"
         return f"{text} (frames received: {listing(frames)})"
 
 

@@ -31,8 +31,9 @@ def call_service(args: Namespace) -> None:
     times = fill(request, values, finite=not args.allow_non_finite)
     with Session(args.ros_args) as session:
         name = session.full_name(args.service)
+        _await_service(session, name, full_name(args.type, "srv"))
         client = session.node.create_client(kind, name)
-        _await_service(session, client, name, full_name(args.type, "srv"))
+        session.spin(client.service_is_ready)
         while True:
             began = time.monotonic()
             stamp(times, session.node.get_clock().now().nanoseconds)
@@ -43,38 +44,16 @@ def call_service(args: Namespace) -> None:
             session.spin_until(began + 1.0 / args.rate)
 
 
-def _await_service(session: Session, client: Any, name: str, kind: str) -> None:
-    if client.service_is_ready():
-        return
+def _await_service(session: Session, name: str, kind: str) -> None:
+    """Wait for a server, which is discovered before a client of this process is one of its ends."""
     print("waiting for service to become available...")
-
-    def ready() -> bool:
-        if client.service_is_ready():
-            return True
-        types = _offered(session, name)
-        if types and kind not in types:
-            raise OneBotError(f"the service {name} is a {', '.join(sorted(types))}, not a {kind}")
-        return False
-
-    session.await_or_report(
-        ready,
+    types = session.await_or_report(
+        lambda: SERVICES.types(session, name),
         lambda: f"note: no server of {name} yet",
         hint=lambda: SERVICES.question(session, name),
     )
-
-
-def _offered(session: Session, name: str) -> set[str]:
-    """Return the types of a service's servers; the graph would also count clients like this one."""
-    from rclpy.node import NodeNameNonExistentError
-
-    types: set[str] = set()
-    for node, space in session.node.get_node_names_and_namespaces():
-        try:
-            services = session.node.get_service_names_and_types_by_node(node, space)
-        except NodeNameNonExistentError:  # it has just ended, or its name is not known yet
-            continue
-        types.update(dict(services).get(name, ()))
-    return types
+    if kind not in types:
+        raise OneBotError(f"the service {name} is a {', '.join(types)}, not a {kind}")
 
 
 def _response(session: Session, client: Any, name: str, request: Any) -> Any:

@@ -183,6 +183,11 @@ class Session:
         ends = self.node.get_publishers_info_by_topic(topic)
         return [name for name in map(node_name, ends) if name]
 
+    def subscribed_types(self, topic: str) -> list[str]:
+        """Return the types with which nodes subscribe to a topic."""
+        ends = self.node.get_subscriptions_info_by_topic(topic)
+        return sorted({end.topic_type for end in ends})
+
     def find_node(self, name: str) -> str:
         """Return the full name of a running node.
 

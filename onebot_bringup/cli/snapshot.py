@@ -6,10 +6,10 @@ import os
 import re
 import tempfile
 from argparse import Namespace
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
-from onebot_bringup.cli.options import Parser, flag, option, positional
+from onebot_bringup.cli.options import Parser, flag, joint_positions, option, positional
 from onebot_description.elements.packages import PACKAGE_PATH, use_package_path
 from onebot_description.errors import OneBotError, UsageError
 from onebot_description.geometry.poses import Triple
@@ -59,6 +59,8 @@ folder of record:=). name:=value are arguments that the xacro file declares; of 
 messages, namespace:= chooses one robot, where several are recorded. package_path:= holds the
 folders, joined by :, in which ROS packages are looked for first"""
 _NAMESPACE = "namespace"  # the only argument for a bag
+_OF_BAG = "is for a bag as SOURCE; of running robots choose by --ros-args -r __ns:=/NAMESPACE"
+_OF_XACRO = "is for a URDF or xacro file as SOURCE"
 _WIDTH, _HEIGHT = 1280, 720
 # Sizes in pixels: the viewer's window cannot be smaller, and software rendering may fail beyond.
 _SMALLEST, _LARGEST = 100, 4096
@@ -70,11 +72,28 @@ def _pixels(text: str) -> int:
     return int(text)
 
 
-def _camera(text: str) -> object:
+def parse_camera(text: str) -> tuple[Triple, Triple | None]:
+    """Return eye and target, metres in the fixed frame; no target if only the eye is given.
+
+    Raises:
+        ArgumentTypeError: the text is invalid, or eye and target are equal.
+    """
+    eye, colon, target = text.partition(":")
+    camera = _vector(eye, text), _vector(target, text) if colon else None
+    if camera[0] == camera[1]:
+        raise argparse.ArgumentTypeError(f'"{text}": eye and target are the same point')
+    return camera
+
+
+def _vector(text: str, whole: str) -> Triple:
     try:
-        return parse_camera(text)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
+        x, y, z = (float(word) for word in text.split(","))
+    except ValueError:
+        x = y = z = math.nan
+    if not all(map(math.isfinite, (x, y, z))):
+        form = "write x,y,z of the eye, or x,y,z:x,y,z with its target (m)"
+        raise argparse.ArgumentTypeError(f'"{whole}": {form}')
+    return x, y, z
 
 
 OPTIONS = (
@@ -94,7 +113,7 @@ OPTIONS = (
         "--camera",
         "X,Y,Z[:X,Y,Z]",
         "where to look from, and at, in metres in the fixed frame (default: the view's)",
-        _camera,
+        parse_camera,
     ),
     flag("--dashboard", "the whole layout with its plots"),
     option(
@@ -121,7 +140,7 @@ def parse_command_line(argv: Sequence[str]) -> Namespace:
     args = parser.parse([word for word in argv if word not in pairs])
     args.arguments = dict(word.split(":=", 1) for word in pairs)
     args.package_path = args.arguments.pop(PACKAGE_PATH, "")
-    args.joints = dict(_joint(word) for word in args.joints)
+    args.joints = joint_positions(args.joints)
     args.kind = kind_of(args.source)
     _check(args)
     args.namespace = args.arguments.get(_NAMESPACE, "")
@@ -129,27 +148,18 @@ def parse_command_line(argv: Sequence[str]) -> Namespace:
 
 
 def _check(args: Namespace) -> None:
+    """Reject options and arguments that do not suit the source."""
     kind = args.kind
     if kind != "description":
-        _check_arguments(kind, args.arguments)
+        for name, value in args.arguments.items():
+            if (kind, name) != ("bag", _NAMESPACE):
+                raise UsageError(f"{name}:={value} {_OF_BAG if name == _NAMESPACE else _OF_XACRO}")
         if args.joints:
             raise UsageError("--joints is for a URDF or xacro file as SOURCE")
     if args.source is not None and args.ros_args:
         raise UsageError(f"--ros-args is for the running robot, not for {args.source}")
     if kind == "rrd" and args.view:
         raise UsageError("a .rrd file has its view in it; --camera looks from somewhere else")
-
-
-def _check_arguments(kind: str, given: Mapping[str, str]) -> None:
-    """Reject arguments that do not suit the source."""
-    for name, value in given.items():
-        if name != _NAMESPACE:
-            raise UsageError(f"{name}:={value} is for a URDF or xacro file as SOURCE")
-        if kind == "running":
-            space = value.strip("/")
-            raise UsageError(f"write --ros-args -r __ns:=/{space} for a running robot's namespace")
-        if kind == "rrd":
-            raise UsageError(f"{name}:={value}: a .rrd file is drawn as it is")
 
 
 def kind_of(source: str | None) -> str:
@@ -164,37 +174,3 @@ def kind_of(source: str | None) -> str:
     if path.suffix in (".mcap", ".db3", ".zstd", ".bag"):
         return "bag"
     return "description"
-
-
-def _joint(word: str) -> tuple[str, float]:
-    name, equals, value = word.rpartition("=")
-    try:
-        position = float(value)
-    except ValueError:
-        position = float("nan")
-    if not equals or not name or not abs(position) < float("inf"):
-        raise UsageError(f'--joints: "{word}" is not NAME=VALUE with a number in rad or m')
-    return name, position
-
-
-def parse_camera(text: str) -> tuple[Triple, Triple | None]:
-    """Return eye and target, metres in the fixed frame; no target if only the eye is given.
-
-    Raises:
-        ValueError: the text is invalid, or eye and target are equal; the message shows the form.
-    """
-    eye, colon, target = text.partition(":")
-    camera = _vector(eye, text), _vector(target, text) if colon else None
-    if camera[0] == camera[1]:
-        raise ValueError(f'"{text}": eye and target are the same point')
-    return camera
-
-
-def _vector(text: str, whole: str) -> Triple:
-    try:
-        x, y, z = (float(word) for word in text.split(","))
-    except ValueError:
-        x = y = z = math.nan
-    if not math.isfinite(x) or not math.isfinite(y) or not math.isfinite(z):
-        raise ValueError(f'"{whole}": write x,y,z of the eye, or x,y,z:x,y,z with its target (m)')
-    return x, y, z

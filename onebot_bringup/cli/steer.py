@@ -108,7 +108,7 @@ def _launch(
     nodes = [ros_nodes.process(STEERING_PAGE._replace(on_exit="shutdown"), page), *viewers]
     hint = "steering_page prints the page's address; Ctrl-C stops everything"
     with Launcher("onebot steer") as launcher:
-        return launcher.run(nodes, started_message=hint, temporary=[folder])
+        return launcher.run(nodes, started_message=hint, temporary=folder)
 
 
 def _found(

@@ -5,10 +5,12 @@
 
 import contextlib
 import os
+import re
 import select
 import sys
 import termios
 import time
+import tty
 from argparse import Namespace
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -22,28 +24,22 @@ from onebot_description.errors import OneBotError
 # For each key: x (forward), y (left), z (up), turn to the left; each -1, 0 or 1. Reverse curves
 # turn as a car does with the same steering angle, as in teleop_twist_keyboard.
 _MOVES: dict[str, tuple[int, int, int, int]] = {
-    "i": (1, 0, 0, 0),
-    "o": (1, 0, 0, -1),
-    "j": (0, 0, 0, 1),
-    "l": (0, 0, 0, -1),
+    **dict.fromkeys(("i", "I", "up"), (1, 0, 0, 0)),
+    **dict.fromkeys((",", "<", "down"), (-1, 0, 0, 0)),
+    **dict.fromkeys(("j", "left"), (0, 0, 0, 1)),
+    **dict.fromkeys(("l", "right"), (0, 0, 0, -1)),
     "u": (1, 0, 0, 1),
-    ",": (-1, 0, 0, 0),
-    ".": (-1, 0, 0, 1),
+    "o": (1, 0, 0, -1),
     "m": (-1, 0, 0, -1),
+    ".": (-1, 0, 0, 1),
+    "U": (1, 1, 0, 0),
     "O": (1, -1, 0, 0),
-    "I": (1, 0, 0, 0),
     "J": (0, 1, 0, 0),
     "L": (0, -1, 0, 0),
-    "U": (1, 1, 0, 0),
-    "<": (-1, 0, 0, 0),
-    ">": (-1, -1, 0, 0),
     "M": (-1, 1, 0, 0),
+    ">": (-1, -1, 0, 0),
     "t": (0, 0, 1, 0),
     "b": (0, 0, -1, 0),
-    "up": (1, 0, 0, 0),
-    "down": (-1, 0, 0, 0),
-    "left": (0, 0, 0, 1),
-    "right": (0, 0, 0, -1),
 }
 # For each key: factor on the speed, factor on the turning speed.
 _SPEEDS: dict[str, tuple[float, float]] = {
@@ -57,6 +53,8 @@ _SPEEDS: dict[str, tuple[float, float]] = {
 _SHORTEST_HOLD = 0.2  # s; over a network, repeats arrive in bursts
 _REPEATS_MISSED = 4
 ESCAPE = "\x1b"
+# A key; what follows the terminal's introducer of a function key says which one it is.
+_KEY = re.compile(rf"{ESCAPE}[\[O](?P<function>[^A-Za-z~]*[A-Za-z~]|.)|.", re.DOTALL)
 _ARROWS = {"A": "up", "B": "down", "C": "right", "D": "left"}
 _LOCK, _UNLOCK = " ", "r"
 _QUIT = (ESCAPE, "\x03", "\x04")
@@ -164,14 +162,13 @@ def single_keys() -> Iterator[int]:
         raise OneBotError("this reads keys from a terminal, but standard input is not a terminal")
     fd = sys.stdin.fileno()
     old_mode = termios.tcgetattr(fd)
-    mode = termios.tcgetattr(fd)
-    mode[3] &= ~(termios.ICANON | termios.ECHO)
-    # Ctrl-S would block the output, and with it the loop that publishes.
-    mode[0] &= ~(termios.IXON | termios.ICRNL)
-    mode[6][termios.VMIN], mode[6][termios.VTIME] = 1, 0
-    # Ctrl-Z would suspend the process while the robot keeps driving.
-    mode[6][termios.VSUSP] = os.fpathconf(fd, "PC_VDISABLE").to_bytes(1, "little")
     try:
+        tty.setcbreak(fd, termios.TCSADRAIN)
+        mode = termios.tcgetattr(fd)
+        # Ctrl-S would block the output, and with it the loop that publishes.
+        mode[0] &= ~termios.IXON
+        # Ctrl-Z would suspend the process while the robot keeps driving.
+        mode[6][termios.VSUSP] = os.fpathconf(fd, "PC_VDISABLE").to_bytes(1, "little")
         termios.tcsetattr(fd, termios.TCSADRAIN, mode)
         yield fd
     finally:
@@ -195,16 +192,10 @@ def read_keys(fd: int, timeout: float) -> list[str] | None:
 
 def split_keys(text: str) -> list[str]:
     """Split terminal input into keys; function keys other than arrows give "" each."""
-    keys = []
-    while text:
-        if text[:2] in (f"{ESCAPE}[", f"{ESCAPE}O") and len(text) > 2:
-            end = next((i for i, c in enumerate(text[2:], 2) if c.isalpha() or c == "~"), 2)
-            keys.append(_ARROWS.get(text[end], "") if end == 2 else "")
-            text = text[end + 1 :]
-        else:
-            keys.append(text[0])
-            text = text[1:]
-    return keys
+    return [
+        key[0] if key["function"] is None else _ARROWS.get(key["function"], "")
+        for key in _KEY.finditer(text)
+    ]
 
 
 def run(argv: Sequence[str]) -> int:
@@ -330,10 +321,9 @@ class _Teleop:
     def _subscriber_note(self) -> str:
         if self._publisher.get_subscription_count():
             return ""
-        ends = self._session.node.get_subscriptions_info_by_topic(self._topic)
-        types = sorted({end.topic_type for end in ends})
-        if any(name.endswith("/TwistStamped") for name in types) and not self._args.stamped:
+        types = self._session.subscribed_types(self._topic)
+        if "geometry_msgs/msg/TwistStamped" in types and not self._args.stamped:
             return "\t(the robot subscribes to TwistStamped: use --stamped)"
-        if any(name.endswith("/Twist") for name in types) and self._args.stamped:
+        if "geometry_msgs/msg/Twist" in types and self._args.stamped:
             return "\t(the robot subscribes to Twist: leave out --stamped)"
         return "\t(no subscriber yet)"

@@ -153,12 +153,9 @@ _ECHO = (
 
 
 def _on_lost(status: Any) -> None:
-    print(
-        "A message was lost!!!\n"
-        f"\ttotal count change:{status.total_count_change}\n"
-        f"\ttotal count: {status.total_count}",
-        file=sys.stderr,
-    )
+    change, total = status.total_count_change, status.total_count
+    text = f"A message was lost!!!\n\ttotal count change:{change}\n\ttotal count: {total}"
+    print(text, file=sys.stderr)
 
 
 def _no_message(session: Session, topic: str, message: str = "message") -> str:
@@ -192,7 +189,6 @@ def bw(session: Session, args: Namespace) -> NoReturn:
         args,
         lambda data: meter.arrived(time.monotonic(), len(data)),
         lambda: meter.report(time.monotonic()),
-        announce=True,
     )
 
 
@@ -212,8 +208,6 @@ def _measure(
     args: Namespace,
     arrived: Callable[[bytes], None],
     report: Callable[[], str | None],
-    *,
-    announce: bool = False,
 ) -> NoReturn:
     topic, kind = _await_class(session, args.topic)
     received = 0
@@ -226,8 +220,6 @@ def _measure(
     session.node.create_subscription(
         kind, topic, on_message, qos.matching(session.node, topic, args), raw=True
     )
-    if announce:
-        print(f"Subscribed to [{topic}]")
     due, rounds = time.monotonic() + _REPORT, 0
     while True:
         session.spin_until(due)
@@ -350,8 +342,7 @@ def _publish(
 
 def _other_subscribers(session: Session, publisher: Any) -> str:
     """Return the subscribers with another type or an incompatible QoS, as text."""
-    ends = session.node.get_subscriptions_info_by_topic(publisher.topic_name)
-    types = sorted({end.topic_type for end in ends})
+    types = session.subscribed_types(publisher.topic_name)
     if not types:
         return ""
     return f" (subscribers of {', '.join(types)} found; type and QoS have to match)"

@@ -1,6 +1,5 @@
 """``onebot trajectory``: moves joints to positions by a joint_trajectory_controller."""
 
-import math
 import shutil
 import sys
 import time
@@ -8,6 +7,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
+from onebot_bringup.cli.options import joint_positions
 from onebot_bringup.cli.running_controllers import (
     RunningController,
     controller_of,
@@ -16,7 +16,7 @@ from onebot_bringup.cli.running_controllers import (
 from onebot_bringup.cli.session import Session
 from onebot_bringup.launch.arguments import Argument, complete, split, table
 from onebot_description.description.tree_text import aligned, cell
-from onebot_description.errors import OneBotError, UsageError, listing
+from onebot_description.errors import OneBotError, listing
 from onebot_description.ros.parameters.values import Rule, ValueType
 from onebot_description.ros.wire.cdr import NS_PER_S
 
@@ -66,7 +66,7 @@ def run(argv: Sequence[str]) -> int:
     if arguments.help or arguments.show:
         print(_HELP if arguments.help else table(_ARGUMENTS))
         return 0
-    positions = _positions(arguments.positional)
+    positions = joint_positions(arguments.positional)
     values = complete(_ARGUMENTS, arguments.given)
     with Session(["--ros-args", *arguments.ros_args]) as session:
         controllers = running_controllers(session, values["controller"])
@@ -78,26 +78,6 @@ def run(argv: Sequence[str]) -> int:
         else:
             print("\n".join(_listed(session, controllers)))
     return 0
-
-
-def _positions(words: Sequence[str]) -> dict[str, float]:
-    """Parse the positions of the named joints, rad or m."""
-    positions: dict[str, float] = {}
-    for word in words:
-        joint, _, text = word.rpartition("=")
-        if not joint:
-            raise UsageError(f'unexpected "{word}"; joints are written JOINT=POSITION')
-        if joint in positions:
-            raise UsageError(f'the joint "{joint}" is there twice')
-        positions[joint] = _number(word, text)
-    return positions
-
-
-def _number(word: str, text: str) -> float:
-    with suppress(ValueError):
-        if math.isfinite(value := float(text)):
-            return value
-    raise UsageError(f'{word}: "{text}" is not a number; write a position in rad or m')
 
 
 # The list of controllers ------------------------------------------------------------------------

@@ -9,6 +9,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NoReturn
 
 from onebot_bringup.steering.page_parameters import PageParameters
@@ -17,7 +18,7 @@ from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_control.controller_names import DRIVE_CONTROLLER, MANAGER
 from onebot_control.frame_names import prefixed
 from onebot_description.elements.packages import PACKAGE_PATH, use_package_path
-from onebot_description.errors import UsageError, did_you_mean, printable
+from onebot_description.errors import OneBotError, UsageError, did_you_mean, printable
 from onebot_description.joints.config import JointsConfig
 from onebot_description.ros.discovery import ARGUMENT, LOCALHOST, MAX_DOMAIN, WANTED
 from onebot_description.ros.parameters.reader import leaves
@@ -263,6 +264,23 @@ def with_positional(arguments: Arguments, name: str, what: str, program: str) ->
     return {**dict(zip([name], arguments.positional, strict=False)), **arguments.given}
 
 
+def require_file(name: str, path: Path, instead: str) -> None:
+    """Reject a YAML file that does not exist.
+
+    Args:
+        name: the argument that names it.
+        path: the file.
+        instead: what to write, if its folder has no such files.
+
+    Raises:
+        OneBotError: it does not exist; the message has the names of similar ones.
+    """
+    if not path.is_file():
+        files = [entry.name for entry in path.parent.glob("*.y*ml")]
+        hint = did_you_mean(path.name, files, "there") if files else instead
+        raise OneBotError(f"{name}:={path}: no such file{hint}")
+
+
 def complete(declared: Iterable[Argument], given: Mapping[str, str]) -> dict[str, str]:
     """Return a value for each declared argument: the given one, or its default.
 
@@ -320,20 +338,10 @@ _LEVELS = ("debug", "info", "warn", "error", "fatal")
 _AS_IN_FILE = "default: params_file's"
 _AS_IN_JOINTS = "on joint_states; default: that of joints"
 _PACE = "not simulated: messages on joint_states; default: that of params_file or joints"
-_OF_SIMULATION = (
-    *("x", "y", "yaw"),
-    *("left_wheel", "right_wheel"),
-    "params_file",
-    "world",
-    "sensors",
-    "ground_truth_tf",
-    "nav2_topics",
-    "real_time_factor",
-    "paused",
-)
+_OF_SIMULATION = ("params_file", "nav2_topics")  # besides parameters of the controllers
 _OF_JOINTS = ("joints", "joint_states")
 _INPUT_FILES = ("joints", "params_file", "robots")  # other files are expanded where they are read
-_OF_STEERING = ("host", "port", "token")
+_STEERING_PAGE = "steering_page"
 # Arguments that cannot be combined with robots:=, and why.
 _PLACED = "robots:= places them; write x, y and yaw of each in robots:=FILE.yaml"
 _NOT_OF_SEVERAL = {
@@ -449,7 +457,7 @@ def standing_arguments() -> list[Argument]:
 def _steering() -> list[Argument]:
     return [
         switch("steer", False, "a page to steer it from, beside its view"),
-        *parameters_of("steering_page", PageParameters, *_OF_STEERING),
+        *parameters_of(_STEERING_PAGE, PageParameters, "host", "port", "token"),
     ]
 
 
@@ -502,25 +510,28 @@ def checked_values(declared: list[Argument], given: Mapping[str, str]) -> dict[s
         raise UsageError("left_wheel:= and right_wheel:= belong together: name both, or neither")
     if values.get("robots"):
         _check_robots(values, given)
-    _check_effect(values, given)
+    _check_effect(declared, values, given)
     return values
 
 
-def _check_effect(values: Mapping[str, str], given: Mapping[str, str]) -> None:
+def _check_effect(
+    declared: Iterable[Argument], values: Mapping[str, str], given: Mapping[str, str]
+) -> None:
     """Reject arguments of what is switched off."""
-    if values.get("sim") == "false":
-        for name in _OF_SIMULATION:
-            if name in given and values[name] not in ("", "false"):
-                raise UsageError(f"{name}:={given[name]} is for the simulation: write sim:=true")
-    if values.get("sim") == "true":
-        for name in _OF_JOINTS:
-            if name in given:
-                text = "is without effect, since the simulation moves the joints: leave it out"
-                raise UsageError(f"{name}:={given[name]} {text}, or write sim:=false")
-    if values.get("steer") == "false":
-        for name in _OF_STEERING:
-            if name in given:
-                raise UsageError(f"{name}:={given[name]} is the steering page's: add steer:=true")
+    for argument in declared:
+        name, node = argument.name, argument.node
+        if name not in given:
+            continue
+        written = f"{name}:={given[name]}"
+        of_controller = node in (DRIVE_CONTROLLER, MANAGER) and not argument.also
+        if values.get("sim") == "false" and (of_controller or name in _OF_SIMULATION):
+            if values[name] not in ("", "false"):
+                raise UsageError(f"{written} is for the simulation: write sim:=true")
+        elif values.get("sim") == "true" and name in _OF_JOINTS:
+            text = "is without effect, since the simulation moves the joints: leave it out"
+            raise UsageError(f"{written} {text}, or write sim:=false")
+        elif values.get("steer") == "false" and node == _STEERING_PAGE:
+            raise UsageError(f"{written} is the steering page's: add steer:=true")
 
 
 def _check_robots(values: Mapping[str, str], given: Mapping[str, str]) -> None:

@@ -16,6 +16,7 @@ from onebot_bringup.launch.arguments import (
     checked_values,
     description_arguments,
     refuse_positional,
+    require_file,
     simulation_arguments,
     split,
     standing_arguments,
@@ -36,7 +37,7 @@ from onebot_bringup.launcher.launcher import Launcher
 from onebot_bringup.viewer.viewer_parameters import view_file
 from onebot_control.controller_names import DRIVE_CONTROLLER, MANAGER
 from onebot_control.frame_names import WORLD_FRAME, prefixed
-from onebot_description.errors import OneBotError, UsageError, did_you_mean
+from onebot_description.errors import OneBotError, UsageError
 from onebot_description.ros.discovery import discovery_variables
 from onebot_description.ros.names import absolute
 from onebot_description.ros.process_start import blas_variables
@@ -47,7 +48,6 @@ from onebot_description.whole_file import refuse_unwritable
 if TYPE_CHECKING:
     from onebot_bringup.launch.robots import PlacedRobot
     from onebot_description.description import Description
-    from onebot_description.ros.parameters.files import Unknown
 
 
 UP = "Ctrl-C stops everything"  # the last line that a bringup prints when it is up
@@ -168,7 +168,7 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
         return launcher.run(
             launch.nodes(),
             started_message=summary_text(description, values, robots),
-            temporary=[Path(folder)],
+            temporary=Path(folder),
         )
 
 
@@ -196,12 +196,8 @@ def _check_files(values: Mapping[str, str]) -> None:
     """Reject missing input files, recordings that cannot be written, and an invalid world."""
     view_file(values["view"])
     for name in ("joints", "params_file"):
-        path = Path(values.get(name, ""))
-        if values.get(name) and not path.is_file():
-            files = [entry.name for entry in path.parent.glob("*.y*ml")]
-            raise OneBotError(
-                f"{name}:={path}: no such file{did_you_mean(path.name, files, 'there')}"
-            )
+        if values.get(name):
+            require_file(name, Path(values[name]), "")
     if values["save"] and output_path(values["save"]).suffix != ".rrd":
         raise OneBotError(f"save:={values['save']}: a recording's name must end in .rrd")
     for name in ("save", "record"):
@@ -235,39 +231,26 @@ def _check_sections(
     """Check the names of nodes and parameters in the given parameter files; print warnings."""
     from onebot_control.control_files import unknown_by_node
     from onebot_description.joints.config import JointsConfig
+    from onebot_description.ros.parameters.files import check_sections
     from onebot_description.ros.parameters.reader import unknown_parameters
 
     space = absolute(values["namespace"])
     spaces = [f"{space}/{robot.name}" for robot in robots] or [space]
-    files = [Path(values["params_file"])] if given.get("params_file") else []
-    files += [robot.params_file for robot in robots if robot.params_file]
-    controllers = unknown_by_node(controller, files)
-    warnings: list[str] = []
-    if given.get("joints"):
-        publisher = {"joint_state_publisher": partial(unknown_parameters, JointsConfig)}
-        warnings += _check_file(Path(values["joints"]), [space], publisher)
-    if given.get("params_file"):
-        warnings += _check_file(Path(values["params_file"]), spaces, controllers)
+    # Each file, and the namespaces of the nodes that get it.
+    files = [(Path(values["params_file"]), spaces)] if given.get("params_file") else []
     for robot, name in zip(robots, spaces, strict=False):
         if robot.params_file:
-            warnings += _check_file(robot.params_file, [name], controllers)
-    for warning in dict.fromkeys(warnings):  # robots may share a file
+            files.append((robot.params_file, [name]))
+    nodes = unknown_by_node(controller, [file for file, _ in files])
+    if given.get("joints"):  # then it is not simulated
+        files = [(Path(values["joints"]), [space])]
+        nodes = {"joint_state_publisher": partial(unknown_parameters, JointsConfig)}
+    warnings: dict[str, None] = {}  # each once, since robots may share a file
+    for file, of_nodes in files:
+        names = [f"{space}/{node}" for node in nodes for space in of_nodes]
+        warnings |= dict.fromkeys(check_sections(file, names, nodes.values()))
+    for warning in warnings:
         print(f"warning: {warning}", file=sys.stderr)
-
-
-def _check_file(file: Path, spaces: Sequence[str], nodes: "Mapping[str, Unknown]") -> list[str]:
-    """Reject sections for unknown nodes; return a warning for each unknown parameter.
-
-    Args:
-        file: the parameter file.
-        spaces: namespaces of the nodes that get the file.
-        nodes: for each node name, a function that reports undeclared parameters.
-    """
-    from onebot_description.ros.parameters.files import check_sections
-
-    return check_sections(
-        file, [f"{space}/{node}" for node in nodes for space in spaces], nodes.values()
-    )
 
 
 def with_params_file(

@@ -67,10 +67,7 @@ def complete_command(
 
     argparse.ArgumentParser.parse_args = complete_parser  # type: ignore[assignment,method-assign]
     run([*(word for word in words if not word.startswith("-")), "--show-args"])
-    parser = argparse.ArgumentParser(add_help=False)
-    action = parser.add_argument("words", nargs="*")
-    action.completer = partial(_launch_words, others)  # type: ignore[attr-defined]
-    finish(parser, position)
+    _finish_words(partial(_launch_words, others), position)
 
 
 def finish(parser: argparse.ArgumentParser, position: int) -> NoReturn:
@@ -84,9 +81,14 @@ def finish(parser: argparse.ArgumentParser, position: int) -> NoReturn:
 
 def choose(choices: Mapping[str, str], position: int) -> NoReturn:
     """Offer these words, with explanations if the shell shows them."""
+    _finish_words(lambda **_: dict(choices), position)
+
+
+def _finish_words(completer: Completer, position: int) -> NoReturn:
+    """Complete a word by ``completer``."""
     parser = argparse.ArgumentParser(add_help=False)
-    action = parser.add_argument("word")
-    action.completer = lambda **_: dict(choices)  # type: ignore[attr-defined]
+    action = parser.add_argument("words", nargs="*")
+    action.completer = completer  # type: ignore[attr-defined]
     finish(parser, position)
 
 

@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from onebot_description.errors import OneBotError, UsageError, did_you_mean
+from onebot_bringup.launch.arguments import require_file
+from onebot_description.errors import OneBotError, UsageError
 from onebot_description.ros.parameters.reader import REQUIRED, Problem, parameter, read
 
 if TYPE_CHECKING:
@@ -103,11 +104,7 @@ def read_robots(file: Path, description: Description) -> list[PlacedRobot]:
     """
     from onebot_description.ros.parameters.files import read_map, read_text
 
-    if not file.is_file():
-        near = [entry.name for entry in file.parent.glob("*.y*ml")]
-        number = f"; write how many, 1 to {MOST_ROBOTS}, or a YAML file"
-        hint = did_you_mean(file.name, near, "there") if near else number
-        raise OneBotError(f"robots:={file}: no such file{hint}")
+    require_file("robots", file, f"; write how many, 1 to {MOST_ROBOTS}, or a YAML file")
     written = read_map(read_text(file), str(file))
     entries = read(RobotsFile, written.values, written.places).robots
     models: dict[str, Description] = {"": description}

@@ -5,14 +5,12 @@ description before any node starts, and supervises, restarts and stops the nodes
 launch does not have. It also avoids a second list of nodes.
 """
 
-import os
 import sys
 from collections.abc import Mapping
 from types import ModuleType
 from typing import Any
 
 from onebot_bringup.launch.bringup import Bringup
-from onebot_bringup.launcher.launcher import STARTER
 
 # The launch configuration in which PushRosNamespace of launch_ros stores the namespace.
 _PUSHED = "ros_namespace"
@@ -36,14 +34,7 @@ def launch_description(script: ModuleType) -> Any:
     def start(context: Any) -> list[Any]:
         configurations.update(context.launch_configurations)
         process = [sys.executable, "-m", script.__name__, *words(command, configurations)]
-        return [
-            ExecuteProcess(
-                cmd=process,
-                name=command.program,
-                output="screen",
-                additional_env={STARTER: str(os.getpid())},
-            )
-        ]
+        return [ExecuteProcess(cmd=process, name=command.program, output="screen")]
 
     def forget_defaults(context: Any) -> None:
         for argument in arguments:

@@ -32,16 +32,13 @@ class Guard:
         self._read, self._write = os.pipe()
         os.set_blocking(self._write, False)
         self._closed = False
-        try:
-            self._process: subprocess.Popen[bytes] | None = subprocess.Popen(
-                [sys.executable, "-I", "-S", __file__],
-                stdin=self._read,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-                start_new_session=True,
-            )
-        except OSError:
-            self._process = None
+        self._process = subprocess.Popen(
+            [sys.executable, "-I", "-S", __file__],
+            stdin=self._read,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
 
     def add(self, group: int) -> None:
         """End the process group ``group`` if the launcher is killed."""
@@ -62,8 +59,6 @@ class Guard:
         self._closed = True
         os.close(self._write)
         os.close(self._read)
-        if self._process is None:
-            return
         try:
             self._process.wait(timeout=1.0)
         except subprocess.TimeoutExpired:

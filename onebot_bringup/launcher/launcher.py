@@ -3,6 +3,8 @@
 import asyncio
 import os
 import signal
+import stat
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -19,8 +21,6 @@ from onebot_bringup.launcher.process import (
 )
 from onebot_description.ros.signals import stop_signals
 
-# Environment variable with the id of a process at whose end the launcher should stop.
-STARTER = "ONEBOT_STARTER"
 # Exit codes that are normal for a node that was asked to stop; shells report SIGINT as 130.
 _STOPPED = (0, -signal.SIGINT, -signal.SIGTERM, 130)
 # Signals within this time (seconds) count as one. A wrapper such as `uv run` repeats a Ctrl-C that
@@ -89,14 +89,14 @@ class Launcher:
         nodes: Sequence[NodeProcess],
         *,
         started_message: str = "",
-        temporary: Sequence[Path] = (),
+        temporary: Path | None = None,
     ) -> int:
         """Start the nodes in this order, and return when everything has ended.
 
         Args:
             nodes: the nodes, with different names.
             started_message: printed once all processes have been started.
-            temporary: folders to remove if the launcher is killed; otherwise the caller has to.
+            temporary: a folder to remove if the launcher is killed; otherwise the caller has to.
 
         Returns:
             0 when a signal asked to stop, the output was closed, or no node was left to run; 1
@@ -105,8 +105,8 @@ class Launcher:
             printed names it.
         """
         names = [node.name for node in nodes]
-        for folder in temporary:
-            self._guard.remove_later(folder)
+        if temporary is not None:
+            self._guard.remove_later(temporary)
         stop = partial(self._loop.call_soon_threadsafe, self._stop)
         self._console = Console(self._name, names, stop)
         self._loop.run_until_complete(self._run(nodes, started_message))
@@ -115,8 +115,7 @@ class Launcher:
     async def _run(self, nodes: Sequence[NodeProcess], started_message: str) -> None:
         for number in stop_signals():
             self._loop.add_signal_handler(number, self._on_signal, number)
-        if starter := os.environ.pop(STARTER, ""):
-            self._watch_starter(int(starter))
+        self._watch_reader()
         self._given_up = self._loop.create_future()
         try:
             ended = asyncio.gather(*await self._start_all(nodes))
@@ -240,23 +239,17 @@ class Launcher:
         elif number != signal.SIGHUP and self._loop.time() - self._stopped_at > _SAME_SIGNAL:
             self._stop_now.set()
 
-    def _watch_starter(self, process: int) -> None:
-        """Stop when ``process`` has ended, however it ended."""
-        try:
-            ended = os.pidfd_open(process)  # Linux only
-        except AttributeError:
-            return
-        except ProcessLookupError:
-            self._on_starter_ended()
-            return
-        self._loop.add_reader(ended, self._on_starter_ended, ended)
+    def _watch_reader(self) -> None:
+        """Stop when the process that reads the output has ended, such as ros2 launch, if killed."""
+        out = self._console.out.descriptor
 
-    def _on_starter_ended(self, *ended: int) -> None:
-        for file in ended:
-            self._loop.remove_reader(file)
-            os.close(file)
-        self._console.info("the process that started the launcher has ended: stopping")
-        self._stop()
+        def left() -> None:
+            self._loop.remove_reader(out)
+            self._stop()
+
+        # Linux reports it for the pipe's end to write to as well; there is never input to read.
+        if sys.platform == "linux" and out >= 0 and stat.S_ISFIFO(os.fstat(out).st_mode):
+            self._loop.add_reader(out, left)
 
     def _stop(self) -> None:
         """Ask all nodes to stop, unless that was already done."""

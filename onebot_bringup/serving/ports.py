@@ -14,6 +14,8 @@ from onebot_description.errors import OneBotError
 from onebot_description.ros.parameters.values import MAX_PORT
 
 LOOPBACK = "127.0.0.1"
+# Errors of an address that this computer does not have, or of its family.
+_NOT_HERE = (errno.EADDRNOTAVAIL, errno.EAFNOSUPPORT)
 
 
 def _resolve(host: str, port: int) -> tuple[socket.AddressFamily, tuple[Any, ...]]:
@@ -51,22 +53,17 @@ def listen(host: str, port: int, name: str = "port") -> socket.socket:
             f"{name}:={port} is no port: write a number from 1 to 65535, or 0 for any"
         )
     family, address = _resolve(host, port)
+    dualstack = family == socket.AF_INET6 and socket.has_dualstack_ipv6()
     for chosen in (port, 0):
         try:
-            listener = socket.socket(family, socket.SOCK_STREAM)
-        except OSError:  # there is no IPv6, for example
-            raise _not_here(host) from None
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            listener.bind((address[0], chosen, *address[2:]))
-            listener.listen(128)
+            listener = socket.create_server(
+                (address[0], chosen, *address[2:]), family=family, dualstack_ipv6=dualstack
+            )
+        except PermissionError:
+            text = f"{name}:={port} is not allowed to you: use one from 1024 on"
+            raise OneBotError(text) from None
         except OSError as error:
-            listener.close()
-            if isinstance(error, PermissionError):
-                raise OneBotError(
-                    f"{name}:={port} is not allowed to you: use one from 1024 on"
-                ) from None
-            if error.errno == errno.EADDRNOTAVAIL:
+            if error.errno in _NOT_HERE:
                 raise _not_here(host) from None
             continue
         listener.setblocking(False)

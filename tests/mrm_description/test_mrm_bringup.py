@@ -55,19 +55,6 @@ def test_the_command_alone_moves_mrm(start: Start, transforms: Transforms) -> No
     stop(running)
 
 
-def test_what_is_typed_overrides_the_joints_file(
-    start: Start, transforms: Transforms, tmp_path: Path
-) -> None:
-    """Its other values count, also after an edit."""
-    running = start(f"joints:={write_joints(tmp_path, 0.5)}", "rate:=20")
-    wait_for_robot(running, transforms, "link1")
-    assert transforms.parameter("/joint_state_publisher", "rate") == 20.0
-    write_joints(tmp_path, 1.0)
-    wait_for(transforms.turned_to(1.0, "link1"), "the edited position")
-    assert transforms.parameter("/joint_state_publisher", "rate") == 20.0
-    stop(running)
-
-
 def test_edits_of_the_joints_and_of_the_xacro_change_the_robot(
     start: Start, transforms: Transforms, tmp_path: Path
 ) -> None:

@@ -1,13 +1,14 @@
 """MRM is exactly the robot that its users know."""
 
 import math
-from xml.etree import ElementTree
 
 import pytest
 import yaml
 
 from onebot_description.description import load_description
+from onebot_description.elements.description import Box, Cylinder
 from onebot_description.elements.packages import package_share
+from onebot_description.geometry.poses import Origin
 
 SHARE = package_share("mrm_description")
 
@@ -31,35 +32,22 @@ def test_joint_is_exact(mrm):
     assert (joint.velocity, joint.effort) == (0.5, 1000.0)
 
 
-@pytest.mark.parametrize("kind", ["visual", "collision"])
-def test_shapes_are_exact(mrm, kind):
+def test_shapes_are_exact(mrm):
     """A box of 1 m at the origin, and a cylinder on the joint; collision is what is seen."""
-    base, link = ElementTree.fromstring(mrm.urdf).findall("link")
-    box = base.find(f"{kind}/geometry/box")
-    assert [float(side) for side in box.get("size").split()] == [1.0, 1.0, 1.0]
-    assert base.find(f"{kind}/origin") is None
-    cylinder = link.find(f"{kind}/geometry/cylinder")
-    assert (float(cylinder.get("radius")), float(cylinder.get("length"))) == (0.35, 0.4)
-    origin = link.find(f"{kind}/origin")
-    assert [float(x) for x in origin.get("xyz").split()] == [0.0, 0.0, 0.2]
+    for shapes in ([link.visuals for link in mrm.links], [link.collisions for link in mrm.links]):
+        [[box], [cylinder]] = shapes
+        assert (box.shape, box.origin) == (Box((1.0, 1.0, 1.0)), Origin())
+        assert (cylinder.shape, cylinder.origin) == (Cylinder(0.35, 0.4), Origin((0.0, 0.0, 0.2)))
 
 
 def test_inertias_are_those_of_the_solids(mrm):
     """Textbook moments of a cuboid and of a cylinder, about their centres."""
-    base, link = ElementTree.fromstring(mrm.urdf).findall("link")
-
-    def moments(element):
-        mass = float(element.find("inertial/mass").get("value"))
-        inertia = element.find("inertial/inertia")
-        return mass, [float(inertia.get(name)) for name in ("ixx", "iyy", "izz")]
-
-    mass, (ixx, iyy, izz) = moments(base)
-    assert mass > 0 and (ixx, iyy, izz) == pytest.approx([mass / 6.0] * 3)
-    mass, (ixx, iyy, izz) = moments(link)
-    assert ixx == iyy == pytest.approx(mass * (3 * 0.35**2 + 0.4**2) / 12)
-    assert izz == pytest.approx(mass * 0.35**2 / 2)
-    origin = link.find("inertial/origin")
-    assert [float(x) for x in origin.get("xyz").split()] == [0.0, 0.0, 0.2]
+    base, link = (link.inertial for link in mrm.links)
+    side, across = base.mass / 6.0, link.mass * (3 * 0.35**2 + 0.4**2) / 12
+    along = link.mass * 0.35**2 / 2
+    assert base.mass > 0 and base.inertia == pytest.approx((side, 0, 0, side, 0, side))
+    assert link.mass > 0 and link.inertia == pytest.approx((across, 0, 0, across, 0, along))
+    assert (base.origin, link.origin) == (Origin(), Origin((0.0, 0.0, 0.2)))
 
 
 def test_its_motion_keeps_to_its_limits(mrm):
@@ -70,12 +58,3 @@ def test_its_motion_keeps_to_its_limits(mrm):
     [joint] = mrm.joints
     assert motion["offset"] + motion["amplitude"] <= joint.upper
     assert 2 * math.pi * motion["frequency"] * motion["amplitude"] <= joint.velocity
-
-
-def test_its_view_is_the_old_config_rviz():
-    """Fixed frame base_link, axes with names, the model without its collision, a joint plot."""
-    view = yaml.safe_load((SHARE / "config/view.yaml").read_text())
-    assert view["fixed_frame"] == "base_link"
-    assert view["axes"]["visible"] and view["axes"]["names"]
-    assert view["collision"] is False
-    assert view["joint_plot"]["positions"] is True

@@ -75,7 +75,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     ),
     "onebot_description/ros/parameters/values.py": _description(*_READER),
     "onebot_bringup/launch/arguments.py": _tests(
-        "onebot_bringup", "launcher_arguments", "bringup_nodes"
+        "onebot_bringup", "launcher_arguments", "robots", "bringup_nodes"
     ),
 }
 

@@ -6,9 +6,10 @@ import signal
 import sys
 import uuid
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
+import psutil
 import pytest
 
 from onebot_description.elements.packages import use_environment_prefix
@@ -116,13 +117,10 @@ def stop_by_first_signal(running: RunningCommand) -> None:
 
 def nodes_of(launcher: int) -> dict[str, int]:
     """Return the nodes that a launcher runs now: module to process id."""
-    found = {}
-    for folder in Path("/proc").glob("[0-9]*"):
-        try:
-            parent = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
-            words = (folder / "cmdline").read_bytes().decode().split("\0")
-        except (OSError, IndexError):
-            continue  # it ended while we looked
-        if parent == launcher and "onebot_bringup.launcher.interpreter" in words:
-            found[words[words.index("onebot_bringup.launcher.interpreter") + 1]] = int(folder.name)
+    interpreter, found = "onebot_bringup.launcher.interpreter", {}
+    for process in psutil.Process(launcher).children():
+        with suppress(psutil.Error):  # it ended while we looked
+            words = process.cmdline()
+            if interpreter in words:
+                found[words[words.index(interpreter) + 1]] = process.pid
     return found

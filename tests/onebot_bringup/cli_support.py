@@ -20,7 +20,10 @@ def onebot(*words: str) -> subprocess.CompletedProcess[str]:
     out, err = io.StringIO(), io.StringIO()
     # A command may set variables for the processes that it starts.
     with patch.dict(os.environ), redirect_stdout(out), redirect_stderr(err):
-        code = main(words)
+        try:
+            code = main(words)
+        except SystemExit as end:  # of argparse, for --help
+            code = end.code
     return subprocess.CompletedProcess(words, code, out.getvalue(), err.getvalue())
 
 

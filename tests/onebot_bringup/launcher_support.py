@@ -95,14 +95,7 @@ class RunningCommand:
             self.process.wait(PATIENCE)
 
 
-class RunningLauncher(RunningCommand):
-    """A launcher in a process of its own."""
-
-    def __init__(self, folder: Path, nodes: str, grace: str = PATIENT) -> None:
-        super().__init__(folder, command_of(nodes, grace))
-
-
-Start = Callable[..., RunningLauncher]
+Start = Callable[..., RunningCommand]
 
 
 @contextmanager
@@ -110,10 +103,10 @@ def launchers(folder: Path, scripts: Mapping[str, str]) -> Iterator[Start]:
     """Start launchers in ``folder``, where the scripts lie; end them afterwards."""
     for name, text in scripts.items():
         (folder / f"{name}.py").write_text(text)
-    started: list[RunningLauncher] = []
+    started: list[RunningCommand] = []
 
-    def make(nodes: str, **grace: str) -> RunningLauncher:
-        started.append(RunningLauncher(folder, nodes, **grace))
+    def make(nodes: str, grace: str = PATIENT) -> RunningCommand:
+        started.append(RunningCommand(folder, command_of(nodes, grace)))
         return started[-1]
 
     yield make

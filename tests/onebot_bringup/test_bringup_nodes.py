@@ -1,6 +1,7 @@
 """Launch arguments in, processes out: which nodes, with which parameters. None of them is started.
 
-What the nodes then do is tested by bringing robots up (``test_bringup``, ``test_onebot_bringup``).
+What the nodes then do is tested by bringing robots up (``test_mrm_bringup``,
+``test_onebot_bringup``).
 """
 
 import os
@@ -51,23 +52,16 @@ from tests.readme_tables import PARAMETERS
 from tests.support import run_to_end
 
 _MODULE = 3  # where a command names the node's module, after python -m interpreter
-ARM = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
-  <xacro:arg name="height" default="1.0"/>
-  <link name="base"/><link name="tip"/><link name="camera"/>
-  <joint name="shoulder" type="revolute">
-    <parent link="base"/><child link="tip"/><origin xyz="0 0 $(arg height)"/><axis xyz="0 0 1"/>
-    <limit lower="0.5" upper="1.0" effort="1" velocity="1"/>
-  </joint>
-  <joint name="mount" type="fixed"><parent link="tip"/><child link="camera"/></joint>
-</robot>"""
+ARM = (Path(__file__).parents[1] / "robots/xacro_arm.xacro").read_text()
 JOINTS = "/**:\n  ros__parameters: {rate: 20.0}\n"
 
 Make = Callable[..., Launch]
 
 
 @pytest.fixture
-def arm(tmp_path: Path) -> Path:
-    """The arm, and parameters for its joints and for a controller, in a folder of their own."""
+def arm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The arm, and parameters for its joints and for a controller, in the working directory."""
+    monkeypatch.chdir(tmp_path)
     for name, text in (("arm.xacro", ARM), ("joints.yaml", JOINTS), ("control.yaml", JOINTS)):
         (tmp_path / name).write_text(text)
     return tmp_path / "arm.xacro"
@@ -106,6 +100,12 @@ def make(arm: Path, described: Description) -> Make:
         )
 
     return factory
+
+
+def write_control(arm: Path, parameters: str) -> None:
+    """Write these parameters into the controller's file."""
+    text = f"/**/velocity_controller:\n  ros__parameters: {{{parameters}}}\n"
+    (arm.parent / "control.yaml").write_text(text)
 
 
 def names(launch: Launch) -> list[str]:
@@ -283,11 +283,8 @@ def test_joint_state_publisher_has_a_file_or_swings(make: Make, arm: Path) -> No
     assert given["rate"] == 20.0
 
 
-def test_velocity_controller_starts_where_it_is_put(
-    make: Make, monkeypatch: pytest.MonkeyPatch, arm: Path
-) -> None:
+def test_velocity_controller_starts_where_it_is_put(make: Make, arm: Path) -> None:
     """Its own parameters override those of the file, which it reads from anywhere."""
-    monkeypatch.chdir(arm.parent)
     given = {"x": "1", "y": "-2.5", "yaw": "0.5", "rate": "200", "frame_prefix": "r/"}
     given |= {"left_wheel": "a, b", "right_wheel": "c,d", "params_file": "control.yaml"}
     nodes = make(**given)
@@ -315,16 +312,15 @@ def test_velocity_controller_starts_where_it_is_put(
 
 def test_the_frame_of_a_world(make: Make, arm: Path) -> None:
     """It is map where the truth is not on TF, so that TF is one tree, unless the file names one."""
-    file, section = arm.parent / "control.yaml", "/velocity_controller:\n  ros__parameters: "
     given = {"world": "maze", "ground_truth_tf": "false"}
     found = parameters_of(make(**given), "velocity_controller")
     assert (found["ground_truth_tf"], found["world_frame_id"]) == (False, "map")
     for written, values, frame in (
-        ("{world_frame_id: hall}", {"world": "maze"}, "hall"),
-        ("{ground_truth_tf: false}", {"world": "maze"}, "map"),
-        ("{ground_truth_tf: false}", {"world": "maze", "ground_truth_tf": "true"}, "world"),
+        ("world_frame_id: hall", {"world": "maze"}, "hall"),
+        ("ground_truth_tf: false", {"world": "maze"}, "map"),
+        ("ground_truth_tf: false", {"world": "maze", "ground_truth_tf": "true"}, "world"),
     ):
-        file.write_text(section + written)
+        write_control(arm, written)
         assert parameters_of(make(**values), "velocity_controller")["world_frame_id"] == frame
 
 
@@ -398,8 +394,7 @@ def test_several_robots_are_two_processes(make: Make, arm: Path, described: Desc
     assert parameters(page)["topic"] == "a/velocity_controller/cmd_vel"
     # All odometry frames have a parent, even where that of a single robot has none.
     for written, frame in (('""', "world"), ("map", "map")):
-        text = f"/**/velocity_controller:\n  ros__parameters: {{world_frame_id: {written}}}\n"
-        (arm.parent / "control.yaml").write_text(text)
+        write_control(arm, f"world_frame_id: {written}")
         drives = of_each(process_of(nodes, "velocity_controller"))
         assert drives["/yard/a"]["world_frame_id"] == frame
 
@@ -433,9 +428,7 @@ ENABLED = "tf_frame_prefix_enable: true"
         ("tf_frame_prefix: a", {"sim": "false"}, {"frame_prefix": ""}),
         ("use_sim_time: true", {}, {"use_sim_time": "true"}),
         ("use_sim_time: true", {"use_sim_time": "false"}, {"use_sim_time": "false"}),
-        ("x: 1.0", {"real_time_factor": "2"}, {"use_sim_time": "true"}),
         ("x: 1.0", {"real_time_factor": "0"}, {"use_sim_time": "true"}),
-        ("real_time_factor: 2.0", {}, {"use_sim_time": "true"}),
         ("real_time_factor: 2.0", {"real_time_factor": "1.0"}, {"use_sim_time": "false"}),
     ],
 )
@@ -443,51 +436,42 @@ def test_the_command_line_overrides_the_file_and_that_the_defaults(
     make: Make, arm: Path, parameters: str, given: dict[str, str], wanted: dict[str, str]
 ) -> None:
     """All nodes name the frames, and take the time, as the controller's file has it."""
-    file = arm.parent / "control.yaml"
-    file.write_text(f"/**/velocity_controller:\n  ros__parameters: {{{parameters}}}\n")
+    write_control(arm, parameters)
     found = with_params_file(make(**given).values, given)
     assert wanted.items() <= found.items()
     assert set(found) == set(make().values)
 
 
-@pytest.mark.parametrize("written", ["x: 1.0", "real_time_factor: 2.0"])
-def test_another_time_than_that_of_the_simulation_is_refused(
-    make: Make, arm: Path, written: str
+@pytest.mark.parametrize(
+    ("simulated", "written", "given"),
+    [
+        (True, "x: 1.0", {"real_time_factor": "2"}),
+        (True, "real_time_factor: 2.0", {}),
+        (False, "x: 1.0", {"sim": "true", "real_time_factor": "2"}),
+    ],
+)
+def test_all_nodes_have_the_time_of_the_simulation(
+    make: Make, arm: Path, simulated: bool, written: str, given: dict[str, str]
 ) -> None:
-    """The other nodes would wait for transforms of another time."""
-    file = arm.parent / "control.yaml"
-    file.write_text(f"/**/velocity_controller:\n  ros__parameters: {{{written}}}\n")
-    given = {"use_sim_time": "false"}
-    if "real" not in written:
-        given["real_time_factor"] = "2"
+    """Another one is refused: the other nodes would wait for transforms of another time."""
+    write_control(arm, written)
+    values, node = make(simulated, **given).values, DRIVE_CONTROLLER if simulated else MANAGER
+    assert with_params_file(values, given, node)["use_sim_time"] == "true"
+    given = {**given, "use_sim_time": "false"}
     with pytest.raises(UsageError, match="use_sim_time:=false does not .*real_time_factor 2,"):
-        with_params_file(make(**given).values, given)
+        with_params_file({**values, **given}, given, node)
 
 
-def test_a_standing_robot_of_another_pace_is_on_simulated_time(make: Make) -> None:
-    """No params_file is needed for it; the other nodes take its time."""
-    given = {"sim": "true", "real_time_factor": "2"}
-    assert with_params_file(make(False, **given).values, given, MANAGER)["use_sim_time"] == "true"
-    given["use_sim_time"] = "false"
-    with pytest.raises(UsageError, match="use_sim_time:=false does not"):
-        with_params_file(make(False, **given).values, given, MANAGER)
-
-
-def test_a_wrong_prefix_in_the_file_is_refused_with_its_line(make: Make, arm: Path) -> None:
-    text = "velocity_controller:\n  ros__parameters:\n    tf_frame_prefix: 5\n"
-    (arm.parent / "control.yaml").write_text(text)
-    with pytest.raises(OneBotError, match=r"control.yaml:3: tf_frame_prefix: 5 is a number; write"):
-        with_params_file(make().values, {})
-
-
-def test_the_robot_is_not_taken_from_the_controller_s_file(
+def test_what_the_controller_s_file_may_not_have(
     make: Make, arm: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """It would be another one than the other nodes have: a warning says what to write."""
-    text = "velocity_controller: {ros__parameters: {robot_description: a.urdf}}\n"
-    (arm.parent / "control.yaml").write_text(text)
+    """A wrong prefix is refused with its line; another robot than that of the other nodes, too."""
+    write_control(arm, "tf_frame_prefix: 5")
+    with pytest.raises(OneBotError, match=r"control.yaml:2: tf_frame_prefix: 5 is a number; write"):
+        with_params_file(make().values, {})
+    write_control(arm, "robot_description: a.urdf")
     with_params_file(make().values, {})
-    assert "control.yaml:1: robot_description is not used" in capsys.readouterr().err
+    assert "control.yaml:2: robot_description is not used" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -532,22 +516,14 @@ def test_the_steering_page_has_a_port_before_it_starts(
     assert capsys.readouterr().err == ""
 
 
-def test_the_recorder_s_folder_is_absolute(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its process may run elsewhere; the shell leaves the ~ of ``name:=~/x`` as it is."""
+def test_files_are_found_in_the_home_folder(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The shell leaves the ~ of ``name:=~/x`` as it is; the recorder may run elsewhere."""
     monkeypatch.setenv("HOME", "/home/someone")
-    node = process_of(make(record="~/bags/one"), "bag_recorder")
-    assert parameters(node)["folder"] == "/home/someone/bags/one"
+    assert make(joints="~/j", sim="false").values["joints"] == "/home/someone/j"
+    values = make(params_file="~/c", robots="~/f").values
+    assert (values["params_file"], values["robots"]) == ("/home/someone/c", "/home/someone/f")
+    assert parameters_of(make(record="~/a"), "bag_recorder")["folder"] == "/home/someone/a"
     assert output_path("bag") == Path.cwd() / "bag"
-
-
-def test_input_files_are_found_in_the_home_folder(
-    make: Make, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("HOME", "/home/someone")
-    names = {"params_file": "~/c.yaml", "robots": "~/f.yaml"}
-    assert make(joints="~/j.yaml", sim="false").values["joints"] == "/home/someone/j.yaml"
-    values = make(**names).values
-    assert [values[name] for name in names] == ["/home/someone/c.yaml", "/home/someone/f.yaml"]
 
 
 def test_robot_state_publisher_follows_the_files(make: Make) -> None:
@@ -564,6 +540,19 @@ def refused(robot: Bringup, *argv: str) -> str:
     with patch.dict(os.environ), pytest.raises(OneBotError) as caught:
         bring_up(robot, argv)
     return str(caught.value)
+
+
+@pytest.fixture
+def launches(monkeypatch: pytest.MonkeyPatch) -> list[Launch]:
+    """What bringups would start: they are refused with "no node is started" instead."""
+    made: list[Launch] = []
+
+    def ended(launch: Launch) -> None:
+        made.append(launch)
+        raise OneBotError("no node is started")
+
+    monkeypatch.setattr(Launch, "nodes", ended)
+    return made
 
 
 @pytest.fixture
@@ -585,6 +574,14 @@ def test_the_model_is_given_once(view: Bringup, driven: Bringup, arm: Path) -> N
     assert "more.urdf" in refused(view, str(arm), "more.urdf")
     assert 'no argument "robots"' in refused(view, str(arm), "robots:=2")
     assert "arm.xacro" in refused(driven, str(arm))
+
+
+def test_the_models_arguments_make_the_robot(
+    view: Bringup, arm: Path, launches: list[Launch]
+) -> None:
+    assert refused(view, str(arm), "height:=2.5", "viewer:=none") == "no node is started"
+    [launch] = launches
+    assert launch.description.joints[0].origin.xyz == (0.0, 0.0, 2.5)
 
 
 def test_unknown_arguments_are_refused_if_the_model_is_known(view: Bringup, arm: Path) -> None:
@@ -618,13 +615,8 @@ def test_unknown_arguments_are_refused_if_the_model_is_known(view: Bringup, arm:
     ],
 )
 def test_files_are_checked_before_anything_starts(
-    driven: Bringup,
-    arm: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    words: list[str],
-    said: str,
+    driven: Bringup, arm: Path, words: list[str], said: str
 ) -> None:
-    monkeypatch.chdir(arm.parent)
     for name in ("taken", "taken.rrd"):
         (arm.parent / name).mkdir()
     Path("kept.rrd").write_text("kept")
@@ -648,15 +640,9 @@ OF_CONTROL = "velocity_controller: {ros__parameters: {linear.x.max_velocity: 0.1
     ],
 )
 def test_parameters_for_no_node_are_refused(
-    driven: Bringup,
-    arm: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    text: str,
-    words: str,
-    spaces: list[str],
+    driven: Bringup, text: str, words: str, spaces: list[str]
 ) -> None:
     """A limit would be none; the error has the sections that would do."""
-    monkeypatch.chdir(arm.parent)
     Path("file.yaml").write_text(text)
     Path("fleet.yaml").write_text("robots: {a: {x: 0.0, y: 0.0, params_file: file.yaml}}\n")
     said = refused(driven, *words.split(), "namespace:=r1")
@@ -696,25 +682,17 @@ OF_ALL = """/**:
 def test_names_that_no_node_declares_are_a_line_each(
     driven: Bringup,
     arm: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    launches: list[Launch],
     capsys: pytest.CaptureFixture[str],
     words: str,
     names: list[tuple[int, str, str]],
 ) -> None:
     """In a section for several nodes, which may have them; before anything starts."""
-    monkeypatch.chdir(arm.parent)
     Path("all.yaml").write_text(OF_ALL)
-    robots = (
-        "a: {x: 0.0, y: 0.0, params_file: all.yaml}, b: {x: 9.0, y: 0.0, params_file: all.yaml}"
-    )
-    Path("two.yaml").write_text(f"robots: {{{robots}}}\n")
+    robot = "{{x: {}, y: 0.0, params_file: all.yaml}}"
+    Path("two.yaml").write_text(f"robots: {{a: {robot.format(0.0)}, b: {robot.format(9.0)}}}")
     if "robots" in words:
         Path("all.yaml").write_text(OF_ALL.replace("/r1/*", "/r1/*/*"))
-
-    def ended(*_: object) -> None:
-        raise OneBotError("no node is started")
-
-    monkeypatch.setattr("onebot_bringup.launch.bringup.Launch.nodes", ended)
     assert refused(driven, *words.split(), "namespace:=r1") == "no node is started"
     text = "no node of this bringup that is given the file declares it"
     expected = [
@@ -801,6 +779,7 @@ def test_the_summary_says_what_runs(make: Make, sim: bool, given: str, text: str
         ("joints:=j.yaml", "joints:=j.yaml is without effect, since the simulation moves"),
         ("robots:=3 joint_states:=false", "joint_states:=false is without effect"),
         ("x:=1 sim:=false", "x:=1 is for the simulation: write sim:=true"),
+        ("nav2_topics:=true sim:=false", "nav2_topics:=true is for the simulation"),
         ("left_wheel:=a right_wheel:=b sim:=false", "left_wheel:=a is for the simulation"),
         ("params_file:=c.yaml sim:=false", "params_file:=c.yaml is for the simulation"),
         ("robots:=3 reload:=true", "reload:=true does not .*edits of the model"),

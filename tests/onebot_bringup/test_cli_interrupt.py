@@ -45,7 +45,7 @@ class Interrupting:
             os.kill(os.getpid(), signal.SIGINT)
 
 sys.meta_path.insert(0, Interrupting())
-sys.argv[1:] = {words}
+sys.argv[1:] = ["bag", "play", "words.mcap.zstd"]
 sys.exit(main())
 """
 READY = "import sys; from {module} import main; print('ready', flush=True); sys.exit(main())"
@@ -115,7 +115,6 @@ def test_a_mistake_is_reported_before_anything_slow_is_imported(tmp_path):
     [
         ("onebot", ["topic", "list"], (0, 130)),
         ("onebot", ["check", MRM], (0, 130, -2)),
-        ("mrm_bringup", ["viewer:=none"], (0,)),
     ],
 )
 def test_ctrl_c_at_any_moment(ros_domain, program, words, codes):
@@ -131,11 +130,7 @@ def test_ctrl_c_at_any_moment(ros_domain, program, words, codes):
         assert "Traceback" not in err and "Exception" not in err, err
 
 
-@pytest.mark.parametrize(
-    ("words", "code"),
-    [(["bag", "play", "words.mcap.zstd"], 130), (["steer", "port:=0"], 0)],
-)
-def test_ctrl_c_leaves_no_temporary_folder(ros_domain, tmp_path, words, code):
+def test_ctrl_c_leaves_no_temporary_folder(ros_domain, tmp_path):
     """Such as an unpacked recording, which may be large."""
     write_words(tmp_path / "bag")
     [recording] = (tmp_path / "bag").glob("*.mcap")
@@ -143,9 +138,8 @@ def test_ctrl_c_leaves_no_temporary_folder(ros_domain, tmp_path, words, code):
     (tmp_path / "words.mcap.zstd").write_bytes(data)
     (tmp_path / "tmp").mkdir()
     environment = {**os.environ, "TMPDIR": str(tmp_path / "tmp")}
-    program = [sys.executable, "-c", WITH_FOLDER.format(words=words)]
-    done = run_to_end(program, cwd=tmp_path, env=environment)
-    assert (done.returncode, done.stdout.split()) == (code, ["1"]), done.stderr
+    done = run_to_end([sys.executable, "-c", WITH_FOLDER], cwd=tmp_path, env=environment)
+    assert (done.returncode, done.stdout.split()) == (130, ["1"]), done.stderr
     assert "Traceback" not in done.stderr
     assert [*(tmp_path / "tmp").glob("onebot-*")] == []
 
@@ -154,13 +148,9 @@ def test_ctrl_c_leaves_no_temporary_folder(ros_domain, tmp_path, words, code):
     ("program", "words", "code"),
     [
         ("onebot", ["check", "a.urdf"], 130),
-        ("onebot", ["snapshot", "a.png"], 130),
         ("onebot", ["steer"], 0),
-        ("onebot", ["replay", "run1", "viewer:=none", "save:=run1.rrd"], 130),
-        ("onebot", ["bag", "play", "run1"], 130),
         ("onebot", ["help", "topic"], 130),
         ("onebot_bringup", ["--show-args"], 0),
-        ("mrm_bringup", [], 0),
     ],
 )
 def test_ctrl_c_while_it_imports(program, words, code):

@@ -11,7 +11,6 @@ import pytest
 from geometry_msgs.msg import Twist, TwistStamped
 from std_msgs.msg import String
 
-from onebot_bringup.cli.main import main
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.hosts import missing
 from tests.onebot_bringup.cli_support import MODULE, onebot, output_of, running
@@ -94,18 +93,12 @@ def test_pub_waits_and_says_for_what(peer: Peer) -> None:
         (("/x", TWIST, "--no-such"), 2, "--no-such"),
     ],
 )  # fmt: skip
-def test_pub_mistakes(
-    ros_domain: int,
-    words: tuple[str, ...],
-    code: int,
-    part: str,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_pub_mistakes(ros_domain: int, words: tuple[str, ...], code: int, part: str) -> None:
     """Each mistake is one line on stderr; usage exits with 2 and points to the help."""
-    assert main(["topic", "pub", *words]) == code
-    printed = capsys.readouterr()
-    assert part in printed.err and printed.err.startswith("error: ") and not printed.out
-    assert ("see: onebot topic pub --help" in printed.err) == (code == 2)
+    done = onebot("topic", "pub", *words)
+    assert done.returncode == code and not done.stdout
+    assert part in done.stderr and done.stderr.startswith("error: ")
+    assert ("see: onebot topic pub --help" in done.stderr) == (code == 2)
 
 
 def test_echo_forms(peer: Peer) -> None:
@@ -167,7 +160,6 @@ def test_echo_waits_for_the_topic(ros_domain: int, tmp_path: Path) -> None:
     ("words", "waiting"),
     [
         (("echo", "--once", "/later"), "does not appear to be published yet"),
-        (("pub", "--once", "/later", "std_msgs/msg/Empty"), "Waiting for at least 1 matching"),
         (("pub", "-t", "2", "/later", "std_msgs/msg/Empty"), "Waiting for at least 1 matching"),
     ],
 )
@@ -184,7 +176,6 @@ def test_what_would_have_ended_by_itself_has_failed_after_ctrl_c(
     [
         (("echo", "/odom"), "waiting for it", "data: x"),
         (("echo", "/odom", "std_msgs/msg/String"), "no message on /odom yet", "data: x"),
-        (("hz", "/odom"), "waiting for it", "average rate"),
         (("bw", "/odom"), "waiting for it", "B/s from"),
     ],
 )

@@ -19,7 +19,6 @@ from onebot_bringup.cli.doctor import (
     domain,
     multicast,
     shared_memory,
-    versions,
 )
 from onebot_bringup.viewer.rendering import renderer_problem
 from onebot_description.ros.shared_memory import (
@@ -45,21 +44,6 @@ def test_dependencies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     verdict = dependencies(required[:1])
     assert verdict.level == PROBLEM and "onebot-robots 9 has requirement numpy<1" in verdict.text
-
-
-@pytest.mark.parametrize(
-    ("problems", "level", "part"),
-    [
-        (None, OK, "5 as required"),
-        ([], NOTE, "without pip, their versions are not checked"),
-        (["other-robots 9 has requirement numpy<1"], NOTE, "pip check: other-robots 9"),
-        (["a 1 requires b", "onebot-robots 9 requires c"], PROBLEM, "onebot-robots 9 requires c"),
-    ],
-)
-def test_versions(problems: list[str] | None, level: str, part: str) -> None:
-    """Only what this project needs is a problem."""
-    verdict = versions(5, problems)
-    assert verdict.level == level and part in verdict.text
 
 
 @pytest.mark.parametrize(

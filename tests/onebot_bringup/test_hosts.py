@@ -6,7 +6,6 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -18,14 +17,6 @@ ONEBOT = "onebot_bringup.cli.main"
 SERVER_PORT = 11811
 SPEED = 0.2  # m/s
 CUT = 10.0  # s: shorter than the 20 s for which Fast DDS remembers who is silent
-# Who holds the joystick of a steering page on its own host.
-HOLDS = """
-import sys, time
-from tests.onebot_bringup.steering_support import PageClient
-with PageClient(sys.argv[1]) as page:
-    page.hold(float(sys.argv[2]))
-    time.sleep(1e6)
-"""
 
 
 class Command(RunningProcess):
@@ -46,19 +37,19 @@ class Command(RunningProcess):
         return match[match.lastindex or 0]
 
 
-class Fleet:
-    """The three hosts, and what runs on them."""
+class Fleet(ExitStack):
+    """The three hosts, and what runs on them until the end of the context."""
 
     def __init__(
         self, hosts: list[Host], folder: Path, discovery: str, namespace: str = ""
     ) -> None:
+        super().__init__()
         self.namespace = namespace  # of the robot
         self.robot_host, self.driver_host, self.viewer_host = hosts
         self.folder, self._discovery = folder, discovery
-        self._commands = ExitStack()
 
     def run(self, host: Host, *words: str) -> Command:
-        return self._commands.enter_context(Command(host, *words))
+        return self.enter_context(Command(host, *words))
 
     def onebot(self, host: Host, *words: str) -> Command:
         discovery = f"discovery:={self._discovery}"
@@ -75,6 +66,11 @@ class Fleet:
         )
         return robot
 
+    def drive(self) -> Command:
+        """Drive the robot from the driver's host."""
+        words = ("topic", "pub", "-r", "20", self.cmd_vel, "geometry_msgs/msg/Twist")
+        return self.onebot(self.driver_host, *words, f"{{linear: {{x: {SPEED}}}}}")
+
     def start_viewer(self) -> Path:
         """Start the viewer; return the recording that it writes."""
         file = self.folder / "viewer.rrd"
@@ -85,6 +81,10 @@ class Fleet:
             "-p", f"save:={file}", *prefix,
         )  # fmt: skip
         return file
+
+    @property
+    def cmd_vel(self) -> str:
+        return f"{self.namespace}/velocity_controller/cmd_vel"
 
     @property
     def odom(self) -> str:
@@ -101,12 +101,6 @@ class Fleet:
 
     def rests(self) -> bool:
         return abs(self.cycles[-1]) < 0.01 * SPEED
-
-    def __enter__(self) -> "Fleet":
-        return self
-
-    def __exit__(self, *raised: Any) -> None:
-        self._commands.__exit__(*raised)
 
 
 @pytest.fixture
@@ -130,10 +124,7 @@ def test_all_carry_on_after_the_robot_was_cut_off(hosts: list[Host], tmp_path: P
     with Fleet(hosts, tmp_path, "subnet") as fleet:
         robot = fleet.start_robot()
         recording = fleet.start_viewer()
-        page = fleet.onebot(fleet.driver_host, "steer", "viewer:=none", "port:=0")
-        address = page.says(r"(http://[\w.:]+)\s")
-        words = (sys.executable, "-c", HOLDS, address, str(SPEED))
-        holds = fleet.run(fleet.driver_host, *words)
+        driver = fleet.drive()
         wait_for(fleet.drives, "the robot to drive")
         wait_for(recording.exists, "the recording")
         grows(recording)
@@ -151,7 +142,7 @@ def test_all_carry_on_after_the_robot_was_cut_off(hosts: list[Host], tmp_path: P
         fleet.viewer_host.plug(False)
         fleet.viewer_host.plug(True)
         grows(recording)
-        for command in (robot, page, holds):
+        for command in (robot, driver):
             assert command.process.poll() is None, command.output
 
 
@@ -162,9 +153,7 @@ def test_a_discovery_server_connects_the_hosts(hosts: list[Host], tmp_path: Path
     with Fleet(hosts, tmp_path, address, "/robot2") as fleet:
         robot = fleet.start_robot("robots:=2")
         robot.says(f"no other node is discovered: does the discovery server at {address} run")
-        cmd_vel = f"{fleet.namespace}/velocity_controller/cmd_vel"
-        drives = ("topic", "pub", "-r", "20", cmd_vel, "geometry_msgs/msg/Twist")
-        fleet.onebot(fleet.driver_host, *drives, f"{{linear: {{x: {SPEED}}}}}")
+        fleet.drive()
         server = ("fastdds", "discovery", "-i", "0", "-p", str(SERVER_PORT))
         fleet.run(fleet.viewer_host, *server)
         robot.says("other nodes are discovered now")
@@ -176,7 +165,7 @@ def test_a_discovery_server_connects_the_hosts(hosts: list[Host], tmp_path: Path
         # Of what it neither publishes nor subscribes to itself.
         listed = fleet.onebot(fleet.viewer_host, "topic", "list")
         listed.process.wait(PATIENCE)
-        assert {cmd_vel, fleet.odom, "/robot1/joint_states"} <= set(listed.output.split()), (
+        assert {fleet.cmd_vel, fleet.odom, "/robot1/joint_states"} <= set(listed.output.split()), (
             listed.output
         )
 

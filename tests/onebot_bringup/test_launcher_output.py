@@ -28,11 +28,13 @@ for number in range({LINES}):
     print(number, "y" * 200, file=sys.stderr)
 sys.stdout.write("no newline at the end")
 """
-TICKER = """
-import os, signal
+BEGIN = """
+import os, signal, sys, time
 from pathlib import Path
 signal.signal(signal.SIGINT, signal.SIG_DFL)
-Path("ticker.pid").write_text(f"{os.getpid()}\\n")
+Path(sys.argv[0]).with_suffix(".pid").write_text(f"{os.getpid()}\\n")
+"""
+TICKER = """
 count = 0
 while True:
     print("tick", "z" * 500)
@@ -44,8 +46,9 @@ while True:
 
 @pytest.fixture
 def start(tmp_path: Path) -> Iterator[Start]:
-    once = f"import time\nprint('hello')\n{IDLE}"
-    with launchers(tmp_path, {"talker": TALKER, "ticker": TICKER, "once": once}) as make:
+    once = f"print('hello')\n{IDLE}"
+    scripts = {"talker": TALKER, "ticker": BEGIN + TICKER, "once": BEGIN + once}
+    with launchers(tmp_path, scripts) as make:
         yield make
 
 
@@ -132,19 +135,23 @@ def test_a_stalled_reader_neither_stops_the_nodes_nor_the_launcher(tmp_path: Pat
 
 
 @pytest.mark.usefixtures("start")
-def test_a_reader_that_leaves_stops_everything_quietly(tmp_path: Path) -> None:
-    """As in ``mrm_bringup | head -3``: an orderly end, exit code 0, nothing on standard error."""
+@pytest.mark.parametrize("script", ["ticker", "once"])
+def test_a_reader_that_leaves_stops_everything_quietly(tmp_path: Path, script: str) -> None:
+    """As in ``mrm_bringup | head -3``: an orderly end, exit code 0, nothing on standard error.
+
+    So does a reader that is killed, as ros2 launch may be, while nobody prints anything.
+    """
     process = subprocess.Popen(
-        command_of("[script('t', 'ticker.py')]"),
+        command_of(f"[script('t', '{script}.py')]"),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         cwd=tmp_path,
     )
     assert process.stdout is not None and process.stderr is not None
-    wait_for(lambda: (tmp_path / "ticker.pid").is_file(), "the node")
-    process.stdout.readline()
+    wait_for(lambda: b"[t] " in process.stdout.readline(), "the node")
+    node = number_in(tmp_path / f"{script}.pid")
     process.stdout.close()
     assert process.wait(PATIENCE) == 0
     assert process.stderr.read() == b""
     process.stderr.close()
-    assert not alive(number_in(tmp_path / "ticker.pid"))
+    assert not alive(node)

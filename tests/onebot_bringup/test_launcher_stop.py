@@ -13,50 +13,37 @@ from onebot_bringup.launcher.launcher import Grace
 from tests.onebot_bringup.launcher_support import IDLE, Start, alive, launchers, number_in
 from tests.support import wait_for
 
-REPORT_PID = """
+IMPORTS = """
 import os, signal, subprocess, sys, time
 from pathlib import Path
-def report(name):
-    Path(name).write_text(f"{os.getpid()}\\n")
 """
-POLITE = (
-    REPORT_PID
-    + """
+# How each script begins.
+SCRIPTS = {
+    "polite": """
 def stop(number, frame):
     print("goodbye")
     sys.exit(0)
 signal.signal(signal.SIGINT, stop)
-report("polite.pid")
-print("ready")
-"""
-    + IDLE
-)
-STUBBORN = (
-    REPORT_PID
-    + """
+""",
+    "stubborn": """
 signal.signal(signal.SIGINT, signal.SIG_IGN)
 signal.signal(signal.SIGTERM, signal.SIG_IGN)
-report("stubborn.pid")
-print("ready")
-"""
-    + IDLE
-)
-PARENT = (
-    REPORT_PID
-    + """
+""",
+    "parent": """
 child = subprocess.Popen([sys.executable, "stubborn.py"], stdout=subprocess.DEVNULL)
 while not Path("stubborn.pid").is_file():
     time.sleep(0.01)
-report("parent.pid")
+""",
+}
+READY = f"""
+Path(sys.argv[0]).with_suffix(".pid").write_text(f"{{os.getpid()}}\\n")
 print("ready")
-"""
-    + IDLE
-)
+{IDLE}"""
 
 
 @pytest.fixture
 def start(tmp_path: Path) -> Iterator[Start]:
-    scripts = {"polite": POLITE, "stubborn": STUBBORN, "parent": PARENT}
+    scripts = {name: IMPORTS + begin + READY for name, begin in SCRIPTS.items()}
     with launchers(tmp_path, scripts) as make:
         yield make
 

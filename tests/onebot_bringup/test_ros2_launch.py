@@ -1,12 +1,10 @@
 """The launch files of ``ros2 launch``: the scripts' arguments, and the scripts themselves.
 
 No package index has the Python package ``launch`` of ROS. What is used of it is replaced here by
-classes of the same signatures; what it would start is a real process.
+classes of the same signatures.
 """
 
 import importlib.util
-import os
-import subprocess
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,7 +15,6 @@ import pytest
 
 from mrm_description.launch import mrm_bringup
 from onebot_bringup.launch import onebot_bringup
-from tests.onebot_bringup.launcher_support import RunningCommand
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 FILES = {
@@ -57,10 +54,8 @@ class DeclareLaunchArgument:
 class ExecuteProcess:
     """Starts a process."""
 
-    def __init__(
-        self, *, cmd: list[str], name: str, output: str, additional_env: dict[str, str]
-    ) -> None:
-        self.cmd, self.name, self.output, self.environment = cmd, name, output, additional_env
+    def __init__(self, *, cmd: list[str], name: str, output: str) -> None:
+        self.cmd, self.name, self.output = cmd, name, output
 
 
 class LaunchDescription:
@@ -88,15 +83,11 @@ def entities(script: ModuleType) -> list[Any]:
     return module.generate_launch_description().entities
 
 
-def started(script: ModuleType, context: LaunchContext) -> ExecuteProcess:
-    """Execute what is described, in order; the process that it starts."""
+def visit(script: ModuleType, context: LaunchContext) -> list[str]:
+    """Execute what is described, in order; the command that it starts."""
     (process,) = [action for each in entities(script) for action in each.execute(context)]
     assert process.output == "screen"
-    return process
-
-
-def visit(script: ModuleType, context: LaunchContext) -> list[str]:
-    return started(script, context).cmd
+    return process.cmd
 
 
 @pytest.mark.parametrize("script", FILES)
@@ -159,21 +150,3 @@ def test_two_in_one_launch_file_do_not_mix():
     first = visit(onebot_bringup, context)
     context.launch_configurations["namespace"] = "r2"
     assert visit(onebot_bringup, context) == [*first, "namespace:=r2"]
-
-
-def test_it_ends_when_ros2_launch_is_killed(tmp_path: Path, ros_domain: int) -> None:
-    """SIGKILL leaves nothing that runs; here the process killed is not even its parent."""
-    starter = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(1e6)"])
-    process = started(mrm_bringup, LaunchContext({"viewer": "none"}))
-    (name,) = process.environment
-    assert process.environment[name] == str(os.getpid())
-    running = RunningCommand(tmp_path, process.cmd, {name: str(starter.pid)})
-    try:
-        running.says("Ctrl-C stops everything")
-        starter.kill()
-        assert running.wait() == 0
-    finally:
-        starter.kill()
-        starter.wait()
-        running.close()
-    assert "the process that started the launcher has ended: stopping" in running.out

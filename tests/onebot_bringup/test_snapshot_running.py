@@ -13,7 +13,8 @@ from std_msgs.msg import String
 
 from onebot_description.elements.packages import use_environment_prefix
 from onebot_description.ros.wire.interfaces import TFMessage
-from tests.onebot_bringup.test_snapshot_pictures import drawn, snapshot
+from tests.onebot_bringup.cli_support import onebot
+from tests.onebot_bringup.test_snapshot_pictures import drawn
 from tests.onebot_bringup.viewer_support import ARM, BLUE, ORANGE, VIEW
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.support import wait_for
@@ -82,16 +83,17 @@ def test_it_looks_as_its_description_does_at_these_positions(arm, ros_domain):
 
 def test_what_is_missing_is_named(arm, ros_domain):
     """No robot at all; none in this namespace; no joint states."""
-    done = snapshot(arm / "a.png")
+    words = ("snapshot", str(arm / "a.png"))
+    done = onebot(*words)
     assert done.returncode == 1 and "nothing on /robot_description;" in done.stderr
     prefixed = ros_args(frame_prefix="left/", ignore_timestamp=True)
-    words = [*prefixed, "-r", "__ns:=/left"]
-    with NodeProcess(PUBLISHER, str(arm / "arm.urdf"), *words) as node:
-        wait_for(lambda: "robot" in node.output or node.process.poll() is None, "the publisher")
-        done = snapshot(arm / "a.png", ros=("--ros-args", "-r", "__ns:=/right"))
+    node = NodeProcess(PUBLISHER, str(arm / "arm.urdf"), *prefixed, "-r", "__ns:=/left")
+    with node, Peer(ros_domain) as peer:
+        wait_for(lambda: peer.node.count_publishers("/left/robot_description"), "the publisher")
+        done = onebot(*words, "--ros-args", "-r", "__ns:=/right")
         assert done.returncode == 1
         assert "-r __ns:=/left goes there" in done.stderr, done.stderr
-        done = snapshot(arm / "a.png")
+        done = onebot(*words)
         assert done.returncode == 1 and "waiting for the frames of left/tip" in done.stderr
         assert "/tf and /tf_static" in done.stderr
         assert "or the simulation is paused" in done.stderr

@@ -27,20 +27,11 @@ _LINK = """
     <parent link="{parent}"/><child link="{child}"/><axis xyz="0 0 1"/>
     <limit {limits} effort="1000" velocity="10"/>
   </joint>"""
-URDF = "\n".join(
-    (
-        '<robot name="arm"><link name="world"/>',
-        _LINK.format(
-            name="shoulder",
-            kind="revolute",
-            parent="world",
-            child="upper",
-            limits='lower="-2" upper="2.5"',
-        ),
-        _LINK.format(name="wrist", kind="continuous", parent="upper", child="hand", limits=""),
-        "</robot>",
-    )
-)
+_RANGE = 'lower="-2" upper="2.5"'
+URDF = f"""<robot name="arm"><link name="world"/>
+  {_LINK.format(name="shoulder", kind="revolute", parent="world", child="upper", limits=_RANGE)}
+  {_LINK.format(name="wrist", kind="continuous", parent="upper", child="hand", limits="")}
+</robot>"""
 
 
 class Arm(NamedTuple):
